@@ -1,0 +1,143 @@
+// Check algorithms only: how a register runs over bytes. Where a check lies in a frame is format.hpp's business.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "wirebond/bytes.hpp"
+
+namespace wirebond {
+
+enum class CheckKind : std::uint8_t {
+  crc,  ///< any cyclic redundancy check, given by the parameters of the Rocksoft model
+  sum,  ///< sum of bytes modulo 2^width
+  exclusive_or,
+};
+
+/// One algorithm, by parameters. CRC parameters follow Williams' "A Painless Guide to CRC Error Detection
+/// Algorithms" (1993), as in the reveng catalogue: `poly` and `init` are written most significant bit first.
+struct CheckAlgorithm {
+  CheckKind kind = CheckKind::crc;
+  std::uint8_t width_bits = 16;  ///< 8, 16, 24, 32 or 64
+  bool reflect_in = false;
+  bool reflect_out = false;
+  std::uint64_t poly = 0;
+  std::uint64_t init = 0;
+  std::uint64_t xor_out = 0;
+};
+
+namespace detail {
+
+WIREBOND_INLINE constexpr std::uint64_t mask_of(unsigned bits) {
+  return bits >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1;
+}
+
+/// The low `bits` bits in reverse order. Without a loop, so that compilers fold it for a constant.
+WIREBOND_INLINE constexpr std::uint64_t reflect(std::uint64_t value, unsigned bits) {
+  value = ((value >> 1) & 0x5555555555555555u) | ((value & 0x5555555555555555u) << 1);
+  value = ((value >> 2) & 0x3333333333333333u) | ((value & 0x3333333333333333u) << 2);
+  value = ((value >> 4) & 0x0F0F0F0F0F0F0F0Fu) | ((value & 0x0F0F0F0F0F0F0F0Fu) << 4);
+  value = ((value >> 8) & 0x00FF00FF00FF00FFu) | ((value & 0x00FF00FF00FF00FFu) << 8);
+  value = ((value >> 16) & 0x0000FFFF0000FFFFu) | ((value & 0x0000FFFF0000FFFFu) << 16);
+  return ((value >> 32) | (value << 32)) >> (64 - bits);
+}
+
+/// Entry `index` of the byte table. A reflected register keeps its first bit lowest, a plain one highest.
+constexpr std::uint64_t crc_table_entry(unsigned index, unsigned width, std::uint64_t poly, bool reflected) {
+  if (reflected) {
+    const std::uint64_t reversed = reflect(poly, width);
+    std::uint64_t reg = index;
+    for (unsigned bit = 0; bit < 8; ++bit) reg = (reg & 1u) ? (reg >> 1) ^ reversed : reg >> 1;
+    return reg;
+  }
+  const std::uint64_t top = std::uint64_t{1} << (width - 1);
+  std::uint64_t reg = static_cast<std::uint64_t>(index) << (width - 8);
+  for (unsigned bit = 0; bit < 8; ++bit) reg = (reg & top) ? (reg << 1) ^ poly : reg << 1;
+  return reg & mask_of(width);
+}
+
+template <unsigned Width>
+struct RegisterOf {
+  using type = typename UnsignedOf<(Width <= 8 ? 1 : Width <= 16 ? 2 : Width <= 32 ? 4 : 8)>::type;
+};
+
+/// The byte table in read-only memory: 256 entries of the register's width (512 bytes for a CRC-16).
+template <unsigned Width, std::uint64_t Poly, bool Reflected>
+struct CrcTable {
+  using Entry = typename RegisterOf<Width>::type;
+  static constexpr std::array<Entry, 256> make() {
+    std::array<Entry, 256> table{};
+    for (unsigned i = 0; i < 256; ++i) table[i] = static_cast<Entry>(crc_table_entry(i, Width, Poly, Reflected));
+    return table;
+  }
+  static constexpr std::array<Entry, 256> value = make();
+};
+
+}  // namespace detail
+
+/// Register before the first byte.
+WIREBOND_INLINE constexpr std::uint64_t check_begin(const CheckAlgorithm& a) {
+  if (a.kind == CheckKind::crc && a.reflect_in) return detail::reflect(a.init, a.width_bits);
+  return a.init & detail::mask_of(a.width_bits);
+}
+
+/// The check's value, out of the register after the last byte.
+WIREBOND_INLINE constexpr std::uint64_t check_end(const CheckAlgorithm& a, std::uint64_t reg) {
+  if (a.kind == CheckKind::crc && a.reflect_in != a.reflect_out) reg = detail::reflect(reg, a.width_bits);
+  return (reg ^ a.xor_out) & detail::mask_of(a.width_bits);
+}
+
+/// Run a CRC with its byte table, known at compile time. Any thread or interrupt; one table look-up a byte.
+/// Registers of up to 32 bits take four bytes at once: a register is linear, so bytes may be added before it gets to
+/// them, above it where it is narrower. That leaves four instructions a byte on a Cortex-M4.
+template <unsigned Width, std::uint64_t Poly, bool Reflected>
+WIREBOND_INLINE std::uint64_t crc_update(std::uint64_t reg64, const std::uint8_t* bytes, std::size_t size) {
+  using Table = detail::CrcTable<Width, Poly, Reflected>;
+  if constexpr (Width > 32) {
+    std::uint64_t reg = reg64;
+    for (std::size_t i = 0; i < size; ++i) {
+      if constexpr (Reflected) {
+        reg = (reg >> 8) ^ Table::value[(reg ^ bytes[i]) & 0xFFu];
+      } else {
+        reg = ((reg << 8) ^ Table::value[((reg >> (Width - 8)) ^ bytes[i]) & 0xFFu]) & detail::mask_of(Width);
+      }
+    }
+    return reg;
+  } else {
+    constexpr unsigned spare = Reflected ? 0 : 32 - Width;  // a plain register is held at the top of 32 bits
+    const auto step = [](std::uint32_t reg) WIREBOND_INLINE_LAMBDA {
+      if constexpr (Reflected) {
+        return (reg >> 8) ^ Table::value[reg & 0xFFu];
+      } else {
+        return (reg << 8) ^ (static_cast<std::uint32_t>(Table::value[reg >> 24]) << spare);
+      }
+    };
+    std::uint32_t reg = static_cast<std::uint32_t>(reg64) << spare;
+    const std::uint8_t* const end = bytes + size;
+    const std::uint8_t* const end_of_words = bytes + (size & ~std::size_t{3});
+    for (; bytes != end_of_words; bytes += 4) {
+      reg ^= load<std::uint32_t, Reflected ? ByteOrder::little : ByteOrder::big>(bytes);
+      reg = step(step(step(step(reg))));
+    }
+    for (; bytes != end; ++bytes) {
+      reg = step(reg ^ (static_cast<std::uint32_t>(*bytes) << (Reflected ? 0 : 24)));
+    }
+    return reg >> spare;
+  }
+}
+
+/// Run a sum or an exclusive-or.
+WIREBOND_INLINE std::uint64_t sum_update(CheckKind kind, unsigned width_bits, std::uint64_t reg64,
+                                         const std::uint8_t* bytes, std::size_t size) {
+  std::uint32_t reg = static_cast<std::uint32_t>(reg64);  // widths up to 32 bits: 2^24 bytes of 0xFF fit
+  if (kind == CheckKind::exclusive_or) {
+    for (std::size_t i = 0; i < size; ++i) reg ^= bytes[i];
+  } else {
+    for (std::size_t i = 0; i < size; ++i) reg += bytes[i];
+  }
+  return reg & detail::mask_of(width_bits);
+}
+
+}  // namespace wirebond

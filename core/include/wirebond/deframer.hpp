@@ -1,0 +1,248 @@
+// Finding frames in a run of bytes, resynchronising, and accounting for every byte. It owns no byte.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "wirebond/examine.hpp"
+#include "wirebond/format.hpp"
+#include "wirebond/stuffing.hpp"
+
+namespace wirebond {
+
+/// Every settled byte lies in exactly one of these. `Counter` is 64 bits on the host, 32 (modulo 2^32) on the MCU.
+template <class Counter>
+struct ByteAccount {
+  Counter frame_bytes = 0;
+  Counter fill_bytes = 0;                     ///< delimiters between frames
+  Counter discarded_bytes[cause_count] = {};  ///< by Cause
+
+  Counter frames = 0;
+  Counter unknown_frames = 0;                ///< of these: unknown id, or too short for the message
+  Counter rejected_candidates[cause_count] = {};  ///< how often, where discarded_bytes says how much
+
+  Counter settled() const {
+    Counter sum = frame_bytes + fill_bytes;
+    for (const Counter bytes : discarded_bytes) sum += bytes;
+    return sum;
+  }
+};
+
+/// The deframer proper works on a *window*: contiguous bytes, the first of them the first that is not settled yet.
+/// `consume` says how many it settled; the caller presents the rest again, at the front, with more bytes behind it.
+/// A window of max_wire_bytes + n bytes always settles more than n. One thread or interrupt at a time.
+template <class Source, class Counter = std::uint32_t>
+class Deframer {
+ public:
+  /// `scratch`: room to unstuff one frame (max_wire_bytes; may be null where nothing is stuffed). The caller keeps it.
+  Deframer(const Source& source, std::uint8_t* scratch) : source_(source), scratch_(scratch) {}
+
+  /// `give_up`: no more bytes will come for the candidate at the end; its bytes are rescanned and all are settled.
+  /// `sink(const Frame&)` is called for each frame, in order.
+  template <class Sink>
+  std::size_t consume(const std::uint8_t* window, std::size_t size, bool give_up, Sink&& sink) {
+    if (source_.format().framing == Framing::delimited) return consume_delimited(window, size, give_up, sink);
+    return consume_by_start(window, size, give_up, sink);
+  }
+
+  const ByteAccount<Counter>& account() const { return account_; }
+  const Source& source() const { return source_; }
+
+ private:
+  // ---- frames found by their start ------------------------------------------------------------------------------
+
+  template <class Sink>
+  WIREBOND_INLINE std::size_t consume_by_start(const std::uint8_t* window, std::size_t size, bool give_up,
+                                               Sink&& sink) {
+    std::size_t at = 0;
+    while (at < size) {
+      const std::size_t skip = find_start(window + at, size - at);
+      if (skip != 0) {
+        discard(skip);
+        at += skip;
+        if (at == size) break;
+      }
+      const std::size_t available = size - at;
+      if (available < needed_ && !give_up) break;  // already judged: so many bytes decide
+      Frame frame;
+      Verdict verdict = examine(source_, window + at, available, false, frame);
+      if (verdict.outcome == Outcome::need_more) {
+        if (!give_up) {
+          needed_ = verdict.bytes;
+          break;
+        }
+        verdict = {Outcome::reject, Cause::incomplete, available};
+      }
+      needed_ = 0;
+      if (verdict.outcome == Outcome::frame) {
+        deliver(frame, window + at, verdict.bytes, sink);
+        at += verdict.bytes;
+      } else {
+        reject(verdict.cause, verdict.bytes);
+        discard(1);  // recover before trust: the next candidate may begin one byte later
+        at += 1;
+      }
+    }
+    return at;
+  }
+
+  WIREBOND_INLINE std::size_t find_start(const std::uint8_t* bytes, std::size_t size) const {
+    const FrameFormat& format = source_.format();
+    const Layout& layout = format.layouts[0];
+    const bool one_start = format.layout_count == 1 && layout.prefix_constants != 0 &&
+                           layout.constants[0].at.offset == 0 && layout.constants[0].mask == 0xFF;
+    if (!one_start) return 0;  // every byte may start a frame: examine decides
+    const std::uint8_t start = layout.constants[0].value;
+    if (bytes[0] == start) return 0;
+    if constexpr (Source::is_constant) {
+      std::size_t i = 1;
+      while (i < size && bytes[i] != start) ++i;
+      return i;
+    } else {
+      const void* const found = std::memchr(bytes, start, size);
+      return found == nullptr ? size : static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - bytes);
+    }
+  }
+
+  // ---- frames between delimiters --------------------------------------------------------------------------------
+
+  template <class Sink>
+  WIREBOND_INLINE std::size_t consume_delimited(const std::uint8_t* window, std::size_t size, bool give_up,
+                                                Sink&& sink) {
+    const std::uint8_t delimiter = source_.format().delimiter;
+    const std::size_t longest = max_wire_bytes(source_.format());
+    std::size_t at = 0;
+    while (at < size) {
+      const std::size_t opening = window[at] == delimiter ? 1 : 0;
+      if (opening != 0) {
+        overlong_ = false;
+        if (at + 1 == size) {  // it opens a frame or is fill: the next byte tells
+          if (!give_up) break;
+          fill(1);
+          at += 1;
+          break;
+        }
+        if (window[at + 1] == delimiter) {
+          fill(1);
+          at += 1;
+          continue;
+        }
+      }
+      const std::size_t begin = at + opening;
+      const std::size_t known_clean = at == 0 && searched_ > begin ? searched_ : begin;
+      const void* const found =
+          known_clean < size ? std::memchr(window + known_clean, delimiter, size - known_clean) : nullptr;
+      searched_ = 0;
+      if (overlong_) {  // the rest of a block that was too long already
+        const std::size_t end =
+            found == nullptr ? size : static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - window);
+        blame(Cause::length_out_of_range, end - at);
+        discard(end - at);
+        at = end;
+        continue;
+      }
+      if (found == nullptr) {
+        const std::size_t pending = size - at;
+        if (pending >= longest) {
+          reject(Cause::length_out_of_range, pending);
+          discard(pending);
+          overlong_ = true;
+          at = size;
+        } else if (give_up) {
+          reject(Cause::incomplete, pending);
+          discard(pending);
+          at = size;
+        } else {
+          searched_ = size - at;
+        }
+        break;
+      }
+      const std::size_t end = static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - window);
+      Frame frame;
+      const Verdict verdict = judge_block(window + begin, end - begin, frame);
+      if (verdict.outcome == Outcome::frame) {
+        deliver(frame, window + at, end + 1 - at, sink);
+        at = end + 1;
+      } else {  // a failed block ends before the delimiter, which may open the next frame
+        reject(verdict.cause, end - at);
+        discard(end - at);
+        at = end;
+      }
+    }
+    return at;
+  }
+
+  WIREBOND_INLINE Verdict judge_block(const std::uint8_t* block, std::size_t size, Frame& frame) {
+    const std::size_t longest = max_frame_bytes(source_.format());
+    const std::uint8_t* bytes = block;
+    std::size_t unstuffed = size;
+    if (source_.format().stuffing == Stuffing::cobs) {
+      if (size > longest + cobs_overhead(longest)) return {Outcome::reject, Cause::length_out_of_range, size};
+      const std::ptrdiff_t result = cobs_decode(block, size, scratch_, max_wire_bytes(source_.format()));
+      if (result < 0) return {Outcome::reject, Cause::bad_stuffing, size};
+      bytes = scratch_;
+      unstuffed = static_cast<std::size_t>(result);
+    }
+    Verdict verdict = examine(source_, bytes, unstuffed, true, frame);
+    if (verdict.outcome == Outcome::need_more) verdict = {Outcome::reject, Cause::length_out_of_range, unstuffed};
+    return verdict;
+  }
+
+  // ---- accounting -----------------------------------------------------------------------------------------------
+
+  template <class Sink>
+  WIREBOND_INLINE void deliver(Frame& frame, const std::uint8_t* wire, std::size_t size, Sink& sink) {
+    frame.wire = wire;
+    frame.wire_size = size;
+    frame.offset = settled_;
+    account_.frame_bytes += static_cast<Counter>(size);
+    account_.frames += 1;
+    if (frame.message < 0) account_.unknown_frames += 1;
+    settle(size);
+    sink(static_cast<const Frame&>(frame));
+  }
+
+  void reject(Cause cause, std::size_t extent) {
+    account_.rejected_candidates[static_cast<std::size_t>(cause)] += 1;
+    blame(cause, extent);
+  }
+
+  /// Bytes of a failed candidate carry its cause when they are rescanned in vain. Of two that overlap, the one that
+  /// reaches further keeps the bytes from its start on.
+  void blame(Cause cause, std::size_t extent) {
+    if (extent > blamed_) {
+      blamed_ = extent;
+      blame_ = cause;
+    }
+  }
+
+  void discard(std::size_t size) {
+    const std::size_t known = size < blamed_ ? size : blamed_;
+    account_.discarded_bytes[static_cast<std::size_t>(blame_)] += static_cast<Counter>(known);
+    account_.discarded_bytes[static_cast<std::size_t>(Cause::no_start)] += static_cast<Counter>(size - known);
+    settle(size);
+  }
+
+  void fill(std::size_t size) {
+    account_.fill_bytes += static_cast<Counter>(size);
+    settle(size);
+  }
+
+  WIREBOND_INLINE void settle(std::size_t size) {
+    settled_ += static_cast<Counter>(size);
+    blamed_ = size < blamed_ ? blamed_ - size : 0;
+  }
+
+  Source source_;
+  std::uint8_t* scratch_;
+  std::size_t needed_ = 0;    ///< by start: the candidate at the window's front was judged; so many bytes decide
+  std::size_t searched_ = 0;  ///< delimited: so many bytes of the window hold no closing delimiter
+  std::size_t blamed_ = 0;    ///< so many bytes from here on belong to a candidate that failed
+  Cause blame_ = Cause::no_start;
+  bool overlong_ = false;  ///< inside a block that is longer than any frame
+  Counter settled_ = 0;
+  ByteAccount<Counter> account_{};
+};
+
+}  // namespace wirebond

@@ -1,0 +1,197 @@
+// One candidate, one verdict: is this a frame, is it none, or must more bytes come? No state, no position in a stream.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "wirebond/format.hpp"
+
+namespace wirebond {
+
+/// Why bytes were thrown away. The names are the same in every language and in the documents.
+enum class Cause : std::uint8_t {
+  no_start,               ///< between frames: bytes that start nothing
+  constant_mismatch,      ///< a magic, constant or tail has another value
+  length_out_of_range,    ///< the length is more than max_payload, or negative
+  unknown_message,        ///< `unknown: reject`: no such id, or a payload of another size
+  header_check_mismatch,  ///< a check over the header alone
+  check_mismatch,         ///< a check that needs the whole frame
+  bad_stuffing,           ///< not a possible result of the stuffing
+  incomplete,             ///< the line fell silent inside it
+};
+constexpr std::size_t cause_count = 8;
+
+/// A frame that passed every check. Pointers are valid during the call that hands it out.
+struct Frame {
+  const std::uint8_t* wire = nullptr;  ///< as received, delimiters included
+  std::size_t wire_size = 0;
+  const std::uint8_t* payload = nullptr;
+  std::size_t payload_size = 0;
+  std::uint32_t id = 0;        ///< 0 where the format has none
+  std::int16_t message = -1;   ///< index of the message; -1: unknown id, or a payload too short for it
+  std::uint64_t offset = 0;    ///< of its first wire byte since the deframer started (modulo its counter)
+};
+
+enum class Outcome : std::uint8_t { frame, need_more, reject };
+
+struct Verdict {
+  Outcome outcome = Outcome::reject;
+  Cause cause = Cause::no_start;
+  /// frame: its size; need_more: look again when so many bytes are there; reject: so many bytes were the candidate's.
+  std::size_t bytes = 0;
+};
+
+namespace detail {
+
+template <class Source>
+WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std::size_t index,
+                                 const std::uint8_t* frame, std::size_t frame_size, std::uint64_t* registers) {
+  const CheckRule& rule = layout.checks[index];
+  const CheckAlgorithm& algorithm = source.format().algorithms[rule.algorithm];
+  std::size_t from = rule.from.in(frame_size);
+  const std::size_t to = rule.to.in(frame_size);
+  std::uint64_t reg;
+  if (rule.continues >= 0) {  // what the earlier check covered is not run over again
+    reg = registers[rule.continues];
+    from = layout.checks[static_cast<std::size_t>(rule.continues)].to.in(frame_size);
+  } else {
+    reg = check_begin(algorithm);
+  }
+  reg = source.check_update(rule.algorithm, reg, frame + from, to - from);
+  registers[index] = reg;
+  const std::uint64_t expected = (check_end(algorithm, reg) >> rule.shift) & mask_of(8u * rule.bytes);
+  const std::uint8_t* const at = frame + rule.at.in(frame_size);
+  std::uint64_t found;
+  switch (rule.bytes) {
+    case 1: found = at[0]; break;
+    case 2: found = rule.order == ByteOrder::little ? load<std::uint16_t>(at) : load<std::uint16_t, ByteOrder::big>(at); break;
+    default: found = load_bytes(at, rule.bytes, rule.order); break;
+  }
+  return expected == found;
+}
+
+/// The rules of one layout over `available` bytes at `candidate`, in the order in which they can first be decided.
+/// `whole`: the candidate's size is known to be `available` (it lay between delimiters).
+template <class Source>
+WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layout, const std::uint8_t* candidate,
+                                       std::size_t available, bool whole, Frame& frame) {
+  constexpr bool unroll = Source::is_constant;
+  const FrameFormat& format = source.format();
+
+  // Constants of the prefix, each as soon as its byte is there.
+  std::size_t need = 0;
+  bool mismatch = false;
+  every<unroll, max_constants>(0, layout.prefix_constants, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    const Constant& constant = layout.constants[i];
+    const std::size_t at = static_cast<std::size_t>(constant.at.offset);
+    if (at >= available) {
+      need = at + 1;
+      return false;
+    }
+    mismatch = (candidate[at] & constant.mask) != constant.value;
+    return !mismatch;
+  });
+  if (mismatch) return {Outcome::reject, Cause::constant_mismatch, 1};
+  if (need != 0) return {Outcome::need_more, Cause::incomplete, need};
+  if (available < layout.prefix) return {Outcome::need_more, Cause::incomplete, layout.prefix};
+
+  // The id where it comes early, and the payload's size.
+  const bool id_early = layout.id.present() && !layout.id.at.from_end &&
+                        layout.id.at.offset + layout.id.bytes <= static_cast<std::int32_t>(layout.prefix);
+  MessageShape shape;
+  if (id_early) {
+    frame.id = read_number(layout.id, candidate, 0);
+    shape = source.message(frame.id);
+  }
+  std::size_t payload = layout.fixed_payload;
+  const std::size_t outside = static_cast<std::size_t>(layout.prefix) + layout.suffix;
+  if (layout.payload_size == PayloadSize::by_length) {
+    const std::int64_t size =
+        static_cast<std::int64_t>(read_number(layout.length, candidate, 0)) * layout.length_unit + layout.length_bias;
+    if (size < 0 || size > format.max_payload) {
+      return {Outcome::reject, Cause::length_out_of_range, layout.prefix};
+    }
+    payload = static_cast<std::size_t>(size);
+  } else if (layout.payload_size == PayloadSize::by_id) {
+    if (!shape.known()) return {Outcome::reject, Cause::unknown_message, layout.prefix};
+    payload = shape.max_payload;
+  } else if (layout.payload_size == PayloadSize::rest) {
+    if (available < outside || available - outside > format.max_payload) {
+      return {Outcome::reject, Cause::length_out_of_range, available};
+    }
+    payload = available - outside;
+  }
+  const bool size_is_free = layout.payload_size == PayloadSize::by_length || layout.payload_size == PayloadSize::rest;
+  const auto fits = [&]() WIREBOND_INLINE_LAMBDA {
+    return shape.known() && (!size_is_free || (payload >= shape.min_payload && payload <= shape.max_payload));
+  };
+  if (id_early && !format.deliver_unknown && !fits()) {
+    return {Outcome::reject, Cause::unknown_message, layout.prefix};
+  }
+
+  // Checks of the header, before its length makes anybody wait.
+  std::uint64_t registers[max_checks] = {};
+  const bool header_holds =
+      every<unroll, max_checks>(0, layout.header_checks, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        return check_holds(source, layout, i, candidate, layout.prefix, registers);
+      });
+  if (!header_holds) return {Outcome::reject, Cause::header_check_mismatch, layout.prefix};
+
+  const std::size_t size = outside + payload;
+  if (whole && available != size) return {Outcome::reject, Cause::length_out_of_range, available};
+  if (available < size) return {Outcome::need_more, Cause::incomplete, size};
+
+  // Constants of the suffix are cheaper than a check over the whole frame.
+  const bool tail_holds = every<unroll, max_constants>(
+      layout.prefix_constants, layout.constant_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        const Constant& constant = layout.constants[i];
+        return (candidate[constant.at.in(size)] & constant.mask) == constant.value;
+      });
+  if (!tail_holds) return {Outcome::reject, Cause::constant_mismatch, size};
+  if (layout.id.present() && !id_early) {
+    frame.id = read_number(layout.id, candidate, size);
+    shape = source.message(frame.id);
+  } else if (!layout.id.present()) {
+    frame.id = 0;
+    shape = source.message(0);
+  }
+  if (!id_early && !format.deliver_unknown && !fits()) return {Outcome::reject, Cause::unknown_message, size};
+
+  const bool checks_hold =
+      every<unroll, max_checks>(layout.header_checks, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        return check_holds(source, layout, i, candidate, size, registers);
+      });
+  if (!checks_hold) return {Outcome::reject, Cause::check_mismatch, size};
+
+  frame.payload = candidate + layout.prefix;
+  frame.payload_size = payload;
+  frame.message = shape.known() && payload >= shape.min_payload ? shape.index : std::int16_t{-1};
+  return {Outcome::frame, Cause::no_start, size};
+}
+
+}  // namespace detail
+
+/// Judge the bytes at `candidate`. Pure: the verdict depends on these bytes alone, so chunking cannot change it.
+/// Any thread or interrupt. Work is bounded by one pass over max_frame_bytes per layout.
+template <class Source>
+WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candidate, std::size_t available, bool whole,
+                                Frame& frame) {
+  const FrameFormat& format = source.format();
+  if constexpr (Source::is_constant) {
+    if (format.layout_count == 1) return detail::examine_layout(source, format.layouts[0], candidate, available, whole, frame);
+  }
+  // Several layouts: the first that holds. A rejection is told for the layout that got furthest.
+  Verdict best{Outcome::reject, Cause::constant_mismatch, 0};
+  for (std::size_t i = 0; i < format.layout_count; ++i) {
+    const Verdict verdict =
+        detail::examine_layout(source, format.layouts[i], candidate, available, whole, frame);
+    if (verdict.outcome == Outcome::frame) return verdict;
+    const bool better = verdict.outcome == Outcome::need_more
+                            ? best.outcome != Outcome::need_more || verdict.bytes < best.bytes
+                            : best.outcome != Outcome::need_more && verdict.bytes > best.bytes;
+    if (better) best = verdict;
+  }
+  return best;
+}
+
+}  // namespace wirebond

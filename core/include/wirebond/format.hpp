@@ -1,0 +1,199 @@
+// What a frame looks like, as plain data: one description that is a compile-time constant on the MCU and a value on
+// the host. No byte is examined here.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+
+#include "wirebond/bytes.hpp"
+#include "wirebond/check.hpp"
+
+namespace wirebond {
+
+/// A place in a frame: `offset` from its first byte, or (`from_end`, then negative or zero) from one past its last.
+/// "Frame" means the bytes after unstuffing, without delimiters.
+struct Position {
+  std::int16_t offset = 0;
+  bool from_end = false;
+
+  WIREBOND_INLINE constexpr std::size_t in(std::size_t frame_size) const {
+    return from_end ? frame_size - static_cast<std::size_t>(-static_cast<std::int32_t>(offset))
+                    : static_cast<std::size_t>(offset);
+  }
+};
+
+/// A byte that must have a value: of a magic, a constant, a tail. `mask` selects the bits that count.
+struct Constant {
+  Position at{};
+  std::uint8_t mask = 0xFF;
+  std::uint8_t value = 0;
+};
+
+/// A number in the frame's own parts: (wire integer >> shift) & mask. Absent when `bytes` is 0.
+struct Number {
+  Position at{};
+  std::uint8_t bytes = 0;
+  ByteOrder order = ByteOrder::little;
+  std::uint8_t shift = 0;
+  std::uint32_t mask = 0xFFFFFFFFu;
+
+  constexpr bool present() const { return bytes != 0; }
+};
+
+/// How the payload's size is known.
+enum class PayloadSize : std::uint8_t {
+  by_length,  ///< payload bytes = length number * unit + bias
+  fixed,      ///< always `fixed_payload` bytes
+  by_id,      ///< the message's own size
+  rest,       ///< what lies between the delimiters
+};
+
+/// One check: over [from, to), its value in `bytes` bytes at `at`.
+struct CheckRule {
+  std::uint8_t algorithm = 0;  ///< index into FrameFormat::algorithms
+  Position from{};
+  Position to{};
+  Position at{};
+  std::uint8_t bytes = 0;
+  ByteOrder order = ByteOrder::little;
+  std::uint8_t shift = 0;      ///< value on the wire = check >> shift (8: the high byte of a 16-bit sum)
+  std::int8_t continues = -1;  ///< an earlier check with the same start and algorithm: go on from its register
+};
+
+constexpr std::size_t max_constants = 16;
+constexpr std::size_t max_checks = 4;
+constexpr std::size_t max_layouts = 2;
+constexpr std::size_t max_algorithms = 4;
+
+/// Fixed bytes before the payload (`prefix`), payload, fixed bytes after it (`suffix`).
+/// Formats whose header varies (two magics, optional parts) are several layouts, told apart by their constants.
+struct Layout {
+  std::uint16_t prefix = 0;
+  std::uint16_t suffix = 0;
+  std::uint8_t prefix_constants = 0;  ///< the first so many of `constants` lie in the prefix, by rising offset
+  std::uint8_t constant_count = 0;
+  std::uint8_t header_checks = 0;  ///< the first so many of `checks` cover and lie in the prefix only
+  std::uint8_t check_count = 0;
+  PayloadSize payload_size = PayloadSize::fixed;
+  std::uint8_t length_unit = 1;
+  std::int32_t length_bias = 0;
+  std::uint16_t fixed_payload = 0;
+  Number length{};
+  Number id{};
+  std::array<Constant, max_constants> constants{};
+  std::array<CheckRule, max_checks> checks{};
+};
+
+enum class Framing : std::uint8_t {
+  by_start,   ///< a frame is found by its first constant and its size
+  delimited,  ///< a frame lies between two delimiters, stuffed so that it cannot contain one
+};
+
+enum class Stuffing : std::uint8_t { none, cobs };
+
+struct FrameFormat {
+  Framing framing = Framing::by_start;
+  Stuffing stuffing = Stuffing::none;
+  std::uint8_t delimiter = 0;
+  std::uint8_t layout_count = 1;
+  std::uint8_t algorithm_count = 0;
+  bool deliver_unknown = false;  ///< unknown ids and other payload sizes are frames, not false starts
+  std::uint16_t max_payload = 0;
+  std::array<Layout, max_layouts> layouts{};
+  std::array<CheckAlgorithm, max_algorithms> algorithms{};
+};
+
+/// What the deframer must know of a message: nothing about its fields.
+struct MessageShape {
+  std::int16_t index = -1;  ///< its place in the protocol's table; -1: unknown id
+  std::uint16_t min_payload = 0;
+  std::uint16_t max_payload = 0;
+
+  constexpr bool known() const { return index >= 0; }
+};
+
+/// Largest frame between delimiters after unstuffing, or on the wire where nothing is stuffed.
+WIREBOND_INLINE constexpr std::size_t max_frame_bytes(const FrameFormat& format) {
+  std::size_t largest = 0;
+  for (std::size_t i = 0; i < format.layout_count; ++i) {
+    const Layout& layout = format.layouts[i];
+    const std::size_t payload =
+        layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : format.max_payload;
+    const std::size_t size = layout.prefix + payload + layout.suffix;
+    if (size > largest) largest = size;
+  }
+  return largest;
+}
+
+/// Bytes that COBS adds to `size` bytes at most (Cheshire and Baker 1999: one code byte per started 254 bytes).
+WIREBOND_INLINE constexpr std::size_t cobs_overhead(std::size_t size) { return 1 + size / 254; }
+
+/// Largest frame on the wire, delimiters included.
+WIREBOND_INLINE constexpr std::size_t max_wire_bytes(const FrameFormat& format) {
+  const std::size_t frame = max_frame_bytes(format);
+  return format.framing == Framing::delimited ? frame + cobs_overhead(frame) + 2 : frame;
+}
+
+/// Wire bytes that a sender sets aside for a frame of its first layout: exact where nothing is stuffed, else the worst.
+WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std::size_t payload_size) {
+  const Layout& layout = format.layouts[0];
+  const std::size_t payload =
+      layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : payload_size;
+  const std::size_t frame = layout.prefix + payload + layout.suffix;
+  return frame + (format.framing == Framing::delimited ? 2u : 0u) +
+         (format.stuffing == Stuffing::cobs ? cobs_overhead(frame) : 0u);
+}
+
+/// Memory that a StreamDeframer asks for: bytes carried from call to call, and room to unstuff one frame.
+WIREBOND_INLINE constexpr std::size_t workspace_bytes(const FrameFormat& format) {
+  return 2 * max_wire_bytes(format) + (format.stuffing == Stuffing::none ? 0 : max_wire_bytes(format));
+}
+
+// A *source* says where the format comes from. The algorithms are templates over it:
+//
+//   struct Source {
+//     static constexpr bool is_constant;               // true: loops over parts unroll and fold
+//     const FrameFormat& format() const;
+//     MessageShape message(std::uint32_t id) const;
+//     std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t*, std::size_t) const;
+//   };
+//
+// Generated code holds a constant source for each sender; runtime_source.hpp is the other one.
+
+namespace detail {
+
+template <class Fn, std::size_t... I>
+WIREBOND_INLINE bool every_unrolled(std::size_t begin, std::size_t end, Fn& fn, std::index_sequence<I...>) {
+  return ((I < begin || I >= end || fn(I)) && ...);
+}
+
+/// fn(i) for begin <= i < end until one is false. Unrolled where the format is a constant, so that every read of it folds.
+template <bool Unroll, std::size_t Capacity, class Fn>
+WIREBOND_INLINE bool every(std::size_t begin, std::size_t end, Fn&& fn) {
+  if constexpr (Unroll) {
+    return every_unrolled(begin, end, fn, std::make_index_sequence<Capacity>{});
+  } else {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!fn(i)) return false;
+    }
+    return true;
+  }
+}
+
+WIREBOND_INLINE std::uint32_t read_number(const Number& number, const std::uint8_t* frame, std::size_t frame_size) {
+  const std::uint8_t* const at = frame + number.at.in(frame_size);
+  std::uint64_t value = 0;
+  switch (number.bytes) {  // constant widths let the compiler use one load
+    case 1: value = at[0]; break;
+    case 2: value = number.order == ByteOrder::little ? load<std::uint16_t>(at) : load<std::uint16_t, ByteOrder::big>(at); break;
+    case 4: value = number.order == ByteOrder::little ? load<std::uint32_t>(at) : load<std::uint32_t, ByteOrder::big>(at); break;
+    default: value = load_bytes(at, number.bytes, number.order); break;
+  }
+  return static_cast<std::uint32_t>(value >> number.shift) & number.mask;
+}
+
+}  // namespace detail
+
+}  // namespace wirebond

@@ -1,0 +1,88 @@
+// From a message's struct to a frame, and from a frame to a handler: what all generated messages share.
+// The generated namespace supplies payload_bytes, write_payload, decode and violations for each struct, and clamp where
+// a field asks for it; they are found by the struct's namespace.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+
+#include "wirebond/encoder.hpp"
+#include "wirebond/examine.hpp"
+#include "wirebond/format.hpp"
+#include "wirebond/status.hpp"
+#include "wirebond/violation.hpp"
+
+namespace wirebond {
+
+/// The two ends of a link; the sender of a message is one of them, or both.
+enum class End : std::uint8_t { host, mcu, both };
+
+/// Write `message` as a whole frame to out[0 .. size). Any thread or interrupt; no allocation.
+/// `capacity`: Message::Info::max_frame_bytes is always enough. On any other answer than `ok` size is 0 and what
+/// lies at `out` is no frame.
+template <class Source, class Message>
+WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, std::size_t capacity,
+                                    std::size_t& size) {
+  constexpr Source source{};
+  size = 0;
+  const std::size_t payload = payload_bytes(message);
+  if (payload > Message::Info::max_payload_bytes) return Status::out_of_range;
+  if (wire_bytes(source.format(), payload) > capacity) return Status::too_small;
+  if (!write_payload(message, out + payload_lead(source))) return Status::out_of_range;
+  size = seal(source, out, capacity, Message::Info::id, payload);
+  return Status::ok;
+}
+
+namespace detail {
+
+template <class Handler, class Message, class = void>
+struct HasOn : std::false_type {};
+template <class Handler, class Message>
+struct HasOn<Handler, Message,
+             std::void_t<decltype(std::declval<Handler&>().on(std::declval<const Message&>()))>>
+    : std::true_type {};
+
+template <class Handler, class = void>
+struct HasUnknown : std::false_type {};
+template <class Handler>
+struct HasUnknown<Handler, std::void_t<decltype(std::declval<Handler&>().unknown(std::declval<const Frame&>()))>>
+    : std::true_type {};
+
+template <class Message, class = void>
+struct HasClamp : std::false_type {};
+template <class Message>
+struct HasClamp<Message, std::void_t<decltype(clamp(std::declval<Message&>()))>> : std::true_type {};
+
+}  // namespace detail
+
+/// Decode the frame's payload, apply the field rules, and call `handler.on(const Message&)` if it has that.
+/// True when the message passed the rules (clamped or not), whether or not the handler wants it.
+template <class Message, class Handler>
+bool hand_over(const Frame& frame, Handler& handler, Violations& counts) {
+  Message message;
+  if (!decode(frame.payload, frame.payload_size, message)) return false;
+  const Violation found = violations(message);
+  if (found != Violation::none) {
+    counts.count(found);
+    if (rejects(found)) return false;
+    if constexpr (detail::HasClamp<Message>::value) clamp(message);
+  }
+  if constexpr (detail::HasOn<Handler, Message>::value) handler.on(static_cast<const Message&>(message));
+  return true;
+}
+
+/// Call `handler.unknown(frame)` if it has that. False: no message passed.
+template <class Handler>
+bool hand_over_unknown(const Frame& frame, Handler& handler) {
+  if constexpr (detail::HasUnknown<Handler>::value) {
+    handler.unknown(frame);
+  } else {
+    static_cast<void>(frame);
+    static_cast<void>(handler);
+  }
+  return false;
+}
+
+}  // namespace wirebond

@@ -1,0 +1,79 @@
+// Bytes in, handler calls out: a stream deframer with its memory, and the field rules behind it.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "wirebond/stream_deframer.hpp"
+#include "wirebond/violation.hpp"
+
+namespace wirebond {
+
+/// For one end of one link. `Source` is a generated constant source: the sender that this end listens to.
+/// Time is in microseconds and may wrap. One thread or interrupt at a time; a handler runs inside the call that feeds.
+template <class Source, class Counter = std::uint32_t>
+class Receiver {
+ public:
+  /// `idle_us`: the silence after which an incomplete frame is given up.
+  explicit Receiver(Counter idle_us = Source::idle_us) : deframer_(Source{}, workspace_.data(), idle_us) {}
+  Receiver(const Receiver&) = delete;  // the deframer points into the workspace
+  Receiver& operator=(const Receiver&) = delete;
+
+  /// Bytes that were read at `now_us`. `handler.on(const Message&)` is called for each message that passes its field
+  /// rules, where the handler has that overload; `handler.unknown(const Frame&)` for other frames, where it has it.
+  template <class Handler>
+  void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Handler& handler) {
+    Unwatched unwatched;
+    feed(bytes, size, now_us, handler, unwatched);
+  }
+
+  /// The same, and `deadlines.seen` is called for each message that passes its field rules, after its handler.
+  template <class Handler, class Watch>
+  void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Handler& handler, Watch& deadlines) {
+    deframer_.feed(bytes, size, now_us, Sink<Handler, Watch>{*this, handler, deadlines, now_us});
+  }
+
+  /// A read that began at `now_us` found nothing: gives up an incomplete frame once the silence lasted `idle_us`.
+  template <class Handler>
+  void idle(Counter now_us, Handler& handler) {
+    Unwatched unwatched;
+    idle(now_us, handler, unwatched);
+  }
+
+  template <class Handler, class Watch>
+  void idle(Counter now_us, Handler& handler, Watch& deadlines) {
+    deframer_.idle(now_us, Sink<Handler, Watch>{*this, handler, deadlines, now_us});
+  }
+
+  const ByteAccount<Counter>& account() const { return deframer_.account(); }
+  const Violations& violations() const { return violations_; }
+  Counter bytes() const { return deframer_.bytes(); }          ///< all that were fed
+  std::size_t pending() const { return deframer_.pending(); }  ///< of these, not settled yet
+
+ private:
+  struct Unwatched {
+    void seen(std::int16_t, Counter) {}
+  };
+
+  // One named type for `feed` and `idle`, so that the deframer is compiled once for a handler.
+  template <class Handler, class Watch>
+  struct Sink {
+    Receiver& receiver;
+    Handler& handler;
+    Watch& deadlines;
+    Counter now_us;
+
+    void operator()(const Frame& frame) const {
+      if (Source::dispatch(frame, handler, receiver.violations_)) deadlines.seen(frame.message, now_us);
+    }
+  };
+
+  static constexpr std::size_t workspace_size = workspace_bytes(Source{}.format());
+
+  std::array<std::uint8_t, workspace_size> workspace_{};
+  StreamDeframer<Source, Counter> deframer_;
+  Violations violations_{};
+};
+
+}  // namespace wirebond

@@ -1,0 +1,49 @@
+// Field rules of received messages: what can be broken, and how often it was. Delivery is the deframer's business.
+#pragma once
+
+#include <cstdint>
+
+namespace wirebond {
+
+/// What the field rules find in one message, a bit each.
+enum class Violation : std::uint8_t {
+  none = 0,
+  not_finite = 1,    ///< a float is NaN or infinite
+  unknown_enum = 2,  ///< an enum holds a value without a name
+  out_of_range = 4,  ///< a number lies outside its range, and its rule is to reject
+  clamped = 8,       ///< a number lies outside its range, and its rule is to clamp
+};
+
+constexpr Violation operator|(Violation a, Violation b) {
+  return static_cast<Violation>(static_cast<unsigned>(a) | static_cast<unsigned>(b));
+}
+constexpr Violation& operator|=(Violation& a, Violation b) { return a = a | b; }
+
+/// Does `found` hold any of `wanted`?
+constexpr bool has(Violation found, Violation wanted) {
+  return (static_cast<unsigned>(found) & static_cast<unsigned>(wanted)) != 0;
+}
+
+/// Must the handler not see such a message?
+constexpr bool rejects(Violation found) {
+  return has(found, Violation::not_finite | Violation::unknown_enum | Violation::out_of_range);
+}
+
+/// Messages that broke a field rule, modulo 2^32. One message may count under several kinds.
+struct Violations {
+  std::uint32_t not_finite = 0;
+  std::uint32_t unknown_enum = 0;
+  std::uint32_t out_of_range = 0;
+  std::uint32_t clamped = 0;
+  std::uint32_t rejected = 0;  ///< messages that the handler did not get
+
+  void count(Violation found) {
+    if (has(found, Violation::not_finite)) ++not_finite;
+    if (has(found, Violation::unknown_enum)) ++unknown_enum;
+    if (has(found, Violation::out_of_range)) ++out_of_range;
+    if (has(found, Violation::clamped)) ++clamped;
+    if (rejects(found)) ++rejected;
+  }
+};
+
+}  // namespace wirebond
