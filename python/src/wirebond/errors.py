@@ -1,0 +1,56 @@
+"""The exceptions that callers of the package may catch. Each carries its facts; `str()` is a sentence for a person."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+class WirebondError(Exception):
+    """Base of every error that Wirebond raises on purpose."""
+
+
+@dataclass(frozen=True, order=True)
+class Problem:
+    """One thing wrong in a protocol file.
+
+    ``line`` and ``column`` count from 1, columns in characters; both are 0 where the file as a whole is meant.
+    ``message`` says what is wrong and what would be right.
+    """
+
+    path: str
+    line: int
+    column: int
+    message: str
+
+    def __str__(self) -> str:
+        place = f"{self.path}:{self.line}:{self.column}" if self.line else self.path
+        return f"{place}: {self.message}"
+
+
+class ProtocolFileError(WirebondError):
+    """A protocol file cannot be used. ``problems`` holds every reason, sorted by place, at least one."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems: tuple[Problem, ...] = tuple(sorted(set(problems)))
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class UsageError(WirebondError, ValueError):
+    """The program asked for something that the protocol or the call does not have."""
+
+
+class MessageError(WirebondError, ValueError):
+    """A message cannot be encoded: unknown message or field, or a value that its field refuses. Nothing was sent."""
+
+
+class PortError(WirebondError, OSError):
+    """A port cannot be opened."""
+
+
+class LinkDownError(WirebondError, ConnectionError):
+    """The port is not connected at the moment. The link reconnects by itself; this frame was not sent."""
+
+
+class QueueFullError(WirebondError):
+    """The line does not keep up with what is sent; this frame was refused."""

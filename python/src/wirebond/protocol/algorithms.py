@@ -1,0 +1,203 @@
+"""The check algorithms that a protocol file may name, as facts. Nothing here computes a check.
+
+CRC parameters and check values: Greg Cook's "Catalogue of parametrised CRC algorithms" (reveng), those of 8, 16,
+24, 32 and 64 bits. The check value is the algorithm's result over the nine ASCII bytes ``123456789``.
+"""
+
+from __future__ import annotations
+
+from wirebond.protocol.model import Algorithm
+from wirebond.protocol.problems import suggestion
+
+_CRCS = """\
+name                     bits poly             init             refin refout xorout           check
+crc-8/autosar            8    2F               FF               no    no     FF               DF
+crc-8/bluetooth          8    A7               00               yes   yes    00               26
+crc-8/cdma2000           8    9B               FF               no    no     00               DA
+crc-8/darc               8    39               00               yes   yes    00               15
+crc-8/dvb-s2             8    D5               00               no    no     00               BC
+crc-8/gsm-a              8    1D               00               no    no     00               37
+crc-8/gsm-b              8    49               00               no    no     FF               94
+crc-8/hitag              8    1D               FF               no    no     00               B4
+crc-8/i-432-1            8    07               00               no    no     55               A1
+crc-8/i-code             8    1D               FD               no    no     00               7E
+crc-8/lte                8    9B               00               no    no     00               EA
+crc-8/maxim-dow          8    31               00               yes   yes    00               A1
+crc-8/mifare-mad         8    1D               C7               no    no     00               99
+crc-8/nrsc-5             8    31               FF               no    no     00               F7
+crc-8/opensafety         8    2F               00               no    no     00               3E
+crc-8/rohc               8    07               FF               yes   yes    00               D0
+crc-8/sae-j1850          8    1D               FF               no    no     FF               4B
+crc-8/smbus              8    07               00               no    no     00               F4
+crc-8/tech-3250          8    1D               FF               yes   yes    00               97
+crc-8/wcdma              8    9B               00               yes   yes    00               25
+crc-16/arc               16   8005             0000             yes   yes    0000             BB3D
+crc-16/cdma2000          16   C867             FFFF             no    no     0000             4C06
+crc-16/cms               16   8005             FFFF             no    no     0000             AEE7
+crc-16/dds-110           16   8005             800D             no    no     0000             9ECF
+crc-16/dect-r            16   0589             0000             no    no     0001             007E
+crc-16/dect-x            16   0589             0000             no    no     0000             007F
+crc-16/dnp               16   3D65             0000             yes   yes    FFFF             EA82
+crc-16/en-13757          16   3D65             0000             no    no     FFFF             C2B7
+crc-16/genibus           16   1021             FFFF             no    no     FFFF             D64E
+crc-16/gsm               16   1021             0000             no    no     FFFF             CE3C
+crc-16/ibm-3740          16   1021             FFFF             no    no     0000             29B1
+crc-16/ibm-sdlc          16   1021             FFFF             yes   yes    FFFF             906E
+crc-16/iso-iec-14443-3-a 16   1021             C6C6             yes   yes    0000             BF05
+crc-16/kermit            16   1021             0000             yes   yes    0000             2189
+crc-16/lj1200            16   6F63             0000             no    no     0000             BDF4
+crc-16/m17               16   5935             FFFF             no    no     0000             772B
+crc-16/maxim-dow         16   8005             0000             yes   yes    FFFF             44C2
+crc-16/mcrf4xx           16   1021             FFFF             yes   yes    0000             6F91
+crc-16/modbus            16   8005             FFFF             yes   yes    0000             4B37
+crc-16/nrsc-5            16   080B             FFFF             yes   yes    0000             A066
+crc-16/opensafety-a      16   5935             0000             no    no     0000             5D38
+crc-16/opensafety-b      16   755B             0000             no    no     0000             20FE
+crc-16/profibus          16   1DCF             FFFF             no    no     FFFF             A819
+crc-16/riello            16   1021             B2AA             yes   yes    0000             63D0
+crc-16/spi-fujitsu       16   1021             1D0F             no    no     0000             E5CC
+crc-16/t10-dif           16   8BB7             0000             no    no     0000             D0DB
+crc-16/teledisk          16   A097             0000             no    no     0000             0FB3
+crc-16/tms37157          16   1021             89EC             yes   yes    0000             26B1
+crc-16/umts              16   8005             0000             no    no     0000             FEE8
+crc-16/usb               16   8005             FFFF             yes   yes    FFFF             B4C8
+crc-16/xmodem            16   1021             0000             no    no     0000             31C3
+crc-24/ble               24   00065B           555555           yes   yes    000000           C25A56
+crc-24/flexray-a         24   5D6DCB           FEDCBA           no    no     000000           7979BD
+crc-24/flexray-b         24   5D6DCB           ABCDEF           no    no     000000           1F23B8
+crc-24/interlaken        24   328B63           FFFFFF           no    no     FFFFFF           B4F3E6
+crc-24/lte-a             24   864CFB           000000           no    no     000000           CDE703
+crc-24/lte-b             24   800063           000000           no    no     000000           23EF52
+crc-24/openpgp           24   864CFB           B704CE           no    no     000000           21CF02
+crc-24/os-9              24   800063           FFFFFF           no    no     FFFFFF           200FA5
+crc-32/aixm              32   814141AB         00000000         no    no     00000000         3010BF7F
+crc-32/autosar           32   F4ACFB13         FFFFFFFF         yes   yes    FFFFFFFF         1697D06A
+crc-32/base91-d          32   A833982B         FFFFFFFF         yes   yes    FFFFFFFF         87315576
+crc-32/bzip2             32   04C11DB7         FFFFFFFF         no    no     FFFFFFFF         FC891918
+crc-32/cd-rom-edc        32   8001801B         00000000         yes   yes    00000000         6EC2EDC4
+crc-32/cksum             32   04C11DB7         00000000         no    no     FFFFFFFF         765E7680
+crc-32/iscsi             32   1EDC6F41         FFFFFFFF         yes   yes    FFFFFFFF         E3069283
+crc-32/iso-hdlc          32   04C11DB7         FFFFFFFF         yes   yes    FFFFFFFF         CBF43926
+crc-32/jamcrc            32   04C11DB7         FFFFFFFF         yes   yes    00000000         340BC6D9
+crc-32/mef               32   741B8CD7         FFFFFFFF         yes   yes    00000000         D2C22F51
+crc-32/mpeg-2            32   04C11DB7         FFFFFFFF         no    no     00000000         0376E6E7
+crc-32/xfer              32   000000AF         00000000         no    no     00000000         BD0BE338
+crc-64/ecma-182          64   42F0E1EBA9EA3693 0000000000000000 no    no     0000000000000000 6C40DF5F0B497347
+crc-64/go-iso            64   000000000000001B FFFFFFFFFFFFFFFF yes   yes    FFFFFFFFFFFFFFFF B90956C775A41001
+crc-64/ms                64   259C84CBA6426349 FFFFFFFFFFFFFFFF yes   yes    0000000000000000 75D4B74F024ECEEA
+crc-64/nvme              64   AD93D23594C93659 FFFFFFFFFFFFFFFF yes   yes    FFFFFFFFFFFFFFFF AE8B14860A799888
+crc-64/redis             64   AD93D23594C935A9 0000000000000000 yes   yes    0000000000000000 E9C6D914C4B8D9CA
+crc-64/we                64   42F0E1EBA9EA3693 FFFFFFFFFFFFFFFF no    no     FFFFFFFFFFFFFFFF 62EC59E3F1A4F00A
+crc-64/xz                64   42F0E1EBA9EA3693 FFFFFFFFFFFFFFFF yes   yes    FFFFFFFFFFFFFFFF 995DC9BBDF1939FA
+"""  # numbers in hexadecimal, as the catalogue writes them
+# Sums are modulo 2^bits; their order of bytes on the wire is the frame's business.
+_OTHERS = """\
+name  kind bits check
+xor8  xor  8    31
+sum8  sum  8    DD
+sum16 sum  16   01DD
+sum32 sum  32   000001DD
+"""
+
+
+def _tables() -> tuple[dict[str, Algorithm], dict[str, int]]:
+    found: dict[str, Algorithm] = {}
+    check_values: dict[str, int] = {}
+    for line in _OTHERS.splitlines()[1:]:
+        name, kind, bits, check = line.split()
+        found[name] = Algorithm(name, kind, int(bits))
+        check_values[name] = int(check, 16)
+    for line in _CRCS.splitlines()[1:]:
+        name, bits, poly, init, refin, refout, xorout, check = line.split()
+        reflected = (refin == "yes", refout == "yes")
+        found[name] = Algorithm(
+            name, "crc", int(bits), int(poly, 16), int(init, 16), *reflected, int(xorout, 16)
+        )
+        check_values[name] = int(check, 16)
+    return found, check_values
+
+
+#: By catalogue name, and the published result of each over ``123456789``.
+ALGORITHMS, CHECK_VALUES = _tables()
+
+ALIASES: dict[str, str] = {
+    "arc": "crc-16/arc",
+    "b-crc-32": "crc-32/bzip2",
+    "cksum": "crc-32/cksum",
+    "crc-16/acorn": "crc-16/xmodem",
+    "crc-16/aug-ccitt": "crc-16/spi-fujitsu",
+    "crc-16/autosar": "crc-16/ibm-3740",
+    "crc-16/buypass": "crc-16/umts",
+    "crc-16/ccitt-false": "crc-16/ibm-3740",
+    "crc-16/ccitt-true": "crc-16/kermit",
+    "crc-16/epc": "crc-16/genibus",
+    "crc-16/epc-c1g2": "crc-16/genibus",
+    "crc-16/i-code": "crc-16/genibus",
+    "crc-16/iec-61158-2": "crc-16/profibus",
+    "crc-16/iso-hdlc": "crc-16/ibm-sdlc",
+    "crc-16/iso-iec-14443-3-b": "crc-16/ibm-sdlc",
+    "crc-16/lte": "crc-16/xmodem",
+    "crc-16/maxim": "crc-16/maxim-dow",
+    "crc-16/v-41-lsb": "crc-16/kermit",
+    "crc-16/v-41-msb": "crc-16/xmodem",
+    "crc-16/verifone": "crc-16/umts",
+    "crc-16/x-25": "crc-16/ibm-sdlc",
+    "crc-24": "crc-24/openpgp",
+    "crc-32": "crc-32/iso-hdlc",
+    "crc-32/aal5": "crc-32/bzip2",
+    "crc-32/adccp": "crc-32/iso-hdlc",
+    "crc-32/base91-c": "crc-32/iscsi",
+    "crc-32/castagnoli": "crc-32/iscsi",
+    "crc-32/dect-b": "crc-32/bzip2",
+    "crc-32/interlaken": "crc-32/iscsi",
+    "crc-32/posix": "crc-32/cksum",
+    "crc-32/v-42": "crc-32/iso-hdlc",
+    "crc-32/xz": "crc-32/iso-hdlc",
+    "crc-32c": "crc-32/iscsi",
+    "crc-32d": "crc-32/base91-d",
+    "crc-32q": "crc-32/aixm",
+    "crc-64": "crc-64/ecma-182",
+    "crc-64/go-ecma": "crc-64/xz",
+    "crc-8": "crc-8/smbus",
+    "crc-8/aes": "crc-8/tech-3250",
+    "crc-8/ebu": "crc-8/tech-3250",
+    "crc-8/itu": "crc-8/i-432-1",
+    "crc-8/maxim": "crc-8/maxim-dow",
+    "crc-a": "crc-16/iso-iec-14443-3-a",
+    "crc-b": "crc-16/ibm-sdlc",
+    "crc-ibm": "crc-16/arc",
+    "dow-crc": "crc-8/maxim-dow",
+    "jamcrc": "crc-32/jamcrc",
+    "kermit": "crc-16/kermit",
+    "modbus": "crc-16/modbus",
+    "pkzip": "crc-32/iso-hdlc",
+    "r-crc-16": "crc-16/dect-r",
+    "x-25": "crc-16/ibm-sdlc",
+    "x-crc-16": "crc-16/dect-x",
+    "xfer": "crc-32/xfer",
+    "xmodem": "crc-16/xmodem",
+    "zmodem": "crc-16/xmodem",
+}
+
+# Names under which different things are sold: guessing would give a link that never passes a check.
+AMBIGUOUS: dict[str, tuple[str, ...]] = {
+    "crc16": ("crc-16/arc", "crc-16/modbus", "crc-16/ibm-3740", "crc-16/xmodem"),
+    "crc-16": ("crc-16/arc", "crc-16/modbus", "crc-16/ibm-3740", "crc-16/xmodem"),
+    "crc-ccitt": ("crc-16/kermit", "crc-16/ibm-3740", "crc-16/xmodem", "crc-16/ibm-sdlc"),
+    "crc-16/ccitt": ("crc-16/kermit", "crc-16/ibm-3740", "crc-16/xmodem", "crc-16/ibm-sdlc"),
+    "sum": ("sum8", "sum16", "sum32"),
+    "xor": ("xor8",),
+}
+
+
+def find(name: str) -> Algorithm | None:
+    """The algorithm of this name or alias, under its catalogue name; None if there is none."""
+    return ALGORITHMS.get(ALIASES.get(name, name))
+
+
+def advice_for_unknown(name: str) -> str:
+    """What to write instead of a name that `find` does not know."""
+    meanings = AMBIGUOUS.get(name.lower())
+    if meanings is not None:
+        return f"say which: {', '.join(meanings)}"
+    return suggestion(name, [*ALGORITHMS, *ALIASES])

@@ -1,0 +1,160 @@
+"""A frame whose parts are right by themselves, and what it decides together with its messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from wirebond.protocol.messages import Messages
+from wirebond.protocol.model import Frame, LengthCounts, Part, PartKind, PayloadRule
+from wirebond.protocol.problems import Place, Problems
+
+STRONG_CHECK_BITS = 16  # from here on a frame of unknown id is taken for a newer peer's, not for noise
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A frame's parts, right by themselves; what the messages decide is still open."""
+
+    parts: tuple[Part, ...]
+    places: tuple[Place, ...]  # of each part
+    delimiter: int | None
+
+    def part(self, kind: PartKind) -> Part | None:
+        return next((part for part in self.parts if part.kind == kind), None)
+
+    @property
+    def payload_index(self) -> int:
+        return next(i for i, part in enumerate(self.parts) if part.kind == PartKind.PAYLOAD)
+
+    @property
+    def payload(self) -> Part:
+        return self.parts[self.payload_index]
+
+    @property
+    def id_bytes(self) -> int:
+        part = self.part(PartKind.ID)
+        return 0 if part is None else part.size
+
+    @property
+    def longest_by_length(self) -> int | None:
+        """The longest payload that the length part can tell; None without one."""
+        length = self.part(PartKind.LENGTH)
+        return (
+            None
+            if length is None
+            else 2 ** (8 * length.size) - 1 - self._beside(length) - length.length_offset
+        )
+
+    @property
+    def shortest_by_length(self) -> int | None:
+        """The shortest payload whose length number is not negative; None without a length part."""
+        length = self.part(PartKind.LENGTH)
+        return None if length is None else max(0, -self._beside(length) - length.length_offset)
+
+    def _beside(self, length: Part) -> int:
+        """What the length counts beside the payload, in bytes."""
+        index = self.parts.index(length)
+        follows = sum(part.size for part in self.parts[index + 1 :])
+        return {
+            LengthCounts.PAYLOAD: 0,
+            LengthCounts.REST: follows,
+            LengthCounts.SELF_AND_REST: length.size + follows,
+            LengthCounts.FRAME: sum(part.size for part in self.parts),
+        }[length.counts]
+
+    @property
+    def is_strong(self) -> bool:
+        """Does a check of 16 bits or more on the wire cover id, length and payload?"""
+        said = [
+            i for i, p in enumerate(self.parts) if p.kind in (PartKind.ID, PartKind.LENGTH, PartKind.PAYLOAD)
+        ]
+        return any(
+            8 * part.size >= STRONG_CHECK_BITS and part.first <= min(said) and part.last >= max(said)
+            for part in self.parts
+            if part.kind == PartKind.CHECK
+        )
+
+
+def check_sizes(
+    draft: Draft, messages: Messages, max_payload: int | None, problems: Problems, max_place: Place
+) -> int:
+    """The frame's greatest payload in bytes. ``max_payload``: as the file says; None: the largest known message's."""
+    rule = draft.payload.payload
+    complete = [(entry, entry.complete) for entry in messages.values()]
+    largest = max((message.max_payload for _, message in complete if message is not None), default=0)
+    limit_of, limit = _limit(draft, max_payload)
+    for entry, message in complete:
+        if message is None:
+            continue
+        if limit is not None and message.max_payload > limit:
+            problems.add(
+                entry.place, f"`{entry.name}` has up to {message.max_payload} payload bytes; {limit_of}"
+            )
+        if rule in (PayloadRule.FIXED, PayloadRule.BY_ID) and any(
+            field.is_variable for field in message.fields
+        ):
+            field = message.fields[-1]
+            problems.add(
+                entry.node.key_place("fields"),
+                f"`{field.name}` reaches to the payload's end, and this frame does not tell where "
+                "that is; write `size` "
+                "for `max`, or take a frame with a length",
+            )
+    if max_payload is None:
+        return draft.payload.fixed_payload if rule == PayloadRule.FIXED else largest
+    if rule == PayloadRule.FIXED and max_payload != draft.payload.fixed_payload:
+        problems.add(
+            max_place,
+            f"every payload has {draft.payload.fixed_payload} bytes in this frame; remove `max_payload`",
+        )
+    longest = draft.longest_by_length
+    if longest is not None and max_payload > longest:
+        problems.add(
+            max_place,
+            f"the frame's length can tell {longest} payload bytes at most; write no more, or widen it",
+        )
+    return max_payload
+
+
+def _limit(draft: Draft, max_payload: int | None) -> tuple[str, int | None]:
+    """The tightest bound on a message's payload, in words and in bytes."""
+    bounds: list[tuple[int, Callable[[int], str]]] = [
+        (0xFFFF, lambda n: f"a payload has at most {n}"),
+    ]
+    if draft.payload.payload == PayloadRule.FIXED:
+        bounds.append(
+            (
+                draft.payload.fixed_payload,
+                lambda n: f"this frame carries {n}; shorten it, or widen the frame's payload",
+            )
+        )
+    if draft.longest_by_length is not None:
+        bounds.append(
+            (draft.longest_by_length, lambda n: f"the frame's length can tell {n} at most; widen its type")
+        )
+    if max_payload is not None:
+        bounds.append((max_payload, lambda n: f"`max_payload` is {n}; raise that, or shorten the message"))
+    limit, words = min(bounds, key=lambda bound: bound[0])
+    return words(limit), limit
+
+
+def delivers_unknown(draft: Draft, unknown: str | None, problems: Problems, place: Place) -> bool:
+    if draft.payload.payload == PayloadRule.BY_ID:
+        if unknown == "deliver":
+            problems.add(
+                place,
+                "with `payload: by_id` nobody knows the size of an unknown message; write `unknown: reject`",
+            )
+        return False
+    return draft.is_strong if unknown is None else unknown == "deliver"
+
+
+def finish(draft: Draft, max_payload: int, deliver_unknown: bool) -> Frame:
+    return Frame(
+        parts=draft.parts,
+        max_payload=max_payload,
+        deliver_unknown=deliver_unknown,
+        delimiter=draft.delimiter,
+        stuffing="none" if draft.delimiter is None else "cobs",
+    )

@@ -1,0 +1,272 @@
+"""The syntax of a protocol file, as models: which keys stand where, which values they take, what each is for.
+
+The descriptions are published in the JSON Schema. What keys mean together is not judged here (see ``frames``,
+``messages`` and ``references``).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field, PlainValidator
+
+from wirebond.protocol.frame_grammar import MAX_PARTS, Part
+from wirebond.protocol.scalars import (
+    Baud,
+    BitNumber,
+    Count,
+    Duration,
+    Exact,
+    FieldType,
+    Id,
+    Name,
+    OwnValue,
+    PayloadBytes,
+    Period,
+    ProtocolName,
+    StopBits,
+    Text,
+    WireInteger,
+    describe,
+    one_word,
+    whole,
+    wrong,
+)
+from wirebond.protocol.wording import Syntax
+
+# ---- link ----------------------------------------------------------------------------------------
+
+
+def _data_bits(value: object) -> int:
+    if whole(5, 9)(value) != 8:
+        raise wrong(f"{describe(value)} data bits cannot carry frames, which are bytes of 8 bits; write 8")
+    return 8
+
+
+class Link(Syntax):
+    """Settings of the serial line."""
+
+    noun = "`link`"
+
+    baud: Baud = Field(115200, description="Bits a second on the line.", examples=[115200])
+    data_bits: Annotated[int, PlainValidator(_data_bits, json_schema_input_type=Literal[8])] = Field(
+        8, description="Data bits of a byte.", examples=[8]
+    )
+    parity: Annotated[str, one_word("none", "even", "odd")] = Field(
+        "none", description="Parity bit of a byte.", examples=["none"]
+    )
+    stop_bits: StopBits = Field(1, description="Stop bits of a byte: 1, 1.5 or 2.", examples=[1])
+
+
+# ---- messages ------------------------------------------------------------------------------------
+
+
+class FieldSyntax(Syntax):
+    """One value of a message."""
+
+    noun = "a field"
+
+    type: FieldType = Field(
+        description="Type on the wire; `le` or `be` behind a number's type sets its byte order.",
+        examples=["u16"],
+    )
+    count: Count | None = Field(None, description="Elements of a fixed array.", examples=[4])
+    size: Count | None = Field(
+        None, description="Bytes of a text or byte string of fixed size.", examples=[16]
+    )
+    max: Count | None = Field(
+        None,
+        description="Most bytes of a text or byte string that reaches to the payload's end.",
+        examples=[48],
+    )
+    scale: Exact | None = Field(
+        None, description="value = number on the wire * scale + offset.", examples=[0.001]
+    )
+    offset: Exact | None = Field(
+        None, description="value = number on the wire * scale + offset.", examples=[0]
+    )
+    unit: Text | None = Field(None, description="SI unit of the value, for display.", examples=["m/s"])
+    range: Annotated[list[Exact], Field(min_length=2, max_length=2)] | None = Field(
+        None, description="Least and greatest value, in the value's unit.", examples=["[-1.0, 1.0]"]
+    )
+    on_range: Annotated[str | None, one_word("reject", "clamp")] = Field(
+        None,
+        description="What the handler's side does with a received value out of range; reject unless said.",
+        examples=["clamp"],
+    )
+    default: OwnValue | None = Field(None, description="The value where a sender gives none.", examples=[0])
+    enum: Annotated[dict[Name, WireInteger], Field(min_length=1)] | None = Field(
+        None, description="Names of the possible numbers.", examples=["{off: 0, on: 1}"]
+    )
+    flags: Annotated[dict[Name, BitNumber], Field(min_length=1)] | None = Field(
+        None, description="Names of bits, 0 the lowest.", examples=["{stalled: 0, overheated: 1}"]
+    )
+    description: Text = Field("", description="For people.", examples=["what it means"])
+
+
+class MessageHead(Syntax):
+    """What a message says about itself, without its fields."""
+
+    noun = "a message"
+
+    id: Id | None = Field(None, description="Number on the wire; decimal or 0x...", examples=["0x01"])
+    sender: Annotated[str, one_word("host", "mcu", "both")] = Field(
+        description="Who sends it.", examples=["host"]
+    )
+    every: Period | None = Field(
+        None, description="How often it is due: a period or a rate.", examples=["50 ms"]
+    )
+    reply: Name | None = Field(None, description="The message that answers it.", examples=["status"])
+    description: Text = Field("", description="For people.", examples=["what it is for"])
+
+
+class MessageSyntax(MessageHead):
+    """A named, typed payload."""
+
+    fields: dict[Name, FieldSyntax] = Field(
+        default_factory=dict, description="Its values, in wire order.", examples=["{speed: {type: i16}}"]
+    )
+
+
+# ---- behaviour -----------------------------------------------------------------------------------
+
+
+class DeadlineSyntax(Syntax):
+    """What happens when a message stays away."""
+
+    noun = "a deadline"
+
+    message: Name = Field(description="The message that must not stay away.", examples=["velocity"])
+    at: Annotated[str, one_word("host", "mcu")] = Field(
+        description="The end that watches: its receiver.", examples=["mcu"]
+    )
+    after: Duration = Field(description="Silence that is too long.", examples=["1 s"])
+    then: Name = Field(description="Name of the action.", examples=["stop"])
+    recover: Annotated[str, one_word("next_message", "explicit")] = Field(
+        "next_message",
+        description="How it ends: by the next message, or by an explicit call.",
+        examples=["explicit"],
+    )
+
+
+class EmergencyStopSyntax(Syntax):
+    """The message that stops everything, with the values of its fields."""
+
+    model_config = ConfigDict(extra="allow")
+    noun = "`emergency_stop`"
+    __pydantic_extra__: dict[str, OwnValue]
+
+    message: Name = Field(
+        description="The message to send; its fields' values stand beside it.", examples=["velocity"]
+    )
+
+
+class OneMessage(Syntax):
+    """A service of one message."""
+
+    noun = "this service"
+    message: Name = Field(description="The message that carries it.", examples=["hello"])
+
+
+class RequestAndReply(Syntax):
+    """A service of a question and an answer."""
+
+    noun = "this service"
+    request: Name = Field(description="The message from the host.", examples=["ping"])
+    reply: Name = Field(description="The answer from the MCU.", examples=["pong"])
+
+
+class ParameterService(Syntax):
+    """Reading and setting values on the MCU by index."""
+
+    noun = "`parameter`"
+    read: Name = Field(description="Asks for a value.", examples=["parameter_read"])
+    set: Name = Field(description="Sets a value.", examples=["parameter_set"])
+    value: Name = Field(description="The MCU's answer to both.", examples=["parameter_value"])
+
+
+class Services(Syntax):
+    """Built-in services, mapped to messages of this protocol."""
+
+    noun = "`services`"
+    hello: OneMessage | None = Field(None, description="Both ends say which protocol they were built from.")
+    ping: RequestAndReply | None = Field(None, description="Round trip time.")
+    clock: RequestAndReply | None = Field(None, description="Clock offset and drift.")
+    log: OneMessage | None = Field(None, description="Lines of text from the MCU.")
+    parameter: ParameterService | None = Field(None, description="Values on the MCU, read and set by index.")
+
+
+# ---- the file ------------------------------------------------------------------------------------
+
+
+def _version(value: object) -> int:
+    if whole(0, 0xFFFFFFFF)(value) != 1:
+        raise wrong(
+            f"version {describe(value)} of the file format is not known here; write `wirebond: 1`, "
+            "or update Wirebond"
+        )
+    return 1
+
+
+class File(Syntax):
+    """A Wirebond protocol file: everything that both ends of a serial link must agree on."""
+
+    noun = "a protocol file"
+
+    wirebond: Annotated[int, PlainValidator(_version, json_schema_input_type=Literal[1])] = Field(
+        description="Version of the file format.", examples=[1]
+    )
+    protocol: ProtocolName = Field(
+        description="The protocol's name; a namespace in C++.", examples=["my_robot"]
+    )
+    description: Text = Field("", description="For people.", examples=["what it links"])
+    link: Link = Field(
+        default_factory=lambda: Link.model_validate({}),
+        description="Settings of the serial line.",
+        examples=["{baud: 115200}"],
+    )
+    frame: list[Part] = Field(
+        min_length=1,
+        max_length=MAX_PARTS,
+        description="The parts of a frame, in wire order.",
+        examples=["[magic: 0xAA, id: u8, payload: by_id, check: crc-16/mcrf4xx]"],
+    )
+    max_payload: PayloadBytes | None = Field(
+        None,
+        description="Most payload bytes of a frame; the largest known message unless said.",
+        examples=[64],
+    )
+    idle: Duration | None = Field(
+        None,
+        description="Silence after which an incomplete frame is given up; the longer of 20 ms and "
+        "two frames unless said.",
+        examples=["20 ms"],
+    )
+    unknown: Annotated[str | None, one_word("deliver", "reject")] = Field(
+        None,
+        description="Frames of unknown id or other size: delivered as unknown, or taken for a false "
+        "start. `deliver` "
+        "unless said where a check of 16 bits or more covers id, length and payload.",
+        examples=["deliver"],
+    )
+    byte_order: Annotated[str, one_word("little", "big")] = Field(
+        "little", description="Byte order of all numbers that name none.", examples=["little"]
+    )
+    messages: dict[Name, MessageSyntax] = Field(
+        min_length=1, description="The messages, by name.", examples=["{ping: {id: 0x01, sender: host}}"]
+    )
+    deadlines: list[DeadlineSyntax] = Field(
+        default_factory=list,
+        description="What happens when a message stays away.",
+        examples=["[{message: velocity, at: mcu, after: 1 s, then: stop}]"],
+    )
+    emergency_stop: EmergencyStopSyntax | None = Field(
+        None,
+        description="The message that stops everything, and its values.",
+        examples=["{message: velocity, linear: 0, angular: 0}"],
+    )
+    services: Services | None = Field(
+        None,
+        description="Built-in services, mapped to messages of this protocol.",
+        examples=["{ping: {request: ping, reply: pong}}"],
+    )

@@ -1,0 +1,80 @@
+"""A protocol's fingerprint: equal on two ends exactly when they read the same bytes as the same values.
+
+In it: stuffing and delimiter; of every part its kind, size, byte order and bytes, what a length counts, the
+payload's rule, a check's parameters and range; of every message its name, id, sender and the layout of its fields
+(name, kind, size, byte order, elements, scale, offset, enum, flags); which messages serve as which service.
+Not in it, for it does not change what bytes mean: the protocol's name, descriptions, units (a matter of display),
+the order of the file's keys, names of parts and of check algorithms, line settings, `max_payload`, `unknown`,
+`idle`, ranges, defaults, schedule, replies, deadlines, emergency stop.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+from wirebond.protocol.model import Field, FieldKind, Message, Part, PartKind, Protocol
+
+_CANONICAL_FORM = (
+    1  # of the form itself: raised when it changes, so that old and new hashes do not meet by chance
+)
+
+
+def protocol_hash(protocol: Protocol) -> int:
+    """The first 64 bits of SHA-256 over the canonical form, most significant byte first."""
+    text = json.dumps(_form(protocol), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big")
+
+
+def _form(protocol: Protocol) -> dict[str, Any]:
+    frame = protocol.frame
+    return {
+        "form": _CANONICAL_FORM,
+        "delimiter": frame.delimiter,
+        "stuffing": frame.stuffing,
+        "parts": [_part(part) for part in frame.parts],
+        "messages": {message.name: _message(message) for message in protocol.messages},
+        "services": {service.name: dict(service.messages) for service in protocol.services},
+    }
+
+
+def _part(part: Part) -> dict[str, Any]:
+    form: dict[str, Any] = {"size": part.size}
+    if part.kind in (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL):
+        return {**form, "kind": "constant", "value": part.value.hex()}
+    form["kind"] = part.kind.value
+    if part.size > 1 and part.kind != PartKind.RESERVED:
+        form["order"] = part.order.value
+    if part.kind == PartKind.LENGTH:
+        form |= {"counts": part.counts.value, "offset": part.length_offset}
+    elif part.kind == PartKind.PAYLOAD:
+        form |= {"payload": part.payload.value, "fixed": part.fixed_payload}
+    elif part.algorithm is not None:
+        a = part.algorithm
+        form["algorithm"] = [a.kind, a.width, a.poly, a.init, a.refin, a.refout, a.xorout]
+        form |= {"first": part.first, "last": part.last, "shift": part.shift}
+    return form
+
+
+def _message(message: Message) -> dict[str, Any]:
+    return {
+        "id": message.id,
+        "sender": message.sender.value,
+        "fields": [_field(field) for field in message.fields],
+    }
+
+
+def _field(field: Field) -> dict[str, Any]:
+    form: dict[str, Any] = {"name": field.name, "kind": field.kind.value, "size": field.size}
+    if field.size > 1 and field.kind not in (FieldKind.TEXT, FieldKind.BYTES):
+        form["order"] = field.order.value
+    return {
+        **form,
+        "count": field.count,
+        "max": field.max_size,
+        "scale": [field.scale.numerator, field.scale.denominator],
+        "offset": [field.offset.numerator, field.offset.denominator],
+        "enum": dict(field.enum),
+        "flags": dict(field.flags),
+    }

@@ -1,0 +1,76 @@
+"""From a protocol file to the model: the order of the steps, and nothing of what each one judges."""
+
+from __future__ import annotations
+
+import os
+
+from wirebond.protocol import document, references
+from wirebond.protocol.document import Mapping, Node, Scalar
+from wirebond.protocol.draft import check_sizes, delivers_unknown, finish
+from wirebond.protocol.frames import read_frame
+from wirebond.protocol.grammar import File, Link
+from wirebond.protocol.messages import check_ids, read_messages
+from wirebond.protocol.model import ByteOrder, LinkSettings, Protocol
+from wirebond.protocol.problems import Problems
+from wirebond.protocol.syntax import check_syntax, readable
+
+
+def load(path: str | os.PathLike[str]) -> Protocol:
+    """Read a protocol file.
+
+    Raises ProtocolFileError, which lists everything that is wrong with the file, and nothing else.
+    """
+    return loads(document.read_text(path), str(path))
+
+
+def loads(text: str, path: str = "<text>") -> Protocol:
+    """As `load`, from text; ``path`` is the name that errors give it."""
+    problems = Problems(path)
+    root = document.parse(text, problems)
+    check_syntax(root, problems)
+    protocol = _read(root, path, problems) if isinstance(root, Mapping) else None
+    problems.raise_if_any()
+    assert protocol is not None, "what is missing from the protocol has been reported"
+    return protocol
+
+
+def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
+    """Every section that can be read, so that one wrong section does not hide what is wrong in the others."""
+    order = _byte_order(root)
+    draft = read_frame(root.get("frame"), order, problems)
+    messages = read_messages(root.get("messages"), order, problems)
+    deadlines = references.read_deadlines(root.get("deadlines"), messages, problems)
+    emergency_stop = references.read_emergency_stop(root.get("emergency_stop"), messages, problems)
+    services = references.read_services(root.get("services"), messages, problems)
+    if draft is None:
+        return None
+    check_ids(messages, draft.id_bytes, problems)
+    file = readable(File, root)
+    if file is None:
+        # The file's own limits may be what is wrong; the frame's hold all the same.
+        check_sizes(draft, messages, None, problems, root.place)
+        return None
+    max_payload = check_sizes(draft, messages, file.max_payload, problems, root.value_place("max_payload"))
+    deliver_unknown = delivers_unknown(draft, file.unknown, problems, root.value_place("unknown"))
+    return Protocol(
+        name=file.protocol,
+        frame=finish(draft, max_payload, deliver_unknown),
+        messages=tuple(entry.message for entry in messages.values() if entry.message is not None),
+        link=_link(file.link),
+        deadlines=deadlines,
+        emergency_stop=emergency_stop,
+        services=services,
+        idle=file.idle,
+        description=file.description,
+        path=path,
+    )
+
+
+def _byte_order(root: Mapping) -> ByteOrder:
+    node: Node | None = root.get("byte_order")
+    is_big = isinstance(node, Scalar) and node.value == "big"
+    return ByteOrder.BIG if is_big else ByteOrder.LITTLE
+
+
+def _link(syntax: Link) -> LinkSettings:
+    return LinkSettings(syntax.baud, syntax.data_bits, syntax.parity, syntax.stop_bits)

@@ -1,0 +1,178 @@
+"""The `messages` section: every message by itself, then ids, names and replies among them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from wirebond.protocol import names
+from wirebond.protocol.document import Mapping, Node
+from wirebond.protocol.fields import read_field
+from wirebond.protocol.grammar import FieldSyntax, MessageHead
+from wirebond.protocol.model import ByteOrder, End, Field, Message
+from wirebond.protocol.problems import Place, Problems, suggestion
+from wirebond.protocol.syntax import readable
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A message of the file. ``message`` is None where its own keys are wrong, which has been reported."""
+
+    name: str
+    place: Place  # of its name
+    node: Mapping
+    message: Message | None
+    has_all_fields: bool
+
+    @property
+    def complete(self) -> Message | None:
+        """The message, if all of it is right: sizes and fields may be relied on."""
+        return self.message if self.has_all_fields else None
+
+
+Messages = dict[
+    str, Entry
+]  # every name of the file, so that a reference to a wrong message is no second error
+
+
+def read_messages(node: Node | None, order: ByteOrder, problems: Problems) -> Messages:
+    found: Messages = {}
+    if not isinstance(node, Mapping):
+        return found
+    for name, entry in node.entries.items():
+        if isinstance(entry.value, Mapping):
+            found[name] = _read_message(name, entry.key_place, entry.value, order, problems)
+        else:
+            found[name] = Entry(name, entry.key_place, Mapping(entry.value.place), None, False)
+    _check_type_names(found, problems)
+    _check_replies(found, problems)
+    return found
+
+
+def receiver_of(end: End) -> End:
+    return End.MCU if end == End.HOST else End.HOST
+
+
+def _read_message(name: str, place: Place, node: Mapping, order: ByteOrder, problems: Problems) -> Entry:
+    fields, complete = _read_fields(node.get("fields"), order, problems)
+    without_fields = Mapping(
+        node.place, {key: entry for key, entry in node.entries.items() if key != "fields"}
+    )
+    head = readable(MessageHead, without_fields)
+    if head is None or names.fault(name):
+        return Entry(name, place, node, None, complete)
+    message = Message(
+        name=name,
+        id=head.id or 0,
+        sender=End(head.sender),
+        fields=fields,
+        every=head.every,
+        reply=head.reply,
+        description=head.description,
+    )
+    return Entry(name, place, node, message, complete)
+
+
+def _read_fields(node: Node | None, order: ByteOrder, problems: Problems) -> tuple[tuple[Field, ...], bool]:
+    if node is None:
+        return (), True
+    if not isinstance(node, Mapping):
+        return (), False
+    fields: list[Field] = []
+    for index, (name, entry) in enumerate(node.entries.items()):
+        syntax = readable(FieldSyntax, entry.value) if not names.fault(name) else None
+        if syntax is None or not isinstance(entry.value, Mapping):
+            continue
+        if syntax.max is not None and syntax.size is None and index != len(node.entries) - 1:
+            problems.add(
+                entry.value.key_place("max"),
+                "a field with `max` reaches to the payload's end, so it must be the last; move it, "
+                "or write `size`",
+            )
+        field = read_field(name, syntax, entry.value, order, problems)
+        if field is not None:
+            fields.append(field)
+    return tuple(fields), len(fields) == len(node.entries)
+
+
+def _check_type_names(messages: Messages, problems: Problems) -> None:
+    by_type: dict[str, Entry] = {}
+    for entry in messages.values():
+        if names.fault(entry.name):
+            continue
+        other = by_type.setdefault(names.type_name(entry.name), entry)
+        if other is not entry:
+            problems.add(
+                entry.place,
+                f"`{entry.name}` and `{other.name}` both become `{names.type_name(entry.name)}` in "
+                "C++; rename one",
+            )
+
+
+def _check_replies(messages: Messages, problems: Problems) -> None:
+    for entry in messages.values():
+        message = entry.message
+        if message is None or message.reply is None:
+            continue
+        place = entry.node.value_place("reply")
+        if message.reply not in messages:
+            problems.add(
+                place, f"there is no message `{message.reply}`; {suggestion(message.reply, messages)}"
+            )
+            continue
+        reply = messages[message.reply].message
+        if reply is None:
+            continue
+        for asking in (End.HOST, End.MCU):
+            answering = receiver_of(asking)
+            if message.sent_by(asking) and not reply.sent_by(answering):
+                problems.add(
+                    place,
+                    f"the {asking} sends `{message.name}`, so its reply must come from the {answering}, "
+                    f"and `{reply.name}` does not; change its `sender`",
+                )
+
+
+def check_ids(messages: Messages, id_bytes: int, problems: Problems) -> None:
+    """``id_bytes``: size of the frame's id part; 0 where it has none."""
+    taken: dict[tuple[End, int], Entry] = {}
+    for entry in messages.values():
+        message = entry.message
+        if message is None:
+            continue
+        has_id = "id" in entry.node.entries
+        if id_bytes and not has_id:
+            problems.add(entry.place, f"`{entry.name}` needs an id, for the frame has one; add `id: 0x01`")
+            continue
+        if not id_bytes and has_id:
+            problems.add(
+                entry.node.key_place("id"),
+                "the frame has no `id` part; remove this id, or add `- id: u8` there",
+            )
+            continue
+        limit = 2 ** (8 * id_bytes) - 1
+        if id_bytes and message.id > limit:
+            problems.add(
+                entry.node.value_place("id"),
+                f"id {message.id} does not fit the frame's id part, whose greatest is {limit}; take "
+                "a smaller one",
+            )
+        for end in (End.HOST, End.MCU):
+            if not message.sent_by(end):
+                continue
+            other = taken.setdefault((end, message.id), entry)
+            if other is entry:
+                continue
+            where = f"line {other.place.line}"
+            if id_bytes:
+                problems.add(
+                    entry.node.value_place("id"),
+                    f"the {end} sends `{other.name}` ({where}) under id 0x{message.id:02X} already; "
+                    "take another id",
+                )
+            else:
+                problems.add(
+                    entry.place,
+                    f"without an `id` part the frame can carry one message from the {end}, which is "
+                    f"`{other.name}` ({where}); add `- id: u8` to the frame",
+                )
+            break

@@ -1,0 +1,263 @@
+"""What a protocol file means, after loading: plain immutable values, all units SI, all defaults filled in.
+
+Nothing here reads a file, and nothing here knows how a frame is found or laid out in memory (see ``plan``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from fractions import Fraction
+
+
+class End(StrEnum):
+    """One of the two computers; the sender of a message is one, or both."""
+
+    HOST = "host"
+    MCU = "mcu"
+    BOTH = "both"
+
+
+class ByteOrder(StrEnum):
+    LITTLE = "little"
+    BIG = "big"
+
+
+class FieldKind(StrEnum):
+    UNSIGNED = "unsigned"
+    SIGNED = "signed"
+    FLOAT = "float"
+    BOOL = "bool"
+    TEXT = "text"  # UTF-8, to the payload's end or of fixed size
+    BYTES = "bytes"
+
+
+class OnRange(StrEnum):
+    """What the handler's side does with a received value outside its range."""
+
+    REJECT = "reject"
+    CLAMP = "clamp"
+
+
+class Recover(StrEnum):
+    NEXT_MESSAGE = "next_message"
+    EXPLICIT = "explicit"
+
+
+@dataclass(frozen=True)
+class Field:
+    """One value of a message.
+
+    ``value = wire * scale + offset`` for numbers. ``size`` is the wire size of one element in bytes; a text or byte
+    string without a fixed size has ``size == 0`` and reaches to the payload's end, ``max_size`` bytes at most.
+    """
+
+    name: str
+    kind: FieldKind
+    size: int
+    order: ByteOrder = ByteOrder.LITTLE
+    count: int | None = None  # elements of a fixed array; None: a single value
+    max_size: int = 0
+    scale: Fraction = Fraction(1)
+    offset: Fraction = Fraction(0)
+    unit: str = ""
+    minimum: float | None = None  # SI
+    maximum: float | None = None  # SI
+    on_range: OnRange = OnRange.REJECT
+    default: float | int | bool | str | None = None
+    enum: tuple[tuple[str, int], ...] = ()
+    flags: tuple[tuple[str, int], ...] = ()  # name, bit number
+    description: str = ""
+
+    @property
+    def is_scaled(self) -> bool:
+        return self.scale != 1 or self.offset != 0
+
+    @property
+    def is_variable(self) -> bool:
+        return self.kind in (FieldKind.TEXT, FieldKind.BYTES) and self.size == 0
+
+    @property
+    def min_wire_bytes(self) -> int:
+        return self.size * (self.count or 1)
+
+    @property
+    def max_wire_bytes(self) -> int:
+        return self.max_size if self.is_variable else self.min_wire_bytes
+
+
+@dataclass(frozen=True)
+class Message:
+    name: str
+    id: int
+    sender: End
+    fields: tuple[Field, ...] = ()
+    every: float | None = None  # seconds
+    reply: str | None = None
+    description: str = ""
+
+    @property
+    def min_payload(self) -> int:
+        return sum(f.min_wire_bytes for f in self.fields)
+
+    @property
+    def max_payload(self) -> int:
+        return sum(f.max_wire_bytes for f in self.fields)
+
+    def sent_by(self, end: End | None) -> bool:
+        return end is None or end == End.BOTH or self.sender in (end, End.BOTH)
+
+
+class PartKind(StrEnum):
+    MAGIC = "magic"
+    CONSTANT = "constant"
+    TAIL = "tail"
+    LENGTH = "length"
+    ID = "id"
+    RESERVED = "reserved"
+    PAYLOAD = "payload"
+    CHECK = "check"
+
+
+class PayloadRule(StrEnum):
+    BY_LENGTH = "by_length"
+    FIXED = "fixed"
+    BY_ID = "by_id"
+    REST = "rest"
+
+
+class LengthCounts(StrEnum):
+    """What a length number counts; ``offset`` of the part comes on top."""
+
+    PAYLOAD = "payload"
+    REST = "rest"  # all that follows the length
+    SELF_AND_REST = "self_and_rest"
+    FRAME = "frame"
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """A check algorithm by its parameters. CRC parameters as in the reveng catalogue (Rocksoft model)."""
+
+    name: str
+    kind: str  # crc, sum, xor
+    width: int  # bits
+    poly: int = 0
+    init: int = 0
+    refin: bool = False
+    refout: bool = False
+    xorout: int = 0
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of a frame, in wire order. ``size`` in bytes is 0 only for the payload."""
+
+    kind: PartKind
+    name: str
+    size: int
+    order: ByteOrder = ByteOrder.LITTLE
+    value: bytes = b""  # magic, constant, tail
+    counts: LengthCounts = LengthCounts.PAYLOAD
+    length_offset: int = 0
+    payload: PayloadRule = PayloadRule.BY_LENGTH
+    fixed_payload: int = 0
+    algorithm: Algorithm | None = None
+    first: int = 0  # check: index of the first part that it covers
+    last: int = 0  # check: index of the last one, inclusive
+    shift: int = 0  # check: value on the wire = check >> shift
+
+
+@dataclass(frozen=True)
+class Frame:
+    """``delimiter`` is None for frames that are found by their magic and size."""
+
+    parts: tuple[Part, ...]
+    max_payload: int
+    deliver_unknown: bool
+    delimiter: int | None = None
+    stuffing: str = "none"  # none, cobs
+
+    def part(self, kind: PartKind) -> Part | None:
+        return next((p for p in self.parts if p.kind == kind), None)
+
+
+@dataclass(frozen=True)
+class LinkSettings:
+    baud: int = 115200
+    data_bits: int = 8
+    parity: str = "none"
+    stop_bits: float = 1
+
+    @property
+    def bits_per_byte(self) -> float:
+        """Start bit, data, parity and stop bits."""
+        return 1 + self.data_bits + (self.parity != "none") + self.stop_bits
+
+
+@dataclass(frozen=True)
+class Deadline:
+    message: str
+    at: End
+    after: float  # seconds
+    then: str
+    recover: Recover
+
+
+@dataclass(frozen=True)
+class EmergencyStop:
+    message: str
+    values: tuple[tuple[str, float | int | bool | str], ...]
+
+
+@dataclass(frozen=True)
+class Service:
+    """An optional built-in message mapped to messages of this protocol, by role (``request``, ``reply``, …)."""
+
+    name: str
+    messages: tuple[tuple[str, str], ...]
+
+    def message(self, role: str) -> str | None:
+        return dict(self.messages).get(role)
+
+
+@dataclass(frozen=True)
+class Protocol:
+    name: str
+    frame: Frame
+    messages: tuple[Message, ...]
+    link: LinkSettings = LinkSettings()
+    deadlines: tuple[Deadline, ...] = ()
+    emergency_stop: EmergencyStop | None = None
+    services: tuple[Service, ...] = ()
+    idle: float | None = None  # seconds; None: the default rule
+    description: str = ""
+    path: str = field(default="", compare=False)
+
+    def message(self, name: str) -> Message:
+        """The message of this name; KeyError if there is none."""
+        for message in self.messages:
+            if message.name == name:
+                return message
+        raise KeyError(name)
+
+    def service(self, name: str) -> Service | None:
+        return next((s for s in self.services if s.name == name), None)
+
+    def max_wire_bytes(self, payload: int | None = None) -> int:
+        """Wire bytes of the largest frame, or of one with ``payload`` bytes, delimiters and worst stuffing included."""
+        rule = self.frame.part(PartKind.PAYLOAD)
+        if rule is not None and rule.payload == PayloadRule.FIXED:
+            payload = rule.fixed_payload
+        size = sum(p.size for p in self.frame.parts) + (self.frame.max_payload if payload is None else payload)
+        if self.frame.stuffing == "cobs":
+            size += 1 + size // 254
+        return size + (2 if self.frame.delimiter is not None else 0)
+
+    @property
+    def idle_seconds(self) -> float:
+        """Silence after which an incomplete candidate is given up: the file's, or the longer of 20 ms and two frames."""
+        if self.idle is not None:
+            return self.idle
+        frame_time = self.max_wire_bytes() * self.link.bits_per_byte / self.link.baud
+        return max(0.020, 2 * frame_time)

@@ -1,0 +1,74 @@
+"""Collecting problems of one protocol file, and the turns of phrase that their sentences share."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NoReturn
+
+from wirebond.errors import Problem, ProtocolFileError
+
+_QUOTED_LENGTH = 40
+
+
+@dataclass(frozen=True, order=True)
+class Place:
+    """A place in a text; both count from 1. ``WHOLE_FILE`` stands for no place in particular."""
+
+    line: int
+    column: int
+
+
+WHOLE_FILE = Place(0, 0)
+
+
+class Problems:
+    """The problems found so far, so that a file's author sees all of them at once."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._found: list[Problem] = []
+
+    def add(self, place: Place, message: str) -> None:
+        self._found.append(Problem(self.path, place.line, place.column, message))
+
+    def stop(self, place: Place, message: str) -> NoReturn:
+        """Report a problem that leaves nothing to look at, with those found before it."""
+        self.add(place, message)
+        raise ProtocolFileError(self._found)
+
+    def raise_if_any(self) -> None:
+        if self._found:
+            raise ProtocolFileError(self._found)
+
+
+def quoted(text: str) -> str:
+    """The file's own words, shortened, without line breaks or control characters."""
+    shown = "".join(c if c.isprintable() else " " for c in text)
+    return f"`{shown}`" if len(shown) <= _QUOTED_LENGTH else f"`{shown[: _QUOTED_LENGTH - 1]}…`"
+
+
+def either(words: Iterable[str]) -> str:
+    """``a``, ``a or b``, ``a, b or c``."""
+    names = list(words)
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """The allowed word most like ``name``, or an empty text if none is like it."""
+    found = difflib.get_close_matches(name[:_QUOTED_LENGTH].lower(), list(allowed), n=1, cutoff=0.6)
+    return found[0] if found else ""
+
+
+def suggestion(name: str, allowed: Iterable[str]) -> str:
+    """What to write instead of ``name``: the nearest word, and all of them where they are few."""
+    words = list(allowed)
+    near = nearest(name, words)
+    hint = f"did you mean `{near}`?" if near else ""
+    if not words:
+        return "there is none"
+    if len(words) <= 16:
+        listing = f"{'possible' if len(words) > 1 else 'the only one'}: {', '.join(words)}"
+        return f"{hint} ({listing})" if hint else listing
+    return hint or f"there are {len(words)}, such as {', '.join(words[:6])}"

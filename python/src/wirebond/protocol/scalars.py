@@ -1,0 +1,372 @@
+"""The kinds of single values in a protocol file: how each is written, what it becomes, and what a wrong one is told.
+
+Each is an annotated type for the models of ``grammar``. Input is what ``document.plain`` gives.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PlainValidator
+from pydantic_core import PydanticCustomError
+
+from wirebond.protocol import algorithms, names
+from wirebond.protocol.document import Number
+from wirebond.protocol.model import ByteOrder, FieldKind
+from wirebond.protocol.problems import either, quoted, suggestion
+
+MAX_SECONDS = 2147  # the MCU counts microseconds modulo 2^32 and compares within half of that
+MIN_SECONDS = 1e-6
+MAX_ID = 0xFFFFFFFF
+
+
+def wrong(sentence: str, kind: Literal["wrong_value", "wrong_key"] = "wrong_value") -> PydanticCustomError:
+    """The error to raise for a value (or key); ``grammar`` gives it its place in the file."""
+    return PydanticCustomError(kind, "{sentence}", {"sentence": sentence})
+
+
+def describe(value: object) -> str:
+    """A value in the words of a file's author."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "`true`" if value else "`false`"
+    if isinstance(value, Number):
+        return quoted(value.text)
+    if isinstance(value, str):
+        return quoted(value) if value else "an empty text"
+    return "a list" if isinstance(value, list) else "a mapping"
+
+
+# ---- words and names -----------------------------------------------------------------------------
+
+
+def word(*allowed: str) -> Callable[[object], str]:
+    def check(value: object) -> str:
+        if isinstance(value, str) and value in allowed:
+            return value
+        if isinstance(value, str):
+            raise wrong(f"{describe(value)} is not possible here; {suggestion(value, allowed)}")
+        raise wrong(f"{describe(value)} is not possible here; write {either(allowed)}")
+
+    return check
+
+
+def one_word(*allowed: str) -> Any:
+    """The annotation of a value that is one of a few words."""
+    return PlainValidator(word(*allowed), json_schema_input_type=Literal[allowed])
+
+
+def _name(fault: Callable[[str], str]) -> Callable[[object], str]:
+    def check(value: object) -> str:
+        if not isinstance(value, str):
+            raise wrong(f"{describe(value)} is not a name; write a word, such as `wheel_speed`")
+        found = fault(value)
+        if found:
+            raise wrong(f"{describe(value)} {found}")
+        return value
+
+    return check
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise wrong(f"{describe(value)} is not text here; put it in quotes")
+    return value
+
+
+NameText = Annotated[str, Field(pattern=names.PATTERN, max_length=names.MAX_LENGTH)]
+Name = Annotated[str, PlainValidator(_name(names.fault), json_schema_input_type=NameText)]
+ProtocolName = Annotated[str, PlainValidator(_name(names.protocol_fault), json_schema_input_type=NameText)]
+Text = Annotated[str, PlainValidator(_text, json_schema_input_type=str)]
+
+
+# ---- numbers -------------------------------------------------------------------------------------
+
+
+def whole(minimum: int, maximum: int) -> Callable[[object], int]:
+    def check(value: object) -> int:
+        if isinstance(value, Number) and isinstance(value.value, int):
+            if minimum <= value.value <= maximum:
+                return value.value
+            raise wrong(
+                f"{describe(value)} is out of range; write a whole number from {minimum} to {maximum}"
+            )
+        raise wrong(f"{describe(value)} is not a whole number; write one from {minimum} to {maximum}")
+
+    return check
+
+
+def _integer(minimum: int, maximum: int) -> Any:
+    schema = Annotated[int, Field(ge=minimum, le=maximum)]
+    return PlainValidator(whole(minimum, maximum), json_schema_input_type=schema)
+
+
+def one_of_numbers(*allowed: float) -> Callable[[object], float]:
+    def check(value: object) -> float:
+        if isinstance(value, Number) and value.value in allowed:
+            return float(value.value)
+        raise wrong(f"{describe(value)} is not possible here; write {either(f'{n:g}' for n in allowed)}")
+
+    return check
+
+
+def _exact(value: object) -> Fraction:
+    if not isinstance(value, Number):
+        raise wrong(f"{describe(value)} is not a number; write a decimal, such as 0.001")
+    if not math.isfinite(value.value):
+        raise wrong(f"{describe(value)} is not a finite number; write a decimal, such as 0.001")
+    if abs(value.value) > 1e300 or (
+        value.value == 0 and any(c in "123456789" for c in re.split("[eE]", value.text)[0])
+    ):
+        raise wrong(f"{describe(value)} is out of the range of a double; write a number from 1e-300 to 1e300")
+    return value.exact()
+
+
+def _own_value(value: object) -> Fraction | bool | str:
+    if isinstance(value, (bool, str)):
+        return value
+    if isinstance(value, Number):
+        return _exact(value)
+    raise wrong(f"{describe(value)} is not possible here; write a number, true, false, a name or a text")
+
+
+def _bool(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise wrong(f"{describe(value)} is neither true nor false; write true or false")
+    return value
+
+
+Exact = Annotated[Fraction, PlainValidator(_exact, json_schema_input_type=float)]
+OwnValue = Annotated[
+    Fraction | bool | str, PlainValidator(_own_value, json_schema_input_type=float | bool | str)
+]
+
+Bool = Annotated[bool, PlainValidator(_bool, json_schema_input_type=bool)]
+
+Id = Annotated[int, _integer(0, MAX_ID)]
+Byte = Annotated[int, _integer(0, 255)]
+PayloadBytes = Annotated[int, _integer(0, 0xFFFF)]
+Count = Annotated[int, _integer(1, 0xFFFF)]
+ReservedBytes = Annotated[int, _integer(1, 255)]
+BitNumber = Annotated[int, _integer(0, 63)]
+WireInteger = Annotated[int, _integer(-(2**63), 2**64 - 1)]
+LengthOffset = Annotated[int, _integer(-0xFFFF, 0xFFFF)]
+Register = Annotated[int, _integer(0, 2**64 - 1)]
+Baud = Annotated[int, _integer(50, 100_000_000)]
+StopBits = Annotated[
+    float, PlainValidator(one_of_numbers(1, 1.5, 2), json_schema_input_type=Literal[1, 1.5, 2])
+]
+
+
+# ---- bytes ---------------------------------------------------------------------------------------
+
+_BYTE = re.compile(r"0x[0-9a-fA-F]{1,2}")
+
+
+def _hex_bytes(most: int) -> Callable[[object], bytes]:
+    advice = "bytes are written 0x.., such as 0xAA" + (" 0x55" if most > 1 else "")
+
+    def check(value: object) -> bytes:
+        if not isinstance(value, (str, Number)):
+            raise wrong(f"{describe(value)} is not a byte; {advice}")
+        text = value if isinstance(value, str) else value.text
+        tokens = text.split()
+        if not tokens or not all(_BYTE.fullmatch(token) for token in tokens):
+            if len(tokens) == 1 and re.fullmatch(r"0x([0-9a-fA-F]{2}){2,}", text):
+                pairs = " ".join("0x" + text[i : i + 2] for i in range(2, min(len(text), 10), 2))
+                raise wrong(f"{quoted(text)} runs bytes together; write one 0x.. for each byte: {pairs}")
+            raise wrong(f"{describe(value)} may mean two things (decimal or hexadecimal); {advice}")
+        if len(tokens) > most:
+            raise wrong(f"{len(tokens)} bytes are too many here; at most {most}")
+        return bytes(int(token, 16) for token in tokens)
+
+    return check
+
+
+def _bytes_type(most: int) -> Any:
+    one = "0x[0-9a-fA-F]{1,2}"
+    pattern = f"^{one}$" if most == 1 else f"^{one}( +{one}){{0,{most - 1}}}$"
+    # Editors read a single 0xAA as the integer 170.
+    schema = Annotated[int, Field(ge=0, le=255)] | Annotated[str, Field(pattern=pattern)]
+    return PlainValidator(_hex_bytes(most), json_schema_input_type=schema)
+
+
+OneByte = Annotated[bytes, _bytes_type(1)]
+MagicBytes = Annotated[bytes, _bytes_type(4)]
+ConstantBytes = Annotated[bytes, _bytes_type(16)]
+
+
+# ---- time ----------------------------------------------------------------------------------------
+
+_UNITS = {"us": Fraction(1, 1_000_000), "ms": Fraction(1, 1000), "s": Fraction(1)}
+_DURATION = re.compile(r"([0-9]{1,12}(?:\.[0-9]{1,12})?) *([a-zA-Zµ]+)")
+_DURATION_PATTERN = r"^[0-9]{1,12}(\.[0-9]{1,12})? *(us|ms|s)$"
+_PERIOD_PATTERN = r"^[0-9]{1,12}(\.[0-9]{1,12})? *(us|ms|s|Hz)$"
+
+
+def _seconds(value: object, *, rates: bool) -> float:
+    advice = "write a number and a unit: `50 ms`, `1.5 s` or `200 us`" + (
+        ", or a rate: `20 Hz`" if rates else ""
+    )
+    if isinstance(value, Number):
+        raise wrong(f"{describe(value)} has no unit; {advice}")
+    match = _DURATION.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        raise wrong(f"{describe(value)} is not a duration; {advice}")
+    number, unit = Fraction(match[1]), match[2]
+    if unit == "Hz" and rates and number > 0:
+        seconds = 1 / number
+    elif unit in _UNITS:
+        seconds = number * _UNITS[unit]
+    elif unit == "Hz" and number > 0:
+        raise wrong(f"{describe(value)} is a rate, and a duration belongs here; {advice}")
+    elif unit == "Hz":
+        raise wrong(f"{describe(value)} means never; leave the key out")
+    else:
+        raise wrong(f"{quoted(unit)} is not a unit of time; {advice}")
+    if not MIN_SECONDS <= seconds <= MAX_SECONDS:
+        raise wrong(f"{describe(value)} is out of range; possible are 1 us to {MAX_SECONDS} s")
+    return float(seconds)
+
+
+Duration = Annotated[
+    float,
+    PlainValidator(
+        lambda value: _seconds(value, rates=False),
+        json_schema_input_type=Annotated[str, Field(pattern=_DURATION_PATTERN)],
+    ),
+]
+Period = Annotated[
+    float,
+    PlainValidator(
+        lambda value: _seconds(value, rates=True),
+        json_schema_input_type=Annotated[str, Field(pattern=_PERIOD_PATTERN)],
+    ),
+]
+
+
+# ---- types of values on the wire -----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class WireType:
+    """``order`` is None where the word names none: then the file's ``byte_order`` holds."""
+
+    word: str
+    kind: FieldKind
+    size: int  # bytes; 0 for text and bytes
+    order: ByteOrder | None = None
+
+
+def _wire_types() -> dict[str, WireType]:
+    table = {}
+    for letter, kind, sizes in (
+        ("u", FieldKind.UNSIGNED, (1, 2, 3, 4, 8)),
+        ("i", FieldKind.SIGNED, (1, 2, 3, 4, 8)),
+        ("f", FieldKind.FLOAT, (4, 8)),
+    ):
+        for size in sizes:
+            base = f"{letter}{8 * size}"
+            table[base] = WireType(base, kind, size)
+            if size > 1:
+                table[base + "le"] = WireType(base + "le", kind, size, ByteOrder.LITTLE)
+                table[base + "be"] = WireType(base + "be", kind, size, ByteOrder.BIG)
+    table["bool"] = WireType("bool", FieldKind.BOOL, 1)
+    table["text"] = WireType("text", FieldKind.TEXT, 0)
+    table["bytes"] = WireType("bytes", FieldKind.BYTES, 0)
+    return table
+
+
+WIRE_TYPES: dict[str, WireType] = _wire_types()
+_PART_TYPES = {word: t for word, t in WIRE_TYPES.items() if t.kind == FieldKind.UNSIGNED and t.size <= 4}
+# Other languages' words for the same things, so that the advice is right at once.
+_FOREIGN = {
+    **{
+        f"{p}int{8 * n}{s}": f"{p or 'i'}{8 * n}"
+        for p in ("u", "")
+        for n in (1, 2, 3, 4, 8)
+        for s in ("", "_t")
+    },
+    "float": "f32",
+    "float32": "f32",
+    "double": "f64",
+    "float64": "f64",
+    "byte": "u8",
+    "char": "u8",
+    "int": "i32",
+    "uint": "u32",
+    "boolean": "bool",
+    "string": "text",
+    "str": "text",
+}
+
+
+def _wire_type(table: dict[str, WireType]) -> Callable[[object], WireType]:
+    plain_words = [word for word in table if not word.endswith(("le", "be"))]
+
+    def check(value: object) -> WireType:
+        listing = f"possible: {', '.join(plain_words)}; `le` or `be` behind sets the byte order"
+        if not isinstance(value, str):
+            raise wrong(f"{describe(value)} is not a type; {listing}")
+        if value in table:
+            return table[value]
+        if value[:-2] in table and value.endswith(("le", "be")):
+            raise wrong(f"{quoted(value)} has no byte order to choose; write `{value[:-2]}`")
+        known = _FOREIGN.get(value.lower())
+        if known in table:
+            raise wrong(f"{quoted(value)} is not a type here; write `{known}`")
+        raise wrong(f"{quoted(value)} is not a type here; {listing}")
+
+    return check
+
+
+def _wire_type_of(table: dict[str, WireType]) -> Any:
+    schema = Literal[tuple(table)]
+    return PlainValidator(_wire_type(table), json_schema_input_type=schema)
+
+
+FieldType = Annotated[WireType, _wire_type_of(WIRE_TYPES)]
+PartType = Annotated[WireType, _wire_type_of(_PART_TYPES)]
+
+
+# ---- checks --------------------------------------------------------------------------------------
+
+OWN_CRC = "crc"
+
+
+def _check_name(value: object) -> str:
+    if isinstance(value, str) and (value == OWN_CRC or algorithms.find(value) is not None):
+        return value
+    if isinstance(value, str):
+        raise wrong(f"{quoted(value)} is not a check that is known; {algorithms.advice_for_unknown(value)}")
+    raise wrong(f"{describe(value)} is not a check; write its name, such as crc-16/mcrf4xx, xor8 or sum16")
+
+
+def _part_range(value: object) -> tuple[str, str]:
+    ends = value.split("..") if isinstance(value, str) else []
+    if len(ends) not in (1, 2) or any(names.fault(end) and not end.isalpha() for end in ends):
+        raise wrong(
+            f"{describe(value)} is not a range of parts; write `id..payload`, first and last part, "
+            "or one part"
+        )
+    return ends[0], ends[-1]
+
+
+_CHECK_NAMES = (OWN_CRC, *algorithms.ALGORITHMS, *algorithms.ALIASES)
+CheckName = Annotated[
+    str,
+    PlainValidator(_check_name, json_schema_input_type=Literal[_CHECK_NAMES]),
+]
+PartRange = Annotated[
+    tuple[str, str],
+    PlainValidator(
+        _part_range,
+        json_schema_input_type=Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*(\.\.[a-z][a-z0-9_]*)?$")],
+    ),
+]
