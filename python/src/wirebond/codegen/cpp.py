@@ -1,0 +1,331 @@
+"""C++17 for one protocol: a folder that a firmware project adds as it is. Which bytes a frame has is the plan's business."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+
+from wirebond.codegen import names
+from wirebond.codegen.cpp_field import FieldCode, comment_text, field_code, hex_literal
+from wirebond.codegen.cpp_number import real
+from wirebond.paths import core_include
+from wirebond.protocol.hash import protocol_hash
+from wirebond.protocol.model import Algorithm, End, Field, Message, PartKind, PayloadRule, Protocol
+from wirebond.protocol.plan import Number, Plan, Position, plan_for
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def generate_cpp(protocol: Protocol, out: Path) -> list[Path]:
+    """Write ``<protocol>.hpp``, the core headers and a ``CMakeLists.txt`` into ``out``; return their paths, sorted.
+
+    The folder needs nothing else. The same protocol always gives the same bytes, and a file that already holds them
+    is not touched, so that a build after it has nothing to do. ``OSError`` when a file cannot be written.
+    """
+    files = {out / f"{protocol.name}.hpp": cpp_header(protocol), out / "CMakeLists.txt": _cmake(protocol)}
+    core = core_include()
+    for header in core.rglob("*.hpp"):
+        files[out / header.relative_to(core)] = header.read_text(encoding="utf-8")
+    for path, text in files.items():
+        _write_if_changed(path, text)
+    return sorted(files)
+
+
+def cpp_header(protocol: Protocol) -> str:
+    """The text of ``<protocol>.hpp``."""
+    plans = {end: plan_for(protocol, end) for end in (End.HOST, End.MCU)}
+    return _render(
+        "cpp.hpp.j2",
+        file=comment_text(Path(protocol.path).name or protocol.name),
+        description=comment_text(protocol.description),
+        protocol=protocol,
+        namespace=names.namespace(protocol.name),
+        hash=f"0x{protocol_hash(protocol):016X}U",
+        stop_bits=real(protocol.link.stop_bits, "float"),
+        idle_us=round(protocol.idle_seconds * 1e6),
+        messages=_message_views(protocol),
+        format=_format_lines(plans[End.HOST]),
+        updates=[_update(a) for a in plans[End.HOST].algorithms],
+        sources=[_source_view(protocol, end, plans[end]) for end in (End.HOST, End.MCU)],
+        actions=list(dict.fromkeys(d.then for d in protocol.deadlines)),
+        ends=[_deadline_view(protocol, end) for end in (End.HOST, End.MCU)],
+        stop=_emergency_stop(protocol),
+        services=_services(protocol),
+    )
+
+
+def _cmake(protocol: Protocol) -> str:
+    return _render("CMakeLists.txt.j2", protocol=protocol)
+
+
+def _render(template: str, **values: object) -> str:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(template).render(**values)
+
+
+def _write_if_changed(path: Path, text: str) -> None:
+    content = text.encode("utf-8")
+    if path.is_file() and path.read_bytes() == content:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+
+
+# ---- messages ---------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MessageView:
+    struct: str
+    name: str
+    index: int
+    id: str
+    sender: str
+    source: str
+    comment: str
+    min_payload: int
+    max_payload: int
+    max_frame: int
+    every_us: int
+    payload_bytes: str
+    fields: tuple[FieldCode, ...]
+
+    def lines(self, part: str) -> list[str]:
+        """All fields' lines of one kind: ``write``, ``read``, ``judge`` or ``clamp``."""
+        return [line for code in self.fields for line in getattr(code, part)]
+
+
+def struct_names(protocol: Protocol) -> dict[str, str]:
+    """The struct of each message, by the message's name."""
+    scope = names.Scope(names.GENERATED_TYPES)
+    return {m.name: scope.claim(names.type_name(m.name), "Message") for m in protocol.messages}
+
+
+def member_names(struct: str, message: Message) -> dict[str, tuple[str, str]]:
+    """Each field's member and its nested type (for enums and flags; else empty), by the field's name."""
+    scope = names.Scope(frozenset({struct, "Info"}))
+    members = {f.name: scope.claim(f.name, "_") for f in message.fields}
+    return {
+        f.name: (members[f.name], scope.claim(names.type_name(f.name), "Value") if f.enum or f.flags else "")
+        for f in message.fields
+    }
+
+
+def _message_views(protocol: Protocol) -> list[MessageView]:
+    structs = struct_names(protocol)
+    payload = protocol.frame.part(PartKind.PAYLOAD)
+    trims_zeros = payload is not None and payload.payload == PayloadRule.FIXED
+    views = []
+    for index, message in enumerate(protocol.messages):
+        struct = structs[message.name]
+        members = member_names(struct, message)
+        codes = []
+        at = 0
+        for spec in message.fields:
+            name, nested = members[spec.name]
+            others = message.min_payload - spec.min_wire_bytes
+            codes.append(field_code(spec, name, nested, struct, at, others, trims_zeros))
+            at += spec.min_wire_bytes
+        sizes = [code.size for code in codes if code.size]
+        views.append(
+            MessageView(
+                struct=struct,
+                name=message.name,
+                index=index,
+                id=_id_literal(protocol, message.id),
+                sender=message.sender.value,
+                # A message of both ends looks the same in either direction: frames do not depend on the sender.
+                source="FromMcu" if message.sender == End.MCU else "FromHost",
+                comment=_message_comment(message),
+                min_payload=message.min_payload,
+                max_payload=message.max_payload,
+                max_frame=protocol.max_wire_bytes(message.max_payload),
+                every_us=round((message.every or 0) * 1e6),
+                payload_bytes=" + ".join([str(message.min_payload), *sizes]),
+                fields=tuple(codes),
+            )
+        )
+    return views
+
+
+def _message_comment(message: Message) -> str:
+    way = {End.HOST: "Host to MCU", End.MCU: "MCU to host", End.BOTH: "Either way"}[message.sender]
+    facts = [way]
+    if message.every:
+        facts.append(f"every {message.every * 1000:g} ms")
+    if message.reply:
+        facts.append(f"answered by {message.reply}")
+    text = comment_text(message.description)
+    return f"{text}{'' if text.endswith('.') or not text else '.'} {', '.join(facts)}.".strip()
+
+
+def _id_literal(protocol: Protocol, value: int) -> str:
+    part = protocol.frame.part(PartKind.ID)
+    return hex_literal(value, part.size if part else 1)
+
+
+# ---- the frame format -------------------------------------------------------------------------------------------
+
+
+def _format_lines(plan: Plan) -> list[str]:
+    """Assignments that fill a ``wirebond::FrameFormat`` named ``format``."""
+    lines = [
+        f"format.framing = wirebond::Framing::{'by_start' if plan.delimiter is None else 'delimited'};",
+        f"format.stuffing = wirebond::Stuffing::{plan.stuffing};",
+    ]
+    if plan.delimiter is not None:
+        lines.append(f"format.delimiter = 0x{plan.delimiter:02X};")
+    lines += [
+        f"format.layout_count = {len(plan.layouts)};",
+        f"format.algorithm_count = {len(plan.algorithms)};",
+        f"format.deliver_unknown = {'true' if plan.deliver_unknown else 'false'};",
+        f"format.max_payload = {plan.max_payload};",
+    ]
+    for number, algorithm in enumerate(plan.algorithms):
+        lines.append(f"format.algorithms[{number}] = {_algorithm(algorithm)};  // {comment_text(algorithm.name)}")
+    for number, layout in enumerate(plan.layouts):
+        to = f"format.layouts[{number}]"
+        counts = {
+            "prefix": layout.prefix,
+            "suffix": layout.suffix,
+            "prefix_constants": layout.prefix_constants,
+            "constant_count": len(layout.constants),
+            "header_checks": layout.header_checks,
+            "check_count": len(layout.checks),
+            "length_bias": layout.length_bias,
+            "fixed_payload": layout.fixed_payload,
+        }
+        lines.append(f"{to}.payload_size = wirebond::PayloadSize::{layout.payload.value};")
+        lines += [f"{to}.{name} = {value};" for name, value in counts.items() if value]
+        if layout.length_unit != 1:
+            lines.append(f"{to}.length_unit = {layout.length_unit};")
+        lines += [f"{to}.{n} = {_number(v)};" for n, v in (("length", layout.length), ("id", layout.id)) if v]
+        lines += [
+            f"{to}.constants[{i}] = {{{_position(c.at)}, 0x{c.mask:02X}, 0x{c.value:02X}}};"
+            for i, c in enumerate(layout.constants)
+        ]
+        for i, c in enumerate(layout.checks):
+            places = ", ".join(_position(p) for p in (c.start, c.stop, c.at))
+            order = f"wirebond::ByteOrder::{c.order.value}"
+            lines.append(
+                f"{to}.checks[{i}] = {{{c.algorithm}, {places}, {c.bytes}, {order}, {c.shift}, {c.continues}}};"
+            )
+    return lines
+
+
+def _position(position: Position) -> str:
+    return f"{{{position.offset}, {'true' if position.from_end else 'false'}}}"
+
+
+def _number(number: Number) -> str:
+    order = f"wirebond::ByteOrder::{number.order.value}"
+    return f"{{{_position(number.at)}, {number.bytes}, {order}, {number.shift}, 0x{number.mask:X}U}}"
+
+
+def _check_kind(algorithm: Algorithm) -> str:
+    return "wirebond::CheckKind::" + {"crc": "crc", "sum": "sum", "xor": "exclusive_or"}[algorithm.kind]
+
+
+def _algorithm(algorithm: Algorithm) -> str:
+    flags = ", ".join("true" if flag else "false" for flag in (algorithm.refin, algorithm.refout))
+    numbers = ", ".join(f"0x{n:X}U" for n in (algorithm.poly, algorithm.init, algorithm.xorout))
+    return f"{{{_check_kind(algorithm)}, {algorithm.width}, {flags}, {numbers}}}"
+
+
+def _update(algorithm: Algorithm) -> str:
+    """The call that runs an algorithm's register over bytes."""
+    if algorithm.kind == "crc":
+        reflected = "true" if algorithm.refin else "false"
+        return f"wirebond::crc_update<{algorithm.width}, 0x{algorithm.poly:X}U, {reflected}>(reg, bytes, size)"
+    return f"wirebond::sum_update({_check_kind(algorithm)}, {algorithm.width}, reg, bytes, size)"
+
+
+@dataclass(frozen=True)
+class SourceView:
+    struct: str
+    sender: str
+    receiver: str
+    shapes: tuple[tuple[str, str], ...]  # id, shape
+    structs: tuple[str, ...]
+
+
+def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
+    structs = struct_names(protocol)
+    return SourceView(
+        struct="FromHost" if end == End.HOST else "FromMcu",
+        sender="host" if end == End.HOST else "MCU",
+        receiver="MCU" if end == End.HOST else "host",
+        shapes=tuple(
+            (_id_literal(protocol, row.id), f"{{{row.index}, {row.min_payload}, {row.max_payload}}}")
+            for row in plan.messages
+        ),
+        structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
+    )
+
+
+# ---- deadlines, emergency stop, services ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DeadlineView:
+    end: str
+    title: str
+    rules: tuple[str, ...]
+    actions: tuple[str, ...]
+
+
+def _deadline_view(protocol: Protocol, end: End) -> DeadlineView:
+    structs = struct_names(protocol)
+    here = [d for d in protocol.deadlines if d.at in (end, End.BOTH)]
+    rules = [
+        f"{{{structs[d.message]}::Info::index, {round(d.after * 1e6)}, "
+        f"static_cast<std::uint8_t>(Action::{d.then}), "
+        f"wirebond::Recover::{'explicit_call' if d.recover.value == 'explicit' else 'next_message'}}}"
+        for d in here
+    ]
+    actions = dict.fromkeys(d.then for d in here)
+    return DeadlineView(end.value, "MCU" if end == End.MCU else "host", tuple(rules), tuple(actions))
+
+
+@dataclass(frozen=True)
+class StopView:
+    struct: str
+    assignments: tuple[str, ...]
+
+
+def _emergency_stop(protocol: Protocol) -> StopView | None:
+    stop = protocol.emergency_stop
+    if stop is None:
+        return None
+    message = protocol.message(stop.message)
+    struct = struct_names(protocol)[message.name]
+    members = member_names(struct, message)
+    by_name = {f.name: f for f in message.fields}
+    lines = [
+        f"message.{members[name][0]} = {_value(by_name[name], value, struct, members[name][1])};"
+        for name, value in stop.values
+    ]
+    return StopView(struct, tuple(lines))
+
+
+def _value(spec: Field, value: float | int | bool | str, struct: str, nested: str) -> str:
+    """A value of the file as the initialiser of the field's member."""
+    fixed = Field(**{**vars(spec), "default": value, "count": None})
+    initial = field_code(fixed, "x", nested, struct, 0, 0, False).member.split(" = ", 1)[1]
+    return f"{struct}::{initial}" if spec.enum else initial
+
+
+def _services(protocol: Protocol) -> list[tuple[str, list[tuple[str, str]]]]:
+    structs = struct_names(protocol)
+    return [
+        (names.type_name(service.name), [(names.type_name(role), structs[m]) for role, m in service.messages])
+        for service in protocol.services
+    ]

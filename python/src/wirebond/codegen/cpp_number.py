@@ -1,0 +1,154 @@
+"""C++ literals and the arithmetic between SI values and wire numbers, as text. It knows fields, not messages."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
+
+from wirebond.protocol.model import Field, FieldKind
+
+FLOAT_DIGITS = 24  # bits of a float's mantissa
+DOUBLE_DIGITS = 53
+
+
+def nearest_float(value: float) -> float:
+    """``value`` as a C++ float holds it; infinite where it is too large."""
+    try:
+        result: float = struct.unpack("<f", struct.pack("<f", value))[0]
+    except OverflowError:
+        return math.copysign(math.inf, value)
+    return result
+
+
+def real(value: Fraction | float, type_name: str) -> str:
+    """The shortest literal that reads back as the nearest float or double."""
+    number = float(value)
+    if type_name == "double":
+        text = repr(number)
+    else:
+        wanted = nearest_float(number)
+        shortest = (f"{wanted:.{digits}g}" for digits in range(1, 10))
+        text = repr(float(next(t for t in shortest if nearest_float(float(t)) == wanted)))
+    return text + ("" if type_name == "double" else "F")
+
+
+def integer(value: int) -> str:
+    """An integer literal; what is wider than 32 bits says so."""
+    if value == -(2**63):
+        return "(-9223372036854775807LL - 1)"
+    if value == -(2**31):
+        return "(-2147483647 - 1)"
+    if value >= 2**63 or (value >= 2**31 and value < 2**32):
+        return f"{value}U" if value < 2**32 else f"{value}ULL"
+    return str(value) if -(2**31) < value < 2**31 else f"{value}LL"
+
+
+@dataclass(frozen=True)
+class WireInteger:
+    """The integer type that holds a field's wire value."""
+
+    size: int  # bytes on the wire
+    signed: bool
+
+    @property
+    def type_name(self) -> str:
+        bits = 8 * next(s for s in (1, 2, 4, 8) if s >= self.size)
+        return f"std::{'int' if self.signed else 'uint'}{bits}_t"
+
+    @property
+    def low(self) -> int:
+        return -(2 ** (8 * self.size - 1)) if self.signed else 0
+
+    @property
+    def high(self) -> int:
+        return 2 ** (8 * self.size - self.signed) - 1
+
+    @property
+    def is_whole(self) -> bool:
+        """Do the wire bytes fill the type?"""
+        return self.size in (1, 2, 4, 8)
+
+
+def wire_integer(field: Field) -> WireInteger:
+    return WireInteger(field.size, field.kind == FieldKind.SIGNED)
+
+
+def real_type(field: Field) -> str:
+    """The SI type of a float or a scaled integer: a float where it holds every wire value."""
+    if field.kind == FieldKind.FLOAT:
+        return "float" if field.size == 4 else "double"
+    return "float" if field.size <= 3 else "double"
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """``value = (wire * numerator + shift) / denominator`` in integers, where these are small enough to be exact.
+
+    One division of exact numbers rounds once, so 300 with a scale of 0.001 becomes the very float that 0.3F is.
+    """
+
+    field: Field
+    type_name: str
+
+    @property
+    def _common(self) -> tuple[int, int, int]:
+        scale, offset = self.field.scale, self.field.offset
+        denominator = lcm(scale.denominator, offset.denominator)
+        return int(scale * denominator), int(offset * denominator), denominator
+
+    @property
+    def is_exact(self) -> bool:
+        if self.field.kind == FieldKind.FLOAT:
+            return False
+        numerator, shift, denominator = self._common
+        wire = wire_integer(self.field)
+        limit = 2 ** (FLOAT_DIGITS if self.type_name == "float" else DOUBLE_DIGITS)
+        ends = [abs(wire.low * numerator + shift), abs(wire.high * numerator + shift), denominator]
+        return max(ends) <= limit
+
+    def from_wire(self, wire: str) -> str:
+        """The SI value of the wire number that the expression ``wire`` yields."""
+        if not self.is_exact:
+            text = f"static_cast<{self.type_name}>({wire}) * {real(self.field.scale, self.type_name)}"
+            if self.field.offset:
+                text += f" + {real(self.field.offset, self.type_name)}"
+            return text
+        numerator, shift, denominator = self._common
+        if (numerator, shift) != (1, 0) and self.field.size >= 4:
+            wire = f"static_cast<std::int64_t>({wire})"
+        text = wire
+        if numerator != 1:
+            text += f" * {integer(numerator)}"
+        if shift:
+            text += f" {'+' if shift > 0 else '-'} {integer(abs(shift))}"
+        text = f"static_cast<{self.type_name}>({text})"
+        return text if denominator == 1 else f"{text} / {real(denominator, self.type_name)}"
+
+    def to_wire(self, value: str) -> str:
+        """The wire number, not yet rounded, of the SI value that the expression ``value`` yields."""
+        scale, offset = self.field.scale, self.field.offset
+        if offset:
+            value = f"({value} {'-' if offset > 0 else '+'} {real(abs(offset), self.type_name)})"
+        if scale == 1:
+            return value
+        limit = 2 ** (FLOAT_DIGITS if self.type_name == "float" else DOUBLE_DIGITS)
+        if scale.denominator > limit or abs(scale.numerator) > limit:
+            return f"{value} / {real(scale, self.type_name)}"
+        if scale.denominator != 1:
+            value = f"{value} * {real(scale.denominator, self.type_name)}"
+        return value if scale.numerator == 1 else f"{value} / {real(scale.numerator, self.type_name)}"
+
+    def received_limit(self, bound: float, upper: bool) -> Fraction:
+        """The bound for received values: a bound between two wire values lets the one pass that it is rounded to."""
+        exact = Fraction(str(bound))
+        scale, offset = self.field.scale, self.field.offset
+        wire = (exact - offset) / scale
+        if wire.denominator == 1 and self.is_exact:
+            return exact
+        nearest = Fraction(math.floor(abs(wire) + Fraction(1, 2))) * (1 if wire >= 0 else -1)
+        slack = abs(scale) / 4 * (1 if upper else -1)
+        rounded = nearest * scale + offset + slack
+        return max(exact, rounded) if upper else min(exact, rounded)
