@@ -1,0 +1,80 @@
+# Two commands do everything from a fresh clone: `make demo` and `make test`. Both set up what they need, once.
+.DEFAULT_GOAL := help
+SHELL := bash
+.SHELLFLAGS := -eu -o pipefail -c
+
+VENV   := .venv
+PYTHON := $(abspath $(VENV))/bin/python
+NATIVE := CMakeLists.txt pyproject.toml $(shell find core/include ports/posix python/native -name '*.[ch]pp')
+CPP_SOURCES = $(shell git ls-files '*.cpp' '*.hpp')
+
+# ---- for users
+
+.PHONY: help
+help: ## show this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+.PHONY: setup
+setup: build/setup.stamp ## virtual environment in .venv with the `wirebond` command in it
+
+.PHONY: demo
+demo: build/setup.stamp ## a simulated rover on a tty, driven in the terminal until Ctrl-C (ARGS="--seconds 10" ends by itself)
+	@exec $(VENV)/bin/wirebond demo $(ARGS)
+
+.PHONY: test
+test: build/setup-test.stamp lint ## everything that must hold, in under ten minutes
+	@$(PYTHON) -m pytest -n 2 -m "not long"
+
+.PHONY: prove
+prove: build/setup-test.stamp ## the long forms of the proofs
+	@$(PYTHON) -m pytest -n 2
+
+.PHONY: bench
+bench: build/setup-bench.stamp ## tables of figures, and bench/latest.json (ONLY=name runs one)
+	@$(PYTHON) -m bench $(if $(ONLY),--only $(ONLY),)
+
+.PHONY: lint
+lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
+	@$(VENV)/bin/ruff format --check --quiet python tests bench
+	@$(VENV)/bin/ruff check --quiet python tests bench
+	@clang-format-14 --dry-run --Werror $(CPP_SOURCES)
+	@$(VENV)/bin/mypy
+	@$(PYTHON) tests/architecture/dependency_rules.py
+	@echo "lint: format, linters, types and dependency rules hold"
+
+.PHONY: format
+format: build/setup-test.stamp ## write the format that lint checks
+	@$(VENV)/bin/ruff format --quiet python tests bench
+	@$(VENV)/bin/ruff check --quiet --fix python tests bench
+	@clang-format-14 -i $(CPP_SOURCES)
+
+.PHONY: clean
+clean: ## remove everything that was built
+	@rm -rf build $(VENV) .mypy_cache .ruff_cache .pytest_cache
+
+# ---- set-up; each stamp is made once, and again when what it depends on changed
+
+$(VENV)/bin/python:
+	@setup/system-packages.sh g++=g++ cmake=cmake python3=python3 ninja=ninja-build
+	@python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "wirebond needs Python 3.11 or newer; python3 is $$(python3 -V)" >&2; exit 1; }
+	@python3 -m venv $(VENV) || { rm -rf $(VENV); setup/system-packages.sh /nonexistent=python3-venv && python3 -m venv $(VENV); }
+
+build/requirements.stamp: requirements-dev.txt | $(VENV)/bin/python
+	@echo "Installing Python packages into $(VENV)"
+	@$(PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
+	@mkdir -p build && touch $@
+
+build/setup.stamp: build/requirements.stamp $(NATIVE)
+	@echo "Building the engine"
+	@$(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch $@
+
+build/setup-test.stamp: build/setup.stamp
+	@setup/system-packages.sh clang++-14=clang-14 clang-format-14=clang-format-14 arm-none-eabi-g++=gcc-arm-none-eabi \
+	  /usr/lib/arm-none-eabi/include/c++=libstdc++-arm-none-eabi-newlib /usr/include/doctest/doctest.h=doctest-dev \
+	  /usr/lib/clang/14/lib/linux/libclang_rt.asan-x86_64.a=libclang-rt-14-dev
+	@touch $@
+
+build/setup-bench.stamp: build/setup-test.stamp
+	@setup/system-packages.sh valgrind=valgrind
+	@touch $@

@@ -1,0 +1,94 @@
+// Opening ttys: any baud rate, raw, low latency. Linux only; nothing here waits.
+#pragma once
+
+// termios2 carries any baud rate (BOTHER); <termios.h> would clash with these kernel headers.
+#include <asm/ioctls.h>
+#include <asm/termbits.h>
+#include <fcntl.h>
+#include <linux/serial.h>
+#include <sys/ioctl.h>
+
+#include <cerrno>
+#include <cstdint>
+#include <string>
+
+#include "wirebond/posix/descriptor.hpp"
+
+namespace wirebond::posix {
+
+enum class Parity : std::uint8_t { none, even, odd };
+
+struct SerialSettings {
+  std::uint32_t baud = 115200;  ///< bits per second
+  std::uint8_t data_bits = 8;   ///< 5 to 8
+  Parity parity = Parity::none;
+  std::uint8_t stop_bits = 1;  ///< 1 or 2
+};
+
+/// What went wrong: the failing step and errno, for a sentence to the user.
+struct SerialError {
+  enum class Step : std::uint8_t { none, open, not_a_tty, busy, configure, baud } step = Step::none;
+  int code = 0;
+  std::uint32_t actual_baud = 0;  ///< step baud: what the driver would do instead
+};
+
+/// Make the tty raw and set speed and format. False with `error` filled on failure.
+inline bool configure_serial(int fd, const SerialSettings& settings, SerialError& error) {
+  struct termios2 tio {};
+  if (::ioctl(fd, TCGETS2, &tio) != 0) {
+    error = {errno == ENOTTY ? SerialError::Step::not_a_tty : SerialError::Step::configure, errno, 0};
+    return false;
+  }
+  constexpr tcflag_t sizes[] = {CS5, CS6, CS7, CS8};
+  tio.c_iflag = 0;
+  tio.c_oflag = 0;
+  tio.c_lflag = 0;
+  tio.c_cflag = CREAD | CLOCAL | BOTHER | (BOTHER << IBSHIFT) | sizes[(settings.data_bits - 5) & 3];
+  if (settings.stop_bits == 2) tio.c_cflag |= CSTOPB;
+  if (settings.parity != Parity::none) tio.c_cflag |= PARENB;
+  if (settings.parity == Parity::odd) tio.c_cflag |= PARODD;
+  tio.c_ispeed = settings.baud;
+  tio.c_ospeed = settings.baud;
+  tio.c_cc[VMIN] = 1;
+  tio.c_cc[VTIME] = 0;
+  if (::ioctl(fd, TCSETS2, &tio) != 0) {
+    error = {SerialError::Step::configure, errno, 0};
+    return false;
+  }
+  // A UART's divider rounds; beyond 3 % the other end would not understand (half the tolerance of 8N1 sampling).
+  struct termios2 now {};
+  if (::ioctl(fd, TCGETS2, &now) == 0 && now.c_ospeed != 0) {
+    const std::uint64_t wanted = settings.baud;
+    const std::uint64_t got = now.c_ospeed;
+    const std::uint64_t difference = wanted > got ? wanted - got : got - wanted;
+    if (difference * 100 > wanted * 3) {
+      error = {SerialError::Step::baud, 0, static_cast<std::uint32_t>(got)};
+      return false;
+    }
+  }
+  return true;
+}
+
+/// Open `path` as a raw, exclusive, non-blocking tty. Bytes that came before are dropped: they are stale.
+/// Adapters that know it get the low-latency flag (FTDI: 1 ms instead of 16). An empty Descriptor and `error` on failure.
+inline Descriptor open_serial(const std::string& path, const SerialSettings& settings, SerialError& error) {
+  Descriptor fd(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  if (!fd.is_open()) {
+    error = {errno == EBUSY ? SerialError::Step::busy : SerialError::Step::open, errno, 0};
+    return {};
+  }
+  if (::ioctl(fd.get(), TIOCEXCL) != 0) {
+    error = {SerialError::Step::not_a_tty, errno, 0};
+    return {};
+  }
+  if (!configure_serial(fd.get(), settings, error)) return {};
+  struct serial_struct serial {};
+  if (::ioctl(fd.get(), TIOCGSERIAL, &serial) == 0) {
+    serial.flags |= ASYNC_LOW_LATENCY;
+    static_cast<void>(::ioctl(fd.get(), TIOCSSERIAL, &serial));  // only some drivers know it
+  }
+  static_cast<void>(::ioctl(fd.get(), TCFLSH, TCIFLUSH));
+  return fd;
+}
+
+}  // namespace wirebond::posix

@@ -1,0 +1,18 @@
+// A whole capture to numpy columns, without a Python object per message.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <memory>
+
+#include "protocol.hpp"
+
+namespace wirebond::engine {
+
+/// {"messages": {name: {"offset": u64 array, "fields": {field: array}}}, "stats": {…}}. Messages that did not occur
+/// are left out. Scaled fields are float64 in SI units; others keep their wire type; arrays have shape (rows, count);
+/// text and bytes are lists. Frames with an unknown id are under "unknown": offset and id.
+nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, const FormatTable& format,
+                        nb::handle capture);
+
+}  // namespace wirebond::engine

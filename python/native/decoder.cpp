@@ -1,0 +1,165 @@
+// A stream of bytes to Message objects for Python. Waits for nothing, opens nothing; time is an argument.
+#include "decoder.hpp"
+
+#include <cmath>
+
+#include "fields.hpp"
+#include "wirebond/encoder.hpp"
+
+namespace wirebond::engine {
+
+namespace {
+
+// One row per Cause, in its order; the same names stand in the documents.
+constexpr const char* cause_names[cause_count] = {
+    "no_start",    "constant_mismatch",     "length_out_of_range", "unknown_message", "header_check_mismatch",
+    "check_mismatch", "bad_stuffing", "incomplete",
+};
+
+}  // namespace
+
+BufferView::BufferView(nb::handle object) {
+  if (PyObject_GetBuffer(object.ptr(), &view_, PyBUF_SIMPLE) != 0) {
+    PyErr_Clear();
+    PyErr_Format(PyExc_TypeError, "expected bytes, a bytearray or a contiguous buffer, not %s",
+                 Py_TYPE(object.ptr())->tp_name);
+    throw nb::python_error();
+  }
+}
+
+Event record(const Frame& frame, double time, std::vector<std::uint8_t>& bytes) {
+  Event event;
+  event.wire_at = static_cast<std::uint32_t>(bytes.size());
+  event.wire_size = static_cast<std::uint32_t>(frame.wire_size);
+  bytes.insert(bytes.end(), frame.wire, frame.wire + frame.wire_size);
+  const bool in_place = frame.payload >= frame.wire && frame.payload < frame.wire + frame.wire_size;
+  event.payload_size = static_cast<std::uint32_t>(frame.payload_size);
+  if (in_place) {
+    event.payload_at = event.wire_at + static_cast<std::uint32_t>(frame.payload - frame.wire);
+  } else {  // unstuffed elsewhere
+    event.payload_at = static_cast<std::uint32_t>(bytes.size());
+    bytes.insert(bytes.end(), frame.payload, frame.payload + frame.payload_size);
+  }
+  event.id = frame.id;
+  event.message = frame.message;
+  event.offset = frame.offset;
+  event.time = time;
+  return event;
+}
+
+nb::object Message::name() const { return table() != nullptr ? table()->key : nb::object(nb::str("unknown")); }
+
+nb::object Message::sender() const { return table() != nullptr ? table()->sender : nb::object(nb::none()); }
+
+nb::bytes Message::raw() const {
+  return nb::bytes(reinterpret_cast<const char*>(batch_->bytes.data() + event_.wire_at), event_.wire_size);
+}
+
+nb::bytes Message::payload() const {
+  return nb::bytes(reinterpret_cast<const char*>(payload_bytes()), event_.payload_size);
+}
+
+nb::object Message::fields() {
+  if (!fields_.is_valid()) {
+    fields_ = table() != nullptr ? decode_fields(*table(), payload_bytes(), event_.payload_size) : nb::dict();
+  }
+  return fields_;
+}
+
+nb::list Message::violations() const {
+  if (table() != nullptr) return find_violations(*table(), payload_bytes(), event_.payload_size);
+  return nb::list();
+}
+
+nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events) {
+  nb::list out;
+  const std::shared_ptr<const Batch> shared = batch;
+  for (const Event& event : events) out.append(nb::cast(Message(shared, event)));
+  return out;
+}
+
+nb::dict account_dict(const HostDeframer& deframer, const ProtocolTable& protocol,
+                      const std::vector<std::uint64_t>& counts) {
+  const ByteAccount<std::uint64_t>& account = deframer.account();
+  nb::dict discarded;
+  nb::dict rejected;
+  for (std::size_t i = 0; i < cause_count; ++i) {
+    discarded[cause_names[i]] = account.discarded_bytes[i];
+    rejected[cause_names[i]] = account.rejected_candidates[i];
+  }
+  nb::dict messages;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] != 0) messages[protocol.messages()[i].key] = counts[i];
+  }
+  nb::dict out;
+  out["bytes"] = deframer.bytes();
+  out["frames"] = account.frames;
+  out["unknown_frames"] = account.unknown_frames;
+  out["frame_bytes"] = account.frame_bytes;
+  out["fill_bytes"] = account.fill_bytes;
+  out["pending_bytes"] = deframer.pending();
+  out["discarded_bytes"] = discarded;
+  out["rejected_candidates"] = rejected;
+  out["messages"] = messages;
+  return out;
+}
+
+Decoder::Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
+                 double idle_seconds)
+    : protocol_(std::move(protocol)),
+      format_(std::move(format)),
+      workspace_(workspace_bytes(format_->format())),
+      deframer_(format_->source(), workspace_.data(), static_cast<std::uint64_t>(std::ceil(idle_seconds * 1e6))),
+      counts_(protocol_->messages().size(), 0) {}
+
+std::uint64_t Decoder::microseconds(double time) {
+  if (!std::isfinite(time) || std::fabs(time) > 9e12) {
+    throw nb::value_error("t must be a finite number of seconds");
+  }
+  if (time > latest_) latest_ = time;  // a clock that steps back must not look like a long silence
+  return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::llround(latest_ * 1e6)));
+}
+
+template <class Step>
+nb::list Decoder::collect(double time, Step step) {
+  const auto batch = std::make_shared<Batch>();
+  batch->protocol = protocol_;
+  std::vector<Event> events;
+  step([&](const Frame& frame) {
+    if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
+    events.push_back(record(frame, time, batch->bytes));
+  });
+  return to_list(batch, events);
+}
+
+nb::list Decoder::feed(nb::handle bytes, double time) {
+  const BufferView view(bytes);
+  const std::uint64_t now = microseconds(time);
+  return collect(time, [&](auto sink) { deframer_.feed(view.data(), view.size(), now, sink); });
+}
+
+nb::list Decoder::idle(double time) {
+  const std::uint64_t now = microseconds(time);
+  return collect(time, [&](auto sink) { deframer_.idle(now, sink); });
+}
+
+nb::list Decoder::finish() {
+  return collect(latest_, [&](auto sink) { deframer_.give_up(sink); });
+}
+
+std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTable& message,
+                                     const std::vector<std::uint8_t>& payload) {
+  const RuntimeSource source = format.source();
+  const std::size_t lead = payload_lead(source);
+  std::vector<std::uint8_t> buffer(lead + payload.size() + max_wire_bytes(format.format()));
+  std::copy(payload.begin(), payload.end(), buffer.begin() + static_cast<std::ptrdiff_t>(lead));
+  const std::size_t size = seal(source, buffer.data(), buffer.size(), message.id, payload.size());
+  if (size == 0) {
+    throw_message_error("payload of " + message.name + " has " + std::to_string(payload.size()) +
+                        " bytes; this frame carries at most " + std::to_string(format.format().max_payload));
+  }
+  buffer.resize(size);
+  return buffer;
+}
+
+}  // namespace wirebond::engine

@@ -1,0 +1,116 @@
+// A stream of bytes to Message objects for Python. Waits for nothing, opens nothing; time is an argument.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "protocol.hpp"
+#include "wirebond/stream_deframer.hpp"
+
+namespace wirebond::engine {
+
+/// The bytes of all messages of one call, kept alive by the messages that point into it.
+struct Batch {
+  std::shared_ptr<const ProtocolTable> protocol;
+  std::vector<std::uint8_t> bytes;
+};
+
+/// One frame that passed, before any Python object exists. Places are indices into Batch::bytes.
+struct Event {
+  std::uint32_t wire_at = 0;
+  std::uint32_t wire_size = 0;
+  std::uint32_t payload_at = 0;
+  std::uint32_t payload_size = 0;
+  std::uint32_t id = 0;
+  std::int16_t message = -1;
+  std::uint64_t offset = 0;
+  double time = 0;
+};
+
+/// Append the frame's bytes to the batch and describe it. No GIL needed.
+Event record(const Frame& frame, double time, std::vector<std::uint8_t>& bytes);
+
+/// What Python sees of one message. Fields are decoded when they are first asked for.
+class Message {
+ public:
+  Message(std::shared_ptr<const Batch> batch, const Event& event) : batch_(std::move(batch)), event_(event) {}
+
+  nb::object name() const;
+  nb::object sender() const;
+  nb::bytes raw() const;
+  nb::bytes payload() const;
+  nb::object fields();
+  nb::list violations() const;
+  std::uint32_t id() const { return event_.id; }
+  std::uint64_t offset() const { return event_.offset; }
+  double time() const { return event_.time; }
+
+  nb::object& cached_fields() { return fields_; }
+
+ private:
+  const MessageTable* table() const {
+    return event_.message < 0 ? nullptr : &batch_->protocol->messages()[static_cast<std::size_t>(event_.message)];
+  }
+  const std::uint8_t* payload_bytes() const { return batch_->bytes.data() + event_.payload_at; }
+
+  std::shared_ptr<const Batch> batch_;
+  Event event_;
+  nb::object fields_;
+};
+
+/// Messages of a batch as a Python list. Needs the GIL.
+nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events);
+
+using HostDeframer = StreamDeframer<RuntimeSource, std::uint64_t>;
+
+/// Statistics as a dict: bytes, frames, frame_bytes, unknown_frames, fill_bytes, pending_bytes, discarded_bytes and
+/// rejected_candidates by cause, messages by name.
+nb::dict account_dict(const HostDeframer& deframer, const ProtocolTable& protocol,
+                      const std::vector<std::uint64_t>& counts);
+
+/// A format with its deframer. One thread at a time.
+class Decoder {
+ public:
+  Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format, double idle_seconds);
+
+  nb::list feed(nb::handle bytes, double time);
+  nb::list idle(double time);
+  nb::list finish();
+  nb::dict stats() const { return account_dict(deframer_, *protocol_, counts_); }
+
+ private:
+  std::uint64_t microseconds(double time);
+  template <class Step>
+  nb::list collect(double time, Step step);
+
+  std::shared_ptr<const ProtocolTable> protocol_;
+  std::shared_ptr<const FormatTable> format_;
+  std::vector<std::uint8_t> workspace_;
+  HostDeframer deframer_;
+  std::vector<std::uint64_t> counts_;  ///< by message
+  double latest_ = 0;
+};
+
+/// The frame around a payload: wire bytes. Throws MessageError when it does not fit the format.
+std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTable& message,
+                                     const std::vector<std::uint8_t>& payload);
+
+/// Read-only view of a bytes-like object, released with this object.
+class BufferView {
+ public:
+  explicit BufferView(nb::handle object);
+  ~BufferView() { PyBuffer_Release(&view_); }
+  BufferView(const BufferView&) = delete;
+  BufferView& operator=(const BufferView&) = delete;
+
+  const std::uint8_t* data() const { return static_cast<const std::uint8_t*>(view_.buf); }
+  std::size_t size() const { return static_cast<std::size_t>(view_.len); }
+
+ private:
+  Py_buffer view_{};
+};
+
+}  // namespace wirebond::engine

@@ -1,0 +1,79 @@
+// The Python face of the engine: classes and functions only, no algorithm.
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+
+#include "columns.hpp"
+#include "decoder.hpp"
+#include "fields.hpp"
+#include "link.hpp"
+#include "protocol.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using namespace wirebond::engine;
+
+namespace {
+
+int traverse_message(PyObject* self, visitproc visit, void* arg) {
+#if PY_VERSION_HEX >= 0x03090000
+  Py_VISIT(Py_TYPE(self));
+#endif
+  if (!nb::inst_ready(self)) return 0;
+  Py_VISIT(nb::inst_ptr<Message>(self)->cached_fields().ptr());
+  return 0;
+}
+
+int clear_message(PyObject* self) {
+  nb::inst_ptr<Message>(self)->cached_fields().reset();
+  return 0;
+}
+
+PyType_Slot message_slots[] = {
+    {Py_tp_traverse, reinterpret_cast<void*>(traverse_message)},
+    {Py_tp_clear, reinterpret_cast<void*>(clear_message)},
+    {0, nullptr},
+};
+
+nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::size_t index, nb::dict values) {
+  const MessageTable& message = protocol.messages().at(index);
+  const std::vector<std::uint8_t> wire = seal_frame(format, message, encode_fields(message, values));
+  return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
+}
+
+}  // namespace
+
+NB_MODULE(_engine, m) {
+  m.doc() = "Compiled engine of wirebond. Use the wirebond package; this module's names are private.";
+
+  nb::class_<ProtocolTable>(m, "ProtocolTable").def(nb::init<nb::handle>(), "protocol"_a);
+  nb::class_<FormatTable>(m, "FormatTable").def(nb::init<nb::handle>(), "plan"_a);
+
+  nb::class_<Message>(m, "Message", nb::type_slots(message_slots), "One frame that passed every check.")
+      .def_prop_ro("name", &Message::name, "The message's name; 'unknown' for an unknown id or a payload too short for it.")
+      .def_prop_ro("sender", &Message::sender, "'host', 'mcu' or 'both'; None for an unknown message.")
+      .def_prop_ro("fields", &Message::fields, "Values in SI units by field name, decoded when first asked for.")
+      .def_prop_ro("violations", &Message::violations, "Field rules that it breaks, a sentence each.")
+      .def_prop_ro("raw", &Message::raw, "The frame's bytes as received, delimiters included.")
+      .def_prop_ro("payload", &Message::payload, "The payload's bytes.")
+      .def_prop_ro("id", &Message::id, "The id on the wire.")
+      .def_prop_ro("t", &Message::time, "Time of the feed that completed it, in seconds.")
+      .def_prop_ro("offset", &Message::offset, "Of its first byte in the stream.")
+      .def("__repr__", [](Message& self) {
+        return nb::str("<wirebond.Message {} {}>").format(self.name(), self.fields());
+      });
+
+  nb::class_<Decoder>(m, "Decoder")
+      .def("__init__",
+           [](Decoder* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
+              double idle_seconds) { new (self) Decoder(std::move(protocol), std::move(format), idle_seconds); },
+           "protocol"_a, "format"_a, "idle_seconds"_a)
+      .def("feed", &Decoder::feed, "bytes"_a, "t"_a)
+      .def("idle", &Decoder::idle, "t"_a)
+      .def("finish", &Decoder::finish)
+      .def("stats", &Decoder::stats);
+
+  m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a);
+  m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a);
+  bind_link(m);
+}

@@ -1,0 +1,191 @@
+// Reading the Python model and plan into tables. Both were validated by the loader: a surprise here is our own mistake.
+#include "protocol.hpp"
+
+#include <nanobind/stl/string.h>
+
+#include <stdexcept>
+
+namespace wirebond::engine {
+
+namespace {
+
+nb::object interned(const std::string& text) {
+  return nb::steal(PyUnicode_InternFromString(text.c_str()));
+}
+
+std::string text_of(nb::handle value) { return nb::cast<std::string>(nb::str(value)); }
+
+ByteOrder order_of(nb::handle value) { return text_of(value) == "big" ? ByteOrder::big : ByteOrder::little; }
+
+double as_double(nb::handle value) {
+  const double result = PyFloat_AsDouble(value.ptr());
+  if (result == -1.0 && PyErr_Occurred() != nullptr) throw nb::python_error();
+  return result;
+}
+
+FieldKind kind_of(const std::string& kind) {
+  if (kind == "unsigned") return FieldKind::unsigned_integer;
+  if (kind == "signed") return FieldKind::signed_integer;
+  if (kind == "float") return FieldKind::floating;
+  if (kind == "bool") return FieldKind::boolean;
+  if (kind == "text") return FieldKind::text;
+  if (kind == "bytes") return FieldKind::bytes;
+  throw std::logic_error("the engine has no field kind '" + kind + "'");
+}
+
+FieldTable read_field(nb::handle field, std::size_t at) {
+  FieldTable table;
+  table.name = text_of(field.attr("name"));
+  table.key = interned(table.name);
+  table.kind = kind_of(text_of(field.attr("kind")));
+  table.order = order_of(field.attr("order"));
+  table.size = nb::cast<std::uint8_t>(field.attr("size"));
+  const nb::object count = field.attr("count");
+  table.is_array = !count.is_none();
+  if (table.is_array) table.count = nb::cast<std::uint32_t>(count);
+  table.max_size = nb::cast<std::uint32_t>(field.attr("max_size"));
+  if (table.kind == FieldKind::text || table.kind == FieldKind::bytes) {
+    // Text of a fixed size: one value of `size * count` bytes.
+    if (table.size != 0) table.max_size = table.size * table.count;
+    table.is_array = false;
+  }
+  table.at = at;
+  table.scaled = nb::cast<bool>(field.attr("is_scaled"));
+  if (table.scaled) {
+    table.numerator = as_double(field.attr("scale").attr("numerator"));
+    table.denominator = as_double(field.attr("scale").attr("denominator"));
+    table.offset = as_double(field.attr("offset"));
+  }
+  table.unit = text_of(field.attr("unit"));
+  const nb::object minimum = field.attr("minimum");
+  if (!minimum.is_none()) {
+    table.has_range = true;
+    table.minimum = as_double(minimum);
+    table.maximum = as_double(field.attr("maximum"));
+  }
+  table.default_value = field.attr("default");
+  table.has_default = !table.default_value.is_none();
+  for (nb::handle entry : field.attr("enum")) {
+    table.enumerators.emplace_back(interned(text_of(entry[0])), nb::cast<std::int64_t>(entry[1]));
+  }
+  for (nb::handle entry : field.attr("flags")) {
+    table.flags.emplace_back(interned(text_of(entry[0])), nb::cast<unsigned>(entry[1]));
+  }
+  table.has_enum = !table.enumerators.empty();
+  table.has_flags = !table.flags.empty();
+  return table;
+}
+
+Position read_position(nb::handle position) {
+  return {nb::cast<std::int16_t>(position.attr("offset")), nb::cast<bool>(position.attr("from_end"))};
+}
+
+Number read_number(nb::handle number) {
+  Number out;
+  if (number.is_none()) return out;
+  out.at = read_position(number.attr("at"));
+  out.bytes = nb::cast<std::uint8_t>(number.attr("bytes"));
+  out.order = order_of(number.attr("order"));
+  out.shift = nb::cast<std::uint8_t>(number.attr("shift"));
+  out.mask = nb::cast<std::uint32_t>(number.attr("mask"));
+  return out;
+}
+
+PayloadSize payload_size_of(const std::string& rule) {
+  if (rule == "by_length") return PayloadSize::by_length;
+  if (rule == "fixed") return PayloadSize::fixed;
+  if (rule == "by_id") return PayloadSize::by_id;
+  if (rule == "rest") return PayloadSize::rest;
+  throw std::logic_error("the engine has no payload rule '" + rule + "'");
+}
+
+Layout read_layout(nb::handle plan) {
+  Layout layout;
+  layout.prefix = nb::cast<std::uint16_t>(plan.attr("prefix"));
+  layout.suffix = nb::cast<std::uint16_t>(plan.attr("suffix"));
+  layout.prefix_constants = nb::cast<std::uint8_t>(plan.attr("prefix_constants"));
+  layout.header_checks = nb::cast<std::uint8_t>(plan.attr("header_checks"));
+  layout.payload_size = payload_size_of(text_of(plan.attr("payload")));
+  layout.length_unit = nb::cast<std::uint8_t>(plan.attr("length_unit"));
+  layout.length_bias = nb::cast<std::int32_t>(plan.attr("length_bias"));
+  layout.fixed_payload = nb::cast<std::uint16_t>(plan.attr("fixed_payload"));
+  layout.length = read_number(plan.attr("length"));
+  layout.id = read_number(plan.attr("id"));
+  for (nb::handle constant : plan.attr("constants")) {
+    layout.constants.at(layout.constant_count++) = {read_position(constant.attr("at")),
+                                                    nb::cast<std::uint8_t>(constant.attr("mask")),
+                                                    nb::cast<std::uint8_t>(constant.attr("value"))};
+  }
+  for (nb::handle check : plan.attr("checks")) {
+    layout.checks.at(layout.check_count++) = {
+        nb::cast<std::uint8_t>(check.attr("algorithm")), read_position(check.attr("start")),
+        read_position(check.attr("stop")),               read_position(check.attr("at")),
+        nb::cast<std::uint8_t>(check.attr("bytes")),     order_of(check.attr("order")),
+        nb::cast<std::uint8_t>(check.attr("shift")),     nb::cast<std::int8_t>(check.attr("continues"))};
+  }
+  return layout;
+}
+
+CheckAlgorithm read_algorithm(nb::handle algorithm) {
+  const std::string kind = text_of(algorithm.attr("kind"));
+  CheckAlgorithm out;
+  out.kind = kind == "crc" ? CheckKind::crc : kind == "sum" ? CheckKind::sum : CheckKind::exclusive_or;
+  out.width_bits = nb::cast<std::uint8_t>(algorithm.attr("width"));
+  out.reflect_in = nb::cast<bool>(algorithm.attr("refin"));
+  out.reflect_out = nb::cast<bool>(algorithm.attr("refout"));
+  out.poly = nb::cast<std::uint64_t>(algorithm.attr("poly"));
+  out.init = nb::cast<std::uint64_t>(algorithm.attr("init"));
+  out.xor_out = nb::cast<std::uint64_t>(algorithm.attr("xorout"));
+  return out;
+}
+
+}  // namespace
+
+ProtocolTable::ProtocolTable(nb::handle protocol) : name_(text_of(protocol.attr("name"))) {
+  for (nb::handle message : protocol.attr("messages")) {
+    MessageTable table;
+    table.name = text_of(message.attr("name"));
+    table.key = interned(table.name);
+    table.sender = interned(text_of(message.attr("sender")));
+    table.id = nb::cast<std::uint32_t>(message.attr("id"));
+    table.min_payload = nb::cast<std::size_t>(message.attr("min_payload"));
+    table.max_payload = nb::cast<std::size_t>(message.attr("max_payload"));
+    std::size_t at = 0;
+    for (nb::handle field : message.attr("fields")) {
+      table.fields.push_back(read_field(field, at));
+      at += nb::cast<std::size_t>(field.attr("min_wire_bytes"));
+    }
+    messages_.push_back(std::move(table));
+  }
+}
+
+int ProtocolTable::find(const std::string& name) const {
+  for (std::size_t i = 0; i < messages_.size(); ++i) {
+    if (messages_[i].name == name) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+FormatTable::FormatTable(nb::handle plan) {
+  const nb::object delimiter = plan.attr("delimiter");
+  format_.framing = delimiter.is_none() ? Framing::by_start : Framing::delimited;
+  if (!delimiter.is_none()) format_.delimiter = nb::cast<std::uint8_t>(delimiter);
+  format_.stuffing = text_of(plan.attr("stuffing")) == "cobs" ? Stuffing::cobs : Stuffing::none;
+  format_.deliver_unknown = nb::cast<bool>(plan.attr("deliver_unknown"));
+  format_.max_payload = nb::cast<std::uint16_t>(plan.attr("max_payload"));
+  format_.layout_count = 0;
+  for (nb::handle layout : plan.attr("layouts")) {
+    format_.layouts.at(format_.layout_count++) = read_layout(layout);
+  }
+  for (nb::handle algorithm : plan.attr("algorithms")) {
+    format_.algorithms.at(format_.algorithm_count++) = read_algorithm(algorithm);
+  }
+  for (nb::handle message : plan.attr("messages")) {
+    rows_.push_back({nb::cast<std::uint32_t>(message.attr("id")),
+                     {nb::cast<std::int16_t>(message.attr("index")), nb::cast<std::uint16_t>(message.attr("min_payload")),
+                      nb::cast<std::uint16_t>(message.attr("max_payload"))}});
+  }
+  tables_ = std::make_unique<CrcTables>(format_);
+}
+
+}  // namespace wirebond::engine

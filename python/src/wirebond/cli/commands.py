@@ -1,0 +1,97 @@
+"""Commands that work on files and bytes: no port, no clock."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from wirebond.cli.output import console, errors, fail, print_message, stats_line
+from wirebond.cli.values import hex_of, parse_assignments, parse_hex, to_json
+from wirebond.codec import load
+from wirebond.errors import MessageError, ProtocolFileError, UsageError
+from wirebond.protocol.model import Message, Protocol
+
+_CHUNK = 65536  # bytes read at a time
+
+
+def find_message(model: Protocol, name: str) -> Message:
+    """The message of this name, or a MessageError that lists the names there are."""
+    try:
+        return model.message(name)
+    except KeyError:
+        known = ", ".join(m.name for m in model.messages)
+        raise MessageError(f"{model.name} has no message '{name}'; it has {known}") from None
+
+
+def check_file(path: Path, as_json: bool) -> int:
+    try:
+        codec = load(path)
+    except ProtocolFileError as error:
+        if as_json:
+            rows = [vars(problem) for problem in error.problems]
+            sys.stdout.write(to_json({"file": str(path), "ok": False, "problems": rows}) + "\n")
+            return 1
+        raise
+    model = codec.model
+    if as_json:
+        facts = {
+            "file": str(path),
+            "ok": True,
+            "protocol": model.name,
+            "hash": f"{codec.hash:016x}",
+            "messages": {m.name: {"id": m.id, "sender": m.sender, "bytes": model.max_wire_bytes(m.max_payload)} for m in model.messages},
+        }
+        sys.stdout.write(to_json(facts) + "\n")
+        return 0
+    console.print(f"{path}: protocol {model.name}, {len(model.messages)} messages, hash {codec.hash:016x}: no problem found")
+    return 0
+
+
+def encode_message(path: Path, name: str, words: list[str], as_json: bool) -> None:
+    codec = load(path)
+    values = parse_assignments(find_message(codec.model, name), words)
+    frame = codec.encode(name, values)
+    if as_json:
+        sys.stdout.write(to_json({"message": name, "fields": values, "bytes": hex_of(frame)}) + "\n")
+    else:
+        sys.stdout.write(hex_of(frame) + "\n")
+
+
+def decode_bytes(path: Path, source: str | None, sender: str | None, hex_text: str | None) -> int:
+    if (source is None) == (hex_text is None):
+        raise UsageError('give bytes one way: --hex "AA 55 …", the path of a capture, or - for stdin')
+    decoder = load(path).decoder(sender)
+    chunks = iter([parse_hex(hex_text)]) if hex_text is not None else _chunks(source or "-")
+    for chunk in chunks:
+        for message in decoder.feed(chunk):
+            print_message(message)
+    for message in decoder.finish():
+        print_message(message)
+    stats = decoder.stats
+    errors.print(stats_line(stats))
+    return 1 if stats.bytes and not stats.frames else 0
+
+
+def _chunks(source: str) -> Iterator[bytes]:
+    if source == "-":
+        stream = sys.stdin.buffer
+        while chunk := stream.read1(_CHUNK):
+            yield chunk
+        return
+    with Path(source).open("rb") as file:
+        while chunk := file.read(_CHUNK):
+            yield chunk
+
+
+def generate(path: Path, language: str, out: Path) -> None:
+    from wirebond.codegen import generate_cpp  # noqa: PLC0415  (templates are slow to load; only this command needs them)
+
+    if language != "cpp":
+        raise UsageError(f"--lang is '{language}'; expected cpp")
+    codec = load(path)
+    if out.exists() and not out.is_dir():
+        fail(f"{out} is a file; --out names a folder")
+        raise SystemExit(2)
+    for written in generate_cpp(codec.model, out):
+        console.print(str(written), soft_wrap=True)

@@ -1,0 +1,116 @@
+"""The live view of a link in a terminal: messages with their rates, line use, statistics. Draws only; reads no port."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass, field
+
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from wirebond.cli.output import values_text
+from wirebond.codec import Message
+from wirebond.link import Link, LinkStats
+
+_WINDOW = 2.0  # seconds over which rates are taken
+_STATE_STYLE = {"up": "bold green", "stale": "bold yellow", "down": "bold red"}
+
+
+@dataclass
+class _Seen:
+    count: int = 0
+    times: deque[float] = field(default_factory=deque)
+    last: Message | None = None
+
+    def rate(self, now: float) -> float:
+        """Messages a second over the window: intervals between the messages in it."""
+        while self.times and now - self.times[0] > _WINDOW:
+            self.times.popleft()
+        if len(self.times) < 2:
+            return float(len(self.times)) / _WINDOW
+        return (len(self.times) - 1) / (self.times[-1] - self.times[0]) if self.times[-1] > self.times[0] else 0.0
+
+
+class Dashboard:
+    """Feed it with messages, print what ``render`` returns."""
+
+    def __init__(self, link: Link, title: str) -> None:
+        self._link = link
+        self._title = title
+        self._seen: dict[str, _Seen] = {}
+        self._samples: deque[tuple[float, int, int]] = deque()  # time, bytes received, bytes sent
+        self._bits_per_byte = link.codec.model.link.bits_per_byte
+
+    def update(self, messages: list[Message]) -> None:
+        for message in messages:
+            seen = self._seen.setdefault(message.name, _Seen())
+            seen.count += 1
+            seen.times.append(message.t)
+            seen.last = message
+
+    def line_use(self, now: float, stats: LinkStats) -> tuple[float, float]:
+        """Share of the line's capacity used in each direction (received, sent) over the last seconds, 0 to 1."""
+        self._samples.append((now, stats.receive.bytes, stats.send.sent_bytes))
+        while len(self._samples) > 2 and now - self._samples[0][0] > _WINDOW:
+            self._samples.popleft()
+        first, last = self._samples[0], self._samples[-1]
+        elapsed = last[0] - first[0]
+        if elapsed <= 0:
+            return 0.0, 0.0
+        capacity = self._link.baud / self._bits_per_byte * elapsed
+        return (last[1] - first[1]) / capacity, (last[2] - first[2]) / capacity
+
+    def render(self, note: str = "") -> RenderableType:
+        now = time.monotonic()
+        stats = self._link.stats
+        parts: list[RenderableType] = [self._messages(now), self._statistics(now, stats)]
+        if note:
+            parts.append(Text.from_markup(note))
+        state = self._link.state
+        title = f"{escape(self._title)}  [{_STATE_STYLE[state]}]{state}[/]"
+        return Panel(Group(*parts), title=title, subtitle="Ctrl-C ends", border_style="dim")
+
+    def _messages(self, now: float) -> Table:
+        table = Table(box=None, expand=True, pad_edge=False)
+        table.add_column("message", style="bold", no_wrap=True)
+        table.add_column("count", justify="right", no_wrap=True)
+        table.add_column("rate", justify="right", no_wrap=True)
+        table.add_column("last values", ratio=1, overflow="ellipsis", no_wrap=True)
+        for name in sorted(self._seen):
+            seen = self._seen[name]
+            fields = seen.last.fields if seen.last is not None else {}
+            text = Text(values_text(fields))
+            if seen.last is not None and seen.last.violations:
+                text.append("  " + "; ".join(seen.last.violations), style="red")
+            table.add_row(name, str(seen.count), f"{seen.rate(now):.1f} Hz", text)
+        if not self._seen:
+            table.add_row("-", "0", "", Text("nothing received yet", style="dim"))
+        return table
+
+    def _statistics(self, now: float, stats: LinkStats) -> Table:
+        received, sent = self.line_use(now, stats)
+        table = Table.grid(padding=(0, 2))
+        receive, send = stats.receive, stats.send
+        discarded = ", ".join(f"{n} {cause}" for cause, n in receive.discarded_bytes.items() if n) or "none"
+        table.add_row("", "")
+        table.add_row("line use", f"receive {received:.1%}  send {sent:.1%}  of {self._link.baud} baud")
+        table.add_row(
+            "received",
+            f"{receive.bytes} bytes, {receive.frames} frames, {receive.unknown_frames} unknown, "
+            f"{stats.dropped_messages} not taken in time",
+        )
+        table.add_row("discarded", f"bytes: {discarded}")
+        table.add_row(
+            "sent",
+            f"{send.sent} frames of {send.offered} offered ({send.queued} queued, {send.replaced} replaced, "
+            f"{send.expired} expired, {send.refused_down + send.refused_full} refused)",
+        )
+        table.add_row("reconnects", str(stats.reconnects))
+        struck = [name for name, is_struck in self._link.deadlines.items() if is_struck]
+        if struck:
+            table.add_row("[red]deadlines[/]", f"[bold red]{', '.join(struck)}[/]")
+        return table

@@ -1,0 +1,135 @@
+"""Commands that hold a port open: monitor, send, sim. Loops with a clock; what they show is made elsewhere."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.live import Live
+from rich.markup import escape
+
+from wirebond.cli.commands import find_message
+from wirebond.cli.dashboard import Dashboard
+from wirebond.cli.output import console, errors, print_message, stats_line, values_text
+from wirebond.cli.values import parse_assignments
+from wirebond.codec import Codec, Message, load
+from wirebond.errors import LinkDownError, UsageError
+from wirebond.link import Link, open_link
+from wirebond.sim.pty_port import PtyPort, run, symlinked
+from wirebond.sim.virtual_mcu import VirtualMcu
+
+_REFRESH = 0.1  # seconds between two pictures
+_REPLY_WAIT = 1.0  # seconds
+
+
+def _end(seconds: float | None) -> float:
+    return math.inf if seconds is None else time.monotonic() + seconds
+
+
+@contextmanager
+def _ctrl_c_ends() -> Iterator[None]:
+    """Ctrl-C is how a user ends these commands: no error."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        pass
+
+
+def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None, as_json: bool) -> None:
+    with open_link(path, port, baud) as link:
+        end = _end(seconds)
+        with _ctrl_c_ends():
+            if as_json or not console.is_terminal:
+                _print_messages(link, end, as_json)
+            else:
+                _show_dashboard(link, f"{link.codec.name} on {port}", end)
+        stats = link.stats.receive
+    errors.print(stats_line(stats))
+
+
+def _print_messages(link: Link, end: float, as_json: bool) -> None:
+    while (left := end - time.monotonic()) > 0:
+        for message in link.receive(min(_REFRESH, left)):
+            if as_json:
+                print_message(message)
+            else:
+                console.print(_one_line(message), soft_wrap=True)
+
+
+def _one_line(message: Message) -> str:
+    text = f"{message.t:.3f} {message.name}  {values_text(message.fields)}"
+    return escape(text + "".join(f"  ({v})" for v in message.violations))
+
+
+def _show_dashboard(link: Link, title: str, end: float) -> None:
+    dashboard = Dashboard(link, title)
+    with Live(dashboard.render(), console=console, auto_refresh=False) as live:
+        while (left := end - time.monotonic()) > 0:
+            dashboard.update(link.receive(min(_REFRESH, left)))
+            live.update(dashboard.render(), refresh=True)
+
+
+def send_message(
+    path: Path, port: str, name: str, words: list[str], rate: float | None, baud: int | None, seconds: float | None
+) -> int:
+    if rate is not None and not 0 < rate <= 10_000:
+        raise UsageError(f"--rate is {rate:g}; expected more than 0 and at most 10000 per second")
+    codec = load(path)
+    described = find_message(codec.model, name)
+    values = parse_assignments(described, words)
+    codec.encode(name, values)  # wrong values are told before a port is touched
+    with open_link(codec, port, baud) as link:
+        if rate is None:
+            return _send_once(link, codec, name, values)
+        return _send_repeatedly(link, codec, name, values, rate, _end(seconds))
+
+
+def _send_once(link: Link, codec: Codec, name: str, values: dict[str, object]) -> int:
+    link.send(name, values)
+    reply = codec.model.message(name).reply
+    if reply is None:
+        return 0
+    end = time.monotonic() + _REPLY_WAIT
+    while (left := end - time.monotonic()) > 0:
+        for message in link.receive(left):
+            if message.name == reply:
+                print_message(message)
+                return 0
+    errors.print(f"{name} was sent; no {reply} came back within {_REPLY_WAIT:g} s")
+    return 1
+
+
+def _send_repeatedly(link: Link, codec: Codec, name: str, values: dict[str, object], rate: float, end: float) -> int:
+    sent = missed = 0
+    due = time.monotonic()
+    with _ctrl_c_ends():
+        while due < end:
+            time.sleep(max(0.0, due - time.monotonic()))
+            try:
+                link.send(name, values)
+                sent += 1
+            except LinkDownError:
+                missed += 1  # the link is looking for its port; go on
+            due = max(due + 1 / rate, time.monotonic())  # after a stall: no burst of old commands
+    stop = codec.model.emergency_stop
+    ending = ""
+    if stop is not None and stop.message == name and link.state != "down":
+        link.emergency_stop()
+        ending = ", then the emergency stop"
+    errors.print(f"sent {name} {sent} times{ending}" + (f"; {missed} times the port was away" if missed else ""))
+    return 0
+
+
+def simulate(path: Path, link: Path | None, seconds: float | None) -> None:
+    codec = load(path)
+    port = PtyPort()
+    mcu = VirtualMcu(codec, time.monotonic())
+    with symlinked(port.path, link) as name:
+        console.print(name, soft_wrap=True)
+        errors.print(f"virtual MCU for {codec.name} on {name}; Ctrl-C ends", style="dim")
+        with _ctrl_c_ends():
+            run(mcu, port, _end(seconds), lambda event: errors.print(escape(event)))
+    port.close()

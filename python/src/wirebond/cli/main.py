@@ -1,0 +1,184 @@
+"""The ``wirebond`` command: its options, its exit codes, and turning errors into sentences.
+
+Exit codes: 0 done; 1 the input is wrong (protocol file, value, bytes without a frame); 2 wrong usage; 3 the port cannot
+be opened or was lost; 130 ended by Ctrl-C where that is no normal end.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import click
+import typer
+from rich.markup import escape
+
+from wirebond.cli.output import console, errors, fail
+from wirebond.errors import LinkDownError, PortError, ProtocolFileError, UsageError, WirebondError
+
+EXIT_INPUT, EXIT_USAGE, EXIT_PORT, EXIT_INTERRUPTED = 1, 2, 3, 130
+
+app = typer.Typer(
+    help="The serial link between a robot's computer and its microcontroller, from one protocol file.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit codes: 0 done, 1 wrong input, 2 wrong usage, 3 port trouble, 130 interrupted.",
+)
+
+ProtocolFile = Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file (YAML).")]
+Port = Annotated[str, typer.Argument(metavar="PORT", help="A tty, such as /dev/ttyUSB0 or the path that `sim` prints.")]
+Baud = Annotated[int | None, typer.Option(help="Bits per second, instead of the file's.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
+Seconds = Annotated[float | None, typer.Option(min=0.0, help="End by itself after so long.")]
+
+
+@app.command()
+def check(file: ProtocolFile, as_json: AsJson = False) -> None:
+    """Read a protocol file and say everything that is wrong with it, with line and column."""
+    from wirebond.cli.commands import check_file
+
+    raise typer.Exit(check_file(file, as_json))
+
+
+@app.command()
+def encode(
+    file: ProtocolFile,
+    message: Annotated[str, typer.Argument(help="Name of a message.")],
+    values: Annotated[list[str] | None, typer.Argument(metavar="field=value…", help="Its fields, in SI units.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print the bytes of one frame as hex."""
+    from wirebond.cli.commands import encode_message
+
+    encode_message(file, message, values or [], as_json)
+
+
+@app.command()
+def decode(
+    file: ProtocolFile,
+    path: Annotated[str | None, typer.Argument(metavar="[PATH|-]", help="A capture of raw bytes; - for stdin.")] = None,
+    sender: Annotated[str | None, typer.Option(help="Whose bytes these are: mcu or host. Without it: either.")] = None,
+    hex_text: Annotated[str | None, typer.Option("--hex", help='The bytes themselves, as "AA 55 …".')] = None,
+) -> None:
+    """Print a JSON line for each message; the account of all bytes goes to stderr. Exit 1 if no frame came out."""
+    from wirebond.cli.commands import decode_bytes
+
+    raise typer.Exit(decode_bytes(file, path, sender, hex_text))
+
+
+@app.command()
+def monitor(file: ProtocolFile, port: Port, baud: Baud = None, seconds: Seconds = None, as_json: AsJson = False) -> None:
+    """Show what the MCU sends: messages, rates, line use, statistics."""
+    from wirebond.cli.live import monitor_port
+
+    monitor_port(file, port, baud, seconds, as_json)
+
+
+@app.command()
+def send(
+    file: ProtocolFile,
+    port: Port,
+    message: Annotated[str, typer.Argument(help="Name of a message that the host sends.")],
+    values: Annotated[list[str] | None, typer.Argument(metavar="field=value…", help="Its fields, in SI units.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Send again and again, so many times a second.")] = None,
+    baud: Baud = None,
+    seconds: Seconds = None,
+) -> None:
+    """Send a message, once or at a rate. If it asks for a reply, the reply is printed."""
+    from wirebond.cli.live import send_message
+
+    raise typer.Exit(send_message(file, port, message, values or [], rate, baud, seconds))
+
+
+@app.command()
+def sim(
+    file: ProtocolFile,
+    link: Annotated[Path | None, typer.Option(help="Also reach the pty under this name (a symbolic link).")] = None,
+    seconds: Seconds = None,
+) -> None:
+    """Run a virtual MCU that speaks this protocol, on a pty; print the pty's path."""
+    from wirebond.cli.live import simulate
+
+    simulate(file, link, seconds)
+
+
+@app.command()
+def gen(
+    file: ProtocolFile,
+    out: Annotated[Path, typer.Option(help="Folder to write to; it is made if need be.")],
+    lang: Annotated[str, typer.Option(help="Language of the generated code: cpp.")] = "cpp",
+) -> None:
+    """Generate a self-contained folder that a firmware project can add."""
+    from wirebond.cli.commands import generate
+
+    generate(file, lang, out)
+
+
+@app.command()
+def demo(seconds: Seconds = None) -> None:
+    """Drive a simulated rover over a tty and watch the link, until Ctrl-C."""
+    from wirebond.cli.demo import run_demo
+
+    raise typer.Exit(run_demo(seconds))
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from wirebond import __version__
+
+        console.print(f"wirebond {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """The serial link between a robot's computer and its microcontroller, from one protocol file."""
+
+
+def main(arguments: list[str] | None = None) -> NoReturn:
+    """Entry point: every error that can be foreseen becomes a sentence and an exit code."""
+    sys.exit(_guarded(lambda: app(args=arguments, standalone_mode=False)))
+
+
+def _guarded(run: Callable[[], object]) -> int:
+    try:
+        result = run()
+    except ProtocolFileError as error:
+        for problem in error.problems:
+            errors.print(escape(str(problem)))
+        return EXIT_INPUT
+    except (PortError, LinkDownError) as error:
+        fail(str(error))
+        return EXIT_PORT
+    except UsageError as error:
+        fail(str(error))
+        return EXIT_USAGE
+    except WirebondError as error:
+        fail(str(error))
+        return EXIT_INPUT
+    except click.ClickException as error:
+        error.show()
+        return EXIT_USAGE
+    except (KeyboardInterrupt, click.Abort):
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has gone; that is its right
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        fail(f"{where}{error.strerror or error}")
+        return EXIT_INPUT
+    return result if isinstance(result, int) else 0
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,207 @@
+"""A protocol together with the compiled engine: encode, decode, statistics, columns."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from wirebond import _engine
+from wirebond.errors import MessageError, UsageError
+from wirebond.protocol import load as load_model
+from wirebond.protocol import protocol_hash
+from wirebond.protocol.model import End, Protocol
+from wirebond.protocol.plan import ids_collide, plan_for
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Column = NDArray[np.generic] | list[str] | list[bytes]
+
+Message = _engine.Message
+Buffer = bytes | bytearray | memoryview
+
+
+@dataclass(frozen=True)
+class Stats:
+    """Where every received byte went. Exact after every ``feed``, ``idle`` and ``finish``:
+
+    ``bytes == frame_bytes + fill_bytes + pending_bytes + sum(discarded_bytes.values())``
+    """
+
+    bytes: int
+    frames: int
+    unknown_frames: int
+    frame_bytes: int
+    fill_bytes: int
+    pending_bytes: int
+    discarded_bytes: dict[str, int]
+    rejected_candidates: dict[str, int]
+    messages: dict[str, int]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: causes that did not occur are left out."""
+        out = dict(vars(self))
+        for key in ("discarded_bytes", "rejected_candidates"):
+            out[key] = {cause: n for cause, n in out[key].items() if n}
+        return out
+
+
+class Decoder:
+    """Bytes of one end in, messages out. Never waits and reads no clock: times come in, in seconds.
+
+    Use it from one thread at a time.
+    """
+
+    def __init__(self, engine: _engine.Decoder) -> None:
+        self._engine = engine
+
+    def feed(self, data: Buffer, t: float = 0.0) -> list[Message]:
+        """Messages that ``data``, read at time ``t``, completes. Any bytes are fine; what is no frame is counted."""
+        return self._engine.feed(data, t)
+
+    def idle(self, t: float) -> list[Message]:
+        """A read that began at ``t`` found nothing. After the protocol's ``idle`` time an incomplete frame is given
+        up and its bytes are looked through again; messages behind a false start come out here."""
+        return self._engine.idle(t)
+
+    def finish(self) -> list[Message]:
+        """No byte will ever follow: settle what is pending."""
+        return self._engine.finish()
+
+    @property
+    def stats(self) -> Stats:
+        return Stats(**self._engine.stats())
+
+
+@dataclass(frozen=True)
+class Table(Mapping[str, "Column"]):
+    """Every occurrence of one message: a column per field, and each row's byte offset in the capture."""
+
+    offset: NDArray[np.uint64]
+    fields: dict[str, Column] = field(repr=False)
+
+    def __getitem__(self, name: str) -> Column:
+        return self.fields[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.fields)
+
+    def __len__(self) -> int:
+        """Number of fields; ``rows`` is the number of messages."""
+        return len(self.fields)
+
+    @property
+    def rows(self) -> int:
+        return len(self.offset)
+
+
+@dataclass(frozen=True)
+class Columns(Mapping[str, Table]):
+    """A decoded capture: a table per message that occurred. ``unknown`` holds frames with unknown ids."""
+
+    tables: dict[str, Table]
+    stats: Stats
+
+    def __getitem__(self, name: str) -> Table:
+        return self.tables[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.tables)
+
+    def __len__(self) -> int:
+        return len(self.tables)
+
+
+class Codec:
+    """One protocol, ready to use. Immutable; any thread may use it."""
+
+    def __init__(self, model: Protocol) -> None:
+        self.model = model
+        self._table = _engine.ProtocolTable(model)
+        self._formats: dict[End | None, _engine.FormatTable] = {}
+        self._index = {message.name: i for i, message in enumerate(model.messages)}
+
+    @property
+    def name(self) -> str:
+        return self.model.name
+
+    @property
+    def hash(self) -> int:
+        """64 bits that change when anything on the wire does; the hello service compares it."""
+        return protocol_hash(self.model)
+
+    def encode(self, message: str, values: Mapping[str, Any] | None = None, /, **fields: Any) -> bytes:
+        """One frame's bytes. Fields by keyword or as a mapping, in SI units.
+
+        :raises MessageError: unknown message or field, a value out of range, not finite or of the wrong type.
+        """
+        index = self._index.get(message)
+        if index is None:
+            known = ", ".join(self._index)
+            raise MessageError(f"{self.name} has no message {message!r}; it has {known}")
+        return _engine.encode(self._table, self.format_for(None), index, {**(values or {}), **fields})
+
+    def decoder(self, sender: str | None = None) -> Decoder:
+        """A decoder for what ``sender`` ("mcu" or "host") sends; without it, for both, where their ids differ.
+
+        :raises UsageError: another sender, or ids that mean different messages in each direction.
+        """
+        return Decoder(_engine.Decoder(self._table, self.format_for(self.sender_for(sender)), self.model.idle_seconds))
+
+    def decode_columns(self, capture: Buffer, sender: str | None = None) -> Columns:
+        """A whole capture at once, without a Python object per message.
+
+        Scaled fields are float64 in SI units; other numbers keep their wire type; enums and flags stay integers;
+        arrays have shape (rows, count); text and bytes are lists. The capture's end settles an incomplete frame.
+        """
+        result = _engine.decode_columns(self._table, self.format_for(self.sender_for(sender)), capture)
+        tables = {name: Table(**table) for name, table in result["messages"].items()}
+        return Columns(tables, Stats(**result["stats"]))
+
+    def format_for(self, sender: End | None) -> _engine.FormatTable:
+        """The engine's tables for frames of this sender."""
+        if sender not in self._formats:
+            self._formats[sender] = _engine.FormatTable(plan_for(self.model, sender))
+        return self._formats[sender]
+
+    @property
+    def table(self) -> _engine.ProtocolTable:
+        """The engine's tables of the messages."""
+        return self._table
+
+    def index_of(self, message: str) -> int:
+        return self._index[message]
+
+    def sender_for(self, sender: str | None) -> End | None:
+        """Check a sender that a user named."""
+        if sender is None:
+            collisions = ids_collide(self.model)
+            if collisions:
+                first, second = collisions[0]
+                raise UsageError(
+                    f"in {self.name} the id 0x{first.id:02X} means {first.name} from {first.sender} and "
+                    f"{second.name} from {second.sender}; say whose bytes these are: sender='mcu' or sender='host'"
+                )
+            return None
+        if sender not in (End.HOST, End.MCU):
+            raise UsageError(f"sender is {sender!r}; expected 'mcu' or 'host'")
+        return End(sender)
+
+    def __repr__(self) -> str:
+        return f"<wirebond.Codec {self.name}: {', '.join(self._index)}>"
+
+
+def load(path: str | os.PathLike[str]) -> Codec:
+    """Read a protocol file.
+
+    :raises ProtocolFileError: every problem of the file, each with line and column.
+    """
+    return Codec(load_model(path))
+
+
+def names(messages: Iterable[Message]) -> list[str]:
+    """The messages' names, in order: what tests and quick looks most often ask for."""
+    return [message.name for message in messages]

@@ -1,0 +1,194 @@
+"""A link: one port, opened and supervised by a native thread; messages come out, frames go in."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+from wirebond import _engine
+from wirebond.codec import Codec, Message, Stats, load
+from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
+from wirebond.protocol.model import End, Recover
+
+DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after it was last set
+ADAPTER_LATENCY = 0.016  # seconds: what a USB adapter may hold bytes back (the FTDI default)
+
+
+@dataclass(frozen=True)
+class SendStats:
+    """``offered == accepted + refused_down + refused_full``;
+    ``accepted == sent + queued + replaced + expired + aborted``."""
+
+    offered: int
+    accepted: int
+    refused_down: int
+    refused_full: int
+    sent: int
+    sent_bytes: int
+    queued: int
+    replaced: int
+    expired: int
+    aborted: int
+
+
+@dataclass(frozen=True)
+class LinkStats:
+    receive: Stats
+    send: SendStats
+    dropped_messages: int  # came in, were not taken by the program, and made room for newer ones
+    reconnects: int
+
+
+class Link:
+    """The host's end. It reconnects by itself; frames that were queued when the port went away expire, counted.
+
+    Any thread may call any method. Iterating gives messages until ``close``; one thread should iterate.
+    """
+
+    def __init__(self, codec: Codec, port: str | os.PathLike[str], baud: int | None = None) -> None:
+        model = codec.model
+        settings = model.link
+        speed = settings.baud if baud is None else baud
+        if not 1 <= speed <= 100_000_000:
+            raise UsageError(f"baud is {speed}; expected 1 to 100000000 bits per second")
+        self.codec = codec
+        self.port = os.fspath(port)
+        self.baud = speed
+        self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
+        deadlines = [
+            (codec.index_of(d.message), round(d.after * 1e6), self._actions.index(d.then), d.recover == Recover.EXPLICIT)
+            for d in model.deadlines
+            if d.at == End.HOST
+        ]
+        self._engine = _engine.Link(
+            codec.table,
+            codec.format_for(End.MCU),
+            self.port,
+            speed,
+            settings.data_bits,
+            settings.parity,
+            round(settings.stop_bits),
+            model.idle_seconds + ADAPTER_LATENCY,
+            deadlines,
+        )
+        self._closed = False
+
+    # ---- sending
+
+    def send(self, message: str, values: Mapping[str, Any] | None = None, /, **fields: Any) -> None:
+        """Send one frame whole. Returns when it is queued or written; never waits for the line.
+
+        :raises MessageError: nothing was sent: a value is wrong, or the message is the MCU's to send.
+        :raises LinkDownError: the port is gone at the moment; the link is looking for it.
+        :raises QueueFullError: the line does not keep up.
+        """
+        self._check_sender(message)
+        answer = self._engine.send(self.codec.encode(message, values, **fields))
+        if answer == 1:
+            raise LinkDownError(f"{self.port} is not connected; {message} was not sent")
+        if answer == 2:
+            raise QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
+
+    def set(
+        self,
+        message: str,
+        values: Mapping[str, Any] | None = None,
+        /,
+        *,
+        hold: float = DEFAULT_HOLD,
+        **fields: Any,
+    ) -> None:
+        """Repeat this value at the rhythm of the message's ``every``, for ``hold`` seconds after this call.
+
+        A program that goes on calls it again in time. When it does not, the message's safe value (that of
+        ``emergency_stop``) is sent once, or nothing more if it has none: a program that hangs cannot keep a robot
+        driving.
+        """
+        self._check_sender(message)
+        frame = self.codec.encode(message, values, **fields)
+        period = self.codec.model.message(message).every
+        if period is None:
+            raise UsageError(f"{message} has no `every` in the protocol file; use send()")
+        stop = self.codec.model.emergency_stop
+        safe = b""
+        if stop is not None and stop.message == message:
+            safe = self.codec.encode(message, dict(stop.values))
+        self._engine.set_repeated(self.codec.index_of(message), frame, safe, period, hold)
+
+    def unset(self, message: str) -> None:
+        """Stop repeating, without a last value."""
+        self._engine.stop_repeated(self.codec.index_of(message))
+
+    def emergency_stop(self) -> None:
+        """Send the file's ``emergency_stop`` at once and stop repeating that message."""
+        stop = self.codec.model.emergency_stop
+        if stop is None:
+            raise UsageError(f"{self.codec.name} has no emergency_stop")
+        self.unset(stop.message)
+        self.send(stop.message, dict(stop.values))
+
+    # ---- receiving
+
+    def receive(self, timeout: float = 0.0) -> list[Message]:
+        """Messages since the last call, waiting up to ``timeout`` seconds for the first."""
+        return self._engine.receive(timeout)
+
+    def __iter__(self) -> Iterator[Message]:
+        while not self._closed:
+            yield from self._engine.receive(0.1)  # short, so that Ctrl-C is heard
+
+    # ---- supervision
+
+    @property
+    def state(self) -> str:
+        """``down``: the port is gone; ``stale``: no frame for a second; ``up``."""
+        return self._engine.state()
+
+    @property
+    def deadlines(self) -> dict[str, bool]:
+        """The host's deadlines: has this action struck, and not ended yet?"""
+        struck = set(self._engine.struck_deadlines())
+        return {name: index in struck for index, name in enumerate(self._actions)}
+
+    def recover(self, action: str) -> None:
+        """End a deadline with ``recover: explicit``."""
+        if action not in self._actions:
+            raise UsageError(f"{self.codec.name} has no deadline {action!r} at the host; it has {', '.join(self._actions)}")
+        self._engine.recover_deadline(self._actions.index(action))
+
+    @property
+    def stats(self) -> LinkStats:
+        raw = self._engine.stats()
+        send = SendStats(**raw.pop("send"))
+        dropped, reconnects = raw.pop("dropped_messages"), raw.pop("reconnects")
+        return LinkStats(Stats(**raw), send, dropped, reconnects)
+
+    def close(self) -> None:
+        """Send what is queued (a second at most) and give the port back."""
+        self._closed = True
+        self._engine.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _check_sender(self, message: str) -> None:
+        known = {m.name: m for m in self.codec.model.messages}
+        if message in known and not known[message].sent_by(End.HOST):
+            raise MessageError(f"{message} is sent by the mcu, not by the host")
+
+
+def open_link(protocol: str | os.PathLike[str] | Codec, port: str | os.PathLike[str], baud: int | None = None) -> Link:
+    """Open ``port`` (a tty) with the protocol file's settings, at its baud rate unless ``baud`` is given.
+
+    :raises PortError: the port cannot be opened; the sentence says why and what to do.
+    """
+    codec = protocol if isinstance(protocol, Codec) else load(protocol)
+    return Link(codec, port, baud)

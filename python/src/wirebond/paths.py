@@ -1,0 +1,38 @@
+"""Where the package's C++ sources and protocol files lie: beside the package when installed, in the tree otherwise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def _find(relative: str) -> Path:
+    installed = _PACKAGE / "data" / relative
+    if installed.is_dir():
+        return installed
+    tree = _PACKAGE.parents[2] / relative
+    if tree.is_dir():
+        return tree
+    message = f"the installation is incomplete: {relative} lies neither in {installed} nor in {tree}"
+    raise FileNotFoundError(message)
+
+
+def core_include() -> Path:
+    """The folder that holds ``wirebond/*.hpp``."""
+    return _find("core/include")
+
+
+def posix_include() -> Path:
+    """The folder that holds ``wirebond/posix/*.hpp``."""
+    return _find("ports/posix/include")
+
+
+def protocols() -> Path:
+    """The protocol files that come with the package."""
+    return _find("protocols")
+
+
+def firmware() -> Path:
+    """The firmwares' sources."""
+    return _find("firmware")

@@ -1,0 +1,165 @@
+"""The behaviour of a virtual MCU for any protocol: bytes and times in, bytes and events out. Opens nothing.
+
+It sends every MCU message that has ``every`` with moving values, answers requests (a field of the reply that has the
+request's name and kind carries its value back), serves hello, clock and parameters, and keeps the deadlines at ``mcu``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from wirebond.codec import Codec, Message
+from wirebond.protocol.model import Deadline, End, Field, FieldKind, Recover
+from wirebond.protocol.model import Message as MessageModel
+
+_WAVE_HZ = 0.2  # of the made-up values
+
+
+@dataclass
+class _Watch:
+    rule: Deadline
+    since: float
+    struck: bool = False
+
+
+@dataclass
+class VirtualMcu:
+    """Call ``feed`` with what the host sent and ``tick`` often; both return bytes for the host."""
+
+    codec: Codec
+    start: float
+    events: list[str] = field(default_factory=list)  # sentences for the operator; the caller empties it
+
+    def __post_init__(self) -> None:
+        model = self.codec.model
+        self._decoder = self.codec.decoder("host")
+        self._due = {m.name: self.start for m in model.messages if m.sent_by(End.MCU) and m.every is not None}
+        self._watches = [_Watch(d, self.start) for d in model.deadlines if d.at == End.MCU]
+        self._parameters: dict[int, float] = {}
+        self._hello_due = model.service("hello") is not None
+
+    def feed(self, data: bytes, t: float) -> bytes:
+        out = bytearray()
+        for message in self._decoder.feed(data, t) if data else self._decoder.idle(t):
+            if message.name == "unknown":
+                self.events.append(f"frame with unknown id 0x{message.id:02X}")
+                continue
+            self._seen(message, t)
+            out += self._answer(message, t)
+        return bytes(out)
+
+    def tick(self, t: float) -> bytes:
+        out = bytearray()
+        if self._hello_due:
+            self._hello_due = False
+            out += self._hello()
+        for name, due in self._due.items():
+            if t < due:
+                continue
+            message = self.codec.model.message(name)
+            assert message.every is not None
+            self._due[name] = due + (math.floor((t - due) / message.every) + 1) * message.every
+            out += self.codec.encode(name, self._made_up(message, t))
+        for watch in self._watches:
+            if not watch.struck and t - watch.since >= watch.rule.after:
+                watch.struck = True
+                self.events.append(f"no {watch.rule.message} for {watch.rule.after:g} s: {watch.rule.then}")
+        return bytes(out)
+
+    @property
+    def stats(self) -> dict[str, Any]:
+        return self._decoder.stats.as_dict()
+
+    # ---- receiving
+
+    def _seen(self, message: Message, t: float) -> None:
+        for watch in self._watches:
+            if watch.rule.message != message.name:
+                continue
+            watch.since = t
+            if watch.struck and watch.rule.recover == Recover.NEXT_MESSAGE:
+                watch.struck = False
+                self.events.append(f"{message.name} is back: {watch.rule.then} ends")
+
+    def _answer(self, message: Message, t: float) -> bytes:
+        hello = self.codec.model.service("hello")
+        if hello is not None and message.name == hello.message("message"):
+            theirs = message.fields.get("protocol_hash")
+            if theirs != self.codec.hash:
+                self.events.append(f"the host was built from another protocol (hash {theirs}, here {self.codec.hash})")
+            return self._hello()
+        request = self.codec.model.message(message.name)
+        if request.reply is None:
+            return b""
+        reply = self.codec.model.message(request.reply)
+        values = self._made_up(reply, t)
+        for reply_field in reply.fields:
+            if reply_field.name in message.fields:
+                values[reply_field.name] = message.fields[reply_field.name]
+        values |= self._service_values(message, t)
+        return self.codec.encode(reply.name, values)
+
+    def _service_values(self, message: Message, t: float) -> dict[str, Any]:
+        clock = self.codec.model.service("clock")
+        if clock is not None and message.name == clock.message("request"):
+            now = round((t - self.start) * 1e6) & 0xFFFFFFFF
+            return {"received_us": now, "sent_us": now}
+        parameter = self.codec.model.service("parameter")
+        if parameter is not None and message.name in (parameter.message("read"), parameter.message("set")):
+            index = message.fields["index"]
+            if message.name == parameter.message("set"):
+                self._parameters[index] = message.fields["value"]
+                self.events.append(f"parameter {index} is now {message.fields['value']:g}")
+            return {"value": self._parameters.get(index, 0.0), "result": 0}
+        return {}
+
+    def _hello(self) -> bytes:
+        service = self.codec.model.service("hello")
+        name = service.message("message") if service is not None else None
+        if name is None:
+            return b""
+        return self.codec.encode(name, {"protocol_hash": self.codec.hash, "version": 1})
+
+    # ---- made-up values
+
+    def _made_up(self, message: MessageModel, t: float) -> dict[str, Any]:
+        return {f.name: self._value(f, phase, t) for phase, f in enumerate(message.fields)}
+
+    def _value(self, described: Field, phase: int, t: float) -> Any:
+        if described.kind == FieldKind.TEXT:
+            return "virtual"[: described.max_wire_bytes]
+        if described.kind == FieldKind.BYTES:
+            return b""
+        values = list(self._elements(described, phase, t))
+        return values if described.count is not None else values[0]
+
+    def _elements(self, described: Field, phase: int, t: float) -> Iterator[Any]:
+        for element in range(described.count or 1):
+            wave = math.sin(2 * math.pi * _WAVE_HZ * (t - self.start) + phase + element)
+            if described.kind == FieldKind.BOOL:
+                yield wave > 0
+            elif described.enum:
+                yield described.enum[0][0]
+            elif described.flags:
+                yield []
+            else:
+                yield _number(described, wave)
+
+
+def _number(described: Field, wave: float) -> float | int:
+    """A value between the field's limits, for ``wave`` between -1 and 1."""
+    if described.kind == FieldKind.FLOAT:
+        low, high = -1.0, 1.0
+    else:
+        bits = 8 * described.size
+        low, high = (-(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1) if described.kind == FieldKind.SIGNED else (0.0, 2.0**bits - 1)
+        low, high = max(low, -100.0), min(high, 100.0)  # wire units: a lively but modest value
+        low, high = sorted(float(v * described.scale + described.offset) for v in (int(low), int(high)))
+    if described.minimum is not None and described.maximum is not None:
+        low, high = described.minimum, described.maximum
+    value = low + (high - low) * (0.5 + 0.45 * wave)
+    whole = described.kind != FieldKind.FLOAT and not described.is_scaled
+    return round(value) if whole else value
