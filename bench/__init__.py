@@ -1,0 +1,1 @@
+"""Figures of Wirebond, measured by equal rules; `make bench` prints them and writes bench/latest.json."""

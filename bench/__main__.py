@@ -1,0 +1,36 @@
+"""``python -m bench [--only NAME]``: run the benchmarks, print their tables, write bench/latest.json."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+
+from bench import collateral, work_per_byte
+from bench.figures import LATEST, ROOT, Figure, keep, show
+
+BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
+    "collateral": ("Intact frames lost on a faulty line (enterprize, 1e6 frames a fault)", collateral.measure),
+    "clean_loss": ("Frames lost on a perfect line, at every chunk size from 1 to 4096", collateral.measure_clean),
+    "work_per_byte": ("Instructions per received byte, worst input (enterprize)", work_per_byte.measure),
+}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
+    parser.add_argument("--only", choices=BENCHMARKS, metavar="NAME", help=f"one of {', '.join(BENCHMARKS)}")
+    only = parser.parse_args().only
+    met = True
+    for name, (title, measure) in BENCHMARKS.items():
+        if only not in (None, name):
+            continue
+        figures = measure()
+        show(title, figures)
+        keep(figures)
+        met = met and all(figure.met for figure in figures)
+    print(f"written to {LATEST.relative_to(ROOT)}")
+    return 0 if met else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,78 @@
+"""What one measured figure is, and how figures are printed and kept."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+LATEST = HERE / "latest.json"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """``goal`` is a bound: ``at_most`` says whether from above or from below."""
+
+    key: str
+    value: float
+    unit: str
+    goal: float
+    command: str
+    at_most: bool = True
+
+    @property
+    def met(self) -> bool:
+        return self.value <= self.goal if self.at_most else self.value >= self.goal
+
+
+def show(title: str, figures: list[Figure]) -> None:
+    table = Table(title=title, title_justify="left", title_style="bold")
+    for name in ("figure", "value", "unit", "goal", "met"):
+        table.add_column(name, justify="right" if name in ("value", "goal") else "left")
+    for figure in figures:
+        bound = "≤" if figure.at_most else "≥"
+        met = "[green]yes[/]" if figure.met else "[bold red]no[/]"
+        table.add_row(figure.key, f"{figure.value:,.6g}", figure.unit, f"{bound} {figure.goal:,.6g}", met)
+    Console().print(table)
+
+
+def keep(figures: list[Figure]) -> None:
+    """Merge into latest.json, so that a run of one benchmark keeps the others' figures."""
+    kept = json.loads(LATEST.read_text()) if LATEST.exists() else {}
+    for figure in figures:
+        row = asdict(figure) | {"met": figure.met}
+        kept[row.pop("key")] = {name: row[name] for name in ("value", "unit", "goal", "met", "command")}
+    LATEST.write_text(json.dumps(dict(sorted(kept.items())), indent=2) + "\n")
+    LATEST.with_name("latest_machine.json").write_text(json.dumps(machine(), indent=2) + "\n")
+
+
+def machine() -> dict[str, str]:
+    """What the figures were measured on."""
+    model = next(
+        (
+            line.partition(":")[2].strip()
+            for line in Path("/proc/cpuinfo").read_text().splitlines()
+            if line.startswith("model name")
+        ),
+        platform.machine(),
+    )
+    commit = subprocess.run(
+        ["git", "-C", str(ROOT), "describe", "--always", "--dirty"], capture_output=True, text=True, check=False
+    ).stdout.strip()
+    compiler = subprocess.run(["c++", "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+    return {
+        "processor": model,
+        "cores": str(os.cpu_count()),
+        "system": platform.platform(terse=True),
+        "python": platform.python_version(),
+        "compiler": compiler,
+        "commit": commit,
+    }
