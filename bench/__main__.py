@@ -10,8 +10,14 @@ from bench import collateral, work_per_byte
 from bench.figures import LATEST, ROOT, Figure, keep, show
 
 BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
-    "collateral": ("Intact frames lost on a faulty line (enterprize, 1e6 frames a fault)", collateral.measure),
-    "clean_loss": ("Frames lost on a perfect line, at every chunk size from 1 to 4096", collateral.measure_clean),
+    "collateral": (
+        "Intact frames lost on a faulty line (enterprize, 1e6 frames a fault)",
+        collateral.measure,
+    ),
+    "clean_loss": (
+        "Frames lost on a perfect line, at every chunk size from 1 to 4096",
+        collateral.measure_clean,
+    ),
     "work_per_byte": ("Instructions per received byte, worst input (enterprize)", work_per_byte.measure),
 }
 

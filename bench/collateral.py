@@ -1,12 +1,13 @@
 """Collateral: frames that no fault touched and that are yet not delivered. Definitions as in the baseline.
 
-1e6 frames of the enterprize format with payloads of 9, 12, 6, 26, 13 and 40 bytes, random contents, fed to the engine in
-64-byte chunks. Bit errors at the given rate; drops and inserts 1e-3 a byte; garbage is 1 to 32 random bytes in 10 % of
-the gaps; sync-heavy garbage is half start bytes. The frames are built here with numpy, independent of the encoder.
+1e6 frames of the enterprize format with payloads of 9, 12, 6, 26, 13 and 40 bytes, random contents, fed to the engine
+in 64-byte chunks. Bit errors at the given rate; drops and inserts 1e-3 a byte; garbage is 1 to 32 random bytes in 10 %
+of the gaps; sync-heavy garbage is half start bytes. The frames are built here with numpy, independent of the encoder.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,7 +23,14 @@ Places = NDArray[np.int64]
 FRAMES = 1_000_000
 CHUNK = 64
 SEED = 20260101
-MIX = ((0xB2, 9), (0xB3, 12), (0xB4, 6), (0xB7, 26), (0xB8, 13), (0xA5, 40))  # id, payload; A5 is an unknown id
+MIX = (
+    (0xB2, 9),
+    (0xB3, 12),
+    (0xB4, 6),
+    (0xB7, 26),
+    (0xB8, 13),
+    (0xA5, 40),
+)  # id, payload; A5 is an unknown id
 START = 0xAA
 PROTOCOL = ROOT / "protocols" / "enterprize.yaml"
 
@@ -130,8 +138,13 @@ FAULTS: dict[str, tuple[Callable[[Traffic, np.random.Generator], Traffic], int]]
 }
 
 
+@functools.cache
+def _codec() -> wirebond.Codec:
+    return wirebond.load(PROTOCOL)
+
+
 def run(sent: Traffic, received: Traffic, chunk: int) -> Outcome:
-    decoder = wirebond.load(PROTOCOL).decoder()
+    decoder = _codec().decoder()
     stream = received.data.tobytes()
     messages = [m for at in range(0, len(stream), chunk) for m in decoder.feed(stream[at : at + chunk])]
     messages += decoder.finish()
@@ -156,7 +169,8 @@ def measure(frames: int = FRAMES) -> list[Figure]:
         random = np.random.default_rng(SEED)
         sent = clean_traffic(frames, random)
         outcome = run(sent, fault(sent, random), CHUNK)
-        print(f"{key}: {outcome.intact} intact, {outcome.collateral} lost, {outcome.false_frames} delivered but never sent")
+        found = f"{outcome.collateral} lost, {outcome.false_frames} delivered but never sent"
+        print(f"{key}: {outcome.intact} intact, {found}")
         figures.append(Figure(f"collateral_{key}", outcome.collateral, "frames", reference, command))
     return figures
 

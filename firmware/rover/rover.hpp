@@ -10,10 +10,10 @@
 
 namespace rover {
 
-constexpr float track_m = 0.30F;             ///< distance between the wheels
-constexpr float low_battery_v = 10.5F;       ///< three lithium cells at 3.5 V
-constexpr float default_max_linear = 2.0F;   ///< m/s
-constexpr float default_max_angular = 3.14F; ///< rad/s
+constexpr float track_m = 0.30F;              ///< distance between the wheels
+constexpr float low_battery_v = 10.5F;        ///< three lithium cells at 3.5 V
+constexpr float default_max_linear = 2.0F;    ///< m/s
+constexpr float default_max_angular = 3.14F;  ///< rad/s
 
 /// What the firmware asks of a board. Called from `Rover`'s own functions only.
 ///

@@ -16,8 +16,8 @@ namespace {
 /// Payloads of one message, packed one behind the other.
 struct Rows {
   std::vector<std::uint64_t> offsets;
-  std::vector<std::uint32_t> ids;      ///< unknown frames only
-  std::vector<std::uint8_t> payloads;  ///< min_payload bytes a row
+  std::vector<std::uint32_t> ids;                ///< unknown frames only
+  std::vector<std::uint8_t> payloads;            ///< min_payload bytes a row
   std::vector<std::vector<std::uint8_t>> tails;  ///< the rest, for messages that end in a string without fixed size
 };
 
@@ -57,7 +57,8 @@ nb::object number_column(const FieldTable& field, const Rows& rows, std::size_t 
           .attr("view")("bool");
     case FieldKind::floating:
       if (field.scaled) {
-        return column_of<double>(field, rows, stride, [&](const std::uint8_t* at) { return scale(load_float(field, at)); });
+        return column_of<double>(field, rows, stride,
+                                 [&](const std::uint8_t* at) { return scale(load_float(field, at)); });
       }
       if (field.size == 4) {
         return column_of<float>(field, rows, stride, [&](const std::uint8_t* at) { return load_float(field, at); });
@@ -136,7 +137,8 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, co
     nb::dict fields;
     for (const FieldTable& field : message.fields) {
       const bool is_string = field.kind == FieldKind::text || field.kind == FieldKind::bytes;
-      fields[field.key] = is_string ? string_column(message, field, rows) : number_column(field, rows, message.min_payload);
+      fields[field.key] =
+          is_string ? string_column(message, field, rows) : number_column(field, rows, message.min_payload);
     }
     nb::dict table;
     const std::size_t count = rows.offsets.size();

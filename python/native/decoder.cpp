@@ -12,8 +12,8 @@ namespace {
 
 // One row per Cause, in its order; the same names stand in the documents.
 constexpr const char* cause_names[cause_count] = {
-    "no_start",    "constant_mismatch",     "length_out_of_range", "unknown_message", "header_check_mismatch",
-    "check_mismatch", "bad_stuffing", "incomplete",
+    "no_start",       "constant_mismatch", "length_out_of_range", "unknown_message", "header_check_mismatch",
+    "check_mismatch", "bad_stuffing",      "incomplete",
 };
 
 }  // namespace

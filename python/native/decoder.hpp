@@ -74,7 +74,8 @@ nb::dict account_dict(const HostDeframer& deframer, const ProtocolTable& protoco
 /// A format with its deframer. One thread at a time.
 class Decoder {
  public:
-  Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format, double idle_seconds);
+  Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
+          double idle_seconds);
 
   nb::list feed(nb::handle bytes, double time);
   nb::list idle(double time);

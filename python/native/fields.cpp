@@ -38,9 +38,7 @@ std::uint64_t load_unsigned(const FieldTable& field, const std::uint8_t* at) {
   return load_bytes(at, field.size, field.order);
 }
 
-double to_si(const FieldTable& field, double wire) {
-  return wire * field.numerator / field.denominator + field.offset;
-}
+double to_si(const FieldTable& field, double wire) { return wire * field.numerator / field.denominator + field.offset; }
 
 nb::object enumerator_or_number(const FieldTable& field, std::int64_t wire) {
   for (const auto& [name, value] : field.enumerators) {
@@ -56,7 +54,8 @@ nb::object flag_names(const FieldTable& field, std::uint64_t wire) {
     if ((wire >> bit) & 1u) names.append(name);
     rest &= ~(std::uint64_t{1} << bit);
   }
-  for (unsigned bit = 0; rest != 0; ++bit, rest >>= 1) {  // unnamed bits keep their value, so that encoding gives it back
+  for (unsigned bit = 0; rest != 0;
+       ++bit, rest >>= 1) {  // unnamed bits keep their value, so that encoding gives it back
     if (rest & 1u) names.append(steal(PyLong_FromUnsignedLongLong(std::uint64_t{1} << bit)));
   }
   return names;
@@ -64,8 +63,7 @@ nb::object flag_names(const FieldTable& field, std::uint64_t wire) {
 
 nb::object decode_element(const FieldTable& field, const std::uint8_t* at) {
   switch (field.kind) {
-    case FieldKind::boolean:
-      return nb::borrow(load_unsigned(field, at) != 0 ? Py_True : Py_False);
+    case FieldKind::boolean: return nb::borrow(load_unsigned(field, at) != 0 ? Py_True : Py_False);
     case FieldKind::floating: {
       const double wire = load_float(field, at);
       return steal(PyFloat_FromDouble(field.scaled ? to_si(field, wire) : wire));
@@ -84,8 +82,7 @@ nb::object decode_element(const FieldTable& field, const std::uint8_t* at) {
       return steal(PyLong_FromLongLong(wire));
     }
     case FieldKind::text:
-    case FieldKind::bytes:
-      break;
+    case FieldKind::bytes: break;
   }
   throw std::logic_error("a string is no element");
 }
@@ -125,7 +122,8 @@ std::string violation_of(const MessageTable& message, const FieldTable& field, s
   double si = 0;
   if (field.kind == FieldKind::floating) {
     const double wire = load_float(field, at);
-    if (!std::isfinite(wire)) return place(message, field, element) + " is " + number_text(wire) + ", not a finite number";
+    if (!std::isfinite(wire))
+      return place(message, field, element) + " is " + number_text(wire) + ", not a finite number";
     si = to_si(field, wire);
   } else if (field.kind == FieldKind::boolean) {
     const std::uint64_t wire = load_unsigned(field, at);
@@ -149,7 +147,8 @@ std::string violation_of(const MessageTable& message, const FieldTable& field, s
     }
   }
   if (field.has_range && !(si >= field.minimum && si <= field.maximum)) {
-    return place(message, field, element) + " = " + with_unit(number_text(si), field) + " is outside " + range_text(field);
+    return place(message, field, element) + " = " + with_unit(number_text(si), field) + " is outside " +
+           range_text(field);
   }
   return "";
 }
@@ -327,8 +326,7 @@ void encode_element(const MessageTable& message, const FieldTable& field, nb::ha
       return;
     }
     case FieldKind::text:
-    case FieldKind::bytes:
-      break;
+    case FieldKind::bytes: break;
   }
   throw std::logic_error("a string is no element");
 }
@@ -443,8 +441,9 @@ nb::list find_violations(const MessageTable& message, const std::uint8_t* payloa
   for (const FieldTable& field : message.fields) {
     if (is_string(field)) {
       if (field.kind != FieldKind::text) continue;
-      const nb::object text = nb::steal(PyUnicode_DecodeUTF8(reinterpret_cast<const char*>(payload + field.at),
-                                                             static_cast<Py_ssize_t>(string_size(field, size)), nullptr));
+      const nb::object text =
+          nb::steal(PyUnicode_DecodeUTF8(reinterpret_cast<const char*>(payload + field.at),
+                                         static_cast<Py_ssize_t>(string_size(field, size)), nullptr));
       if (!text.is_valid()) {
         PyErr_Clear();
         out.append(nb::str((place(message, field, 0) + " is not UTF-8").c_str()));

@@ -52,13 +52,14 @@ std::string sentence(const std::string& path, const posix::SerialSettings& setti
     case Step::configure:
       return path + " refused the settings of the link (" + reason + "); check baud rate, parity and stop bits";
     case Step::open:
-    case Step::none:
-      break;
+    case Step::none: break;
   }
   if (error.code == EACCES) {
-    return "no permission to open " + path + "; add your user to the port's group (often `sudo usermod -aG dialout $USER`, then log in again)";
+    return "no permission to open " + path +
+           "; add your user to the port's group (often `sudo usermod -aG dialout $USER`, then log in again)";
   }
-  if (error.code == ENOENT) return "there is no port " + path + "; plug it in, or look for its name with `ls /dev/tty*`";
+  if (error.code == ENOENT)
+    return "there is no port " + path + "; plug it in, or look for its name with `ls /dev/tty*`";
   return "cannot open " + path + ": " + reason;
 }
 
@@ -83,7 +84,8 @@ Link::Link(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const 
   port_ = posix::open_serial(options_.path, options_.serial, error);
   if (!port_.is_open()) throw_port_error(sentence(options_.path, options_.serial, error));
   wakeup_ = posix::Descriptor(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
-  if (!wakeup_.is_open()) throw_port_error(std::string("the system has no event descriptor left: ") + std::strerror(errno));
+  if (!wakeup_.is_open())
+    throw_port_error(std::string("the system has no event descriptor left: ") + std::strerror(errno));
   const std::uint64_t now = monotonic_us();
   for (const DeadlineRule& rule : deadlines) deadlines_.emplace_back(std::array<DeadlineRule, 1>{rule}, now);
   thread_ = std::thread([this] { run(); });
@@ -139,7 +141,8 @@ void Link::set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, do
   {
     const std::lock_guard lock(mutex_);
     const std::uint64_t now = monotonic_us();
-    auto entry = std::find_if(repeated_.begin(), repeated_.end(), [&](const Repeated& r) { return r.message == message; });
+    auto entry =
+        std::find_if(repeated_.begin(), repeated_.end(), [&](const Repeated& r) { return r.message == message; });
     if (entry == repeated_.end()) {
       repeated_.push_back({message, {}, {}, Periodic<std::uint64_t>(to_us(period), now), 0});
       entry = repeated_.end() - 1;
@@ -153,9 +156,9 @@ void Link::set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, do
 
 void Link::stop_repeated(std::size_t message) {
   const std::lock_guard lock(mutex_);
-  repeated_.erase(std::remove_if(repeated_.begin(), repeated_.end(),
-                                 [&](const Repeated& r) { return r.message == message; }),
-                  repeated_.end());
+  repeated_.erase(
+      std::remove_if(repeated_.begin(), repeated_.end(), [&](const Repeated& r) { return r.message == message; }),
+      repeated_.end());
 }
 
 nb::list Link::receive(double timeout) {
@@ -392,32 +395,33 @@ void Link::try_reopen(std::uint64_t now_us) {
 
 void bind_link(nb::module_& m) {
   nb::class_<Link>(m, "Link")
-      .def("__init__",
-           [](Link* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
-              const std::string& path, std::uint32_t baud, unsigned data_bits, const std::string& parity,
-              unsigned stop_bits, double idle_seconds, nb::list deadlines) {
-             Link::Options options;
-             options.path = path;
-             options.idle_seconds = idle_seconds;
-             options.serial.baud = baud;
-             options.serial.data_bits = static_cast<std::uint8_t>(data_bits);
-             options.serial.parity = parity == "even"  ? posix::Parity::even
-                                     : parity == "odd" ? posix::Parity::odd
-                                                       : posix::Parity::none;
-             options.serial.stop_bits = static_cast<std::uint8_t>(stop_bits);
-             std::vector<DeadlineRule> rules;
-             for (nb::handle rule : deadlines) {
-               rules.push_back({nb::cast<std::int16_t>(rule[0]), nb::cast<std::uint32_t>(rule[1]),
-                                nb::cast<std::uint8_t>(rule[2]),
-                                nb::cast<bool>(rule[3]) ? Recover::explicit_call : Recover::next_message});
-             }
-             new (self) Link(std::move(protocol), std::move(receive), std::move(options), rules);
-           },
-           nb::arg("protocol"), nb::arg("receive"), nb::arg("path"), nb::arg("baud"), nb::arg("data_bits"),
-           nb::arg("parity"), nb::arg("stop_bits"), nb::arg("idle_seconds"), nb::arg("deadlines"))
+      .def(
+          "__init__",
+          [](Link* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
+             const std::string& path, std::uint32_t baud, unsigned data_bits, const std::string& parity,
+             unsigned stop_bits, double idle_seconds, nb::list deadlines) {
+            Link::Options options;
+            options.path = path;
+            options.idle_seconds = idle_seconds;
+            options.serial.baud = baud;
+            options.serial.data_bits = static_cast<std::uint8_t>(data_bits);
+            options.serial.parity = parity == "even"  ? posix::Parity::even
+                                    : parity == "odd" ? posix::Parity::odd
+                                                      : posix::Parity::none;
+            options.serial.stop_bits = static_cast<std::uint8_t>(stop_bits);
+            std::vector<DeadlineRule> rules;
+            for (nb::handle rule : deadlines) {
+              rules.push_back({nb::cast<std::int16_t>(rule[0]), nb::cast<std::uint32_t>(rule[1]),
+                               nb::cast<std::uint8_t>(rule[2]),
+                               nb::cast<bool>(rule[3]) ? Recover::explicit_call : Recover::next_message});
+            }
+            new (self) Link(std::move(protocol), std::move(receive), std::move(options), rules);
+          },
+          nb::arg("protocol"), nb::arg("receive"), nb::arg("path"), nb::arg("baud"), nb::arg("data_bits"),
+          nb::arg("parity"), nb::arg("stop_bits"), nb::arg("idle_seconds"), nb::arg("deadlines"))
       .def("send", &Link::send, nb::arg("frame"))
-      .def("set_repeated", &Link::set_repeated, nb::arg("message"), nb::arg("frame"), nb::arg("safe"), nb::arg("period"),
-           nb::arg("hold"))
+      .def("set_repeated", &Link::set_repeated, nb::arg("message"), nb::arg("frame"), nb::arg("safe"),
+           nb::arg("period"), nb::arg("hold"))
       .def("stop_repeated", &Link::stop_repeated, nb::arg("message"))
       .def("receive", &Link::receive, nb::arg("timeout"))
       .def("stats", &Link::stats)

@@ -50,7 +50,8 @@ NB_MODULE(_engine, m) {
   nb::class_<FormatTable>(m, "FormatTable").def(nb::init<nb::handle>(), "plan"_a);
 
   nb::class_<Message>(m, "Message", nb::type_slots(message_slots), "One frame that passed every check.")
-      .def_prop_ro("name", &Message::name, "The message's name; 'unknown' for an unknown id or a payload too short for it.")
+      .def_prop_ro("name", &Message::name,
+                   "The message's name; 'unknown' for an unknown id or a payload too short for it.")
       .def_prop_ro("sender", &Message::sender, "'host', 'mcu' or 'both'; None for an unknown message.")
       .def_prop_ro("fields", &Message::fields, "Values in SI units by field name, decoded when first asked for.")
       .def_prop_ro("violations", &Message::violations, "Field rules that it breaks, a sentence each.")
@@ -59,21 +60,21 @@ NB_MODULE(_engine, m) {
       .def_prop_ro("id", &Message::id, "The id on the wire.")
       .def_prop_ro("t", &Message::time, "Time of the feed that completed it, in seconds.")
       .def_prop_ro("offset", &Message::offset, "Of its first byte in the stream.")
-      .def("__repr__", [](Message& self) {
-        return nb::str("<wirebond.Message {} {}>").format(self.name(), self.fields());
-      });
+      .def("__repr__",
+           [](Message& self) { return nb::str("<wirebond.Message {} {}>").format(self.name(), self.fields()); });
 
   nb::class_<Decoder>(m, "Decoder")
-      .def("__init__",
-           [](Decoder* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
-              double idle_seconds) { new (self) Decoder(std::move(protocol), std::move(format), idle_seconds); },
-           "protocol"_a, "format"_a, "idle_seconds"_a)
-      .def("feed", &Decoder::feed, "bytes"_a, "t"_a)
+      .def(
+          "__init__",
+          [](Decoder* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
+             double idle_seconds) { new (self) Decoder(std::move(protocol), std::move(format), idle_seconds); },
+          "protocol"_a, "format"_a, "idle_seconds"_a)
+      .def("feed", &Decoder::feed, "bytes"_a.none(), "t"_a)
       .def("idle", &Decoder::idle, "t"_a)
       .def("finish", &Decoder::finish)
       .def("stats", &Decoder::stats);
 
   m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a);
-  m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a);
+  m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none());
   bind_link(m);
 }

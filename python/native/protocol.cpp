@@ -9,9 +9,7 @@ namespace wirebond::engine {
 
 namespace {
 
-nb::object interned(const std::string& text) {
-  return nb::steal(PyUnicode_InternFromString(text.c_str()));
-}
+nb::object interned(const std::string& text) { return nb::steal(PyUnicode_InternFromString(text.c_str())); }
 
 std::string text_of(nb::handle value) { return nb::cast<std::string>(nb::str(value)); }
 
@@ -117,11 +115,14 @@ Layout read_layout(nb::handle plan) {
                                                     nb::cast<std::uint8_t>(constant.attr("value"))};
   }
   for (nb::handle check : plan.attr("checks")) {
-    layout.checks.at(layout.check_count++) = {
-        nb::cast<std::uint8_t>(check.attr("algorithm")), read_position(check.attr("start")),
-        read_position(check.attr("stop")),               read_position(check.attr("at")),
-        nb::cast<std::uint8_t>(check.attr("bytes")),     order_of(check.attr("order")),
-        nb::cast<std::uint8_t>(check.attr("shift")),     nb::cast<std::int8_t>(check.attr("continues"))};
+    layout.checks.at(layout.check_count++) = {nb::cast<std::uint8_t>(check.attr("algorithm")),
+                                              read_position(check.attr("start")),
+                                              read_position(check.attr("stop")),
+                                              read_position(check.attr("at")),
+                                              nb::cast<std::uint8_t>(check.attr("bytes")),
+                                              order_of(check.attr("order")),
+                                              nb::cast<std::uint8_t>(check.attr("shift")),
+                                              nb::cast<std::int8_t>(check.attr("continues"))};
   }
   return layout;
 }
@@ -181,9 +182,10 @@ FormatTable::FormatTable(nb::handle plan) {
     format_.algorithms.at(format_.algorithm_count++) = read_algorithm(algorithm);
   }
   for (nb::handle message : plan.attr("messages")) {
-    rows_.push_back({nb::cast<std::uint32_t>(message.attr("id")),
-                     {nb::cast<std::int16_t>(message.attr("index")), nb::cast<std::uint16_t>(message.attr("min_payload")),
-                      nb::cast<std::uint16_t>(message.attr("max_payload"))}});
+    rows_.push_back(
+        {nb::cast<std::uint32_t>(message.attr("id")),
+         {nb::cast<std::int16_t>(message.attr("index")), nb::cast<std::uint16_t>(message.attr("min_payload")),
+          nb::cast<std::uint16_t>(message.attr("max_payload"))}});
   }
   tables_ = std::make_unique<CrcTables>(format_);
 }

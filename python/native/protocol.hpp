@@ -27,11 +27,11 @@ struct FieldTable {
   nb::object key;  ///< the name, interned
   FieldKind kind = FieldKind::unsigned_integer;
   ByteOrder order = ByteOrder::little;
-  std::uint8_t size = 1;        ///< wire bytes of one element; 0: reaches to the payload's end
+  std::uint8_t size = 1;  ///< wire bytes of one element; 0: reaches to the payload's end
   bool is_array = false;
   std::uint32_t count = 1;
-  std::uint32_t max_size = 0;   ///< of a text or byte string without a fixed size
-  std::size_t at = 0;           ///< offset in the payload
+  std::uint32_t max_size = 0;  ///< of a text or byte string without a fixed size
+  std::size_t at = 0;          ///< offset in the payload
   bool scaled = false;
   double numerator = 1;
   double denominator = 1;

@@ -11,7 +11,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # Standard headers that a freestanding-style core may use: no heap, threads, streams, files or clocks.
 CORE_STANDARD = {
-    "algorithm", "array", "atomic", "cmath", "cstddef", "cstdint", "cstring", "limits", "string_view", "type_traits", "utility",
+    "algorithm", "array", "atomic", "cmath", "cstddef", "cstdint", "cstring", "limits", "string_view",
+    "type_traits", "utility",
 }  # fmt: skip
 
 # C++: folder -> (folders whose headers it may include by quotes, standard headers it may use; None: any)
@@ -56,7 +57,11 @@ def cpp_problems() -> list[str]:
 def _cpp_allowed(path: Path, header: str, allowed: set[str]) -> bool:
     for folder in allowed - {"generated"}:
         base = ROOT / folder
-        candidates = [base / header, base / "include" / header, *(p / "include" / header for p in base.glob("*"))]
+        candidates = [
+            base / header,
+            base / "include" / header,
+            *(p / "include" / header for p in base.glob("*")),
+        ]
         if any(candidate.is_file() for candidate in candidates):
             return True
         sibling = (path.parent / header).resolve()

@@ -75,7 +75,8 @@ class Operator {
     } else if (line == "charge on" || line == "charge off") {
       plant.charging = line == "charge on";
     } else {
-      std::fprintf(stderr, "unknown line '%.40s'; expected: estop on, estop off, charge on, charge off\n", line.c_str());
+      std::fprintf(stderr, "unknown line '%.40s'; expected: estop on, estop off, charge on, charge off\n",
+                   line.c_str());
     }
   }
 

@@ -59,9 +59,7 @@ class Plant {
   }
 
   /// Three lithium cells: 12.6 V full, 9.6 V empty, less what the load takes.
-  float battery_v() const {
-    return static_cast<float>(9.6 + 3.0 * charge_c_ / capacity_c - (charging ? 0.0 : sag_v_));
-  }
+  float battery_v() const { return static_cast<float>(9.6 + 3.0 * charge_c_ / capacity_c - (charging ? 0.0 : sag_v_)); }
 
   double x_m() const { return x_m_; }
   double y_m() const { return y_m_; }

@@ -16,7 +16,7 @@ from wirebond.errors import (
     WirebondError,
 )
 from wirebond.link import Link, LinkStats, SendStats
-from wirebond.link import open_link as open  # noqa: A004  (wirebond.open reads like the builtin, as intended)
+from wirebond.link import open_link as open
 
 __version__ = "0.1.0"
 

@@ -1,4 +1,4 @@
-"""The exceptions that callers of the package may catch. Each carries its facts; `str()` is a sentence for a person."""
+"""The exceptions that callers of the package may catch. Each carries its facts; its text is for a person."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class WirebondError(Exception):
 class Problem:
     """One thing wrong in a protocol file.
 
-    ``line`` and ``column`` count from 1, columns in characters; both are 0 where the file as a whole is meant.
+    ``line`` and ``column`` count from 1, in characters; both are 0 where the file as a whole is meant.
     ``message`` says what is wrong and what would be right.
     """
 
@@ -41,7 +41,7 @@ class UsageError(WirebondError, ValueError):
 
 
 class MessageError(WirebondError, ValueError):
-    """A message cannot be encoded: unknown message or field, or a value that its field refuses. Nothing was sent."""
+    """A message cannot be encoded: no such message or field, or a value refused. Nothing was sent."""
 
 
 class PortError(WirebondError, OSError):

@@ -59,7 +59,12 @@ class Link:
         self.baud = speed
         self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
         deadlines = [
-            (codec.index_of(d.message), round(d.after * 1e6), self._actions.index(d.then), d.recover == Recover.EXPLICIT)
+            (
+                codec.index_of(d.message),
+                round(d.after * 1e6),
+                self._actions.index(d.then),
+                d.recover == Recover.EXPLICIT,
+            )
             for d in model.deadlines
             if d.at == End.HOST
         ]
@@ -156,7 +161,9 @@ class Link:
     def recover(self, action: str) -> None:
         """End a deadline with ``recover: explicit``."""
         if action not in self._actions:
-            raise UsageError(f"{self.codec.name} has no deadline {action!r} at the host; it has {', '.join(self._actions)}")
+            raise UsageError(
+                f"{self.codec.name} has no deadline {action!r} at the host; it has {', '.join(self._actions)}"
+            )
         self._engine.recover_deadline(self._actions.index(action))
 
     @property

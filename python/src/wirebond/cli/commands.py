@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from wirebond.cli.output import console, errors, fail, print_message, stats_line
+from wirebond.cli.output import console, errors, print_message, stats_line
 from wirebond.cli.values import hex_of, parse_assignments, parse_hex, to_json
 from wirebond.codec import load
 from wirebond.errors import MessageError, ProtocolFileError, UsageError
@@ -40,11 +41,17 @@ def check_file(path: Path, as_json: bool) -> int:
             "ok": True,
             "protocol": model.name,
             "hash": f"{codec.hash:016x}",
-            "messages": {m.name: {"id": m.id, "sender": m.sender, "bytes": model.max_wire_bytes(m.max_payload)} for m in model.messages},
+            "messages": {
+                m.name: {"id": m.id, "sender": m.sender, "bytes": model.max_wire_bytes(m.max_payload)}
+                for m in model.messages
+            },
         }
         sys.stdout.write(to_json(facts) + "\n")
         return 0
-    console.print(f"{path}: protocol {model.name}, {len(model.messages)} messages, hash {codec.hash:016x}: no problem found")
+    console.print(
+        f"{path}: protocol {model.name}, {len(model.messages)} messages, hash {codec.hash:016x}: no problem found",
+        soft_wrap=True,
+    )
     return 0
 
 
@@ -75,8 +82,7 @@ def decode_bytes(path: Path, source: str | None, sender: str | None, hex_text: s
 
 def _chunks(source: str) -> Iterator[bytes]:
     if source == "-":
-        stream = sys.stdin.buffer
-        while chunk := stream.read1(_CHUNK):
+        while chunk := os.read(sys.stdin.fileno(), _CHUNK):  # what is there already, without waiting for more
             yield chunk
         return
     with Path(source).open("rb") as file:
@@ -91,7 +97,6 @@ def generate(path: Path, language: str, out: Path) -> None:
         raise UsageError(f"--lang is '{language}'; expected cpp")
     codec = load(path)
     if out.exists() and not out.is_dir():
-        fail(f"{out} is a file; --out names a folder")
-        raise SystemExit(2)
+        raise UsageError(f"{out} is a file; --out names a folder")
     for written in generate_cpp(codec.model, out):
         console.print(str(written), soft_wrap=True)

@@ -135,7 +135,9 @@ def _summary(link: Link, elapsed: float) -> int:
         f"{send.refused_down + send.refused_full}, expired {send.expired}, replaced {send.replaced}"
     )
     received_use, sent_use = use
-    console.print(f"line use: receive {received_use:.1%}, send {sent_use:.1%} of {link.baud} baud; reconnects {stats.reconnects}")
+    console.print(
+        f"line use: receive {received_use:.1%}, send {sent_use:.1%} of {link.baud} baud; reconnects {stats.reconnects}"
+    )
     if not receive.frames:
         console.print("[bold red]nothing was received[/]")
         return 1

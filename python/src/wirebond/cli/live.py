@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from rich.live import Live
@@ -32,10 +32,8 @@ def _end(seconds: float | None) -> float:
 @contextmanager
 def _ctrl_c_ends() -> Iterator[None]:
     """Ctrl-C is how a user ends these commands: no error."""
-    try:
+    with suppress(KeyboardInterrupt):
         yield
-    except KeyboardInterrupt:
-        pass
 
 
 def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None, as_json: bool) -> None:
@@ -73,7 +71,13 @@ def _show_dashboard(link: Link, title: str, end: float) -> None:
 
 
 def send_message(
-    path: Path, port: str, name: str, words: list[str], rate: float | None, baud: int | None, seconds: float | None
+    path: Path,
+    port: str,
+    name: str,
+    words: list[str],
+    rate: float | None,
+    baud: int | None,
+    seconds: float | None,
 ) -> int:
     if rate is not None and not 0 < rate <= 10_000:
         raise UsageError(f"--rate is {rate:g}; expected more than 0 and at most 10000 per second")

@@ -6,20 +6,17 @@ be opened or was lost; 130 ended by Ctrl-C where that is no normal end.
 
 from __future__ import annotations
 
-import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, NoReturn
 
-import click
 import typer
 from rich.markup import escape
 
 from wirebond.cli.output import console, errors, fail
 from wirebond.errors import LinkDownError, PortError, ProtocolFileError, UsageError, WirebondError
 
-EXIT_INPUT, EXIT_USAGE, EXIT_PORT, EXIT_INTERRUPTED = 1, 2, 3, 130
+EXIT_INPUT, EXIT_USAGE, EXIT_PORT = 1, 2, 3
 
 app = typer.Typer(
     help="The serial link between a robot's computer and its microcontroller, from one protocol file.",
@@ -72,7 +69,9 @@ def decode(
 
 
 @app.command()
-def monitor(file: ProtocolFile, port: Port, baud: Baud = None, seconds: Seconds = None, as_json: AsJson = False) -> None:
+def monitor(
+    file: ProtocolFile, port: Port, baud: Baud = None, seconds: Seconds = None, as_json: AsJson = False
+) -> None:
     """Show what the MCU sends: messages, rates, line use, statistics."""
     from wirebond.cli.live import monitor_port
 
@@ -145,39 +144,25 @@ def common(
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
-    """Entry point: every error that can be foreseen becomes a sentence and an exit code."""
-    sys.exit(_guarded(lambda: app(args=arguments, standalone_mode=False)))
+    """Entry point: every error that can be foreseen becomes a sentence and an exit code.
 
-
-def _guarded(run: Callable[[], object]) -> int:
+    Wrong usage and Ctrl-C are typer's to report (2 and 130).
+    """
     try:
-        result = run()
+        app(args=arguments)
     except ProtocolFileError as error:
         for problem in error.problems:
             errors.print(escape(str(problem)))
-        return EXIT_INPUT
-    except (PortError, LinkDownError) as error:
-        fail(str(error))
-        return EXIT_PORT
-    except UsageError as error:
-        fail(str(error))
-        return EXIT_USAGE
+        sys.exit(EXIT_INPUT)
     except WirebondError as error:
         fail(str(error))
-        return EXIT_INPUT
-    except click.ClickException as error:
-        error.show()
-        return EXIT_USAGE
-    except (KeyboardInterrupt, click.Abort):
-        return EXIT_INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has gone; that is its right
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        port_trouble = isinstance(error, PortError | LinkDownError)
+        sys.exit(EXIT_PORT if port_trouble else EXIT_USAGE if isinstance(error, UsageError) else EXIT_INPUT)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         fail(f"{where}{error.strerror or error}")
-        return EXIT_INPUT
-    return result if isinstance(result, int) else 0
+        sys.exit(EXIT_INPUT)
+    sys.exit(0)
 
 
 if __name__ == "__main__":

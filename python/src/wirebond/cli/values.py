@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from typing import Any
 
@@ -78,7 +79,7 @@ def _number_or_name(text: str) -> int | float | str:
     text = text.strip()
     for convert in (lambda t: int(t, 0), int, float):
         try:
-            return convert(text)  # type: ignore[no-any-return, operator]
+            return convert(text)
         except ValueError:
             continue
     return text
@@ -101,6 +102,6 @@ def _plain(value: Any) -> Any:
         return [_plain(entry) for entry in value]
     if isinstance(value, bytes):
         return hex_of(value)
-    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
+    if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

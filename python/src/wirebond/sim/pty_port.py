@@ -72,5 +72,5 @@ def symlinked(target: str, link: Path | None) -> Iterator[str]:
     try:
         yield str(link)
     finally:
-        if link.is_symlink() and os.readlink(link) == target:
+        if link.is_symlink() and str(link.readlink()) == target:
             link.unlink()

@@ -47,7 +47,9 @@ def build(folder: Path | None = None) -> Path:
     if program.exists():
         return program
     if shutil.which(compiler[0]) is None:
-        raise UsageError(f"the rover is compiled on first use, and there is no {compiler[0]}; install a C++ compiler (g++)")
+        raise UsageError(
+            f"the rover is compiled on first use, and there is no {compiler[0]}; install a C++ compiler (g++)"
+        )
     unfinished = program.with_suffix(f".{os.getpid()}")
     command = [
         *compiler, "-std=c++17", "-O2", f"-I{generated}", f"-I{paths.firmware() / 'rover'}",

@@ -155,7 +155,11 @@ def _number(described: Field, wave: float) -> float | int:
         low, high = -1.0, 1.0
     else:
         bits = 8 * described.size
-        low, high = (-(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1) if described.kind == FieldKind.SIGNED else (0.0, 2.0**bits - 1)
+        low, high = (
+            (-(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1)
+            if described.kind == FieldKind.SIGNED
+            else (0.0, 2.0**bits - 1)
+        )
         low, high = max(low, -100.0), min(high, 100.0)  # wire units: a lively but modest value
         low, high = sorted(float(v * described.scale + described.offset) for v in (int(low), int(high)))
     if described.minimum is not None and described.maximum is not None:

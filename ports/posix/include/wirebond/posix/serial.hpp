@@ -70,7 +70,8 @@ inline bool configure_serial(int fd, const SerialSettings& settings, SerialError
 }
 
 /// Open `path` as a raw, exclusive, non-blocking tty. Bytes that came before are dropped: they are stale.
-/// Adapters that know it get the low-latency flag (FTDI: 1 ms instead of 16). An empty Descriptor and `error` on failure.
+/// Adapters that know it get the low-latency flag (FTDI: 1 ms instead of 16). An empty Descriptor and `error` on
+/// failure.
 inline Descriptor open_serial(const std::string& path, const SerialSettings& settings, SerialError& error) {
   Descriptor fd(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!fd.is_open()) {

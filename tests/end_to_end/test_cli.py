@@ -1,0 +1,237 @@
+"""The command line as a user meets it: output, exit codes, sentences instead of tracebacks."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.shared import PROTOCOLS, codec
+from wirebond.sim.pty_port import PtyPort
+
+COMMAND = [str(Path(sys.executable).with_name("wirebond"))]
+DIFFDRIVE = str(PROTOCOLS / "diffdrive.yaml")
+NATIVE = str(PROTOCOLS / "native.yaml")
+PATIENCE = 20.0
+
+
+def run(*arguments: str, stdin: bytes | None = b"") -> subprocess.CompletedProcess[str]:
+    result = subprocess.run([*COMMAND, *arguments], input=stdin, capture_output=True, timeout=60, check=False)
+    out, err = result.stdout.decode(), result.stderr.decode()
+    assert "Traceback" not in out + err
+    return subprocess.CompletedProcess(result.args, result.returncode, out, err)
+
+
+def test_check_finds_nothing_wrong_in_the_files_that_come_with_it() -> None:
+    for path in sorted(PROTOCOLS.glob("*.yaml")):
+        result = run("check", str(path))
+        assert (result.returncode, result.stderr) == (0, "")
+        assert "no problem found" in result.stdout
+
+
+def test_check_names_file_line_and_column_and_exits_with_1(tmp_path: Path) -> None:
+    file = tmp_path / "wrong.yaml"
+    file.write_text(Path(DIFFDRIVE).read_text().replace("type: i16, unit: m/s", "type: i17, unit: m/s"))
+    result = run("check", str(file))
+    assert result.returncode == 1
+    assert f"{file}:22:" in result.stderr
+    report = json.loads(run("check", str(file), "--json").stdout)
+    assert report["ok"] is False
+    assert report["problems"][0]["line"] == 22
+
+
+def test_encode_prints_hex() -> None:
+    result = run("encode", DIFFDRIVE, "velocity", "linear=0.5", "angular=0")
+    assert (result.returncode, result.stdout) == (0, "AA 55 01 F4 01 00 00 00 00 0B 0D\n")
+    result = run("encode", DIFFDRIVE, "velocity", "linear=-1", "angular=-3.14")
+    assert result.stdout == "AA 55 01 18 FC BC F3 00 00 55 0D\n"
+    result = run("encode", DIFFDRIVE, "status", "battery=12.345", "errors=right_motor,low_battery", "state=[charging]")
+    assert result.stdout == "AA 55 82 39 30 06 02 00 00 70 0D\n"
+
+
+def test_encode_refuses_what_does_not_fit_with_exit_1() -> None:
+    result = run("encode", DIFFDRIVE, "velocity", "linear=2.5", "angular=0")
+    assert (result.returncode, result.stdout) == (1, "")
+    assert "velocity.linear = 2.5 m/s is outside -2 ... 2 m/s" in result.stderr
+
+
+def test_decode_prints_a_json_line_a_message_and_statistics_on_stderr() -> None:
+    result = run("decode", DIFFDRIVE, "--hex", "AA 55 01 F4 01 00 00 00 00 0B 0D ff", "--sender", "host")
+    message = json.loads(result.stdout)
+    assert message["message"] == "velocity"
+    assert message["fields"] == {"linear": 0.5, "angular": 0.0}
+    assert "12 bytes: 1 frames (11 bytes), 1 discarded as no_start" in result.stderr
+
+
+def test_decode_reads_captures_and_stdin(tmp_path: Path) -> None:
+    capture = codec("diffdrive").encode("odometry", left_ticks=1, right_ticks=2) * 3
+    file = tmp_path / "capture.bin"
+    file.write_bytes(capture)
+    from_file = run("decode", DIFFDRIVE, str(file))
+    from_stdin = run("decode", DIFFDRIVE, "-", stdin=capture)
+    assert from_file.stdout == from_stdin.stdout
+    assert [json.loads(line)["offset"] for line in from_file.stdout.splitlines()] == [0, 11, 22]
+
+
+def test_decode_of_refused_bytes_exits_with_1() -> None:
+    result = run("decode", DIFFDRIVE, "--hex", "aa5501f40100000000ff0d")
+    assert (result.returncode, result.stdout) == (1, "")
+    assert "11 discarded as check_mismatch" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "sentence"),
+    [
+        (["decode", DIFFDRIVE], 2, "give bytes one way"),
+        (["decode", DIFFDRIVE, "--hex", "AA 5"], 2, "two digits a byte"),
+        (["decode", DIFFDRIVE, "--hex", "GG"], 2, "'G' is no hex digit"),
+        (["decode", DIFFDRIVE, "--hex", "AA", "--sender", "me"], 2, "expected 'mcu' or 'host'"),
+        (["decode", DIFFDRIVE, "/nonexistent"], 1, "No such file"),
+        (["check", "/nonexistent.yaml"], 1, "/nonexistent.yaml"),
+        (["check", "/"], 1, "directory"),
+        (["encode", DIFFDRIVE, "speed"], 1, "diffdrive has no message 'speed'; it has velocity"),
+        (["encode", DIFFDRIVE, "velocity", "linear"], 2, "write field=value"),
+        (["encode", DIFFDRIVE, "velocity", "linear=fast", "angular=0"], 1, "expected a number in m/s"),
+        (["encode", DIFFDRIVE, "velocity", "linear=nan", "angular=0"], 1, "not a finite number"),
+        (["monitor", DIFFDRIVE, "/dev/ttyNOPE"], 3, "there is no port /dev/ttyNOPE"),
+        (["send", DIFFDRIVE, "/dev/null", "velocity", "linear=0", "angular=0"], 3, "is not a serial port"),
+        (["send", DIFFDRIVE, "/dev/null", "velocity", "linear=9", "angular=0"], 1, "outside -2 ... 2"),
+        (
+            ["send", DIFFDRIVE, "/dev/null", "velocity", "linear=0", "angular=0", "--rate", "0"],
+            2,
+            "--rate is 0",
+        ),
+        (["gen", DIFFDRIVE, "--lang", "cobol", "--out", "/tmp/never"], 2, "expected cpp"),
+        (["gen", DIFFDRIVE, "--out", DIFFDRIVE], 2, "is a file"),
+        (["frobnicate"], 2, "No such command"),
+    ],
+)
+def test_wrong_use_gets_a_sentence_and_an_exit_code(arguments: list[str], code: int, sentence: str) -> None:
+    result = run(*arguments)
+    assert result.returncode == code, result.stderr
+    assert sentence in " ".join(result.stderr.split())
+
+
+def test_output_into_a_closed_pipe_is_no_error() -> None:
+    capture = codec("diffdrive").encode("odometry", left_ticks=1, right_ticks=2) * 5000
+    with subprocess.Popen(
+        [*COMMAND, "decode", DIFFDRIVE, "-"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        try:
+            process.stdin.write(capture)
+            process.stdin.close()
+        except BrokenPipeError:
+            pass
+        assert b"Traceback" not in process.stderr.read()
+
+
+def test_gen_writes_a_folder_and_a_second_run_changes_nothing(tmp_path: Path) -> None:
+    first = run("gen", DIFFDRIVE, "--lang", "cpp", "--out", str(tmp_path / "out"))
+    assert first.returncode == 0
+    times = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*.hpp")}
+    assert (tmp_path / "out" / "diffdrive.hpp") in times
+    run("gen", DIFFDRIVE, "--lang", "cpp", "--out", str(tmp_path / "out"))
+    assert times == {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*.hpp")}
+
+
+class TestWithVirtualMcu:
+    @pytest.fixture
+    def sim(self, tmp_path: Path):  # type: ignore[no-untyped-def]
+        link = tmp_path / "tty"
+        with subprocess.Popen(
+            [*COMMAND, "sim", NATIVE, "--link", str(link)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        ) as process:
+            assert process.stdout is not None
+            assert process.stdout.readline().decode().strip() == str(link)
+            yield str(link)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(PATIENCE) == 0
+        assert not link.exists()
+
+    def test_send_prints_the_reply(self, sim: str) -> None:
+        result = run("send", NATIVE, sim, "ping", "number=7")
+        assert result.returncode == 0
+        assert json.loads(result.stdout)["fields"] == {"number": 7}
+
+    def test_parameters_are_kept(self, sim: str) -> None:
+        run("send", NATIVE, sim, "parameter_set", "index=3", "value=1.5")
+        result = run("send", NATIVE, sim, "parameter_read", "index=3")
+        assert json.loads(result.stdout)["fields"] == {"index": 3, "value": 1.5, "result": "ok"}
+
+    def test_monitor_prints_json_lines_and_ends_by_itself(self, sim: str) -> None:
+        result = run("monitor", NATIVE, sim, "--json", "--seconds", "1")
+        assert result.returncode == 0
+        names = {json.loads(line)["message"] for line in result.stdout.splitlines()}
+        assert "state" in names
+        assert "0 discarded" not in result.stderr
+
+
+def first_bytes(port: PtyPort) -> bytes:
+    """What comes first, however slowly the program starts."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        if data := port.read(0.1):
+            return data
+    raise AssertionError("nothing came")
+
+
+def test_ctrl_c_ends_a_repeated_send_with_the_emergency_stop() -> None:
+    pty = PtyPort()
+    command = [*COMMAND, "send", NATIVE, pty.path, "command", "speed=1", "mode=manual", "--rate", "50"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        data = first_bytes(pty)
+        process.send_signal(signal.SIGINT)
+        while process.poll() is None:
+            data += pty.read(0.05)
+        data += pty.read(0.05)
+        assert process.returncode == 0
+        assert process.stderr is not None
+        assert b"then the emergency stop" in process.stderr.read()
+    pty.close()
+    messages = codec("native").decoder("host").feed(data)
+    assert messages[0].fields == {"speed": 1.0, "mode": "manual"}
+    assert messages[-1].fields == {"speed": 0.0, "mode": "idle"}
+
+
+def test_demo_drives_the_rover_and_prints_a_summary(tmp_path: Path) -> None:
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+    result = subprocess.run(
+        [*COMMAND, "demo", "--seconds", "3"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env=environment,
+    )
+    assert result.returncode == 0, result.stderr
+    assert "odometry" in result.stdout
+    assert "line use" in result.stdout
+    assert "Traceback" not in result.stderr
+
+
+def test_monitor_lives_on_when_its_port_goes_away() -> None:
+    pty = PtyPort()
+    command = [*COMMAND, "monitor", DIFFDRIVE, pty.path, "--seconds", "3", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        frame = codec("diffdrive").encode("odometry", left_ticks=1, right_ticks=2)
+        os.set_blocking(process.stdout.fileno(), False)
+        end = time.monotonic() + PATIENCE
+        while not (line := process.stdout.readline()) and time.monotonic() < end:
+            pty.write(frame)  # until it listens: what comes before it opens the port is stale and dropped
+            time.sleep(0.05)
+        assert json.loads(line)["message"] == "odometry"
+        pty.close()
+        assert process.wait(PATIENCE) == 0
+        assert b"Traceback" not in process.stderr.read()

@@ -1,0 +1,221 @@
+"""A link over a real tty (a pty): whole frames, reconnect, leases, deadlines, the account of what was sent."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import wirebond
+from tests.shared import PROTOCOLS, account_closes, codec
+from wirebond import LinkDownError, MessageError, PortError, UsageError
+from wirebond.sim.pty_port import PtyPort
+
+PATIENCE = 10.0  # seconds: a bound for slow machines, not an expectation
+
+
+@pytest.fixture
+def port() -> Iterator[PtyPort]:
+    pty = PtyPort()
+    yield pty
+    pty.close()
+
+
+def read_until(port: PtyPort, size: int) -> bytes:
+    data = b""
+    end = time.monotonic() + PATIENCE
+    while len(data) < size and time.monotonic() < end:
+        data += port.read(0.05)
+    return data
+
+
+def receive(link: wirebond.Link, count: int) -> list[wirebond.Message]:
+    messages: list[wirebond.Message] = []
+    end = time.monotonic() + PATIENCE
+    while len(messages) < count and time.monotonic() < end:
+        messages += link.receive(0.1)
+    return messages
+
+
+def wait_for_state(link: wirebond.Link, state: str) -> None:
+    end = time.monotonic() + PATIENCE
+    while link.state != state:
+        assert time.monotonic() < end, f"link stays {link.state}"
+        time.sleep(0.01)
+
+
+def send_account_closes(stats: wirebond.SendStats) -> bool:
+    refused = stats.refused_down + stats.refused_full
+    ended = stats.sent + stats.queued + stats.replaced + stats.expired + stats.aborted
+    return stats.offered == stats.accepted + refused and stats.accepted == ended
+
+
+def test_frames_go_out_whole_and_come_in_with_fields(port: PtyPort) -> None:
+    proto = codec("diffdrive")
+    with wirebond.open(proto, port.path) as link:
+        link.send("velocity", linear=0.5, angular=0.0)
+        expected = proto.encode("velocity", linear=0.5, angular=0.0)
+        assert read_until(port, len(expected)) == expected
+        port.write(proto.encode("odometry", left_ticks=3, right_ticks=-3))
+        (message,) = receive(link, 1)
+        assert (message.name, message.fields) == ("odometry", {"left_ticks": 3, "right_ticks": -3})
+        assert abs(message.t - time.monotonic()) < PATIENCE
+        assert account_closes(link.stats.receive)
+        assert send_account_closes(link.stats.send)
+        assert link.state == "up"
+
+
+def test_iterating_gives_messages_in_order(port: PtyPort) -> None:
+    proto = codec("diffdrive")
+    with wirebond.open(proto, port.path) as link:
+        for i in range(100):
+            port.write(proto.encode("odometry", left_ticks=i, right_ticks=0))
+        seen = []
+        for message in link:
+            seen.append(message.fields["left_ticks"])
+            if len(seen) == 100:
+                break
+    assert seen == list(range(100))
+
+
+def test_every_frame_handed_over_arrives_while_the_other_side_reads_slowly(port: PtyPort) -> None:
+    proto = codec("diffdrive")
+    frames = 3000  # more than the pty's buffer holds
+    with wirebond.open(proto, port.path) as link:
+        decoder = proto.decoder("host")
+        received = []
+        accepted = 0
+        for i in range(frames):
+            try:
+                link.send("velocity", linear=i % 100 / 100, angular=0)
+                accepted += 1
+            except wirebond.QueueFullError:
+                received += decoder.feed(port.read(0.05))
+        end = time.monotonic() + PATIENCE
+        while len(received) < accepted and time.monotonic() < end:
+            received += decoder.feed(port.read(0.05))
+        stats = link.stats.send
+        assert len(received) == accepted == stats.sent
+        assert stats.offered == frames
+        assert send_account_closes(stats)
+        assert sum(decoder.stats.discarded_bytes.values()) == 0
+
+
+def test_link_comes_back_when_the_device_does(tmp_path: Path) -> None:
+    proto = codec("diffdrive")
+    name = tmp_path / "tty"
+    first, second = PtyPort(), PtyPort()
+    name.symlink_to(first.path)
+    with wirebond.open(proto, name) as link:
+        first.write(proto.encode("odometry", left_ticks=1, right_ticks=1))
+        assert receive(link, 1)[0].fields["left_ticks"] == 1
+        first.close()
+        wait_for_state(link, "down")
+        with pytest.raises(LinkDownError, match="is not connected; velocity was not sent"):
+            link.send("velocity", linear=0, angular=0)
+        name.unlink()
+        name.symlink_to(second.path)
+        wait_for_state(link, "stale")
+        second.write(proto.encode("odometry", left_ticks=2, right_ticks=2))
+        assert receive(link, 1)[0].fields["left_ticks"] == 2
+        link.send("velocity", linear=0, angular=0)
+        assert len(read_until(second, 11)) == 11
+        stats = link.stats
+        assert stats.reconnects >= 1
+        assert stats.send.refused_down == 1
+        assert send_account_closes(stats.send)
+        assert account_closes(stats.receive)
+    second.close()
+
+
+def test_repeated_value_ends_with_its_lease_and_the_safe_value(port: PtyPort) -> None:
+    proto = codec("diffdrive")
+    with wirebond.open(proto, port.path) as link:
+        link.set("velocity", linear=0.5, angular=0.0, hold=0.3)
+        decoder = proto.decoder("host")
+        messages = []
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end and not (messages and messages[-1].fields["linear"] == 0):
+            messages += decoder.feed(port.read(0.05))
+        time.sleep(0.2)
+        messages += decoder.feed(port.read(0.05))
+    speeds = [m.fields["linear"] for m in messages]
+    assert speeds[-1] == 0  # the safe value, once, and then silence
+    assert set(speeds[:-1]) == {0.5}
+    assert 1 <= len(speeds[:-1]) <= 8  # at 20 Hz for 0.3 s
+
+
+def test_host_deadlines_run_from_start_up_and_end_with_a_message(port: PtyPort, tmp_path: Path) -> None:
+    text = (PROTOCOLS / "diffdrive.yaml").read_text()
+    fast = tmp_path / "fast.yaml"
+    fast.write_text(text.replace("after: 3 s, then: warn", "after: 1100 ms, then: warn"))
+    proto = wirebond.load(fast)
+    with wirebond.open(proto, port.path) as link:
+        assert link.deadlines == {"warn": False, "stop_navigation": False}
+        end = time.monotonic() + PATIENCE
+        while not link.deadlines["warn"] and time.monotonic() < end:
+            time.sleep(0.02)
+        assert link.deadlines["warn"]
+        port.write(proto.encode("status", battery=12.0, errors=[], state=[]))
+        receive(link, 1)
+        assert not link.deadlines["warn"]
+
+
+def test_messages_of_the_other_end_are_not_sent(port: PtyPort) -> None:
+    with wirebond.open(codec("diffdrive"), port.path) as link:
+        with pytest.raises(MessageError, match="odometry is sent by the mcu"):
+            link.send("odometry", left_ticks=0, right_ticks=0)
+        with pytest.raises(MessageError, match=r"outside -2 \.\.\. 2 m/s"):
+            link.send("velocity", linear=9, angular=0)
+        assert link.stats.send.offered == 0
+
+
+def test_emergency_stop_sends_the_declared_message(port: PtyPort) -> None:
+    proto = codec("diffdrive")
+    with wirebond.open(proto, port.path) as link:
+        link.emergency_stop()
+        assert read_until(port, 11) == proto.encode("velocity", linear=0, angular=0)
+
+
+def test_closing_twice_and_from_with_is_fine(port: PtyPort) -> None:
+    with wirebond.open(codec("diffdrive"), port.path) as link:
+        link.close()
+        link.close()
+    assert list(link) == []
+
+
+class TestPortThatCannotBeOpened:
+    def test_missing_port_is_named(self) -> None:
+        with pytest.raises(PortError, match="there is no port /dev/ttyNOPE; plug it in"):
+            wirebond.open(codec("diffdrive"), "/dev/ttyNOPE")
+
+    def test_file_is_no_port(self, tmp_path: Path) -> None:
+        file = tmp_path / "file"
+        file.write_text("hello")
+        with pytest.raises(PortError, match="is not a serial port"):
+            wirebond.open(codec("diffdrive"), file)
+
+    def test_folder_is_no_port(self, tmp_path: Path) -> None:
+        with pytest.raises(PortError, match="cannot open"):
+            wirebond.open(codec("diffdrive"), tmp_path)
+
+    def test_port_without_permission_says_what_to_do(self, port: PtyPort) -> None:
+        Path(port.path).chmod(0)
+        child = os.fork()
+        if child == 0:  # as nobody: root may open anything
+            if os.geteuid() == 0:
+                os.setuid(65534)
+            try:
+                wirebond.open(codec("diffdrive"), port.path)
+            except PortError as error:
+                os._exit(0 if "dialout" in str(error) else 2)
+            os._exit(1)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+    @pytest.mark.parametrize("baud", [0, -1, 10**9])
+    def test_impossible_baud_is_refused(self, port: PtyPort, baud: int) -> None:
+        with pytest.raises(UsageError, match="expected 1 to 100000000 bits per second"):
+            wirebond.open(codec("diffdrive"), port.path, baud=baud)

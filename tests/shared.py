@@ -1,0 +1,60 @@
+"""What several tests share: the protocol files and the vectors."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import wirebond
+
+ROOT = Path(__file__).resolve().parents[1]
+PROTOCOLS = ROOT / "protocols"
+VECTORS = ROOT / "tests" / "vectors"
+
+
+@dataclass(frozen=True)
+class Vector:
+    protocol: str
+    message: str
+    sender: str
+    fields: dict[str, Any]
+    frame: bytes
+
+    def __str__(self) -> str:
+        return f"{self.protocol}-{self.frame.hex()}"
+
+
+@dataclass(frozen=True)
+class Rejected:
+    protocol: str
+    why: str
+    frame: bytes
+
+    def __str__(self) -> str:
+        return f"{self.protocol}-{self.frame.hex()}"
+
+
+def accepted_vectors() -> list[Vector]:
+    return [
+        Vector(path.stem, row["message"], row["sender"], row["fields"], bytes.fromhex(row["hex"]))
+        for path in sorted(VECTORS.glob("*.json"))
+        if path.stem != "rejected"
+        for row in json.loads(path.read_text())
+    ]
+
+
+def rejected_vectors() -> list[Rejected]:
+    rows = json.loads((VECTORS / "rejected.json").read_text())
+    return [Rejected(row["protocol"], row["why"], bytes.fromhex(row["hex"])) for row in rows]
+
+
+def codec(name: str) -> wirebond.Codec:
+    return wirebond.load(PROTOCOLS / f"{name}.yaml")
+
+
+def account_closes(stats: wirebond.Stats) -> bool:
+    """Every byte in exactly one bucket."""
+    settled = stats.frame_bytes + stats.fill_bytes + sum(stats.discarded_bytes.values())
+    return stats.bytes == settled + stats.pending_bytes
