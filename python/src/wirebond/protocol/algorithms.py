@@ -1,7 +1,7 @@
 """The check algorithms that a protocol file may name, as facts. Nothing here computes a check.
 
-CRC parameters and check values: Greg Cook's "Catalogue of parametrised CRC algorithms" (reveng), those of 8, 16,
-24, 32 and 64 bits. The check value is the algorithm's result over the nine ASCII bytes ``123456789``.
+CRC parameters and check values: Greg Cook's "Catalogue of parametrised CRC algorithms" (reveng), those of 8,
+16, 24, 32 and 64 bits. The check value is the algorithm's result over the nine ASCII bytes ``123456789``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """YAML 1.2 text to a tree of values that know their place. Knows YAML, and nothing of protocols.
 
-Built from the parser's events with a stack of its own, so that no input can exhaust Python's. What a document may
-cost is bounded by the limits below, aliases included.
+Built from the parser's events with a stack of its own, so that no input can exhaust Python's. What a document
+may cost is bounded by the limits below, aliases included.
 """
 
 from __future__ import annotations
@@ -39,10 +39,6 @@ class Number:
 
     text: str
     value: int | float
-
-    @property
-    def is_hex(self) -> bool:
-        return self.text.startswith("0x")
 
     def exact(self) -> Fraction:
         """The decimal as written, without a float's rounding. Only for finite numbers."""
@@ -127,7 +123,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
 def parse(text: str, problems: Problems) -> Node:
     """The tree of a YAML text.
 
-    Problems that leave the rest readable (a repeated key, a tag) are added to ``problems``; those that do not raise
+    Problems that leave the rest readable (a repeated key, a tag) are added to ``problems``; others raise
     ProtocolFileError at once.
     """
     text = text.removeprefix("\ufeff")
@@ -145,6 +141,8 @@ def parse(text: str, problems: Problems) -> Node:
             builder.take(event)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
+        if error.context_mark is not None and "stream" in (error.problem or ""):
+            mark = error.context_mark  # what was never closed, not the end of the file
         place = WHOLE_FILE if mark is None else _place(mark)
         what = " ".join(part for part in (error.context, error.problem) if part)
         problems.stop(place, f"this is not YAML ({_one_line(what)}); {_advice(what)}")

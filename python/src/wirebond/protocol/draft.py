@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from wirebond.protocol.document import Mapping
 from wirebond.protocol.messages import Messages
 from wirebond.protocol.model import Frame, LengthCounts, Part, PartKind, PayloadRule
 from wirebond.protocol.problems import Place, Problems
@@ -79,7 +80,7 @@ class Draft:
 def check_sizes(
     draft: Draft, messages: Messages, max_payload: int | None, problems: Problems, max_place: Place
 ) -> int:
-    """The frame's greatest payload in bytes. ``max_payload``: as the file says; None: the largest known message's."""
+    """The frame's greatest payload in bytes. ``max_payload``: the file's; None: the largest message's."""
     rule = draft.payload.payload
     complete = [(entry, entry.complete) for entry in messages.values()]
     largest = max((message.max_payload for _, message in complete if message is not None), default=0)
@@ -95,8 +96,10 @@ def check_sizes(
             field.is_variable for field in message.fields
         ):
             field = message.fields[-1]
+            fields = entry.node.get("fields")
+            assert isinstance(fields, Mapping)
             problems.add(
-                entry.node.key_place("fields"),
+                fields.key_place(field.name),
                 f"`{field.name}` reaches to the payload's end, and this frame does not tell where "
                 "that is; write `size` "
                 "for `max`, or take a frame with a length",

@@ -54,12 +54,14 @@ class _FieldReader:
         syntax = self._syntax
         kind = syntax.type.kind
         self._check_options(kind)
-        if kind in _STRINGS and (syntax.size is None) == (syntax.max is None):
+        if kind in _STRINGS and syntax.size is None and syntax.max is None:
             self._wrong(
                 self._node.value_place("type"),
-                f"a {syntax.type.word} field needs either `size` (bytes, always as many) or `max` "
-                "(bytes at most)",
+                f"a {syntax.type.word} field needs a size; add `size: 16` (bytes, always as many) "
+                "or `max: 16` (at most)",
             )
+        if syntax.size is not None and syntax.max is not None:
+            self._wrong(self._node.key_place("max"), "`max` cannot stand beside `size`; keep one of the two")
         if not self._good:
             return None
         field = Field(
@@ -219,7 +221,7 @@ def number_text(value: Fraction) -> str:
 
 
 def fit_value(field: Field, value: Fraction | bool | str) -> tuple[float | int | bool | str | None, str]:
-    """The value as the API takes it and an empty text, or None and what is wrong. For single values, not arrays."""
+    """The value as the API takes it and an empty text, or None and what is wrong. Not for arrays."""
     if field.kind == FieldKind.BOOL:
         return (
             (value, "")

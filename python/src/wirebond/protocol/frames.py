@@ -1,4 +1,4 @@
-"""The `frame` section: from its parts' syntax to the model, and whether they make a frame that can be read."""
+"""The `frame` section: from its parts' syntax to the model, and whether they make a readable frame."""
 
 from __future__ import annotations
 
@@ -45,12 +45,13 @@ def read_frame(node: Node | None, order: ByteOrder, problems: Problems) -> Draft
     outer = [(readable_part(item), item) for item in node.items]
     if any(syntax is None for syntax, _ in outer):
         return None
-    reader = _FrameReader(problems)
-    return reader.read([(syntax, item) for syntax, item in outer if syntax is not None], node.place, order)
+    reader = _FrameReader(order, problems)
+    return reader.read([(syntax, item) for syntax, item in outer if syntax is not None], node.place)
 
 
 class _FrameReader:
-    def __init__(self, problems: Problems) -> None:
+    def __init__(self, order: ByteOrder, problems: Problems) -> None:
+        self._order = order
         self._problems = problems
         self._good = True
 
@@ -58,8 +59,10 @@ class _FrameReader:
         self._problems.add(place, message)
         self._good = False
 
-    def read(self, outer: list[tuple[Syntax, Node]], place: Place, order: ByteOrder) -> Draft | None:
+    def read(self, outer: list[tuple[Syntax, Node]], place: Place) -> Draft | None:
         delimiter = self._delimiters(outer)
+        if not self._good:
+            return None
         inner: list[tuple[PartSyntax, Mapping]] = []
         for syntax, node in outer:
             if isinstance(syntax, CobsPart) and isinstance(node, Mapping):
@@ -70,7 +73,7 @@ class _FrameReader:
                     inner.append((item, item_node))
             elif isinstance(syntax, PartSyntax) and isinstance(node, Mapping):
                 inner.append((syntax, node))
-        parts = [_lower(syntax, order) for syntax, _ in inner]
+        parts = [_lower(syntax, self._order) for syntax, _ in inner]
         nodes = [node for _, node in inner]
         names = self._names(parts, inner)
         self._check_places(parts, nodes, place, delimiter is not None)
@@ -78,7 +81,7 @@ class _FrameReader:
             return None
         for index, (syntax, node) in enumerate(inner):
             if isinstance(syntax, CheckPart):
-                parts[index] = self._lower_check(index, parts, names, syntax.check, node, order)
+                parts[index] = self._lower_check(index, parts, names, syntax.check, node)
         self._check_order_of_checks(parts, nodes)
         parts = [replace(part, name=name) for part, name in zip(parts, _unique(names), strict=True)]
         draft = Draft(tuple(parts), tuple(node.place for node in nodes), delimiter)
@@ -143,13 +146,7 @@ class _FrameReader:
         return names
 
     def _lower_check(
-        self,
-        index: int,
-        parts: list[Part],
-        names: list[str],
-        check: CheckSyntax,
-        node: Mapping,
-        order: ByteOrder,
+        self, index: int, parts: list[Part], names: list[str], check: CheckSyntax, node: Mapping
     ) -> Part:
         part = parts[index]
         options = node.get("check")
@@ -178,7 +175,7 @@ class _FrameReader:
         return replace(
             part,
             size=size,
-            order=ByteOrder(check.byte_order) if check.byte_order else order,
+            order=ByteOrder(check.byte_order) if check.byte_order else self._order,
             algorithm=algorithm,
             first=first,
             last=last,
@@ -299,7 +296,7 @@ class _FrameReader:
             )
 
     def _check_order_of_checks(self, parts: list[Part], nodes: list[Mapping]) -> None:
-        """A check over another one needs its value: header checks are worked out first, then from first to last."""
+        """A check over another needs its value. Header checks are worked out first, the rest in order."""
         payload_index = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
 
         def turn(index: int) -> tuple[bool, int]:

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, PlainValidator
 
+from wirebond.protocol.document import Number
 from wirebond.protocol.frame_grammar import MAX_PARTS, Part
 from wirebond.protocol.scalars import (
     Baud,
@@ -200,10 +201,10 @@ class Services(Syntax):
 
 
 def _version(value: object) -> int:
-    if whole(0, 0xFFFFFFFF)(value) != 1:
+    if not isinstance(value, Number) or value.value != 1:
         raise wrong(
-            f"version {describe(value)} of the file format is not known here; write `wirebond: 1`, "
-            "or update Wirebond"
+            f"{describe(value)} is not a version of the file format known here; write `wirebond: "
+            "1`, or update Wirebond"
         )
     return 1
 
@@ -222,7 +223,7 @@ class File(Syntax):
     description: Text = Field("", description="For people.", examples=["what it links"])
     link: Link = Field(
         default_factory=lambda: Link.model_validate({}),
-        description="Settings of the serial line.",
+        description="The serial line: speed and shape of a byte.",
         examples=["{baud: 115200}"],
     )
     frame: list[Part] = Field(

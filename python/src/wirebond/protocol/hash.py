@@ -1,11 +1,13 @@
 """A protocol's fingerprint: equal on two ends exactly when they read the same bytes as the same values.
 
 In it: stuffing and delimiter; of every part its kind, size, byte order and bytes, what a length counts, the
-payload's rule, a check's parameters and range; of every message its name, id, sender and the layout of its fields
-(name, kind, size, byte order, elements, scale, offset, enum, flags); which messages serve as which service.
-Not in it, for it does not change what bytes mean: the protocol's name, descriptions, units (a matter of display),
-the order of the file's keys, names of parts and of check algorithms, line settings, `max_payload`, `unknown`,
-`idle`, ranges, defaults, schedule, replies, deadlines, emergency stop.
+payload's rule, a check's parameters and range; of every message its name, id, sender and the layout of its
+fields (name, kind, size, byte order, elements, scale, offset, enum, flags); which messages serve as which
+service.
+
+Not in it, for it does not change what bytes mean: the protocol's name, descriptions, units (a matter of
+display), the order of the file's keys, names of parts and of check algorithms, line settings, `max_payload`,
+`unknown`, `idle`, ranges, defaults, schedule, replies, deadlines, emergency stop.
 """
 
 from __future__ import annotations

@@ -52,6 +52,11 @@ def receiver_of(end: End) -> End:
     return End.MCU if end == End.HOST else End.HOST
 
 
+def spoken(end: End) -> str:
+    """The end in a sentence, behind "the"."""
+    return "MCU" if end == End.MCU else end.value
+
+
 def _read_message(name: str, place: Place, node: Mapping, order: ByteOrder, problems: Problems) -> Entry:
     fields, complete = _read_fields(node.get("fields"), order, problems)
     without_fields = Mapping(
@@ -127,7 +132,8 @@ def _check_replies(messages: Messages, problems: Problems) -> None:
             if message.sent_by(asking) and not reply.sent_by(answering):
                 problems.add(
                     place,
-                    f"the {asking} sends `{message.name}`, so its reply must come from the {answering}, "
+                    f"the {spoken(asking)} sends `{message.name}`, so its reply must come from the "
+                    f"{spoken(answering)}, "
                     f"and `{reply.name}` does not; change its `sender`",
                 )
 
@@ -166,13 +172,13 @@ def check_ids(messages: Messages, id_bytes: int, problems: Problems) -> None:
             if id_bytes:
                 problems.add(
                     entry.node.value_place("id"),
-                    f"the {end} sends `{other.name}` ({where}) under id 0x{message.id:02X} already; "
+                    f"the {spoken(end)} sends `{other.name}` ({where}) under id 0x{message.id:02X} already; "
                     "take another id",
                 )
             else:
                 problems.add(
                     entry.place,
-                    f"without an `id` part the frame can carry one message from the {end}, which is "
+                    f"without an `id` part the frame can carry one message from the {spoken(end)}, which is "
                     f"`{other.name}` ({where}); add `- id: u8` to the frame",
                 )
             break

@@ -256,7 +256,7 @@ class Protocol:
 
     @property
     def idle_seconds(self) -> float:
-        """Silence after which an incomplete candidate is given up: the file's, or the longer of 20 ms and two frames."""
+        """Silence that ends an incomplete candidate: the file's, or the longer of 20 ms and two frames."""
         if self.idle is not None:
             return self.idle
         frame_time = self.max_wire_bytes() * self.link.bits_per_byte / self.link.baud

@@ -11,7 +11,7 @@ MAX_LENGTH = 64
 _SHAPE = re.compile(PATTERN)
 
 _CPP_KEYWORDS = frozenset(
-    (
+    (  # noqa: SIM905  (as text it stays a table)
         "alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t "
         "char32_t class compl concept const consteval constexpr constinit const_cast continue co_await "
         "co_return co_yield decltype default delete do double dynamic_cast else enum explicit export "

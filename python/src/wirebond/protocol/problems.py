@@ -10,6 +10,7 @@ from typing import NoReturn
 from wirebond.errors import Problem, ProtocolFileError
 
 _QUOTED_LENGTH = 40
+_MOST_PROBLEMS = 100
 
 
 @dataclass(frozen=True, order=True)
@@ -36,11 +37,19 @@ class Problems:
     def stop(self, place: Place, message: str) -> NoReturn:
         """Report a problem that leaves nothing to look at, with those found before it."""
         self.add(place, message)
-        raise ProtocolFileError(self._found)
+        raise self._error()
 
     def raise_if_any(self) -> None:
         if self._found:
-            raise ProtocolFileError(self._found)
+            raise self._error()
+
+    def _error(self) -> ProtocolFileError:
+        found = sorted(set(self._found))
+        shown, more = found[:_MOST_PROBLEMS], found[_MOST_PROBLEMS:]
+        if more:
+            note = f"{len(more)} more problems from here on; mend those before first"
+            shown.append(Problem(self.path, more[0].line, more[0].column, note))
+        return ProtocolFileError(shown)
 
 
 def quoted(text: str) -> str:

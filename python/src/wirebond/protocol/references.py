@@ -8,7 +8,7 @@ from typing import Any
 from wirebond.protocol.document import Mapping, Node, Sequence
 from wirebond.protocol.fields import fit_value
 from wirebond.protocol.grammar import DeadlineSyntax, EmergencyStopSyntax, Services
-from wirebond.protocol.messages import Entry, Messages, receiver_of
+from wirebond.protocol.messages import Entry, Messages, receiver_of, spoken
 from wirebond.protocol.model import Deadline, EmergencyStop, End, FieldKind, Recover, Service
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.syntax import readable
@@ -17,7 +17,8 @@ from wirebond.protocol.syntax import readable
 def _find(name: str, place: Place, messages: Messages, problems: Problems) -> Entry | None:
     if name in messages:
         return messages[name]
-    problems.add(place, f"there is no message `{name}`; {suggestion(name, messages)}")
+    if messages:  # else all of them are missing, and that is said already
+        problems.add(place, f"there is no message `{name}`; {suggestion(name, messages)}")
     return None
 
 
@@ -58,7 +59,8 @@ def _check_deadline(deadline: Deadline, node: Mapping, messages: Messages, probl
     if not message.sent_by(sender):
         problems.add(
             node.value_place("at"),
-            f"`{message.name}` comes from the {message.sender}, so the {deadline.at} cannot miss "
+            f"`{message.name}` comes from the {spoken(message.sender)}, so the "
+            f"{spoken(deadline.at)} cannot miss "
             f"it; write `at: {sender}`",
         )
     if message.every is not None and deadline.after < message.every:
@@ -79,44 +81,49 @@ def read_emergency_stop(node: Node | None, messages: Messages, problems: Problem
     entry = _find(syntax.message, node.value_place("message"), messages, problems)
     if entry is None or entry.message is None:
         return None
+    place = node.value_place("message")
     if not entry.message.sent_by(End.HOST):
         problems.add(
-            node.value_place("message"),
+            place,
             f"`{syntax.message}` comes from the MCU, and the host sends the emergency stop; name a "
             "message of the host",
         )
+        return None
     if entry.complete is None:
         return None
-    fields = {field.name: field for field in entry.complete.fields}
     given = syntax.__pydantic_extra__ or {}
+    fields = {field.name: field for field in entry.complete.fields}
+    unfit = [f.name for f in fields.values() if f.count is not None or f.kind == FieldKind.BYTES]
+    if unfit:
+        problems.add(
+            place,
+            f"{_listed(unfit)} of `{syntax.message}` cannot be given here; stop with a message "
+            "without arrays and bytes",
+        )
+        return None
+    missing = [f.name for f in fields.values() if f.name not in given and f.default is None]
+    if "message" in missing:
+        problems.add(
+            place, f"`{syntax.message}` has a field `message`, and that key is taken here; rename the field"
+        )
+    elif missing:
+        problems.add(place, f"the stop leaves {_listed(missing)} open; add for example `{missing[0]}: 0`")
     values: list[tuple[str, float | int | bool | str]] = []
     for name, wanted in given.items():
         if name not in fields:
-            problems.add(
-                node.key_place(name), f"`{syntax.message}` has no field `{name}`; {suggestion(name, fields)}"
-            )
+            there = suggestion(name, fields) if fields else "it has no fields at all"
+            problems.add(node.key_place(name), f"`{syntax.message}` has no field `{name}`; {there}")
             continue
-        if fields[name].count is not None:
-            continue  # told below, with the fields that lack a value
         value, fault = fit_value(fields[name], wanted)
-        if fault or value is None:
+        if value is None:
             problems.add(node.value_place(name), fault)
         else:
             values.append((name, value))
-    for field in fields.values():
-        if field.count is not None or field.kind == FieldKind.BYTES or field.name == "message":
-            problems.add(
-                node.value_place("message"),
-                f"`{syntax.message}` has the field `{field.name}`, which cannot be given here"
-                + (" (the key is taken)" if field.name == "message" else f" (an array or {FieldKind.BYTES})")
-                + "; stop with a message of single values",
-            )
-        elif field.name not in given and field.default is None:
-            problems.add(
-                node.value_place("message"),
-                f"the stop leaves `{field.name}` open; add its value, such as `{field.name}: 0`",
-            )
     return EmergencyStop(syntax.message, tuple(values))
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
 
 
 # ---- services ------------------------------------------------------------------------------------
@@ -170,7 +177,7 @@ def _check_role(expected: _Role, name: str, node: Mapping, messages: Messages, p
     if entry is None or entry.message is None:
         return
     if entry.message.sender != expected.sender:
-        wanted = "both ends send" if expected.sender == End.BOTH else f"the {expected.sender} sends"
+        wanted = "both ends send" if expected.sender == End.BOTH else f"the {spoken(expected.sender)} sends"
         problems.add(
             place,
             f"for `{expected.service}` {wanted} the `{expected.role}`, and `{name}` has `sender: "

@@ -1,4 +1,4 @@
-"""The kinds of single values in a protocol file: how each is written, what it becomes, and what a wrong one is told.
+"""The kinds of single values in a protocol file: how each is written, and what it becomes.
 
 Each is an annotated type for the models of ``grammar``. Input is what ``document.plain`` gives.
 """
@@ -150,7 +150,6 @@ OwnValue = Annotated[
 Bool = Annotated[bool, PlainValidator(_bool, json_schema_input_type=bool)]
 
 Id = Annotated[int, _integer(0, MAX_ID)]
-Byte = Annotated[int, _integer(0, 255)]
 PayloadBytes = Annotated[int, _integer(0, 0xFFFF)]
 Count = Annotated[int, _integer(1, 0xFFFF)]
 ReservedBytes = Annotated[int, _integer(1, 255)]
@@ -327,7 +326,7 @@ def _wire_type(table: dict[str, WireType]) -> Callable[[object], WireType]:
 
 
 def _wire_type_of(table: dict[str, WireType]) -> Any:
-    schema = Literal[tuple(table)]
+    schema = Literal[tuple(table)]  # type: ignore[valid-type]
     return PlainValidator(_wire_type(table), json_schema_input_type=schema)
 
 

@@ -26,19 +26,24 @@ def schema_text() -> str:
     return json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
+def _tidied_items(named: dict[str, Any]) -> dict[str, Any]:
+    """Keys in here are names of the file, such as `default`, and all stay."""
+    return {name: _tidied(item) for name, item in named.items()}
+
+
 def _tidied(value: Any) -> Any:
-    """Without titles made from Python's names, and without null: a key of the file is given a value or left out."""
+    """Without titles made from Python's names, and without null: a key has a value or is left out."""
     if isinstance(value, list):
         return [_tidied(item) for item in value]
     if not isinstance(value, dict):
         return value
-    schema = {
-        key: {name: _tidied(item) for name, item in entry.items()}
-        if key in ("properties", "$defs")
-        else _tidied(entry)
+    schema: dict[str, Any] = {
+        key: _tidied_items(entry) if key in ("properties", "$defs") else _tidied(entry)
         for key, entry in value.items()
         if not (key == "title" and isinstance(entry, str)) and not (key == "default" and entry is None)
     }
+    if "patternProperties" in schema:
+        schema["additionalProperties"] = False  # a name that fits no pattern is no name
     choices = schema.get("anyOf")
     if choices is not None:
         kept = [choice for choice in choices if choice != {"type": "null"}]

@@ -29,7 +29,11 @@ class Syntax(BaseModel):
             )
         empty = [key for key in cls.known_keys() if key in value and value[key] is None]
         errors: list[InitErrorDetails] = [
-            {"type": wrong(f"`{key}` has no value; {cls._advice(key)}"), "loc": (key,), "input": None}
+            {
+                "type": wrong(f"`{key}` has no value; {cls._advice(key)}", "wrong_key"),
+                "loc": (key,),
+                "input": None,
+            }
             for key in empty
         ]
         try:
@@ -73,10 +77,12 @@ class Syntax(BaseModel):
                 f"{describe(value)} cannot stand here; write a list: lines that begin with `- `, or [a, b]"
             )
         if kind in ("too_short", "too_long"):
-            least, most = facts.get("min_length"), facts.get("max_length")
-            limit = f"at least {least}" if kind == "too_short" else f"at most {most}"
-            found = facts.get("actual_length")
-            return wrong(
-                f"`{key}` has {found} entries; {limit} {'is' if limit.endswith(' 1') else 'are'} possible"
+            few = kind == "too_short"
+            limit = (
+                f"it needs at least {facts['min_length']}"
+                if few
+                else f"it takes at most {facts['max_length']}"
             )
+            amount = f"too {'few' if few else 'many'} entries ({facts['actual_length']})"
+            return wrong(f"`{key}` has {amount}; {limit}")
         raise AssertionError(f"no wording for {kind} at {loc}")

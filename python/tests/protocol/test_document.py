@@ -1,0 +1,179 @@
+"""Text that is no protocol file at all: one sentence, soon, whatever it is."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from wirebond.protocol import ProtocolFileError, load, loads
+from wirebond.protocol.document import MAX_DEPTH, MAX_FILE_BYTES, MAX_NODES, Mapping, Number, Scalar, parse
+from wirebond.protocol.problems import Problems
+
+PATIENCE_SECONDS = 20  # what is timed here takes a second or two on a slow machine; a hang takes for ever
+
+
+def error_of(text: str) -> str:
+    began = time.monotonic()
+    with pytest.raises(ProtocolFileError) as caught:
+        loads(text, "f")
+    assert time.monotonic() - began < PATIENCE_SECONDS
+    return str(caught.value)
+
+
+def value_of(text: str) -> object:
+    root = parse(f"key: {text}", Problems("f"))
+    assert isinstance(root, Mapping)
+    scalar = root.get("key")
+    assert isinstance(scalar, Scalar)
+    return scalar.value.value if isinstance(scalar.value, Number) else scalar.value
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("12", 12), ("-12", -12), ("+7", 7), ("010", 10), ("0x1F", 31), ("0o17", 15),
+        ("1.5", 1.5), (".5", 0.5), ("1e3", 1000.0), ("1.", 1.0), (".inf", float("inf")),
+        ("-.inf", -float("inf")),
+        ("true", True), ("False", False), ("null", None), ("~", None), ("", None),
+        ("yes", "yes"), ("on", "on"), ("'12'", "12"), ('"true"', "true"), ("0X1F", "0X1F"),
+        ("1_000", "1_000"), ("2024-01-01", "2024-01-01"), ("1:30", "1:30"), ("9" * 65, "9" * 65),
+    ],
+)  # fmt: skip
+def test_plain_scalars_follow_the_core_schema_of_yaml_1_2(text: str, value: object) -> None:
+    found = value_of(text)
+    assert found == value
+    assert type(found) is type(value)
+
+
+def test_a_number_keeps_the_text_that_it_was_written_with() -> None:
+    root = parse("a: 0x55\nb: 85\nc: 0.10", Problems("f"))
+    assert isinstance(root, Mapping)
+    a, b, c = (entry.value.value for entry in root.entries.values() if isinstance(entry.value, Scalar))
+    assert isinstance(a, Number)
+    assert isinstance(b, Number)
+    assert isinstance(c, Number)
+    assert (a.value, a.text) == (85, "0x55")
+    assert (b.value, b.text) == (85, "85")
+    assert str(c.exact()) == "1/10"
+
+
+def test_every_key_and_value_knows_its_place() -> None:
+    root = parse("one: 1\ntwo:\n  - [a, bc]\n  - {k: v}\n", Problems("f"))
+    assert isinstance(root, Mapping)
+    assert (root.key_place("two").line, root.key_place("two").column) == (2, 1)
+    assert (root.value_place("one").line, root.value_place("one").column) == (1, 6)
+    assert (root.value_place("two").line, root.value_place("two").column) == (3, 3)
+
+
+ONE_SENTENCE = [
+    ("", "f: the file is empty; a protocol file begins with `wirebond: 1`"),
+    ("# a comment\n", "f: the file is empty"),
+    (
+        "a: b: c",
+        "f:1:5: this is not YAML (mapping values are not allowed here); put a text that contains `: ` in",
+    ),
+    ("a: [1, 2", "f:1:4: this is not YAML (while parsing a flow sequence"),
+    (
+        "a: 'x\nb: 2\n",
+        "f:1:4: this is not YAML (while scanning a quoted scalar found unexpected end of stream); close",
+    ),
+    ("a:\n\tb: 1", "f:2:1: this is not YAML (while scanning for the next token found character '\\t'"),
+    ("a: 1\n b: 2", "f:2:3: this is not YAML (mapping values"),
+    ("a: *x", "f:1:4: the alias `*x` has no anchor before it; write `&x` there"),
+    ("a: &x [*x]", "f:1:8: the alias `*x` stands inside what it repeats; write it out"),
+    ("a: 1\n---\nb: 2", "f:2:1: a second document begins here; put one protocol in a file"),
+    ("%YAML 1.1\n---\na: 1", "f:2:1: protocol files are YAML 1.2; remove the `%YAML` line"),
+    ("a: b\x00c", "f:1:5: the character U+0000 cannot stand in YAML"),
+    ("a: 1\nb: \x1b[2J", "f:2:4: the character U+001B cannot stand in YAML"),
+    ("a: \ud800", "f:1:4: the character U+D800 cannot stand in YAML"),
+    ("[" * (MAX_DEPTH + 1) + "]" * (MAX_DEPTH + 1), "f:1:33: nested more than 32 deep"),
+    ("[" * 100_000, "f:1:33: nested more than 32 deep"),
+    ("{" * 100_000, "f:1:33: nested more than 32 deep"),
+    ("- " * 100_000, "f:1:65: nested more than 32 deep"),
+    ("? " * 100_000, "f:1:65: nested more than 32 deep"),
+    ("-\n" * (MAX_NODES + 1), "f:20000:2: the file has more than 20000 values"),
+    ("- a\n" * 60_000, "f:20000:3: the file has more than 20000 values"),
+    ("x" * (MAX_FILE_BYTES + 1), "f: the file is larger than 256 KiB"),
+    ("é" * (MAX_FILE_BYTES // 2 + 1), "f: the file is larger than 256 KiB"),
+    ("\n" * MAX_FILE_BYTES, "f: the file is empty"),
+]
+
+
+@pytest.mark.parametrize(("text", "sentence"), ONE_SENTENCE, ids=range(len(ONE_SENTENCE)))
+def test_text_that_is_no_tree_gets_one_sentence(text: str, sentence: str) -> None:
+    (line,) = error_of(text).split("\n")
+    assert line.startswith(sentence)
+
+
+def test_a_file_that_doubles_itself_with_aliases_gets_one_sentence() -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 12)]
+    (line,) = error_of("\n".join(lines)).split("\n")
+    assert line.startswith("f:5:10: the file has more than 20000 values, aliases counted as often as used")
+
+
+def test_aliases_cannot_nest_deeper_than_lists_may() -> None:
+    lines = ["a0: &a0 [x]"] + [f"a{n}: &a{n} [*a{n - 1}]" for n in range(1, 60)]
+    (line,) = error_of("\n".join(lines)).split("\n")
+    assert "nested more than 32 deep" in line
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("a: 1\nb: 2\na: 3", "f:3:1: the key `a` was given before (line 1, column 1); keep one of the two"),
+        ("a: 1\n'a': 3", "f:2:1: the key `a` was given before (line 1, column 1); keep one of the two"),
+        (
+            "b: &b {c: 1}\na:\n  <<: *b",
+            "f:3:3: merge keys (`<<`) are not part of YAML 1.2; write the keys out",
+        ),
+        ("? [a, b]\n: 1", "f:1:3: a list or mapping cannot be a key"),
+        ("a: !!int '3'", "f:1:4: the tag `tag:yaml.org,2002:int` is not used in protocol files; remove it"),
+        ("a: !own {b: 1}", "f:1:4: the tag `!own` is not used"),
+        ("- a", "f:1:1: a list cannot stand for a protocol file; write a mapping with the keys wirebond, "),
+        ("just text", "f:1:1: `just text` cannot stand for a protocol file"),
+    ],
+)
+def test_yaml_that_a_protocol_file_cannot_be_made_of_is_told(text: str, sentence: str) -> None:
+    assert [line for line in error_of(text).split("\n") if line.startswith(sentence)]
+
+
+def file_error(path: Path) -> str:
+    with pytest.raises(ProtocolFileError) as caught:
+        load(path)
+    (problem,) = caught.value.problems
+    assert str(problem).startswith(str(path))
+    return str(problem).removeprefix(str(path))
+
+
+def test_a_missing_file_a_directory_and_an_impossible_path_get_a_sentence(tmp_path: Path) -> None:
+    assert file_error(tmp_path / "none.yaml") == ": there is no such file; check the path"
+    assert file_error(tmp_path) == ": this is a directory; name a protocol file in it"
+    assert file_error(tmp_path / "a\0b").startswith(": cannot be read: ")
+    assert file_error(tmp_path / ("n" * 5000)).startswith(": cannot be read: ")
+
+
+def test_bytes_that_are_not_text_get_a_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "f.yaml"
+    path.write_bytes(b"wirebond: 1\nname: \xff\xfe")
+    assert file_error(path).startswith(":2:7: this is not UTF-8 text")
+    path.write_bytes("wirebond: 1".encode("utf-16"))
+    assert "not UTF-8 text" in file_error(path)
+    path.write_bytes(bytes(200_000))
+    assert file_error(path).startswith(":1:1: the character U+0000 cannot stand in YAML")
+    path.write_bytes(bytes(10_000_000))
+    assert (
+        file_error(path)
+        == ": the file is larger than 256 KiB; a protocol file is some kilobytes of YAML text"
+    )
+
+
+def test_a_byte_order_mark_in_front_is_no_harm(tmp_path: Path) -> None:
+    path = tmp_path / "f.yaml"
+    text = (
+        "wirebond: 1\nprotocol: rover\nframe: [magic: 0x01, id: u8, payload: 0]\nmessages: {a: "
+        "{id: 1, sender: host}}\n"
+    )
+    path.write_text(text.replace("\n", "\r\n"), encoding="utf-8-sig", newline="")
+    assert load(path).name == "rover"
+    assert loads("\ufeff" + text).name == "rover"

@@ -1,0 +1,111 @@
+"""A protocol's hash changes with what bytes mean, and with nothing else."""
+
+import pytest
+
+from wirebond.protocol import loads, protocol_hash
+
+TEXT = """\
+wirebond: 1
+protocol: rover
+frame:
+  - magic: 0xAA 0x55
+  - length: u16
+  - id: u8
+  - payload: by_length
+  - check: crc-16/modbus
+  - tail: 0x0D
+messages:
+  drive:
+    id: 0x01
+    sender: host
+    fields:
+      speed: {type: i16, scale: 0.001}
+      mode:  {type: u8, enum: {idle: 0, manual: 1}}
+      lamps: {type: u8, flags: {left: 0, right: 1}}
+  ask: {id: 0x02, sender: host, fields: {number: {type: u8}}}
+  tell: {id: 0x03, sender: mcu, fields: {number: {type: u8}}}
+services: {ping: {request: ask, reply: tell}}
+"""
+
+
+def changed(*edits: tuple[str, str]) -> int:
+    text = TEXT
+    for old, new in edits:
+        assert old in text, old
+        text = text.replace(old, new)
+    return protocol_hash(loads(text))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("0xAA 0x55", "0xAA 0x56"),
+        ("length: u16", "length: u8"),
+        ("length: u16", "length: u16be"),
+        ("length: u16", "length: {type: u16, counts: rest}"),
+        ("length: u16", "length: {type: u16, offset: 1}"),
+        ("crc-16/modbus", "crc-16/arc"),
+        ("crc-16/modbus", "{type: crc-16/modbus, over: id..payload}"),
+        ("crc-16/modbus", "{type: crc-16/modbus, byte: low}"),
+        ("crc-16/modbus", "{type: crc-16/modbus, byte_order: big}"),
+        ("id: 0x01", "id: 0x11"),
+        ("sender: host\n", "sender: both\n"),
+        ("speed:", "pace:"),
+        ("type: i16", "type: u16"),
+        ("type: i16", "type: i16be"),
+        ("type: i16", "type: i16, count: 2"),
+        ("scale: 0.001", "scale: 0.01"),
+        ("scale: 0.001", "scale: 0.001, offset: 1"),
+        ("manual: 1", "manual: 2"),
+        ("right: 1", "right: 2"),
+        ("byte_order: big\n", ""),
+        ("  drive:", "  go:"),
+        ("services: {ping: {request: ask, reply: tell}}\n", ""),
+    ],
+)
+def test_what_bytes_mean_changes_the_hash(old: str, new: str) -> None:
+    if old == "byte_order: big\n":
+        assert changed(("protocol: rover", "protocol: rover\nbyte_order: big")) != changed()
+    else:
+        assert changed((old, new)) != changed()
+
+
+def test_swapped_fields_change_the_hash() -> None:
+    speed, mode = (
+        "      speed: {type: i16, scale: 0.001}\n",
+        "      mode:  {type: u8, enum: {idle: 0, manual: 1}}\n",
+    )
+    assert changed((speed + mode, mode + speed)) != changed()
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (
+            "protocol: rover",
+            "protocol: other\ndescription: words\nlink: {baud: 9600}\nidle: 5 ms\nmax_payload: 99",
+        ),
+        ("protocol: rover", "protocol: rover\nunknown: reject"),
+        ("scale: 0.001", "scale: 1e-3, unit: m/s, description: words, range: [-1, 1], default: 0"),
+        ("idle: 0, manual: 1", "manual: 1, idle: 0"),
+        ("left: 0, right: 1", "right: 1, left: 0"),
+        ("type: i16", "type: i16le"),
+        ("magic: 0xAA 0x55", "magic: 0xaa 0x55\n    name: start"),
+        ("crc-16/modbus", "{type: crc, width: 16, poly: 0x8005, init: 0xFFFF, refin: true, refout: true}"),
+        ("crc-16/modbus", "modbus"),
+        ("id: 0x01", "id: 1"),
+        ("sender: host\n", "sender: host\n    every: 1 s\n    description: words\n"),
+    ],
+)
+def test_what_bytes_do_not_show_leaves_the_hash_alone(old: str, new: str) -> None:
+    assert changed((old, new)) == changed()
+
+
+def test_the_order_of_messages_leaves_the_hash_alone() -> None:
+    ask, tell = (line + "\n" for line in TEXT.split("\n") if line.startswith(("  ask", "  tell")))
+    assert changed((ask + tell, tell + ask)) == changed()
+
+
+def test_the_hash_is_the_same_in_every_release() -> None:
+    """A change of this number breaks the hello of every link whose two ends have different releases."""
+    assert changed() == 0x5C33F42F1ABF7736
