@@ -30,7 +30,7 @@ prove: build/setup-test.stamp ## the long forms of the proofs
 	@$(PYTHON) -m pytest -n 2
 
 .PHONY: bench
-bench: build/setup-bench.stamp ## tables of figures, and bench/latest.json (ONLY=name runs one)
+bench: build/setup-test.stamp ## tables of figures, and bench/latest.json (ONLY=name runs one)
 	@$(PYTHON) -m bench $(if $(ONLY),--only $(ONLY),)
 
 .PHONY: lint
@@ -72,9 +72,5 @@ build/setup.stamp: build/requirements.stamp $(NATIVE)
 build/setup-test.stamp: build/setup.stamp
 	@setup/system-packages.sh clang++-14=clang-14 clang-format-14=clang-format-14 arm-none-eabi-g++=gcc-arm-none-eabi \
 	  /usr/lib/arm-none-eabi/include/c++=libstdc++-arm-none-eabi-newlib /usr/include/doctest/doctest.h=doctest-dev \
-	  /usr/lib/clang/14/lib/linux/libclang_rt.asan-x86_64.a=libclang-rt-14-dev
-	@touch $@
-
-build/setup-bench.stamp: build/setup-test.stamp
-	@setup/system-packages.sh valgrind=valgrind
+	  /usr/lib/clang/14/lib/linux/libclang_rt.asan-x86_64.a=libclang-rt-14-dev valgrind=valgrind
 	@touch $@

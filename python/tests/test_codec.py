@@ -28,7 +28,7 @@ PID = wirebond.load(PROTOCOLS / "pid_tuner.yaml")
     ("message", "fields", "sentence"),
     [
         ("velocty", {}, "diffdrive has no message 'velocty'; it has velocity, status_query"),
-        ("velocity", {"linear": 0.0}, "velocity needs angular, which has no default"),
+        ("odometry", {"left_ticks": 0}, "odometry needs right_ticks, which has no default"),
         ("velocity", {"linear": 0, "angular": 0, "up": 1}, "velocity has no field 'up'; it has linear, angular"),
         ("velocity", {"linear": 2.5, "angular": 0}, "velocity.linear = 2.5 m/s is outside -2 ... 2 m/s"),
         ("velocity", {"linear": math.nan, "angular": 0}, "velocity.linear is nan, not a finite number"),
@@ -80,6 +80,10 @@ def test_text_travels_as_utf8_of_any_length() -> None:
     for text in ("", "a", "上位机", "x" * 48):
         (message,) = NATIVE.decoder("mcu").feed(NATIVE.encode("log", level="warning", text=text))
         assert message.fields == {"level": "warning", "text": text}
+
+
+def test_field_that_is_left_out_takes_its_default() -> None:
+    assert DIFFDRIVE.encode("velocity", linear=0.5) == DIFFDRIVE.encode("velocity", linear=0.5, angular=0.0)
 
 
 def test_value_on_the_edge_of_its_range_is_accepted() -> None:

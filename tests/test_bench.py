@@ -1,0 +1,32 @@
+"""The benchmarks' short forms: the same code with fewer frames, so that a figure of the README cannot rot unseen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench import collateral, work_per_byte
+
+
+def test_intact_frames_survive_their_neighbours_faults() -> None:
+    for figure in collateral.measure(frames=20_000):
+        assert figure.value <= 1, figure.key  # a false frame may overlap an intact one: 7 in a million at the reference
+
+
+def test_perfect_line_loses_nothing_at_any_chunk_size() -> None:
+    (figure,) = collateral.measure_clean(frames=100, chunks=range(1, 300))
+    assert figure.value == 0
+
+
+def test_damage_is_seen_by_the_measure_itself() -> None:
+    """A test of the test: frames that cannot be found must show."""
+    random = np.random.default_rng(1)
+    sent = collateral.clean_traffic(1000, random)
+    lossy = sent.data.copy()
+    lossy[sent.starts[::10]] = 0
+    outcome = collateral.run(sent, collateral.Traffic(lossy, sent.starts, sent.sizes), chunk=64)
+    assert outcome.collateral == 100
+
+
+def test_work_per_byte_is_bounded_for_the_worst_input() -> None:
+    (figure,) = work_per_byte.measure()
+    assert figure.met, f"{figure.value:.0f} instructions"
