@@ -9,7 +9,8 @@
 
 namespace wirebond {
 
-/// Chunks in, frames out. Never allocates; a frame that lies whole in a chunk is handed out in place.
+/// Chunks in, frames out. Never allocates; what begins in one chunk and ends in another is joined in the workspace,
+/// other frames are handed out where the chunk holds them.
 /// One thread or interrupt at a time. `Counter` also carries time, in microseconds, and may wrap.
 template <class Source, class Counter = std::uint32_t>
 class StreamDeframer {

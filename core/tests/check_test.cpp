@@ -1,0 +1,110 @@
+// Check algorithms: published check values, and every length and split against a register that runs bit by bit.
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "wirebond/check.hpp"
+#include "wirebond/runtime_source.hpp"
+
+using namespace wirebond;
+
+namespace {
+
+const std::uint8_t digits[] = {'1', '2', '3', '4', '5', '6', '7', '8', '9'};
+
+/// The register of the Rocksoft model, one bit at a time, never reflected: slow and obvious.
+std::uint64_t bit_by_bit(const CheckAlgorithm& a, const std::uint8_t* bytes, std::size_t size) {
+  const std::uint64_t top = std::uint64_t{1} << (a.width_bits - 1);
+  const std::uint64_t mask = (top - 1) | top;
+  std::uint64_t reg = a.init;
+  for (std::size_t i = 0; i < size; ++i) {
+    for (unsigned bit = 0; bit < 8; ++bit) {
+      const bool in = (bytes[i] >> (a.reflect_in ? bit : 7 - bit)) & 1;
+      const bool out = (reg & top) != 0;
+      reg = (reg << 1) & mask;
+      if (in != out) reg ^= a.poly;
+    }
+  }
+  if (a.reflect_out) {
+    std::uint64_t reversed = 0;
+    for (unsigned bit = 0; bit < a.width_bits; ++bit) reversed = reversed << 1 | ((reg >> bit) & 1);
+    reg = reversed;
+  }
+  return (reg ^ a.xor_out) & mask;
+}
+
+RuntimeSource runtime_with(FrameFormat& format, const CrcTables& tables) { return {format, tables, nullptr, 0}; }
+
+template <unsigned Width, std::uint64_t Poly, std::uint64_t Init, bool In, bool Out, std::uint64_t XorOut>
+void expect(std::uint64_t published) {
+  constexpr CheckAlgorithm a{CheckKind::crc, Width, In, Out, Poly, Init, XorOut};
+  CAPTURE(Width);
+  CAPTURE(Poly);
+  CHECK(bit_by_bit(a, digits, sizeof digits) == published);
+
+  FrameFormat format{};
+  format.algorithm_count = 1;
+  format.algorithms[0] = a;
+  const CrcTables tables(format);
+  const RuntimeSource source = runtime_with(format, tables);
+
+  std::mt19937 random(Width + Poly);
+  std::vector<std::uint8_t> bytes(70);
+  for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random());
+  for (std::size_t size = 0; size <= bytes.size(); ++size) {
+    const std::uint64_t wanted = bit_by_bit(a, bytes.data(), size);
+    const std::size_t split = size == 0 ? 0 : random() % size;
+    std::uint64_t folded = crc_update<Width, Poly, In>(check_begin(a), bytes.data(), split);
+    folded = crc_update<Width, Poly, In>(folded, bytes.data() + split, size - split);
+    CHECK(check_end(a, folded) == wanted);
+    std::uint64_t read = source.check_update(0, check_begin(a), bytes.data(), split);
+    read = source.check_update(0, read, bytes.data() + split, size - split);
+    CHECK(check_end(a, read) == wanted);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("CRCs of every width give their published check values, whole and in two runs") {
+  expect<8, 0x07, 0x00, false, false, 0x00>(0xF4);  // crc-8/smbus
+  expect<8, 0x31, 0x00, true, true, 0x00>(0xA1);    // crc-8/maxim-dow
+  expect<8, 0x2F, 0xFF, false, false, 0xFF>(0xDF);  // crc-8/autosar
+  expect<16, 0x1021, 0xFFFF, false, false, 0x0000>(0x29B1);  // crc-16/ibm-3740
+  expect<16, 0x1021, 0xFFFF, true, true, 0x0000>(0x6F91);    // crc-16/mcrf4xx
+  expect<16, 0x1021, 0xFFFF, true, true, 0xFFFF>(0x906E);    // crc-16/ibm-sdlc
+  expect<16, 0x8005, 0xFFFF, true, true, 0x0000>(0x4B37);    // crc-16/modbus
+  expect<16, 0x1021, 0xB2AA, true, true, 0x0000>(0x63D0);    // crc-16/riello: init is no palindrome
+  expect<24, 0x864CFB, 0xB704CE, false, false, 0x000000>(0x21CF02);  // crc-24/openpgp
+  expect<24, 0x00065B, 0x555555, true, true, 0x000000>(0xC25A56);    // crc-24/ble
+  expect<32, 0x04C11DB7, 0xFFFFFFFF, true, true, 0xFFFFFFFF>(0xCBF43926);    // crc-32/iso-hdlc
+  expect<32, 0x04C11DB7, 0xFFFFFFFF, false, false, 0x00000000>(0x0376E6E7);  // crc-32/mpeg-2
+  expect<64, 0x42F0E1EBA9EA3693, 0, false, false, 0>(0x6C40DF5F0B497347);    // crc-64/ecma-182
+  expect<64, 0x42F0E1EBA9EA3693, ~std::uint64_t{0}, true, true, ~std::uint64_t{0}>(0x995DC9BBDF1939FA);  // crc-64/xz
+}
+
+TEST_CASE("a CRC whose result is reflected and whose input is not, and the other way round") {
+  constexpr CheckAlgorithm out{CheckKind::crc, 16, false, true, 0x1021, 0x1234, 0x0F0F};
+  constexpr CheckAlgorithm in{CheckKind::crc, 16, true, false, 0x1021, 0x1234, 0x0F0F};
+  CHECK(check_end(out, crc_update<16, 0x1021, false>(check_begin(out), digits, 9)) == bit_by_bit(out, digits, 9));
+  CHECK(check_end(in, crc_update<16, 0x1021, true>(check_begin(in), digits, 9)) == bit_by_bit(in, digits, 9));
+}
+
+TEST_CASE("sums and exclusive-ors keep their width and go on from a register") {
+  const std::uint8_t bytes[] = {0xFF, 0xFF, 0x02, 0x80};
+  CHECK(sum_update(CheckKind::sum, 8, 0, bytes, 4) == 0x80);
+  CHECK(sum_update(CheckKind::sum, 16, 0, bytes, 4) == 0x0280);
+  CHECK(sum_update(CheckKind::sum, 16, 0xFFFF, bytes, 1) == 0x00FE);
+  CHECK(sum_update(CheckKind::exclusive_or, 8, 0, bytes, 4) == 0x82);
+  CHECK(sum_update(CheckKind::exclusive_or, 8, 0x82, bytes, 4) == 0);
+  CHECK(sum_update(CheckKind::sum, 16, 0x1234, nullptr, 0) == 0x1234);
+}
+
+TEST_CASE("bits are reflected within their width") {
+  static_assert(detail::reflect(0x1, 8) == 0x80);
+  static_assert(detail::reflect(0x1021, 16) == 0x8408);
+  static_assert(detail::reflect(0x04C11DB7, 32) == 0xEDB88320);
+  static_assert(detail::reflect(0x1, 64) == 0x8000000000000000);
+  CHECK(detail::reflect(detail::reflect(0x123456, 24), 24) == 0x123456);
+}

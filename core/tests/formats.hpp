@@ -1,0 +1,222 @@
+// Frame formats that the tests share, each as a constant source and as a run-time source over the same value.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "wirebond/encoder.hpp"
+#include "wirebond/format.hpp"
+#include "wirebond/runtime_source.hpp"
+
+namespace formats {
+
+using wirebond::ByteOrder;
+using wirebond::CheckAlgorithm;
+using wirebond::CheckKind;
+using wirebond::FrameFormat;
+using wirebond::Framing;
+using wirebond::MessageRow;
+using wirebond::MessageShape;
+using wirebond::PayloadSize;
+using wirebond::Stuffing;
+
+constexpr CheckAlgorithm mcrf4xx{CheckKind::crc, 16, true, true, 0x1021, 0xFFFF, 0x0000};
+constexpr CheckAlgorithm ibm_sdlc{CheckKind::crc, 16, true, true, 0x1021, 0xFFFF, 0xFFFF};
+constexpr CheckAlgorithm xmodem{CheckKind::crc, 16, false, false, 0x1021, 0x0000, 0x0000};
+constexpr CheckAlgorithm xor8{CheckKind::exclusive_or, 8, false, false, 0, 0, 0};
+constexpr CheckAlgorithm sum16{CheckKind::sum, 16, false, false, 0, 0, 0};
+
+/// AA, length, id, CRC of these, payload, CRC of all: a wrong length is found before anybody waits for it.
+struct HeaderChecked {
+  static constexpr std::array<MessageRow, 3> rows = {{{0xA1, {0, 4, 4}}, {0xA2, {1, 0, 40}}, {0xA3, {2, 1, 1}}}};
+  static constexpr FrameFormat make() {
+    FrameFormat format{};
+    format.algorithm_count = 1;
+    format.algorithms[0] = mcrf4xx;
+    format.deliver_unknown = true;
+    format.max_payload = 40;
+    auto& layout = format.layouts[0];
+    layout.prefix = 5;
+    layout.suffix = 2;
+    layout.prefix_constants = layout.constant_count = 1;
+    layout.constants[0] = {{0, false}, 0xFF, 0xAA};
+    layout.payload_size = PayloadSize::by_length;
+    layout.length = {{1, false}, 1};
+    layout.id = {{2, false}, 1};
+    layout.header_checks = 1;
+    layout.check_count = 2;
+    layout.checks[0] = {0, {0, false}, {3, false}, {3, false}, 2};
+    layout.checks[1] = {0, {0, false}, {-2, true}, {-2, true}, 2, ByteOrder::little, 0, 0};
+    return format;
+  }
+  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
+    return wirebond::crc_update<16, 0x1021, true>(reg, bytes, size);
+  }
+};
+
+/// AA 55, id, four payload bytes, two reserved ones, exclusive-or of all, 0D.
+struct FixedSize {
+  static constexpr std::array<MessageRow, 2> rows = {{{0x01, {0, 4, 4}}, {0x02, {1, 0, 0}}}};
+  static constexpr FrameFormat make() {
+    FrameFormat format{};
+    format.algorithm_count = 1;
+    format.algorithms[0] = xor8;
+    format.max_payload = 4;
+    auto& layout = format.layouts[0];
+    layout.prefix = 3;
+    layout.suffix = 4;
+    layout.prefix_constants = 2;
+    layout.constant_count = 3;
+    layout.constants[0] = {{0, false}, 0xFF, 0xAA};
+    layout.constants[1] = {{1, false}, 0xFF, 0x55};
+    layout.constants[2] = {{-1, true}, 0xFF, 0x0D};
+    layout.payload_size = PayloadSize::fixed;
+    layout.fixed_payload = 4;
+    layout.id = {{2, false}, 1};
+    layout.check_count = 1;
+    layout.checks[0] = {0, {0, false}, {-2, true}, {-2, true}, 1};
+    return format;
+  }
+  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
+    return wirebond::sum_update(CheckKind::exclusive_or, 8, reg, bytes, size);
+  }
+};
+
+/// 7A, id, length, payload, high byte of the sum of these three, 7B. Nothing checks the length by itself.
+struct WeakSum {
+  static constexpr std::array<MessageRow, 2> rows = {{{0x01, {0, 2, 2}}, {0x02, {1, 0, 200}}}};
+  static constexpr FrameFormat make() {
+    FrameFormat format{};
+    format.algorithm_count = 1;
+    format.algorithms[0] = sum16;
+    format.max_payload = 200;
+    auto& layout = format.layouts[0];
+    layout.prefix = 3;
+    layout.suffix = 2;
+    layout.prefix_constants = 1;
+    layout.constant_count = 2;
+    layout.constants[0] = {{0, false}, 0xFF, 0x7A};
+    layout.constants[1] = {{-1, true}, 0xFF, 0x7B};
+    layout.payload_size = PayloadSize::by_length;
+    layout.id = {{1, false}, 1};
+    layout.length = {{2, false}, 1};
+    layout.check_count = 1;
+    layout.checks[0] = {0, {1, false}, {-2, true}, {-2, true}, 1, ByteOrder::little, 8};
+    return format;
+  }
+  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
+    return wirebond::sum_update(CheckKind::sum, 16, reg, bytes, size);
+  }
+};
+
+/// COBS between zeros: id, payload, CRC.
+struct Delimited {
+  static constexpr std::array<MessageRow, 2> rows = {{{0x01, {0, 3, 3}}, {0x02, {1, 0, 300}}}};
+  static constexpr FrameFormat make() {
+    FrameFormat format{};
+    format.framing = Framing::delimited;
+    format.stuffing = Stuffing::cobs;
+    format.algorithm_count = 1;
+    format.algorithms[0] = ibm_sdlc;
+    format.deliver_unknown = true;
+    format.max_payload = 300;
+    auto& layout = format.layouts[0];
+    layout.prefix = 1;
+    layout.suffix = 2;
+    layout.payload_size = PayloadSize::rest;
+    layout.id = {{0, false}, 1};
+    layout.check_count = 1;
+    layout.checks[0] = {0, {0, false}, {-2, true}, {-2, true}, 2};
+    return format;
+  }
+  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
+    return wirebond::crc_update<16, 0x1021, true>(reg, bytes, size);
+  }
+};
+
+/// A length of two bytes, big-endian, that counts itself and all that follows; an id of two bytes behind the payload;
+/// a plain CRC, big-endian, in the middle; the payload's size is that of its message.
+struct BigEndian {
+  static constexpr std::array<MessageRow, 2> rows = {{{0x0102, {0, 5, 5}}, {0xFFFE, {1, 0, 9}}}};
+  static constexpr FrameFormat make() {
+    FrameFormat format{};
+    format.algorithm_count = 1;
+    format.algorithms[0] = xmodem;
+    format.max_payload = 9;
+    auto& layout = format.layouts[0];
+    layout.prefix = 3;
+    layout.suffix = 4;
+    layout.prefix_constants = layout.constant_count = 1;
+    layout.constants[0] = {{0, false}, 0xFF, 0x3C};
+    layout.payload_size = PayloadSize::by_length;
+    layout.length = {{1, false}, 2, ByteOrder::big};
+    layout.length_bias = -6;
+    layout.id = {{-2, true}, 2, ByteOrder::big};
+    layout.check_count = 1;
+    layout.checks[0] = {0, {1, false}, {-4, true}, {-4, true}, 2, ByteOrder::big};
+    return format;
+  }
+  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
+    return wirebond::crc_update<16, 0x1021, false>(reg, bytes, size);
+  }
+};
+
+template <class Format>
+struct Constant {
+  static constexpr bool is_constant = true;
+  static constexpr FrameFormat value = Format::make();
+
+  constexpr const FrameFormat& format() const { return value; }
+  constexpr MessageShape message(std::uint32_t id) const {
+    for (const MessageRow& row : Format::rows) {
+      if (row.id == id) return row.shape;
+    }
+    return {};
+  }
+  std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes,
+                             std::size_t size) const {
+    return Format::check_update(algorithm, reg, bytes, size);
+  }
+};
+
+/// The run-time source over the very same value.
+template <class Format>
+wirebond::RuntimeSource run_time() {
+  static const wirebond::CrcTables tables(Constant<Format>::value);
+  return {Constant<Format>::value, tables, Format::rows.data(), Format::rows.size()};
+}
+
+using Bytes = std::vector<std::uint8_t>;
+
+/// One frame on the wire. The buffer is dirty before, as a queue's memory is.
+template <class Source>
+Bytes frame_of(const Source& source, std::uint32_t id, const Bytes& payload) {
+  Bytes buffer(wirebond::wire_bytes(source.format(), payload.size()), 0xCC);
+  for (std::size_t i = 0; i < payload.size(); ++i) buffer[wirebond::payload_lead(source) + i] = payload[i];
+  buffer.resize(wirebond::seal(source, buffer.data(), buffer.size(), id, payload.size()));
+  return buffer;
+}
+
+inline Bytes operator+(Bytes left, const Bytes& right) {
+  left.insert(left.end(), right.begin(), right.end());
+  return left;
+}
+
+/// Run `body(source)` with the constant source and with the run-time source of one format.
+template <class Format, class Body>
+void for_both_sources(Body&& body) {
+  {
+    INFO("constant source");
+    body(Constant<Format>{});
+  }
+  {
+    INFO("run-time source");
+    body(run_time<Format>());
+  }
+}
+
+}  // namespace formats

@@ -1,0 +1,297 @@
+"""What the documents show is true: every example is run, every file loaded, every program compiled, every link kept.
+
+How a block of a page is treated, by what stands behind its fence:
+
+- ``yaml``: a whole protocol file loads; a piece of one loads together with the rest that it needs.
+- ``yaml wrong``: as ``yaml``, but it is refused with the problems that the ``output`` block behind it shows.
+- ``python``: the blocks of a page are run in order, as one program.
+- ``console``: commands behind ``$`` that show their output are run, in order; others are advice.
+- ``cpp``: compiles by itself against the generated code of all protocols; a program with ``main`` is also run.
+- ``output``: what the block before it prints.
+
+The port ``/dev/ttyUSB0`` stands for a virtual diffdrive MCU on a pty. In shown output ``...`` stands for any text. The
+current folder has ``protocols/`` of the repository and each whole protocol file of the page, under its protocol's name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import doctest
+import io
+import itertools
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import wirebond
+from wirebond.codegen import generate_cpp
+from wirebond.protocol import ProtocolFileError, loads
+from wirebond.sim import pty_port
+from wirebond.sim.virtual_mcu import VirtualMcu
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+LINKED = [*PAGES, ROOT / "CHANGELOG.md", ROOT / "firmware" / "README.md"]
+PORT = "/dev/ttyUSB0"
+LANGUAGES = {"yaml", "yaml wrong", "python", "console", "cpp", "output", "cmake", "json", "text"}
+RUN = ("wirebond ", "echo ")  # commands that a page may show with their output
+CXX = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti"]
+
+REST_OF_FILE = {  # what a piece of a protocol file lacks
+    "wirebond": "wirebond: 1\n",
+    "protocol": "protocol: example\n",
+    "frame": "frame: [magic: 0xAA, length: u8, id: u8, payload: by_length, check: crc-16/mcrf4xx]\n",
+    "messages": "messages: {ping: {id: 0x01, sender: host, fields: {number: {type: u16}}}}\n",
+}
+
+
+@dataclass(frozen=True)
+class Block:
+    page: Path
+    line: int  # of its first line of text
+    language: str
+    text: str
+    output: str | None  # of the `output` block right behind it
+
+    @property
+    def place(self) -> str:
+        return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+
+def blocks(page: Path) -> list[Block]:
+    text = page.read_text(encoding="utf-8")
+    found = []
+    fences = list(re.finditer(r"^```(.*)\n((?:(?!```).*\n)*?)```$", text, re.MULTILINE))
+    for fence, following in itertools.zip_longest(fences, fences[1:]):
+        output = None
+        if following is not None and following[1] == "output" and not text[fence.end() : following.start()].strip():
+            output = following[2]
+        line = text.count("\n", 0, fence.start()) + 2
+        found.append(Block(page, line, fence[1], fence[2], output))
+    return found
+
+
+def blocks_of(*languages: str) -> list[Block]:
+    return [block for page in PAGES for block in blocks(page) if block.language in languages]
+
+
+def pages_with(language: str) -> list[Path]:
+    return [page for page in PAGES if any(block.language == language for block in blocks(page))]
+
+
+def by_place(block: Block) -> str:
+    return block.place
+
+
+def by_name(page: Path) -> str:
+    return page.name
+
+
+def compare(place: str, wanted: str, got: str) -> None:
+    checker = doctest.OutputChecker()
+    options = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    assert checker.check_output(wanted, got, options), f"{place} shows\n{wanted}\nand the output is\n{got}"
+
+
+# ---- where examples run
+
+
+def is_whole_file(block: Block) -> bool:
+    return block.language == "yaml" and re.search(r"^wirebond:", block.text, re.MULTILINE) is not None
+
+
+@pytest.fixture(scope="session")
+def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the generated C++ of the repository's protocols and of those in the pages."""
+    folder = tmp_path_factory.mktemp("generated")
+    for path in sorted((ROOT / "protocols").glob("*.yaml")):
+        generate_cpp(wirebond.load(path).model, folder)
+    for block in blocks_of("yaml"):
+        if is_whole_file(block):
+            generate_cpp(loads(block.text), folder)
+    return folder
+
+
+@pytest.fixture
+def workspace(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder of a page's examples."""
+    (tmp_path / "protocols").symlink_to(ROOT / "protocols")
+    for block in blocks(request.getfixturevalue("page")):
+        if is_whole_file(block):
+            (tmp_path / f"{loads(block.text).name}.yaml").write_text(block.text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@contextlib.contextmanager
+def virtual_mcu() -> Iterator[str]:
+    """The tty of a virtual diffdrive MCU that runs meanwhile."""
+    port = pty_port.PtyPort()
+    mcu = VirtualMcu(wirebond.load(ROOT / "protocols" / "diffdrive.yaml"), time.monotonic())
+    ended = threading.Event()
+
+    def serve() -> None:
+        while not ended.is_set():
+            pty_port.run(mcu, port, time.monotonic() + 0.05, lambda _: None)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        yield port.path
+    finally:
+        ended.set()
+        thread.join()
+        port.close()
+
+
+# ---- the examples
+
+
+def test_every_block_says_what_it_is() -> None:
+    found = [block for page in PAGES for block in blocks(page)]
+    assert len(found) > 20
+    assert [f"{b.place}: `{b.language}`" for b in found if b.language not in LANGUAGES] == []
+    assert all(page.read_text(encoding="utf-8").count("```") == 2 * len(blocks(page)) for page in PAGES)
+
+
+def completed(block: Block) -> str:
+    """A piece of a protocol file with the rest behind it, so that lines keep their numbers."""
+    given = set(re.findall(r"^(\w+):", block.text, re.MULTILINE))
+    return block.text + "".join(text for key, text in REST_OF_FILE.items() if key not in given)
+
+
+@pytest.mark.parametrize("block", blocks_of("yaml"), ids=by_place)
+def test_protocol_files_load(block: Block) -> None:
+    loads(completed(block), block.place)
+
+
+@pytest.mark.parametrize("block", blocks_of("yaml wrong"), ids=by_place)
+def test_wrong_protocol_files_are_refused_in_the_words_shown(block: Block) -> None:
+    with pytest.raises(ProtocolFileError) as refused:
+        loads(completed(block), "robot.yaml")
+    assert str(refused.value).split("\n") == (block.output or "").splitlines()
+
+
+@pytest.mark.parametrize("page", pages_with("python"), ids=by_name)
+@pytest.mark.usefixtures("workspace")
+def test_python_runs(page: Path) -> None:
+    program: dict[str, object] = {"__name__": "__main__"}
+    for block in blocks(page):
+        if block.language != "python":
+            continue
+        printed = io.StringIO()
+        with contextlib.ExitStack() as running:
+            text = block.text
+            if PORT in text:
+                text = text.replace(PORT, running.enter_context(virtual_mcu()))
+            running.enter_context(contextlib.redirect_stdout(printed))
+            # Line numbers of the page, for whoever reads the traceback.
+            exec(compile("\n" * (block.line - 1) + text, str(page), "exec"), program)
+        compare(block.place, block.output or "", printed.getvalue())
+
+
+def commands(block: Block) -> Iterator[tuple[str, str]]:
+    """Each command that shows its output, and that output."""
+    for entry in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
+        command, _, output = entry.partition("\n")
+        if output:
+            yield command, output
+
+
+@pytest.mark.parametrize("page", pages_with("console"), ids=by_name)
+def test_commands_print_what_is_shown(page: Path, workspace: Path) -> None:
+    scripts = Path(sys.executable).parent
+    environment = {**os.environ, "PATH": f"{scripts}:{os.environ['PATH']}", "COLUMNS": "200", "NO_COLOR": "1"}
+    status = 0
+    for block in blocks(page):
+        for command, output in commands(block) if block.language == "console" else ():
+            assert command.startswith(RUN), f"{block.place}: {command} shows an output that cannot be checked"
+            with contextlib.ExitStack() as running:
+                port = running.enter_context(virtual_mcu()) if PORT in command else PORT
+                result = subprocess.run(
+                    ["bash", "-c", f"(exit {status}); {command.replace(PORT, port)}"],
+                    cwd=workspace, env=environment, timeout=60, check=False, text=True,
+                    stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                )  # fmt: skip
+            status = result.returncode
+            compare(f"{block.place}, {command}", output, result.stdout.replace(port, PORT))
+
+
+def run(*command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize("block", blocks_of("cpp"), ids=by_place)
+def test_cpp_compiles(block: Block, generated: Path, tmp_path: Path) -> None:
+    source = tmp_path / "example.cpp"
+    source.write_text(block.text, encoding="utf-8")
+    compiler = [*CXX, f"-I{generated}", str(source)]
+    if "int main(" not in block.text:
+        result = run(*compiler, "-c", "-o", str(tmp_path / "example.o"))
+        assert result.returncode == 0, f"{block.place}:\n{result.stderr}"
+        assert block.output is None, f"{block.place} shows an output and has no main"
+        return
+    program = tmp_path / "example"
+    result = run(*compiler, "-o", str(program))
+    assert result.returncode == 0, f"{block.place}:\n{result.stderr}"
+    result = run(str(program))
+    assert result.returncode == 0, f"{block.place}:\n{result.stdout}{result.stderr}"
+    compare(block.place, block.output or "", result.stdout)
+
+
+# ---- what pages refer to
+
+
+def without_blocks(page: Path) -> str:
+    return re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+
+
+def anchors(page: Path) -> set[str]:
+    """Of the page's headings, as the web pages of source hosts make them."""
+    headings = re.findall(r"^#+ (.*)$", without_blocks(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", LINKED, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path) -> None:
+    lost = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", without_blocks(page)):
+        if target.startswith(("https://", "http://")):
+            continue
+        name, _, wanted = target.partition("#")
+        file = (page.parent / name).resolve() if name else page
+        if not file.exists() or (wanted and wanted not in anchors(file)):
+            lost.append(target)
+    assert lost == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=by_name)
+def test_files_that_are_named_exist(page: Path) -> None:
+    folders = "core|ports|python|protocols|firmware|tests|bench|docs|setup"
+    named = re.findall(rf"`((?:{folders})/[\w./-]*)`", without_blocks(page))
+    assert [name for name in named if not (ROOT / name).exists() and name != "bench/latest.json"] == []
+
+
+def test_make_targets_that_are_named_exist() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    named = {name for page in PAGES for name in re.findall(r"`make ([a-z-]+)", page.read_text(encoding="utf-8"))}
+    assert "demo" in named
+    assert named - targets == set()
+
+
+def test_figures_of_the_readme_name_a_benchmark_that_exists() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` .*\| `make bench ONLY=(\w+)` \|$", readme, re.MULTILINE)
+    sources = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "bench").glob("*.py")))
+    assert len(rows) >= 8
+    for figure, benchmark in rows:
+        assert f'"{benchmark}": (' in sources, f"no benchmark {benchmark}"
+        assert f'"{figure}"' in sources or figure.startswith("collateral_"), f"no figure {figure}"
