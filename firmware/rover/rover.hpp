@@ -41,9 +41,9 @@ class Rover {
   void receive(const std::uint8_t* bytes, std::size_t size, std::uint32_t now_us) {
     now_us_ = now_us;
     if (size != 0) {
-      receiver_.feed(bytes, size, now_us, *this);
+      receiver_.feed(bytes, size, now_us, *this, deadlines_);
     } else {
-      receiver_.idle(now_us, *this);
+      receiver_.idle(now_us, *this, deadlines_);
     }
   }
 
@@ -58,7 +58,6 @@ class Rover {
   // ---- messages
 
   void on(const diffdrive::Velocity& velocity) {
-    deadlines_.seen(diffdrive::Velocity::Info::index, now_us_);
     if (in_safe_mode() || board_.estop_pressed()) return;
     const float linear = limited(velocity.linear, max_linear_);
     const float turn = limited(velocity.angular, max_angular_) * (track_m / 2.0F);

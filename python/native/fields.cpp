@@ -40,11 +40,12 @@ std::uint64_t load_unsigned(const FieldTable& field, const std::uint8_t* at) {
 
 double to_si(const FieldTable& field, double wire) { return wire * field.numerator / field.denominator + field.offset; }
 
-nb::object enumerator_or_number(const FieldTable& field, std::int64_t wire) {
+/// The enumerator's name for these bits (two's complement in 64 bits), or an invalid object.
+nb::object enumerator(const FieldTable& field, std::uint64_t bits) {
   for (const auto& [name, value] : field.enumerators) {
-    if (value == wire) return name;
+    if (value == bits) return name;
   }
-  return steal(PyLong_FromLongLong(wire));
+  return {};
 }
 
 nb::object flag_names(const FieldTable& field, std::uint64_t wire) {
@@ -71,13 +72,13 @@ nb::object decode_element(const FieldTable& field, const std::uint8_t* at) {
     case FieldKind::unsigned_integer: {
       const std::uint64_t wire = load_unsigned(field, at);
       if (field.has_flags) return flag_names(field, wire);
-      if (field.has_enum) return enumerator_or_number(field, static_cast<std::int64_t>(wire));
+      if (nb::object name = enumerator(field, wire); name.is_valid()) return name;
       if (field.scaled) return steal(PyFloat_FromDouble(to_si(field, static_cast<double>(wire))));
       return steal(PyLong_FromUnsignedLongLong(wire));
     }
     case FieldKind::signed_integer: {
       const std::int64_t wire = load_signed(field, at);
-      if (field.has_enum) return enumerator_or_number(field, wire);
+      if (nb::object name = enumerator(field, static_cast<std::uint64_t>(wire)); name.is_valid()) return name;
       if (field.scaled) return steal(PyFloat_FromDouble(to_si(field, static_cast<double>(wire))));
       return steal(PyLong_FromLongLong(wire));
     }
@@ -131,13 +132,13 @@ std::string violation_of(const MessageTable& message, const FieldTable& field, s
   } else if (field.kind == FieldKind::signed_integer) {
     const std::int64_t wire = load_signed(field, at);
     si = to_si(field, static_cast<double>(wire));
-    if (field.has_enum && PyLong_Check(enumerator_or_number(field, wire).ptr())) {
+    if (field.has_enum && !enumerator(field, static_cast<std::uint64_t>(wire)).is_valid()) {
       return place(message, field, element) + " is " + std::to_string(wire) + ", which is no enumerator";
     }
   } else {
     const std::uint64_t wire = load_unsigned(field, at);
     si = to_si(field, static_cast<double>(wire));
-    if (field.has_enum && PyLong_Check(enumerator_or_number(field, static_cast<std::int64_t>(wire)).ptr())) {
+    if (field.has_enum && !enumerator(field, wire).is_valid()) {
       return place(message, field, element) + " is " + std::to_string(wire) + ", which is no enumerator";
     }
     if (field.has_flags) {
@@ -227,7 +228,7 @@ std::uint64_t scaled_bits(const MessageTable& message, const FieldTable& field, 
   return is_signed ? static_cast<std::uint64_t>(static_cast<std::int64_t>(wire)) : static_cast<std::uint64_t>(wire);
 }
 
-std::string names_of(const std::vector<std::pair<nb::object, std::int64_t>>& enumerators) {
+std::string names_of(const std::vector<std::pair<nb::object, std::uint64_t>>& enumerators) {
   std::string out;
   for (const auto& entry : enumerators) out += (out.empty() ? "" : ", ") + nb::cast<std::string>(entry.first);
   return out;
@@ -235,13 +236,11 @@ std::string names_of(const std::vector<std::pair<nb::object, std::int64_t>>& enu
 
 std::uint64_t enum_bits(const MessageTable& message, const FieldTable& field, nb::handle value) {
   for (const auto& [name, number] : field.enumerators) {
-    if (name.equal(value)) return static_cast<std::uint64_t>(number);
+    if (name.equal(value)) return number;
   }
   if (PyLong_Check(value.ptr())) {
     const std::uint64_t bits = integer_bits(message, field, value);
-    for (const auto& entry : field.enumerators) {
-      if (static_cast<std::uint64_t>(entry.second) == bits) return bits;
-    }
+    if (enumerator(field, bits).is_valid()) return bits;
   }
   throw_message_error(message.name + "." + field.name + " is " + shown(value) + "; expected one of " +
                       names_of(field.enumerators));

@@ -118,7 +118,7 @@ void Link::wake() const {
 
 // ---- what programs call ----------------------------------------------------------------------------------------
 
-int Link::send(nb::bytes frame) {
+int Link::send(nb::bytes frame, bool urgent) {
   std::vector<std::uint8_t> bytes = bytes_of(frame);
   const nb::gil_scoped_release release;
   {
@@ -128,7 +128,7 @@ int Link::send(nb::bytes frame) {
       account_.refused_down += 1;
       return 1;
     }
-    if (!enqueue(std::move(bytes), -1)) return 2;
+    if (!enqueue(std::move(bytes), -1, urgent)) return 2;
     write_some();
   }
   wake();
@@ -303,7 +303,7 @@ void Link::publish(Arrivals&& arrivals) {
   arrived_.notify_all();
 }
 
-bool Link::enqueue(std::vector<std::uint8_t> bytes, int repeated) {
+bool Link::enqueue(std::vector<std::uint8_t> bytes, int repeated, bool urgent) {
   if (repeated >= 0) {  // an older value of the same message that has not begun to leave is worth nothing now
     for (std::size_t i = written_of_first_ != 0 ? 1 : 0; i < queue_.size(); ++i) {
       if (queue_[i].repeated != repeated) continue;
@@ -315,13 +315,17 @@ bool Link::enqueue(std::vector<std::uint8_t> bytes, int repeated) {
       return true;
     }
   }
-  if (queued_bytes_ + bytes.size() > max_queued_bytes) {
+  if (!urgent && queued_bytes_ + bytes.size() > max_queued_bytes) {
     account_.refused_full += 1;
     return false;
   }
   account_.accepted += 1;
   queued_bytes_ += bytes.size();
-  queue_.push_back({std::move(bytes), repeated});
+  if (urgent) {  // behind the frame that is leaving already, before all others
+    queue_.insert(queue_.begin() + (written_of_first_ != 0 ? 1 : 0), {std::move(bytes), repeated});
+  } else {
+    queue_.push_back({std::move(bytes), repeated});
+  }
   return true;
 }
 
@@ -354,7 +358,7 @@ void Link::run_repeated(std::uint64_t now_us) {
         if (!port_.is_open()) {
           account_.refused_down += 1;
         } else {
-          static_cast<void>(enqueue(std::move(bytes), static_cast<int>(entry.message)));
+          static_cast<void>(enqueue(std::move(bytes), static_cast<int>(entry.message), false));
         }
       }
     }
@@ -419,7 +423,7 @@ void bind_link(nb::module_& m) {
           },
           nb::arg("protocol"), nb::arg("receive"), nb::arg("path"), nb::arg("baud"), nb::arg("data_bits"),
           nb::arg("parity"), nb::arg("stop_bits"), nb::arg("idle_seconds"), nb::arg("deadlines"))
-      .def("send", &Link::send, nb::arg("frame"))
+      .def("send", &Link::send, nb::arg("frame"), nb::arg("urgent"))
       .def("set_repeated", &Link::set_repeated, nb::arg("message"), nb::arg("frame"), nb::arg("safe"),
            nb::arg("period"), nb::arg("hold"))
       .def("stop_repeated", &Link::stop_repeated, nb::arg("message"))

@@ -39,8 +39,9 @@ class Link {
   Link(const Link&) = delete;
   Link& operator=(const Link&) = delete;
 
-  /// Hand over one whole frame. 0: accepted; 1: the link is down; 2: the queue is full.
-  int send(nb::bytes frame);
+  /// Hand over one whole frame. 0: accepted; 1: the link is down; 2: the queue is full. `urgent`: it goes before all
+  /// that waits, and a full queue does not refuse it.
+  int send(nb::bytes frame, bool urgent);
 
   /// Repeat `frame` every `period`, until `hold` seconds after this call; then `safe` once, if not empty.
   void set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, double period, double hold);
@@ -91,7 +92,7 @@ class Link {
   void read_some();
   void take(const Frame& frame, std::uint64_t now_us, Arrivals& arrivals);
   void publish(Arrivals&& arrivals);
-  bool enqueue(std::vector<std::uint8_t> bytes, int repeated);
+  bool enqueue(std::vector<std::uint8_t> bytes, int repeated, bool urgent);
   void write_some();
   void run_repeated(std::uint64_t now_us);
   void run_deadlines(std::uint64_t now_us);

@@ -64,7 +64,8 @@ FieldTable read_field(nb::handle field, std::size_t at) {
   table.default_value = field.attr("default");
   table.has_default = !table.default_value.is_none();
   for (nb::handle entry : field.attr("enum")) {
-    table.enumerators.emplace_back(interned(text_of(entry[0])), nb::cast<std::int64_t>(entry[1]));
+    const std::uint64_t bits = PyLong_AsUnsignedLongLongMask(nb::object(entry[1]).ptr());
+    table.enumerators.emplace_back(interned(text_of(entry[0])), bits);
   }
   for (nb::handle entry : field.attr("flags")) {
     table.flags.emplace_back(interned(text_of(entry[0])), nb::cast<unsigned>(entry[1]));

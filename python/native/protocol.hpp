@@ -42,8 +42,8 @@ struct FieldTable {
   double maximum = 0;
   bool has_default = false;
   nb::object default_value;
-  std::vector<std::pair<nb::object, std::int64_t>> enumerators;  ///< name, value
-  std::vector<std::pair<nb::object, unsigned>> flags;            ///< name, bit
+  std::vector<std::pair<nb::object, std::uint64_t>> enumerators;  ///< name, value (two's complement in 64 bits)
+  std::vector<std::pair<nb::object, unsigned>> flags;             ///< name, bit
   bool has_flags = false;
   bool has_enum = false;
 };

@@ -220,9 +220,11 @@ def test_demo_drives_the_rover_and_prints_a_summary(tmp_path: Path) -> None:
     assert "Traceback" not in result.stderr
 
 
-def test_monitor_lives_on_when_its_port_goes_away() -> None:
+def test_monitor_lives_on_when_its_port_goes_away(tmp_path: Path) -> None:
     pty = PtyPort()
-    command = [*COMMAND, "monitor", DIFFDRIVE, pty.path, "--seconds", "3", "--json"]
+    name = tmp_path / "tty"
+    name.symlink_to(pty.path)
+    command = [*COMMAND, "monitor", DIFFDRIVE, str(name), "--seconds", "3", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None and process.stderr is not None
         frame = codec("diffdrive").encode("odometry", left_ticks=1, right_ticks=2)
@@ -232,6 +234,7 @@ def test_monitor_lives_on_when_its_port_goes_away() -> None:
             pty.write(frame)  # until it listens: what comes before it opens the port is stale and dropped
             time.sleep(0.05)
         assert json.loads(line)["message"] == "odometry"
+        name.unlink()  # before its number is free: another pty may get it
         pty.close()
         assert process.wait(PATIENCE) == 0
         assert b"Traceback" not in process.stderr.read()

@@ -112,11 +112,11 @@ def test_link_comes_back_when_the_device_does(tmp_path: Path) -> None:
     with wirebond.open(proto, name) as link:
         first.write(proto.encode("odometry", left_ticks=1, right_ticks=1))
         assert receive(link, 1)[0].fields["left_ticks"] == 1
+        name.unlink()  # before its number is free: another pty may get it
         first.close()
         wait_for_state(link, "down")
         with pytest.raises(LinkDownError, match="is not connected; velocity was not sent"):
             link.send("velocity", linear=0, angular=0)
-        name.unlink()
         name.symlink_to(second.path)
         wait_for_state(link, "stale")
         second.write(proto.encode("odometry", left_ticks=2, right_ticks=2))
@@ -162,6 +162,37 @@ def test_host_deadlines_run_from_start_up_and_end_with_a_message(port: PtyPort, 
         port.write(proto.encode("status", battery=12.0, errors=[], state=[]))
         receive(link, 1)
         assert not link.deadlines["warn"]
+
+
+@pytest.mark.parametrize("hold", [0.0, -1.0, float("nan"), float("inf"), 1e30])
+def test_lease_without_end_is_refused(port: PtyPort, hold: float) -> None:
+    with wirebond.open(codec("diffdrive"), port.path) as link, pytest.raises(UsageError, match="at most 60 s"):
+        link.set("velocity", linear=0.5, hold=hold)
+
+
+def test_emergency_stop_overtakes_a_full_queue(port: PtyPort) -> None:
+    proto = codec("diffdrive")
+    with wirebond.open(proto, port.path) as link:
+        with pytest.raises(wirebond.QueueFullError):
+            for _ in range(100_000):
+                link.send("velocity", linear=1.0, angular=0)
+        already_written = link.stats.send.sent
+        link.emergency_stop()
+        decoder = proto.decoder("host")
+        speeds: list[float] = []
+        end = time.monotonic() + PATIENCE
+        while 0.0 not in speeds and time.monotonic() < end:
+            speeds += [m.fields["linear"] for m in decoder.feed(port.read(0.05))]
+        # Before it came only what the system's own buffer held already, and the frame that was half out.
+        assert speeds.index(0.0) <= already_written + 1
+        assert link.stats.send.offered > already_written + 1000
+
+
+def test_second_opener_is_told_that_the_port_is_in_use_until_the_first_closes(port: PtyPort) -> None:
+    proto = codec("diffdrive")
+    with wirebond.open(proto, port.path), pytest.raises(PortError, match="is in use by another program"):
+        wirebond.open(proto, port.path)
+    wirebond.open(proto, port.path).close()
 
 
 def test_messages_of_the_other_end_are_not_sent(port: PtyPort) -> None:

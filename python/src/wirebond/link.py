@@ -14,6 +14,7 @@ from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageEr
 from wirebond.protocol.model import End, Recover
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after it was last set
+MAX_HOLD = 60.0  # seconds: a longer lease would be none
 ADAPTER_LATENCY = 0.016  # seconds: what a USB adapter may hold bytes back (the FTDI default)
 
 
@@ -54,6 +55,8 @@ class Link:
         speed = settings.baud if baud is None else baud
         if not 1 <= speed <= 100_000_000:
             raise UsageError(f"baud is {speed}; expected 1 to 100000000 bits per second")
+        if settings.stop_bits not in (1, 2):
+            raise UsageError(f"a Linux tty has 1 or 2 stop bits, and {model.name} asks for {settings.stop_bits:g}")
         self.codec = codec
         self.port = os.fspath(port)
         self.baud = speed
@@ -91,11 +94,7 @@ class Link:
         :raises QueueFullError: the line does not keep up.
         """
         self._check_sender(message)
-        answer = self._engine.send(self.codec.encode(message, values, **fields))
-        if answer == 1:
-            raise LinkDownError(f"{self.port} is not connected; {message} was not sent")
-        if answer == 2:
-            raise QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
+        self._send(message, self.codec.encode(message, values, **fields), urgent=False)
 
     def set(
         self,
@@ -112,6 +111,10 @@ class Link:
         ``emergency_stop``) is sent once, or nothing more if it has none: a program that hangs cannot keep a robot
         driving.
         """
+        if not 0 < hold <= MAX_HOLD:
+            raise UsageError(
+                f"hold is {hold:g} s; expected more than 0 and at most {MAX_HOLD:g} s: call set() again in time"
+            )
         self._check_sender(message)
         frame = self.codec.encode(message, values, **fields)
         period = self.codec.model.message(message).every
@@ -124,16 +127,24 @@ class Link:
         self._engine.set_repeated(self.codec.index_of(message), frame, safe, period, hold)
 
     def unset(self, message: str) -> None:
-        """Stop repeating, without a last value."""
+        """Stop repeating, without a last value.
+
+        :raises MessageError: the protocol has no such message.
+        """
+        self._check_sender(message)
         self._engine.stop_repeated(self.codec.index_of(message))
 
     def emergency_stop(self) -> None:
-        """Send the file's ``emergency_stop`` at once and stop repeating that message."""
+        """Send the file's ``emergency_stop`` before all that waits to be sent, and stop repeating that message.
+
+        :raises UsageError: the protocol has none.
+        :raises LinkDownError: the port is gone at the moment.
+        """
         stop = self.codec.model.emergency_stop
         if stop is None:
             raise UsageError(f"{self.codec.name} has no emergency_stop")
         self.unset(stop.message)
-        self.send(stop.message, dict(stop.values))
+        self._send(stop.message, self.codec.encode(stop.message, dict(stop.values)), urgent=True)
 
     # ---- receiving
 
@@ -186,9 +197,18 @@ class Link:
     ) -> None:
         self.close()
 
+    def _send(self, message: str, frame: bytes, urgent: bool) -> None:
+        answer = self._engine.send(frame, urgent)
+        if answer == 1:
+            raise LinkDownError(f"{self.port} is not connected; {message} was not sent")
+        if answer == 2:
+            raise QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
+
     def _check_sender(self, message: str) -> None:
         known = {m.name: m for m in self.codec.model.messages}
-        if message in known and not known[message].sent_by(End.HOST):
+        if message not in known:
+            raise MessageError(f"{self.codec.name} has no message {message!r}; it has {', '.join(known)}")
+        if not known[message].sent_by(End.HOST):
             raise MessageError(f"{message} is sent by the mcu, not by the host")
 
 

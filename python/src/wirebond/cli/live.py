@@ -16,7 +16,7 @@ from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.output import console, errors, print_message, stats_line, values_text
 from wirebond.cli.values import parse_assignments
 from wirebond.codec import Codec, Message, load
-from wirebond.errors import LinkDownError, UsageError
+from wirebond.errors import LinkDownError, QueueFullError, UsageError
 from wirebond.link import Link, open_link
 from wirebond.sim.pty_port import PtyPort, run, symlinked
 from wirebond.sim.virtual_mcu import VirtualMcu
@@ -115,15 +115,18 @@ def _send_repeatedly(link: Link, codec: Codec, name: str, values: dict[str, obje
             try:
                 link.send(name, values)
                 sent += 1
-            except LinkDownError:
-                missed += 1  # the link is looking for its port; go on
+            except (LinkDownError, QueueFullError):
+                missed += 1  # the port may come back, the line may catch up: go on
             due = max(due + 1 / rate, time.monotonic())  # after a stall: no burst of old commands
     stop = codec.model.emergency_stop
     ending = ""
     if stop is not None and stop.message == name and link.state != "down":
         link.emergency_stop()
         ending = ", then the emergency stop"
-    errors.print(f"sent {name} {sent} times{ending}" + (f"; {missed} times the port was away" if missed else ""))
+    errors.print(
+        f"sent {name} {sent} times{ending}"
+        + (f"; {missed} times the port was away or its queue full" if missed else "")
+    )
     return 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Any
 
@@ -39,8 +40,12 @@ def message_dict(message: Message) -> dict[str, Any]:
 
 def print_message(message: Message) -> None:
     """One JSON line, at once: a reader may wait for it."""
-    sys.stdout.write(to_json(message_dict(message)) + "\n")
-    sys.stdout.flush()
+    try:
+        sys.stdout.write(to_json(message_dict(message)) + "\n")
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader has seen enough, as `head` has: that is no error
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(0) from None
 
 
 def stats_line(stats: Stats) -> str:

@@ -6,6 +6,7 @@
 #include <asm/termbits.h>
 #include <fcntl.h>
 #include <linux/serial.h>
+#include <sys/file.h>
 #include <sys/ioctl.h>
 
 #include <cerrno>
@@ -78,11 +79,12 @@ inline Descriptor open_serial(const std::string& path, const SerialSettings& set
     error = {errno == EBUSY ? SerialError::Step::busy : SerialError::Step::open, errno, 0};
     return {};
   }
-  if (::ioctl(fd.get(), TIOCEXCL) != 0) {
-    error = {SerialError::Step::not_a_tty, errno, 0};
+  if (!configure_serial(fd.get(), settings, error)) return {};
+  // A lock rather than TIOCEXCL: it ends with its holder, also on a pty that stays open, and it holds for root too.
+  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
+    error = {SerialError::Step::busy, errno, 0};
     return {};
   }
-  if (!configure_serial(fd.get(), settings, error)) return {};
   struct serial_struct serial {};
   if (::ioctl(fd.get(), TIOCGSERIAL, &serial) == 0) {
     serial.flags |= ASYNC_LOW_LATENCY;

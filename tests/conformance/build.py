@@ -1,0 +1,109 @@
+"""Compiles the conformance decoder for a protocol, once for each content, and runs it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from wirebond.codegen import generate_cpp
+from wirebond.codegen.names import namespace
+from wirebond.protocol.model import End, Protocol
+from wirebond.protocol.plan import plan_for
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = ROOT / "build" / "conformance"
+SOURCE = Path(__file__).with_name("decode_main.cpp")
+FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror")
+# GCC's points-to analysis takes minutes over the sanitizers' checks.
+SANITIZE = ("-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-tree-pta")
+PLAIN = ("-O2",)
+
+
+def build_decoder(
+    protocol: Protocol, sender: End, *, run_time: bool = False, sanitize: bool = False, build: Path = BUILD
+) -> Path:
+    """The program that decodes what ``sender`` sends: with the constant source, or with the run-time source.
+
+    It is compiled only if no program of the same sources, flags and compiler lies in ``build``. Several processes may
+    ask for the same program at once. AssertionError with the compiler's words when it does not compile.
+    """
+    compiler = os.environ.get("CXX", "g++")
+    definitions = (
+        f'-DPROTOCOL_HEADER="{protocol.name}.hpp"',
+        f"-DPROTOCOL={namespace(protocol.name)}",
+        f"-DSENDER={'FromMcu' if sender == End.MCU else 'FromHost'}",
+        f"-DRUN_TIME={int(run_time)}",
+    )
+    flags = (*FLAGS, *(SANITIZE if sanitize else PLAIN), *definitions)
+    build.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=build) as name:
+        folder = Path(name)
+        headers = generate_cpp(protocol, folder)
+        rows = folder / "message_rows.hpp"
+        rows.write_text(_rows(protocol, sender), encoding="utf-8")
+        version = _run([compiler, "--version"])
+        content = hashlib.sha256("\0".join([compiler, version, *flags]).encode())
+        for path in sorted([*headers, rows, SOURCE]):
+            content.update(path.name.encode() + b"\0" + path.read_bytes())
+        kind = f"{'run_time' if run_time else 'constant'}{'_sanitized' if sanitize else ''}"
+        program = build / f"{protocol.name}_{sender.value}_{kind}_{content.hexdigest()[:16]}"
+        if not program.exists():
+            made = folder / "decode"
+            _run([compiler, *flags, f"-I{folder}", str(SOURCE), "-o", str(made)])
+            shutil.move(made, program)  # a rename within one file system: others see all of it or nothing
+    return program
+
+
+@dataclass(frozen=True)
+class Frame:
+    offset: int
+    wire: bytes
+    id: int
+    message: int  # index into Protocol.messages; -1: unknown
+
+
+@dataclass(frozen=True)
+class Result:
+    frames: list[Frame]
+    account: dict[str, int]  # bytes, frames, …, discarded.<cause>, rejected.<cause>
+
+
+def decode(program: Path, stream: Path, chunk: int, seed: int = 1) -> Result:
+    """Run a program of ``build_decoder`` over a file. AssertionError with its words when it fails."""
+    frames = []
+    account = {}
+    for line in _run([str(program), str(stream), str(chunk), str(seed)]).splitlines():
+        word, *values = line.split()
+        if word == "frame":
+            offset, wire, message_id, index = values
+            frames.append(Frame(int(offset), bytes.fromhex(wire), int(message_id), int(index)))
+        else:
+            account[word] = int(values[0])
+    return Result(frames, account)
+
+
+def _rows(protocol: Protocol, sender: End) -> str:
+    rows = plan_for(protocol, sender).messages
+    lines = [f"    {{{row.id}U, {{{row.index}, {row.min_payload}, {row.max_payload}}}}}," for row in rows]
+    return "\n".join(
+        [
+            "#pragma once",
+            "#include <array>",
+            '#include "wirebond/runtime_source.hpp"',
+            f"inline constexpr std::array<wirebond::MessageRow, {len(rows)}> message_rows = {{{{",
+            *lines,
+            "}};",
+            "",
+        ]
+    )
+
+
+def _run(command: list[str]) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{' '.join(command)}\nends with {done.returncode}\n{done.stderr}"
+    return done.stdout

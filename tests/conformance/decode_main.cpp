@@ -1,0 +1,107 @@
+// Decodes a file with one protocol's core deframer and prints every frame and where each byte went. For tests that
+// compare this with the engine and with a slow reference; build.py compiles it.
+//
+//   decode FILE CHUNK [SEED]     CHUNK bytes at a time; 0: sizes of 1 to 300 by SEED
+//
+// Lines: `frame OFFSET WIRE_HEX ID MESSAGE_INDEX` for each frame, then `NAME VALUE` for the account.
+//
+// Given by build.py: PROTOCOL_HEADER, PROTOCOL (its namespace), SENDER (FromHost or FromMcu), RUN_TIME (0 or 1).
+#include <cinttypes>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+#include <vector>
+
+#include PROTOCOL_HEADER
+
+#include "message_rows.hpp"
+#include "wirebond/runtime_source.hpp"
+#include "wirebond/stream_deframer.hpp"
+
+namespace {
+
+using Sender = PROTOCOL::SENDER;
+#if RUN_TIME
+using Source = wirebond::RuntimeSource;
+#else
+using Source = Sender;
+#endif
+
+Source make_source() {
+#if RUN_TIME
+  static const wirebond::FrameFormat format = Sender{}.format();  // the very value that the constant source folds
+  static const wirebond::CrcTables tables(format);
+  return {format, tables, message_rows.data(), message_rows.size()};
+#else
+  return {};
+#endif
+}
+
+constexpr const char* cause_names[wirebond::cause_count] = {
+    "no_start",        "constant_mismatch", "length_out_of_range", "unknown_message", "header_check_mismatch",
+    "check_mismatch", "bad_stuffing",      "incomplete",
+};
+
+struct Printer {
+  void operator()(const wirebond::Frame& frame) const {
+    std::printf("frame %" PRIu64 " ", frame.offset);
+    for (std::size_t i = 0; i < frame.wire_size; ++i) std::printf("%02x", frame.wire[i]);
+    std::printf(" %" PRIu32 " %d\n", frame.id, frame.message);
+  }
+};
+
+int decode(std::FILE* file, std::size_t chunk, unsigned seed) {
+  const Source source = make_source();
+  std::vector<std::uint8_t> workspace(wirebond::workspace_bytes(source.format()));
+  wirebond::StreamDeframer<Source, std::uint64_t> deframer(source, workspace.data(), Sender::idle_us);
+  std::mt19937 random(seed);
+  Printer printer;
+  while (true) {
+    std::vector<std::uint8_t> bytes(chunk != 0 ? chunk : 1 + random() % 300);  // of its own, so that overruns are seen
+    const std::size_t size = std::fread(bytes.data(), 1, bytes.size(), file);
+    if (size == 0) break;
+    bytes.resize(size);
+    deframer.feed(bytes.data(), bytes.size(), 0, printer);
+    if (deframer.bytes() != deframer.account().settled() + deframer.pending()) {
+      std::fprintf(stderr, "the account does not close after %" PRIu64 " bytes\n", deframer.bytes());
+      return 1;
+    }
+  }
+  if (std::ferror(file) != 0) {
+    std::perror("cannot read on");
+    return 1;
+  }
+  deframer.give_up(printer);
+  const auto& account = deframer.account();
+  std::printf("bytes %" PRIu64 "\n", deframer.bytes());
+  std::printf("frames %" PRIu64 "\n", account.frames);
+  std::printf("unknown_frames %" PRIu64 "\n", account.unknown_frames);
+  std::printf("frame_bytes %" PRIu64 "\n", account.frame_bytes);
+  std::printf("fill_bytes %" PRIu64 "\n", account.fill_bytes);
+  std::printf("pending_bytes %zu\n", deframer.pending());
+  for (std::size_t i = 0; i < wirebond::cause_count; ++i) {
+    std::printf("discarded.%s %" PRIu64 "\n", cause_names[i], account.discarded_bytes[i]);
+    std::printf("rejected.%s %" PRIu64 "\n", cause_names[i], account.rejected_candidates[i]);
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  if (count < 3 || count > 4) {
+    std::fprintf(stderr, "usage: %s FILE CHUNK [SEED]\n", arguments[0]);
+    return 2;
+  }
+  std::FILE* const file = std::fopen(arguments[1], "rb");
+  if (file == nullptr) {
+    std::perror(arguments[1]);
+    return 2;
+  }
+  const std::size_t chunk = std::strtoul(arguments[2], nullptr, 10);
+  const unsigned seed = count == 4 ? static_cast<unsigned>(std::strtoul(arguments[3], nullptr, 10)) : 1;
+  const int result = decode(file, chunk, seed);
+  std::fclose(file);
+  return result;
+}
