@@ -3,6 +3,7 @@
 
 #include <nanobind/ndarray.h>
 
+#include <algorithm>
 #include <cstring>
 #include <vector>
 
@@ -116,9 +117,11 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, co
     const MessageTable& message = protocol->messages()[index];
     Rows& rows = tables[index];
     rows.offsets.push_back(frame.offset);
-    rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + message.min_payload);
+    const std::size_t sent = std::min(frame.payload_size, message.min_payload);  // less: zeros were trimmed
+    rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + sent);
+    rows.payloads.insert(rows.payloads.end(), message.min_payload - sent, 0);
     if (message.max_payload != message.min_payload) {
-      rows.tails.emplace_back(frame.payload + message.min_payload, frame.payload + frame.payload_size);
+      rows.tails.emplace_back(frame.payload + sent, frame.payload + frame.payload_size);
     }
   };
   {

@@ -27,18 +27,31 @@ BufferView::BufferView(nb::handle object) {
   }
 }
 
-Event record(const Frame& frame, double time, std::vector<std::uint8_t>& bytes) {
+Event record(const Frame& frame, double time, Batch& batch) {
+  std::vector<std::uint8_t>& bytes = batch.bytes;
   Event event;
   event.wire_at = static_cast<std::uint32_t>(bytes.size());
   event.wire_size = static_cast<std::uint32_t>(frame.wire_size);
   bytes.insert(bytes.end(), frame.wire, frame.wire + frame.wire_size);
-  const bool in_place = frame.payload >= frame.wire && frame.payload < frame.wire + frame.wire_size;
   event.payload_size = static_cast<std::uint32_t>(frame.payload_size);
+  std::size_t padding = 0;
+  if (frame.layout->trims_zeros && frame.message >= 0) {
+    const std::size_t whole = batch.protocol->messages()[static_cast<std::size_t>(frame.message)].min_payload;
+    padding = whole > frame.payload_size ? whole - frame.payload_size : 0;
+  }
+  const bool in_place = frame.payload >= frame.wire && frame.payload < frame.wire + frame.wire_size && padding == 0;
   if (in_place) {
     event.payload_at = event.wire_at + static_cast<std::uint32_t>(frame.payload - frame.wire);
-  } else {  // unstuffed elsewhere
+  } else {  // unstuffed elsewhere, or zeros to put back
     event.payload_at = static_cast<std::uint32_t>(bytes.size());
     bytes.insert(bytes.end(), frame.payload, frame.payload + frame.payload_size);
+    bytes.insert(bytes.end(), padding, 0);
+    event.payload_size += static_cast<std::uint32_t>(padding);
+  }
+  event.layout = static_cast<std::uint8_t>(batch.format->index_of(frame.layout));
+  event.header_at = static_cast<std::uint32_t>(batch.headers.size());
+  for (std::size_t i = 0; i < frame.layout->header_count; ++i) {
+    batch.headers.push_back(detail::read_number(frame.layout->header[i].number, frame.bytes, frame.size));
   }
   event.id = frame.id;
   event.message = frame.message;
@@ -69,6 +82,13 @@ nb::object Message::fields() {
 nb::list Message::violations() const {
   if (table() != nullptr) return find_violations(*table(), payload_bytes(), event_.payload_size);
   return nb::list();
+}
+
+nb::dict Message::header() const {
+  nb::dict out;
+  const std::vector<nb::object>& names = batch_->format->header_names(event_.layout);
+  for (std::size_t i = 0; i < names.size(); ++i) out[names[i]] = batch_->headers[event_.header_at + i];
+  return out;
 }
 
 nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events) {
@@ -124,10 +144,11 @@ template <class Step>
 nb::list Decoder::collect(double time, Step step) {
   const auto batch = std::make_shared<Batch>();
   batch->protocol = protocol_;
+  batch->format = format_;
   std::vector<Event> events;
   step([&](const Frame& frame) {
     if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
-    events.push_back(record(frame, time, batch->bytes));
+    events.push_back(record(frame, time, *batch));
   });
   return to_list(batch, events);
 }
@@ -148,12 +169,13 @@ nb::list Decoder::finish() {
 }
 
 std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTable& message,
-                                     const std::vector<std::uint8_t>& payload) {
+                                     const std::vector<std::uint8_t>& payload, std::size_t layout,
+                                     const std::vector<std::uint32_t>& header) {
   const RuntimeSource source = format.source();
-  const std::size_t lead = payload_lead(source);
+  const std::size_t lead = payload_lead(source, layout);
   std::vector<std::uint8_t> buffer(lead + payload.size() + max_wire_bytes(format.format()));
   std::copy(payload.begin(), payload.end(), buffer.begin() + static_cast<std::ptrdiff_t>(lead));
-  const std::size_t size = seal(source, buffer.data(), buffer.size(), message.id, payload.size());
+  const std::size_t size = seal(source, buffer.data(), buffer.size(), message.id, payload.size(), layout, header.data());
   if (size == 0) {
     throw_message_error("payload of " + message.name + " has " + std::to_string(payload.size()) +
                         " bytes; this frame carries at most " + std::to_string(format.format().max_payload));

@@ -15,7 +15,9 @@ namespace wirebond::engine {
 /// The bytes of all messages of one call, kept alive by the messages that point into it.
 struct Batch {
   std::shared_ptr<const ProtocolTable> protocol;
+  std::shared_ptr<const FormatTable> format;
   std::vector<std::uint8_t> bytes;
+  std::vector<std::uint32_t> headers;  ///< values of header fields, for formats that have them
 };
 
 /// One frame that passed, before any Python object exists. Places are indices into Batch::bytes.
@@ -26,12 +28,14 @@ struct Event {
   std::uint32_t payload_size = 0;
   std::uint32_t id = 0;
   std::int16_t message = -1;
+  std::uint8_t layout = 0;
+  std::uint32_t header_at = 0;
   std::uint64_t offset = 0;
   double time = 0;
 };
 
 /// Append the frame's bytes to the batch and describe it. No GIL needed.
-Event record(const Frame& frame, double time, std::vector<std::uint8_t>& bytes);
+Event record(const Frame& frame, double time, Batch& batch);
 
 /// What Python sees of one message. Fields are decoded when they are first asked for.
 class Message {
@@ -44,6 +48,7 @@ class Message {
   nb::bytes payload() const;
   nb::object fields();
   nb::list violations() const;
+  nb::dict header() const;
   std::uint32_t id() const { return event_.id; }
   std::uint64_t offset() const { return event_.offset; }
   double time() const { return event_.time; }
@@ -97,7 +102,8 @@ class Decoder {
 
 /// The frame around a payload: wire bytes. Throws MessageError when it does not fit the format.
 std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTable& message,
-                                     const std::vector<std::uint8_t>& payload);
+                                     const std::vector<std::uint8_t>& payload, std::size_t layout,
+                                     const std::vector<std::uint32_t>& header);
 
 /// Read-only view of a bytes-like object, released with this object.
 class BufferView {

@@ -282,13 +282,14 @@ void Link::take(const Frame& frame, std::uint64_t now_us, Arrivals& arrivals) {
   if (arrivals.batch == nullptr) {
     arrivals.batch = std::make_shared<Batch>();
     arrivals.batch->protocol = protocol_;
+    arrivals.batch->format = format_;
   }
   last_frame_us_ = now_us;
   if (frame.message >= 0) {
     ++counts_[static_cast<std::size_t>(frame.message)];
     for (auto& deadline : deadlines_) deadline.seen(frame.message, now_us);
   }
-  arrivals.events.push_back(record(frame, static_cast<double>(now_us) * 1e-6, arrivals.batch->bytes));
+  arrivals.events.push_back(record(frame, static_cast<double>(now_us) * 1e-6, *arrivals.batch));
 }
 
 void Link::publish(Arrivals&& arrivals) {

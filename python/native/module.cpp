@@ -35,9 +35,12 @@ PyType_Slot message_slots[] = {
     {0, nullptr},
 };
 
-nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::size_t index, nb::dict values) {
+nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::size_t index, nb::dict values,
+                 std::size_t layout, nb::list header) {
   const MessageTable& message = protocol.messages().at(index);
-  const std::vector<std::uint8_t> wire = seal_frame(format, message, encode_fields(message, values));
+  std::vector<std::uint32_t> numbers;
+  for (nb::handle value : header) numbers.push_back(nb::cast<std::uint32_t>(value));
+  const std::vector<std::uint8_t> wire = seal_frame(format, message, encode_fields(message, values), layout, numbers);
   return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
 }
 
@@ -55,6 +58,7 @@ NB_MODULE(_engine, m) {
       .def_prop_ro("sender", &Message::sender, "'host', 'mcu' or 'both'; None for an unknown message.")
       .def_prop_ro("fields", &Message::fields, "Values in SI units by field name, decoded when first asked for.")
       .def_prop_ro("violations", &Message::violations, "Field rules that it breaks, a sentence each.")
+      .def_prop_ro("header", &Message::header, "Values of the frame's named header fields.")
       .def_prop_ro("raw", &Message::raw, "The frame's bytes as received, delimiters included.")
       .def_prop_ro("payload", &Message::payload, "The payload's bytes.")
       .def_prop_ro("id", &Message::id, "The id on the wire.")
@@ -74,7 +78,7 @@ NB_MODULE(_engine, m) {
       .def("finish", &Decoder::finish)
       .def("stats", &Decoder::stats);
 
-  m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a);
+  m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "layout"_a, "header"_a);
   m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none());
   bind_link(m);
 }

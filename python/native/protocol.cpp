@@ -108,6 +108,7 @@ Layout read_layout(nb::handle plan) {
   layout.length_unit = nb::cast<std::uint8_t>(plan.attr("length_unit"));
   layout.length_bias = nb::cast<std::int32_t>(plan.attr("length_bias"));
   layout.fixed_payload = nb::cast<std::uint16_t>(plan.attr("fixed_payload"));
+  layout.trims_zeros = nb::cast<bool>(plan.attr("trims_zeros"));
   layout.length = read_number(plan.attr("length"));
   layout.id = read_number(plan.attr("id"));
   for (nb::handle constant : plan.attr("constants")) {
@@ -116,14 +117,21 @@ Layout read_layout(nb::handle plan) {
                                                     nb::cast<std::uint8_t>(constant.attr("value"))};
   }
   for (nb::handle check : plan.attr("checks")) {
-    layout.checks.at(layout.check_count++) = {nb::cast<std::uint8_t>(check.attr("algorithm")),
-                                              read_position(check.attr("start")),
-                                              read_position(check.attr("stop")),
-                                              read_position(check.attr("at")),
-                                              nb::cast<std::uint8_t>(check.attr("bytes")),
-                                              order_of(check.attr("order")),
-                                              nb::cast<std::uint8_t>(check.attr("shift")),
-                                              nb::cast<std::int8_t>(check.attr("continues"))};
+    CheckRule& rule = layout.checks.at(layout.check_count++);
+    rule.algorithm = nb::cast<std::uint8_t>(check.attr("algorithm"));
+    rule.from = read_position(check.attr("start"));
+    rule.to = read_position(check.attr("stop"));
+    rule.at = read_position(check.attr("at"));
+    rule.bytes = nb::cast<std::uint8_t>(check.attr("bytes"));
+    rule.order = order_of(check.attr("order"));
+    rule.shift = nb::cast<std::uint8_t>(check.attr("shift"));
+    rule.seeded = nb::cast<bool>(check.attr("seeded"));
+    rule.as_hex = nb::cast<bool>(check.attr("as_hex"));
+    rule.continues = nb::cast<std::int8_t>(check.attr("continues"));
+  }
+  for (nb::handle field : plan.attr("header")) {
+    layout.header.at(layout.header_count++) = {read_number(field.attr("number")),
+                                               nb::cast<std::uint32_t>(field.attr("default"))};
   }
   return layout;
 }
@@ -131,7 +139,12 @@ Layout read_layout(nb::handle plan) {
 CheckAlgorithm read_algorithm(nb::handle algorithm) {
   const std::string kind = text_of(algorithm.attr("kind"));
   CheckAlgorithm out;
-  out.kind = kind == "crc" ? CheckKind::crc : kind == "sum" ? CheckKind::sum : CheckKind::exclusive_or;
+  out.kind = kind == "crc"        ? CheckKind::crc
+             : kind == "sum"      ? CheckKind::sum
+             : kind == "fletcher" ? CheckKind::fletcher
+                                  : CheckKind::exclusive_or;
+  out.modulus = nb::cast<std::uint16_t>(algorithm.attr("modulus"));
+  out.negate = nb::cast<bool>(algorithm.attr("negate"));
   out.width_bits = nb::cast<std::uint8_t>(algorithm.attr("width"));
   out.reflect_in = nb::cast<bool>(algorithm.attr("refin"));
   out.reflect_out = nb::cast<bool>(algorithm.attr("refout"));
@@ -169,14 +182,35 @@ int ProtocolTable::find(const std::string& name) const {
 }
 
 FormatTable::FormatTable(nb::handle plan) {
-  const nb::object delimiter = plan.attr("delimiter");
-  format_.framing = delimiter.is_none() ? Framing::by_start : Framing::delimited;
-  if (!delimiter.is_none()) format_.delimiter = nb::cast<std::uint8_t>(delimiter);
-  format_.stuffing = text_of(plan.attr("stuffing")) == "cobs" ? Stuffing::cobs : Stuffing::none;
+  const std::string framing = text_of(plan.attr("framing"));
+  format_.framing = framing == "delimited"   ? Framing::delimited
+                    : framing == "bracketed" ? Framing::bracketed
+                    : framing == "silence"   ? Framing::silence
+                                             : Framing::by_start;
+  format_.opening = nb::cast<std::uint8_t>(plan.attr("opening"));
+  format_.closing = nb::cast<std::uint8_t>(plan.attr("closing"));
+  format_.sends_opening = nb::cast<bool>(plan.attr("sends_opening"));
+  const std::string stuffing = text_of(plan.attr("stuffing"));
+  format_.stuffing = stuffing == "cobs"     ? Stuffing::cobs
+                     : stuffing == "escape" ? Stuffing::escape
+                                            : Stuffing::none;
+  const nb::object escapes = plan.attr("escapes");
+  if (!escapes.is_none()) {
+    format_.escapes.escape = nb::cast<std::uint8_t>(escapes.attr("escape"));
+    format_.escapes.exclusive_or = nb::cast<std::uint8_t>(escapes.attr("exclusive_or"));
+    for (nb::handle pair : escapes.attr("pairs")) {
+      const std::size_t i = format_.escapes.count++;
+      format_.escapes.plain.at(i) = nb::cast<std::uint8_t>(nb::object(pair[0]));
+      format_.escapes.code.at(i) = nb::cast<std::uint8_t>(nb::object(pair[1]));
+    }
+  }
   format_.deliver_unknown = nb::cast<bool>(plan.attr("deliver_unknown"));
   format_.max_payload = nb::cast<std::uint16_t>(plan.attr("max_payload"));
   format_.layout_count = 0;
   for (nb::handle layout : plan.attr("layouts")) {
+    for (nb::handle field : layout.attr("header")) {
+      header_names_.at(format_.layout_count).push_back(interned(text_of(field.attr("name"))));
+    }
     format_.layouts.at(format_.layout_count++) = read_layout(layout);
   }
   for (nb::handle algorithm : plan.attr("algorithms")) {
@@ -186,7 +220,7 @@ FormatTable::FormatTable(nb::handle plan) {
     rows_.push_back(
         {nb::cast<std::uint32_t>(message.attr("id")),
          {nb::cast<std::int16_t>(message.attr("index")), nb::cast<std::uint16_t>(message.attr("min_payload")),
-          nb::cast<std::uint16_t>(message.attr("max_payload"))}});
+          nb::cast<std::uint16_t>(message.attr("max_payload")), nb::cast<std::uint8_t>(message.attr("seed"))}});
   }
   tables_ = std::make_unique<CrcTables>(format_);
 }

@@ -82,11 +82,15 @@ class FormatTable {
 
   const FrameFormat& format() const { return format_; }
   RuntimeSource source() const { return {format_, *tables_, rows_.data(), rows_.size()}; }
+  /// Names of a layout's header fields, in its order.
+  const std::vector<nb::object>& header_names(std::size_t layout) const { return header_names_[layout]; }
+  std::size_t index_of(const Layout* layout) const { return static_cast<std::size_t>(layout - format_.layouts.data()); }
 
  private:
   FrameFormat format_;
   std::unique_ptr<CrcTables> tables_;
   std::vector<MessageRow> rows_;
+  std::array<std::vector<nb::object>, max_layouts> header_names_;
 };
 
 }  // namespace wirebond::engine

@@ -14,6 +14,7 @@ enum class CheckKind : std::uint8_t {
   crc,  ///< any cyclic redundancy check, given by the parameters of the Rocksoft model
   sum,  ///< sum of bytes modulo 2^width
   exclusive_or,
+  fletcher,  ///< two sums of width/2 bits, the second of the first's values; the first is the low half
 };
 
 /// One algorithm, by parameters. CRC parameters follow Williams' "A Painless Guide to CRC Error Detection
@@ -26,6 +27,8 @@ struct CheckAlgorithm {
   std::uint64_t poly = 0;
   std::uint64_t init = 0;
   std::uint64_t xor_out = 0;
+  std::uint16_t modulus = 0;  ///< Fletcher: of both sums; 0: 2^(width/2)
+  bool negate = false;        ///< two's complement of the value, before xor_out
 };
 
 namespace detail {
@@ -86,6 +89,7 @@ WIREBOND_INLINE constexpr std::uint64_t check_begin(const CheckAlgorithm& a) {
 /// The check's value, out of the register after the last byte.
 WIREBOND_INLINE constexpr std::uint64_t check_end(const CheckAlgorithm& a, std::uint64_t reg) {
   if (a.kind == CheckKind::crc && a.reflect_in != a.reflect_out) reg = detail::reflect(reg, a.width_bits);
+  if (a.negate) reg = ~reg + 1;
   return (reg ^ a.xor_out) & detail::mask_of(a.width_bits);
 }
 
@@ -128,16 +132,31 @@ WIREBOND_INLINE std::uint64_t crc_update(std::uint64_t reg64, const std::uint8_t
   }
 }
 
-/// Run a sum or an exclusive-or.
-WIREBOND_INLINE std::uint64_t sum_update(CheckKind kind, unsigned width_bits, std::uint64_t reg64,
-                                         const std::uint8_t* bytes, std::size_t size) {
+/// Run a sum, an exclusive-or or a Fletcher checksum (J. G. Fletcher, IEEE Transactions on Communications 30(1), 1982).
+WIREBOND_INLINE std::uint64_t sum_update(const CheckAlgorithm& a, std::uint64_t reg64, const std::uint8_t* bytes,
+                                         std::size_t size) {
   std::uint32_t reg = static_cast<std::uint32_t>(reg64);  // widths up to 32 bits: 2^24 bytes of 0xFF fit
-  if (kind == CheckKind::exclusive_or) {
-    for (std::size_t i = 0; i < size; ++i) reg ^= bytes[i];
-  } else {
-    for (std::size_t i = 0; i < size; ++i) reg += bytes[i];
+  switch (a.kind) {
+    case CheckKind::exclusive_or:
+      for (std::size_t i = 0; i < size; ++i) reg ^= bytes[i];
+      break;
+    case CheckKind::fletcher: {
+      const unsigned half = a.width_bits / 2u;
+      const std::uint32_t modulus = a.modulus != 0 ? a.modulus : std::uint32_t{1} << half;
+      std::uint32_t first = reg & static_cast<std::uint32_t>(detail::mask_of(half));
+      std::uint32_t second = reg >> half;
+      for (std::size_t i = 0; i < size; ++i) {
+        first = (first + bytes[i]) % modulus;
+        second = (second + first) % modulus;
+      }
+      reg = (second << half) | first;
+      break;
+    }
+    default:
+      for (std::size_t i = 0; i < size; ++i) reg += bytes[i];
+      break;
   }
-  return reg & detail::mask_of(width_bits);
+  return reg & detail::mask_of(a.width_bits);
 }
 
 }  // namespace wirebond

@@ -42,8 +42,12 @@ class Deframer {
   /// `sink(const Frame&)` is called for each frame, in order.
   template <class Sink>
   std::size_t consume(const std::uint8_t* window, std::size_t size, bool give_up, Sink&& sink) {
-    if (source_.format().framing == Framing::delimited) return consume_delimited(window, size, give_up, sink);
-    return consume_by_start(window, size, give_up, sink);
+    switch (source_.format().framing) {
+      case Framing::delimited: return consume_delimited(window, size, give_up, sink);
+      case Framing::bracketed: return consume_bracketed(window, size, give_up, sink);
+      case Framing::silence: return consume_silence(window, size, give_up, sink);
+      default: return consume_by_start(window, size, give_up, sink);
+    }
   }
 
   const ByteAccount<Counter>& account() const { return account_; }
@@ -92,7 +96,11 @@ class Deframer {
     const Layout& layout = format.layouts[0];
     const bool one_start = format.layout_count == 1 && layout.prefix_constants != 0 &&
                            layout.constants[0].at.offset == 0 && layout.constants[0].mask == 0xFF;
-    if (!one_start) return 0;  // every byte may start a frame: examine decides
+    if (!one_start) {
+      std::size_t i = 0;
+      while (i < size && !may_start(bytes[i])) ++i;
+      return i;
+    }
     const std::uint8_t start = layout.constants[0].value;
     if (bytes[0] == start) return 0;
     if constexpr (Source::is_constant) {
@@ -105,12 +113,26 @@ class Deframer {
     }
   }
 
+  /// Several layouts, or one whose first byte is not wholly constant.
+  bool may_start(std::uint8_t byte) const {
+    const FrameFormat& format = source_.format();
+    for (std::size_t i = 0; i < format.layout_count; ++i) {
+      const Layout& layout = format.layouts[i];
+      bool differs = false;
+      for (std::size_t j = 0; j < layout.prefix_constants && layout.constants[j].at.offset == 0; ++j) {
+        differs = differs || (byte & layout.constants[j].mask) != layout.constants[j].value;
+      }
+      if (!differs) return true;
+    }
+    return false;
+  }
+
   // ---- frames between delimiters --------------------------------------------------------------------------------
 
   template <class Sink>
   WIREBOND_INLINE std::size_t consume_delimited(const std::uint8_t* window, std::size_t size, bool give_up,
                                                 Sink&& sink) {
-    const std::uint8_t delimiter = source_.format().delimiter;
+    const std::uint8_t delimiter = source_.format().closing;
     const std::size_t longest = max_wire_bytes(source_.format());
     std::size_t at = 0;
     while (at < size) {
@@ -173,13 +195,100 @@ class Deframer {
     return at;
   }
 
+  // ---- an opening and a closing delimiter that differ -----------------------------------------------------------
+
+  template <class Sink>
+  WIREBOND_INLINE std::size_t consume_bracketed(const std::uint8_t* window, std::size_t size, bool give_up,
+                                                Sink&& sink) {
+    const FrameFormat& format = source_.format();
+    const std::size_t longest = max_wire_bytes(format);
+    std::size_t at = 0;
+    while (at < size) {
+      const void* const start = std::memchr(window + at, format.opening, size - at);
+      const std::size_t skip = start == nullptr
+                                   ? size - at
+                                   : static_cast<std::size_t>(static_cast<const std::uint8_t*>(start) - (window + at));
+      if (skip != 0) {
+        discard(skip);
+        at += skip;
+        continue;
+      }
+      // The first delimiter behind decides: a closing one ends the block, an opening one begins a better candidate.
+      std::size_t end = at + 1 > searched_ || at != 0 ? at + 1 : searched_;
+      while (end < size && window[end] != format.closing && window[end] != format.opening) ++end;
+      searched_ = 0;
+      if (end == size) {
+        const std::size_t pending = size - at;
+        if (pending >= longest) {
+          reject(Cause::length_out_of_range, pending);
+          discard(pending);
+          at = size;
+        } else if (give_up) {
+          reject(Cause::incomplete, pending);
+          discard(pending);
+          at = size;
+        } else {
+          searched_ = end - at;
+        }
+        break;
+      }
+      if (window[end] == format.opening) {
+        reject(Cause::incomplete, end - at);
+        discard(end - at);
+        at = end;
+        continue;
+      }
+      Frame frame;
+      const Verdict verdict = judge_block(window + at + 1, end - at - 1, frame);
+      const std::size_t block = end + 1 - at;
+      if (verdict.outcome == Outcome::frame) {
+        deliver(frame, window + at, block, sink);
+      } else {
+        reject(verdict.cause, block);
+        discard(block);
+      }
+      at += block;
+    }
+    return at;
+  }
+
+  // ---- frames between silences ----------------------------------------------------------------------------------
+
+  /// `give_up` says that the line was silent behind the window: the window is one block.
+  template <class Sink>
+  WIREBOND_INLINE std::size_t consume_silence(const std::uint8_t* window, std::size_t size, bool give_up,
+                                              Sink&& sink) {
+    const std::size_t longest = max_frame_bytes(source_.format());
+    if (overlong_ || size > longest) {
+      if (!overlong_) reject(Cause::length_out_of_range, size);
+      blame(Cause::length_out_of_range, size);
+      discard(size);
+      overlong_ = !give_up;
+      return size;
+    }
+    if (!give_up || size == 0) return 0;
+    Frame frame;
+    const Verdict verdict = judge_block(window, size, frame);
+    if (verdict.outcome == Outcome::frame) {
+      deliver(frame, window, size, sink);
+    } else {
+      reject(verdict.cause, size);
+      discard(size);
+    }
+    return size;
+  }
+
   WIREBOND_INLINE Verdict judge_block(const std::uint8_t* block, std::size_t size, Frame& frame) {
     const std::size_t longest = max_frame_bytes(source_.format());
     const std::uint8_t* bytes = block;
     std::size_t unstuffed = size;
-    if (source_.format().stuffing == Stuffing::cobs) {
-      if (size > longest + cobs_overhead(longest)) return {Outcome::reject, Cause::length_out_of_range, size};
-      const std::ptrdiff_t result = cobs_decode(block, size, scratch_, max_wire_bytes(source_.format()));
+    const FrameFormat& format = source_.format();
+    if (size > longest + stuffing_overhead(format, longest)) return {Outcome::reject, Cause::length_out_of_range, size};
+    if (format.stuffing != Stuffing::none) {
+      const std::size_t room = max_wire_bytes(format);
+      const std::ptrdiff_t result = format.stuffing == Stuffing::cobs
+                                        ? cobs_decode(block, size, scratch_, room)
+                                        : unescape(format.escapes, block, size, scratch_, room);
       if (result < 0) return {Outcome::reject, Cause::bad_stuffing, size};
       bytes = scratch_;
       unstuffed = static_cast<std::size_t>(result);

@@ -12,31 +12,57 @@ namespace wirebond {
 
 /// Where in the frame's buffer the payload is written, so that `seal` can finish the frame without moving it.
 template <class Source>
-WIREBOND_INLINE constexpr std::size_t payload_lead(const Source& source) {
+WIREBOND_INLINE constexpr std::size_t payload_lead(const Source& source, std::size_t layout = 0) {
   const FrameFormat& format = source.format();
-  const std::size_t opening = format.framing == Framing::delimited ? 1 : 0;
+  const std::size_t opening = delimiter_bytes(format) == 2 ? 1 : 0;
   const std::size_t code = format.stuffing == Stuffing::cobs ? 1 : 0;
-  return opening + code + format.layouts[0].prefix;
+  return opening + code + format.layouts[layout].prefix;
 }
 
+namespace detail {
+
+inline void write_hex(std::uint8_t* digits, std::uint64_t value, unsigned bytes) {
+  for (unsigned i = 2 * bytes; i-- > 0; value >>= 4) {
+    digits[i] = static_cast<std::uint8_t>("0123456789ABCDEF"[value & 0xFu]);
+  }
+}
+
+/// Put the delimiters around `size` bytes that lie behind payload_lead - prefix, stuffed where the format asks for it.
+inline std::size_t enclose(const FrameFormat& format, std::uint8_t* buffer, std::uint8_t* frame, std::size_t size) {
+  std::size_t stuffed = size;
+  if (format.stuffing == Stuffing::cobs) stuffed = cobs_encode_in_place(frame - 1, size);
+  if (format.stuffing == Stuffing::escape) stuffed = escape_in_place(format.escapes, frame, size);
+  const std::size_t delimiters = delimiter_bytes(format);
+  if (delimiters == 0) return stuffed;
+  if (delimiters == 2) buffer[0] = format.opening;
+  buffer[delimiters - 1 + stuffed] = format.closing;
+  return stuffed + delimiters;
+}
+
+}  // namespace detail
+
 /// Finish the frame for message `id` whose `payload_size` bytes lie at buffer + payload_lead. Formats with a fixed
-/// payload are padded with zeros. Returns the size on the wire, 0 when the frame does not fit `capacity` or the format.
+/// payload are padded with zeros. `header` holds a value for each header field of the layout; null: their defaults.
+/// Returns the size on the wire, 0 when the frame does not fit `capacity` or the format.
 /// Any thread or interrupt; no allocation.
 template <class Source>
 WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
-                                 std::size_t payload_size) {
+                                 std::size_t payload_size, std::size_t layout_index = 0,
+                                 const std::uint32_t* header = nullptr) {
   constexpr bool unroll = Source::is_constant;
   const FrameFormat& format = source.format();
-  const Layout& layout = format.layouts[0];
-  const bool delimited = format.framing == Framing::delimited;
-  const std::size_t lead = payload_lead(source);
+  const Layout& layout = format.layouts[layout_index];
+  const std::size_t lead = payload_lead(source, layout_index);
   std::uint8_t* const frame = buffer + lead - layout.prefix;
 
   std::size_t payload = payload_size;
   if (layout.payload_size == PayloadSize::fixed) payload = layout.fixed_payload;
+  if (layout.trims_zeros) {  // one byte stays, as receivers of such formats expect
+    while (payload > 1 && frame[layout.prefix + payload - 1] == 0) --payload;
+    payload_size = payload;
+  }
   const std::size_t size = layout.prefix + payload + layout.suffix;
-  const std::size_t on_wire =
-      size + (delimited ? 2u : 0u) + (format.stuffing == Stuffing::cobs ? cobs_overhead(size) : 0u);
+  const std::size_t on_wire = size + stuffing_overhead(format, size) + delimiter_bytes(format);
   if (payload_size > payload || payload > format.max_payload || on_wire > capacity) return 0;
 
   std::memset(frame, 0, layout.prefix);
@@ -46,19 +72,16 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
     frame[constant.at.in(size)] |= constant.value;
     return true;
   });
-  const auto put = [&](const Number& number, std::uint32_t value) WIREBOND_INLINE_LAMBDA {
-    std::uint8_t* const at = frame + number.at.in(size);
-    const std::uint64_t bits = static_cast<std::uint64_t>(value & number.mask) << number.shift;
-    for (unsigned i = 0; i < number.bytes; ++i) {
-      const unsigned place = number.order == ByteOrder::little ? i : number.bytes - 1u - i;
-      at[i] |= static_cast<std::uint8_t>(bits >> (8 * place));
-    }
-  };
+  detail::every<unroll, max_header_fields>(0, layout.header_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    const HeaderField& field = layout.header[i];
+    detail::write_number(field.number, frame, size, header != nullptr ? header[i] : field.default_value);
+    return true;
+  });
   if (layout.length.present()) {
     const std::int64_t length = (static_cast<std::int64_t>(payload) - layout.length_bias) / layout.length_unit;
-    put(layout.length, static_cast<std::uint32_t>(length));
+    detail::write_number(layout.length, frame, size, static_cast<std::uint32_t>(length));
   }
-  if (layout.id.present()) put(layout.id, id);
+  if (layout.id.present()) detail::write_number(layout.id, frame, size, id);
 
   std::uint64_t registers[max_checks] = {};
   detail::every<unroll, max_checks>(0, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
@@ -74,16 +97,20 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
     }
     reg = source.check_update(rule.algorithm, reg, frame + from, rule.to.in(covered) - from);
     registers[i] = reg;
-    store_bytes(frame + rule.at.in(covered), check_end(algorithm, reg) >> rule.shift, rule.bytes, rule.order);
+    if (rule.seeded) {
+      const std::uint8_t seed = source.message(id).seed;
+      reg = source.check_update(rule.algorithm, reg, &seed, 1);
+    }
+    const std::uint64_t value = (check_end(algorithm, reg) >> rule.shift) & detail::mask_of(8u * rule.bytes);
+    std::uint8_t* const at = frame + rule.at.in(covered);
+    if (rule.as_hex) {
+      detail::write_hex(at, value, rule.bytes);
+    } else {
+      store_bytes(at, value, rule.bytes, rule.order);
+    }
     return true;
   });
-
-  if (!delimited) return size;
-  std::size_t stuffed = size;
-  if (format.stuffing == Stuffing::cobs) stuffed = cobs_encode_in_place(frame - 1, size);
-  buffer[0] = format.delimiter;
-  buffer[1 + stuffed] = format.delimiter;
-  return stuffed + 2;
+  return detail::enclose(format, buffer, frame, size);
 }
 
 }  // namespace wirebond

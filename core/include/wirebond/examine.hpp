@@ -27,6 +27,9 @@ struct Frame {
   std::size_t wire_size = 0;
   const std::uint8_t* payload = nullptr;
   std::size_t payload_size = 0;
+  const std::uint8_t* bytes = nullptr;  ///< the frame without stuffing and delimiters
+  std::size_t size = 0;
+  const Layout* layout = nullptr;  ///< of the format's layouts the one that held
   std::uint32_t id = 0;        ///< 0 where the format has none
   std::int16_t message = -1;   ///< index of the message; -1: unknown id, or a payload too short for it
   std::uint64_t offset = 0;    ///< of its first wire byte since the deframer started (modulo its counter)
@@ -43,9 +46,25 @@ struct Verdict {
 
 namespace detail {
 
+/// `bytes` bytes as hex digits of either case. False where one is no digit.
+inline bool read_hex(const std::uint8_t* digits, unsigned bytes, std::uint64_t& value) {
+  value = 0;
+  for (unsigned i = 0; i < 2 * bytes; ++i) {
+    const std::uint8_t c = digits[i];
+    const int digit = c >= '0' && c <= '9'   ? c - '0'
+                      : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                      : c >= 'a' && c <= 'f' ? c - 'a' + 10
+                                             : -1;
+    if (digit < 0) return false;
+    value = (value << 4) | static_cast<std::uint64_t>(digit);
+  }
+  return true;
+}
+
 template <class Source>
 WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std::size_t index,
-                                 const std::uint8_t* frame, std::size_t frame_size, std::uint64_t* registers) {
+                                 const std::uint8_t* frame, std::size_t frame_size, std::uint8_t seed,
+                                 std::uint64_t* registers) {
   const CheckRule& rule = layout.checks[index];
   const CheckAlgorithm& algorithm = source.format().algorithms[rule.algorithm];
   std::size_t from = rule.from.in(frame_size);
@@ -59,9 +78,11 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std
   }
   reg = source.check_update(rule.algorithm, reg, frame + from, to - from);
   registers[index] = reg;
+  if (rule.seeded) reg = source.check_update(rule.algorithm, reg, &seed, 1);
   const std::uint64_t expected = (check_end(algorithm, reg) >> rule.shift) & mask_of(8u * rule.bytes);
   const std::uint8_t* const at = frame + rule.at.in(frame_size);
   std::uint64_t found;
+  if (rule.as_hex) return read_hex(at, rule.bytes, found) && expected == found;
   switch (rule.bytes) {
     case 1: found = at[0]; break;
     case 2: found = rule.order == ByteOrder::little ? load<std::uint16_t>(at) : load<std::uint16_t, ByteOrder::big>(at); break;
@@ -123,7 +144,8 @@ WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layou
   }
   const bool size_is_free = layout.payload_size == PayloadSize::by_length || layout.payload_size == PayloadSize::rest;
   const auto fits = [&]() WIREBOND_INLINE_LAMBDA {
-    return shape.known() && (!size_is_free || (payload >= shape.min_payload && payload <= shape.max_payload));
+    const bool long_enough = layout.trims_zeros || payload >= shape.min_payload;
+    return shape.known() && (!size_is_free || (long_enough && payload <= shape.max_payload));
   };
   if (id_early && !format.deliver_unknown && !fits()) {
     return {Outcome::reject, Cause::unknown_message, layout.prefix};
@@ -133,7 +155,7 @@ WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layou
   std::uint64_t registers[max_checks] = {};
   const bool header_holds =
       every<unroll, max_checks>(0, layout.header_checks, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, layout, i, candidate, layout.prefix, registers);
+        return check_holds(source, layout, i, candidate, layout.prefix, shape.seed, registers);
       });
   if (!header_holds) return {Outcome::reject, Cause::header_check_mismatch, layout.prefix};
 
@@ -159,13 +181,17 @@ WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layou
 
   const bool checks_hold =
       every<unroll, max_checks>(layout.header_checks, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, layout, i, candidate, size, registers);
+        return check_holds(source, layout, i, candidate, size, shape.seed, registers);
       });
   if (!checks_hold) return {Outcome::reject, Cause::check_mismatch, size};
 
   frame.payload = candidate + layout.prefix;
   frame.payload_size = payload;
-  frame.message = shape.known() && payload >= shape.min_payload ? shape.index : std::int16_t{-1};
+  const bool long_enough = layout.trims_zeros || payload >= shape.min_payload;
+  frame.message = shape.known() && long_enough ? shape.index : std::int16_t{-1};
+  frame.layout = &layout;
+  frame.bytes = candidate;
+  frame.size = size;
   return {Outcome::frame, Cause::no_start, size};
 }
 

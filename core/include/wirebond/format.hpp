@@ -59,13 +59,23 @@ struct CheckRule {
   std::uint8_t bytes = 0;
   ByteOrder order = ByteOrder::little;
   std::uint8_t shift = 0;      ///< value on the wire = check >> shift (8: the high byte of a 16-bit sum)
+  bool seeded = false;         ///< the message's seed is counted after the range, and not sent
+  bool as_hex = false;         ///< on the wire as two hex digits a byte, the highest digit first
   std::int8_t continues = -1;  ///< an earlier check with the same start and algorithm: go on from its register
+};
+
+/// A number of the header that is neither length nor id: a named field, a sequence number.
+struct HeaderField {
+  Number number{};
+  std::uint32_t default_value = 0;
 };
 
 constexpr std::size_t max_constants = 16;
 constexpr std::size_t max_checks = 4;
-constexpr std::size_t max_layouts = 2;
+constexpr std::size_t max_layouts = 4;
 constexpr std::size_t max_algorithms = 4;
+constexpr std::size_t max_header_fields = 8;
+constexpr std::size_t max_escapes = 6;
 
 /// Fixed bytes before the payload (`prefix`), payload, fixed bytes after it (`suffix`).
 /// Formats whose header varies (two magics, optional parts) are several layouts, told apart by their constants.
@@ -80,29 +90,47 @@ struct Layout {
   std::uint8_t length_unit = 1;
   std::int32_t length_bias = 0;
   std::uint16_t fixed_payload = 0;
+  bool trims_zeros = false;  ///< zeros at the payload's end are not sent; the receiver puts them back
+  std::uint8_t header_count = 0;
   Number length{};
   Number id{};
   std::array<Constant, max_constants> constants{};
   std::array<CheckRule, max_checks> checks{};
+  std::array<HeaderField, max_header_fields> header{};
 };
 
 enum class Framing : std::uint8_t {
   by_start,   ///< a frame is found by its first constant and its size
-  delimited,  ///< a frame lies between two delimiters, stuffed so that it cannot contain one
+  delimited,  ///< a frame lies between two equal delimiters and cannot contain one; neighbours may share one
+  bracketed,  ///< the same with an opening and a closing delimiter that differ
+  silence,    ///< a frame is what lies between two silences of the line
 };
 
-enum class Stuffing : std::uint8_t { none, cobs };
+enum class Stuffing : std::uint8_t { none, cobs, escape };
+
+/// A byte that must not appear is sent as `escape` and a code: its value xor `exclusive_or` or, where that is 0, the
+/// code beside it in the table (SLIP). A receiver with `exclusive_or` takes any escaped byte (HDLC).
+struct EscapeRule {
+  std::uint8_t escape = 0;
+  std::uint8_t exclusive_or = 0;
+  std::uint8_t count = 0;
+  std::array<std::uint8_t, max_escapes> plain{};
+  std::array<std::uint8_t, max_escapes> code{};
+};
 
 struct FrameFormat {
   Framing framing = Framing::by_start;
   Stuffing stuffing = Stuffing::none;
-  std::uint8_t delimiter = 0;
+  std::uint8_t opening = 0;   ///< delimiter before a frame
+  std::uint8_t closing = 0;   ///< delimiter behind it
+  bool sends_opening = true;  ///< delimited: false where only the end of a frame is marked
   std::uint8_t layout_count = 1;
   std::uint8_t algorithm_count = 0;
   bool deliver_unknown = false;  ///< unknown ids and other payload sizes are frames, not false starts
   std::uint16_t max_payload = 0;
   std::array<Layout, max_layouts> layouts{};
   std::array<CheckAlgorithm, max_algorithms> algorithms{};
+  EscapeRule escapes{};
 };
 
 /// What the deframer must know of a message: nothing about its fields.
@@ -110,6 +138,7 @@ struct MessageShape {
   std::int16_t index = -1;  ///< its place in the protocol's table; -1: unknown id
   std::uint16_t min_payload = 0;
   std::uint16_t max_payload = 0;
+  std::uint8_t seed = 0;  ///< for checks that are `seeded`
 
   constexpr bool known() const { return index >= 0; }
 };
@@ -130,10 +159,22 @@ WIREBOND_INLINE constexpr std::size_t max_frame_bytes(const FrameFormat& format)
 /// Bytes that COBS adds to `size` bytes at most (Cheshire and Baker 1999: one code byte per started 254 bytes).
 WIREBOND_INLINE constexpr std::size_t cobs_overhead(std::size_t size) { return 1 + size / 254; }
 
+/// Bytes that stuffing adds to a frame of `size` bytes at most.
+WIREBOND_INLINE constexpr std::size_t stuffing_overhead(const FrameFormat& format, std::size_t size) {
+  return format.stuffing == Stuffing::cobs ? cobs_overhead(size) : format.stuffing == Stuffing::escape ? size : 0;
+}
+
+/// Delimiters that a sender puts around a frame.
+WIREBOND_INLINE constexpr std::size_t delimiter_bytes(const FrameFormat& format) {
+  if (format.framing != Framing::delimited && format.framing != Framing::bracketed) return 0;
+  return format.sends_opening ? 2 : 1;
+}
+
 /// Largest frame on the wire, delimiters included.
 WIREBOND_INLINE constexpr std::size_t max_wire_bytes(const FrameFormat& format) {
   const std::size_t frame = max_frame_bytes(format);
-  return format.framing == Framing::delimited ? frame + cobs_overhead(frame) + 2 : frame;
+  const bool marked = format.framing == Framing::delimited || format.framing == Framing::bracketed;
+  return frame + stuffing_overhead(format, frame) + (marked ? 2 : 0);
 }
 
 /// Wire bytes that a sender sets aside for a frame of its first layout: exact where nothing is stuffed, else the worst.
@@ -142,8 +183,7 @@ WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std:
   const std::size_t payload =
       layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : payload_size;
   const std::size_t frame = layout.prefix + payload + layout.suffix;
-  return frame + (format.framing == Framing::delimited ? 2u : 0u) +
-         (format.stuffing == Stuffing::cobs ? cobs_overhead(frame) : 0u);
+  return frame + delimiter_bytes(format) + stuffing_overhead(format, frame);
 }
 
 /// Memory that a StreamDeframer asks for: bytes carried from call to call, and room to unstuff one frame.
@@ -179,6 +219,17 @@ WIREBOND_INLINE bool every(std::size_t begin, std::size_t end, Fn&& fn) {
       if (!fn(i)) return false;
     }
     return true;
+  }
+}
+
+/// Merge a number into bytes that are zero in its place.
+WIREBOND_INLINE void write_number(const Number& number, std::uint8_t* frame, std::size_t frame_size,
+                                  std::uint32_t value) {
+  std::uint8_t* const at = frame + number.at.in(frame_size);
+  const std::uint64_t bits = static_cast<std::uint64_t>(value & number.mask) << number.shift;
+  for (unsigned i = 0; i < number.bytes; ++i) {
+    const unsigned place = number.order == ByteOrder::little ? i : number.bytes - 1u - i;
+    at[i] = static_cast<std::uint8_t>(at[i] | static_cast<std::uint8_t>(bits >> (8 * place)));
   }
 }
 

@@ -56,7 +56,7 @@ class RuntimeSource {
 
   std::uint64_t check_update(unsigned index, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
     const CheckAlgorithm& a = format_->algorithms[index];
-    if (a.kind != CheckKind::crc) return sum_update(a.kind, a.width_bits, reg, bytes, size);
+    if (a.kind != CheckKind::crc) return sum_update(a, reg, bytes, size);
     const std::array<std::uint64_t, 256>& table = tables_->by_algorithm[index];
     if (a.reflect_in) {
       for (std::size_t i = 0; i < size; ++i) reg = (reg >> 8) ^ table[(reg ^ bytes[i]) & 0xFFu];

@@ -27,6 +27,8 @@ class StreamDeframer {
   template <class Sink>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Sink&& sink) {
     if (size == 0) return;
+    // Where silence ends a frame, what came before this pause is one.
+    if (deframer_.source().format().framing == Framing::silence) idle(now_us, sink);
     fed_ += static_cast<Counter>(size);
     last_byte_us_ = now_us;
     while (size != 0) {
@@ -57,14 +59,14 @@ class StreamDeframer {
   /// `idle_us`; its bytes are rescanned, which may free frames behind a false start.
   template <class Sink>
   void idle(Counter now_us, Sink&& sink) {
-    if (carried_ == 0 || static_cast<Counter>(now_us - last_byte_us_) < idle_us_) return;
+    if (static_cast<Counter>(now_us - last_byte_us_) < idle_us_) return;
     give_up(sink);
   }
 
   /// No byte will ever follow (end of a capture, port closed): settle everything.
   template <class Sink>
   void give_up(Sink&& sink) {
-    if (carried_ == 0) return;
+    if (carried_ == 0 && deframer_.source().format().framing != Framing::silence) return;
     deframer_.consume(carry_, carried_, true, sink);
     carried_ = 0;
   }

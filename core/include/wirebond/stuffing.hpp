@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "wirebond/bytes.hpp"
+#include "wirebond/format.hpp"
 
 namespace wirebond {
 
@@ -49,6 +50,57 @@ inline std::ptrdiff_t cobs_decode(const std::uint8_t* from, std::size_t size, st
       if (out == capacity) return -1;
       to[out++] = 0;
     }
+  }
+  return static_cast<std::ptrdiff_t>(out);
+}
+
+/// Bytes that `escape_in_place` will add.
+inline std::size_t escapes_needed(const EscapeRule& rule, const std::uint8_t* bytes, std::size_t size) {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < size; ++i) {
+    for (std::size_t j = 0; j < rule.count; ++j) count += bytes[i] == rule.plain[j] ? 1 : 0;
+  }
+  return count;
+}
+
+/// Escape `size` bytes at `buffer`, which has room for escapes_needed more. Returns the stuffed size.
+inline std::size_t escape_in_place(const EscapeRule& rule, std::uint8_t* buffer, std::size_t size) {
+  const std::size_t stuffed = size + escapes_needed(rule, buffer, size);
+  std::size_t to = stuffed;
+  for (std::size_t from = size; from-- > 0 && to != from + 1;) {  // from the end, so that nothing is overwritten unread
+    const std::uint8_t byte = buffer[from];
+    buffer[--to] = byte;
+    for (std::size_t j = 0; j < rule.count; ++j) {
+      if (byte != rule.plain[j]) continue;
+      buffer[to] = rule.exclusive_or != 0 ? static_cast<std::uint8_t>(byte ^ rule.exclusive_or) : rule.code[j];
+      buffer[--to] = rule.escape;
+      break;
+    }
+  }
+  return stuffed;
+}
+
+/// Undo it. Returns the size, or -1 where an escape stands at the end, its code is none of the rule's, or the result does
+/// not fit.
+inline std::ptrdiff_t unescape(const EscapeRule& rule, const std::uint8_t* from, std::size_t size, std::uint8_t* to,
+                               std::size_t capacity) {
+  std::size_t out = 0;
+  for (std::size_t i = 0; i < size; ++i) {
+    std::uint8_t byte = from[i];
+    if (byte == rule.escape) {
+      if (++i == size) return -1;
+      byte = from[i];
+      if (rule.exclusive_or != 0) {
+        byte = static_cast<std::uint8_t>(byte ^ rule.exclusive_or);
+      } else {
+        std::size_t j = 0;
+        while (j < rule.count && rule.code[j] != byte) ++j;
+        if (j == rule.count) return -1;
+        byte = rule.plain[j];
+      }
+    }
+    if (out == capacity) return -1;
+    to[out++] = byte;
   }
   return static_cast<std::ptrdiff_t>(out);
 }

@@ -12,7 +12,7 @@ from wirebond.errors import MessageError, UsageError
 from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
 from wirebond.protocol.model import End, Protocol
-from wirebond.protocol.plan import ids_collide, plan_for
+from wirebond.protocol.plan import Layout, Variant, ids_collide, plan_for, variants
 
 if TYPE_CHECKING:
     import numpy as np
@@ -122,6 +122,7 @@ class Codec:
         self.model = model
         self._table = _engine.ProtocolTable(model)
         self._formats: dict[End | None, _engine.FormatTable] = {}
+        self._forms: dict[End, list[tuple[Variant, Layout]]] = {}
         self._index = {message.name: i for i, message in enumerate(model.messages)}
 
     @property
@@ -133,8 +134,17 @@ class Codec:
         """64 bits that change when anything on the wire does; the hello service compares it."""
         return protocol_hash(self.model)
 
-    def encode(self, message: str, values: Mapping[str, Any] | None = None, /, **fields: Any) -> bytes:
-        """One frame's bytes. Fields by keyword or as a mapping, in SI units.
+    def encode(
+        self,
+        message: str,
+        values: Mapping[str, Any] | None = None,
+        /,
+        *,
+        header: Mapping[str, int] | None = None,
+        **fields: Any,
+    ) -> bytes:
+        """One frame's bytes. Fields by keyword or as a mapping, in SI units; ``header`` gives the frame's own named
+        fields where they differ from their defaults.
 
         :raises MessageError: unknown message or field, a value out of range, not finite or of the wrong type.
         """
@@ -142,7 +152,33 @@ class Codec:
         if index is None:
             known = ", ".join(self._index)
             raise MessageError(f"{self.name} has no message {message!r}; it has {known}")
-        return _engine.encode(self._table, self.format_for(None), index, {**(values or {}), **fields})
+        sender = self.model.messages[index].sender
+        layout, numbers = self._layout_for(sender, header or {})
+        everything = {**(values or {}), **fields}
+        return _engine.encode(self._table, self.format_for(sender), index, everything, layout, numbers)
+
+    def _layout_for(self, sender: End, header: Mapping[str, int]) -> tuple[int, list[int]]:
+        """The form of the frame that these header values ask for, and a value for each of its header fields."""
+        forms = self._forms_for(sender)
+        known = {f.name: f for _, layout in forms for f in layout.header}
+        for name, value in header.items():
+            if name not in known:
+                raise MessageError(f"the header has no field {name!r}; it has {', '.join(known) or 'none'}")
+            mask = known[name].number.mask
+            if not isinstance(value, int) or not 0 <= value <= mask:
+                raise MessageError(f"header field {name} is {value!r}; expected an integer from 0 to {mask}")
+        for index, (variant, layout) in enumerate(forms):
+            numbers = {f.name: header.get(f.name, f.default) for f in layout.header}
+            fits = all(bool(numbers[c.field] >> c.bit & 1) == truth for c, truth in variant.bits)
+            if fits and set(header) <= set(numbers):
+                return index, list(numbers.values())
+        raise MessageError(f"no form of the frame has the header fields {', '.join(header)} together")
+
+    def _forms_for(self, sender: End) -> list[tuple[Variant, Layout]]:
+        if sender not in self._forms:
+            plan = plan_for(self.model, sender)
+            self._forms[sender] = list(zip(variants(self.model.frame.parts, sender), plan.layouts, strict=True))
+        return self._forms[sender]
 
     def decoder(self, sender: str | None = None) -> Decoder:
         """A decoder for what ``sender`` ("mcu" or "host") sends; without it, for both, where their ids differ.

@@ -91,12 +91,19 @@ crc-64/we                64   42F0E1EBA9EA3693 FFFFFFFFFFFFFFFF no    no     FFF
 crc-64/xz                64   42F0E1EBA9EA3693 FFFFFFFFFFFFFFFF yes   yes    FFFFFFFFFFFFFFFF 995DC9BBDF1939FA
 """  # numbers in hexadecimal, as the catalogue writes them
 # Sums are modulo 2^bits; their order of bytes on the wire is the frame's business.
+# inverted: one's complement; negated: two's complement. fletcher-16/mod256 is the "8-bit Fletcher" of RFC 1145.
 _OTHERS = """\
-name  kind bits check
-xor8  xor  8    31
-sum8  sum  8    DD
-sum16 sum  16   01DD
-sum32 sum  32   000001DD
+name               kind     bits xorout modulus negated check
+xor8               xor      8    00     0       no      31
+sum8               sum      8    00     0       no      DD
+sum8-inverted      sum      8    FF     0       no      22
+sum8-negated       sum      8    00     0       yes     23
+sum16              sum      16   0000   0       no      01DD
+sum16-inverted     sum      16   FFFF   0       no      FE22
+sum16-negated      sum      16   0000   0       yes     FE23
+sum32              sum      32   0000   0       no      000001DD
+fletcher-16        fletcher 16   0000   255     no      1EDE
+fletcher-16/mod256 fletcher 16   0000   256     no      15DD
 """
 
 
@@ -104,8 +111,10 @@ def _tables() -> tuple[dict[str, Algorithm], dict[str, int]]:
     found: dict[str, Algorithm] = {}
     check_values: dict[str, int] = {}
     for line in _OTHERS.splitlines()[1:]:
-        name, kind, bits, check = line.split()
-        found[name] = Algorithm(name, kind, int(bits))
+        name, kind, bits, xorout, modulus, negated, check = line.split()
+        found[name] = Algorithm(
+            name, kind, int(bits), xorout=int(xorout, 16), modulus=int(modulus), negate=negated == "yes"
+        )
         check_values[name] = int(check, 16)
     for line in _CRCS.splitlines()[1:]:
         name, bits, poly, init, refin, refout, xorout, check = line.split()

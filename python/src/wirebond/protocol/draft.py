@@ -7,10 +7,21 @@ from dataclasses import dataclass
 
 from wirebond.protocol.document import Mapping
 from wirebond.protocol.messages import Messages
-from wirebond.protocol.model import Frame, LengthCounts, Part, PartKind, PayloadRule
+from wirebond.protocol.model import BitRole, Escapes, Frame, LengthCounts, Part, PartKind, PayloadRule
 from wirebond.protocol.problems import Place, Problems
 
 STRONG_CHECK_BITS = 16  # from here on a frame of unknown id is taken for a newer peer's, not for noise
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """What stands around the parts: delimiters, stuffing, silence."""
+
+    delimiter: int | None = None
+    opening: int | None = None
+    stuffing: str = "none"
+    escapes: Escapes | None = None
+    silence: float | None = None  # seconds
 
 
 @dataclass(frozen=True)
@@ -19,7 +30,7 @@ class Draft:
 
     parts: tuple[Part, ...]
     places: tuple[Place, ...]  # of each part
-    delimiter: int | None
+    envelope: Envelope
 
     def part(self, kind: PartKind) -> Part | None:
         return next((part for part in self.parts if part.kind == kind), None)
@@ -32,26 +43,40 @@ class Draft:
     def payload(self) -> Part:
         return self.parts[self.payload_index]
 
+    def _number(self, kind: PartKind, role: BitRole) -> tuple[Part, int] | None:
+        """The part that holds the id or the length, and its bits."""
+        for part in self.parts:
+            if part.kind == kind:
+                return part, 8 * part.size
+            for run in part.bits:
+                if run.role == role:
+                    return part, run.width
+        return None
+
     @property
-    def id_bytes(self) -> int:
-        part = self.part(PartKind.ID)
-        return 0 if part is None else part.size
+    def id_bits(self) -> int:
+        found = self._number(PartKind.ID, BitRole.ID)
+        return 0 if found is None else found[1]
+
+    @property
+    def length_part(self) -> Part | None:
+        found = self._number(PartKind.LENGTH, BitRole.LENGTH)
+        return None if found is None else found[0]
 
     @property
     def longest_by_length(self) -> int | None:
-        """The longest payload that the length part can tell; None without one."""
-        length = self.part(PartKind.LENGTH)
-        return (
-            None
-            if length is None
-            else 2 ** (8 * length.size) - 1 - self._beside(length) - length.length_offset
-        )
+        """The longest payload that the length can tell; None without one."""
+        found = self._number(PartKind.LENGTH, BitRole.LENGTH)
+        if found is None:
+            return None
+        part, bits = found
+        return (2**bits - 1) * part.length_unit - self._beside(part) - part.length_offset
 
     @property
     def shortest_by_length(self) -> int | None:
-        """The shortest payload whose length number is not negative; None without a length part."""
-        length = self.part(PartKind.LENGTH)
-        return None if length is None else max(0, -self._beside(length) - length.length_offset)
+        """The shortest payload whose length number is not negative; None without a length."""
+        part = self.length_part
+        return None if part is None else max(0, -self._beside(part) - part.length_offset)
 
     def _beside(self, length: Part) -> int:
         """What the length counts beside the payload, in bytes."""
@@ -67,11 +92,10 @@ class Draft:
     @property
     def is_strong(self) -> bool:
         """Does a check of 16 bits or more on the wire cover id, length and payload?"""
-        said = [
-            i for i, p in enumerate(self.parts) if p.kind in (PartKind.ID, PartKind.LENGTH, PartKind.PAYLOAD)
-        ]
+        telling = (PartKind.ID, PartKind.LENGTH, PartKind.PAYLOAD, PartKind.BITS)
+        said = [i for i, p in enumerate(self.parts) if p.kind in telling]
         return any(
-            8 * part.size >= STRONG_CHECK_BITS and part.first <= min(said) and part.last >= max(said)
+            (4 if part.as_hex else 8) * part.size >= STRONG_CHECK_BITS and not part.seeded and part.first <= min(said) and part.last >= max(said)
             for part in self.parts
             if part.kind == PartKind.CHECK
         )
@@ -150,6 +174,11 @@ def delivers_unknown(draft: Draft, unknown: str | None, problems: Problems, plac
                 "with `payload: by_id` nobody knows the size of an unknown message; write `unknown: reject`",
             )
         return False
+    seeded = any(part.seeded for part in draft.parts)
+    if seeded and unknown == "deliver":
+        problems.add(place, "a check with `seed: message` cannot be verified for an unknown message; write `unknown: reject`")
+    if seeded:
+        return False
     return draft.is_strong if unknown is None else unknown == "deliver"
 
 
@@ -158,6 +187,9 @@ def finish(draft: Draft, max_payload: int, deliver_unknown: bool) -> Frame:
         parts=draft.parts,
         max_payload=max_payload,
         deliver_unknown=deliver_unknown,
-        delimiter=draft.delimiter,
-        stuffing="none" if draft.delimiter is None else "cobs",
+        delimiter=draft.envelope.delimiter,
+        opening=draft.envelope.opening,
+        stuffing=draft.envelope.stuffing,
+        escapes=draft.envelope.escapes,
+        ends_by_silence=draft.envelope.silence is not None,
     )

@@ -13,14 +13,17 @@ from wirebond.protocol.scalars import (
     Bool,
     CheckName,
     ConstantBytes,
+    Duration,
     LengthOffset,
     MagicBytes,
+    MagicValue,
     Name,
     OneByte,
     PartRange,
     PartType,
     Register,
     ReservedBytes,
+    When,
     describe,
     one_of_numbers,
     one_word,
@@ -51,6 +54,9 @@ class Length(Syntax):
         examples=["payload"],
     )
     offset: LengthOffset = Field(0, description="Added to what it counts, in bytes.", examples=[0])
+    unit: Annotated[
+        int, PlainValidator(one_of_numbers(1, 2, 4), json_schema_input_type=Literal[1, 2, 4])
+    ] = Field(1, description="Bytes that one count stands for; with `counts: payload` only.", examples=[2])
 
 
 class Check(Syntax):
@@ -73,6 +79,14 @@ class Check(Syntax):
     )
     byte_order: Annotated[str | None, one_word("little", "big")] = Field(
         None, description="Byte order of the check; the file's unless said.", examples=["big"]
+    )
+    text: Annotated[str | None, one_word("hex")] = Field(
+        None, description="Sent as hex digits, two a byte, the highest first.", examples=["hex"]
+    )
+    seed: Annotated[str | None, one_word("message")] = Field(
+        None,
+        description="Each message's `seed` is counted behind the range, and not sent.",
+        examples=["message"],
     )
     width: Annotated[
         int | None,
@@ -121,16 +135,27 @@ class PartSyntax(Syntax):
         examples=["header_check"],
     )
 
+    when: When | None = Field(
+        None,
+        description="The part is there only if a bit of a header field is set, or the magic is this one.",
+        examples=["flags & 0x01"],
+    )
+
     @classmethod
     def known_keys(cls) -> list[str]:
-        return [*(key for key in cls.model_fields if key != "name"), "name"]
+        options = ("name", "when")
+        return [*(key for key in cls.model_fields if key not in options), *options]
 
 
 class MagicPart(PartSyntax):
     """Bytes that begin every frame."""
 
     noun = "a `magic` part"
-    magic: MagicBytes = Field(description="1 to 4 bytes that begin every frame.", examples=["0xAA 0x55"])
+    magic: MagicValue = Field(
+        description="1 to 4 bytes that begin every frame; a list: any of these; {host: …, mcu: …}: one for "
+        "each direction.",
+        examples=["0xAA 0x55"],
+    )
 
 
 class ConstantPart(PartSyntax):
@@ -177,6 +202,11 @@ class PayloadPart(PartSyntax):
     """Where the message's fields stand, and how the payload's size is known."""
 
     noun = "a `payload` part"
+    trim_zeros: Bool = Field(
+        False,
+        description="Zeros at the payload's end are not sent, and put back by the receiver.",
+        examples=["true"],
+    )
     payload: Annotated[
         int | str,
         PlainValidator(
@@ -201,6 +231,58 @@ class ReservedPart(PartSyntax):
     )
 
 
+class FieldPart(PartSyntax):
+    """A named number of the header."""
+
+    noun = "a `field` part"
+    field: Name = Field(description="Name of a number in the header.", examples=["system_id"])
+    type: PartType = Field(description="Its width.", examples=["u8"])
+    default: Register = Field(0, description="What is sent unless the sender says otherwise.", examples=[1])
+
+
+class SequencePart(PartSyntax):
+    """A number that rises by one from frame to frame."""
+
+    noun = "a `sequence` part"
+    sequence: PartType = Field(description="Its width; it rises by one from frame to frame.", examples=["u8"])
+
+
+class BitRun(Syntax):
+    """A run of bits, in full."""
+
+    noun = "a run of bits"
+
+    bits: Annotated[int, PlainValidator(whole(1, 32), json_schema_input_type=Annotated[int, Field(ge=1, le=32)])] = (
+        Field(description="Number of bits.", examples=[4])
+    )
+    default: Register | None = Field(None, description="What is sent unless the sender says otherwise.", examples=[0])
+    constant: Register | None = Field(None, description="The value that it always has.", examples=["0x01"])
+
+
+def _run(value: object) -> object:
+    """`length: 10` is short for `length: {bits: 10}`."""
+    return value if isinstance(value, dict) else {"bits": value}
+
+
+class BitsPart(PartSyntax):
+    """Header bytes whose bits are shared."""
+
+    noun = "a `bits` part"
+    bits: PartType = Field(description="Width of the bytes whose bits are shared.", examples=["u16"])
+    fields: dict[Name, Annotated[BitRun, BeforeValidator(_run, json_schema_input_type=int | BitRun)]] = Field(
+        description="Name and number of bits of each run, from the lowest bit up. `id`, `length` and `sequence` "
+        "are what they say; `constant:` gives a run that never changes.",
+        examples=["{id: 6, length: 10}"],
+    )
+    first: Annotated[str, one_word("low", "high")] = Field(
+        "low", description="Whether the first run has the lowest or the highest bits.", examples=["high"]
+    )
+    counts: Annotated[str, one_word("payload", "rest", "self_and_rest", "frame")] = Field(
+        "payload", description="What a `length` run counts.", examples=["payload"]
+    )
+    offset: LengthOffset = Field(0, description="Added to what a `length` run counts, in bytes.", examples=[0])
+
+
 class CheckPart(PartSyntax):
     """A check over other parts."""
 
@@ -210,12 +292,20 @@ class CheckPart(PartSyntax):
     )
 
 
-_INNER = ("magic", "constant", "tail", "length", "id", "payload", "reserved", "check")
-_OUTER = (*_INNER, "delimiter", "cobs")
+_INNER = (
+    "magic", "constant", "tail", "length", "id", "payload", "reserved", "field", "sequence", "bits", "check",
+)  # fmt: skip
+_OUTER = (*_INNER, "delimiter", "cobs", "slip", "hdlc", "escaped", "silence")
 
 
 def _part_key(value: object) -> str:
-    return next((_TAG + key for key in value if key in _OUTER), "") if isinstance(value, dict) else ""
+    found = part_keys(value) if isinstance(value, dict) else []
+    return _TAG + found[0] if found else ""
+
+
+def part_keys(value: dict[str, object]) -> list[str]:
+    """The keys that say which part this is. An option that is called as a part (`bits` within `fields`) is none."""
+    return [key for key in value if key in _OUTER]
 
 
 def _one_part(allowed: tuple[str, ...]) -> Callable[[object], object]:
@@ -224,11 +314,11 @@ def _one_part(allowed: tuple[str, ...]) -> Callable[[object], object]:
             raise wrong(
                 f"{describe(value)} is not a part of a frame; write `- part: value`, such as `- magic: 0xAA`"
             )
-        found = [key for key in value if key in _OUTER]
+        found = part_keys(value)
         if len(found) == 1 and found[0] in allowed:
             return value
         if len(found) == 1:
-            raise wrong(f"`{found[0]}` cannot stand within `cobs`; possible: {', '.join(allowed)}")
+            raise wrong(f"`{found[0]}` cannot stand within stuffed parts; possible: {', '.join(allowed)}")
         if found:
             both = " and ".join(f"`{key}`" for key in found)
             raise wrong(f"{both} are {len(found)} parts in one entry; begin each with a `- ` of its own")
@@ -246,10 +336,15 @@ InnerPart = Annotated[
     | Annotated[IdPart, Tag("part:id")]
     | Annotated[PayloadPart, Tag("part:payload")]
     | Annotated[ReservedPart, Tag("part:reserved")]
+    | Annotated[FieldPart, Tag("part:field")]
+    | Annotated[SequencePart, Tag("part:sequence")]
+    | Annotated[BitsPart, Tag("part:bits")]
     | Annotated[CheckPart, Tag("part:check")],
     Discriminator(_part_key),
     BeforeValidator(_one_part(_INNER)),
 ]
+
+InnerParts = Annotated[list[InnerPart], Field(min_length=1, max_length=MAX_PARTS)]
 
 
 class CobsPart(Syntax):
@@ -264,6 +359,57 @@ class CobsPart(Syntax):
     )
 
 
+class SlipPart(Syntax):
+    """Parts that are stuffed as SLIP does (RFC 1055)."""
+
+    noun = "a `slip` part"
+    slip: InnerParts = Field(
+        description="The parts between the delimiters 0xC0, stuffed as SLIP does.",
+        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
+    )
+
+
+class HdlcPart(Syntax):
+    """Parts that are stuffed as HDLC does on asynchronous lines (RFC 1662)."""
+
+    noun = "an `hdlc` part"
+    hdlc: InnerParts = Field(
+        description="The parts between the delimiters 0x7E, stuffed as HDLC does: 0x7D, then the byte xor 0x20.",
+        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
+    )
+
+
+class Escaped(Syntax):
+    """An escape rule of one's own."""
+
+    noun = "`escaped`"
+
+    escape: OneByte = Field(description="The byte that announces a stuffed one.", examples=["0x10"])
+    xor: OneByte = Field(description="A stuffed byte is sent xor this.", examples=["0x20"])
+    also: ConstantBytes | None = Field(
+        None, description="Bytes to stuff beside the delimiters and the escape.", examples=["0x11 0x13"]
+    )
+    parts: InnerParts = Field(
+        description="The parts that are stuffed.", examples=["[id: u8, payload: rest, check: sum8]"]
+    )
+
+
+class EscapedPart(Syntax):
+    """Parts that are stuffed by an escape rule of one's own."""
+
+    noun = "an `escaped` part"
+    escaped: Escaped = Field(description="Escape rule of one's own, and the parts that it covers.")
+
+
+class SilencePart(Syntax):
+    """The pause that ends a frame."""
+
+    noun = "a `silence` part"
+    silence: Duration = Field(
+        description="Last part: a frame ends when the line is silent for so long.", examples=["2 ms"]
+    )
+
+
 Part = Annotated[
     Annotated[MagicPart, Tag("part:magic")]
     | Annotated[ConstantPart, Tag("part:constant")]
@@ -273,7 +419,14 @@ Part = Annotated[
     | Annotated[IdPart, Tag("part:id")]
     | Annotated[PayloadPart, Tag("part:payload")]
     | Annotated[ReservedPart, Tag("part:reserved")]
+    | Annotated[FieldPart, Tag("part:field")]
+    | Annotated[SequencePart, Tag("part:sequence")]
+    | Annotated[BitsPart, Tag("part:bits")]
     | Annotated[CheckPart, Tag("part:check")]
+    | Annotated[SlipPart, Tag("part:slip")]
+    | Annotated[HdlcPart, Tag("part:hdlc")]
+    | Annotated[EscapedPart, Tag("part:escaped")]
+    | Annotated[SilencePart, Tag("part:silence")]
     | Annotated[CobsPart, Tag("part:cobs")],
     Discriminator(_part_key),
     BeforeValidator(_one_part(_OUTER)),

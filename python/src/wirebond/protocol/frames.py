@@ -6,24 +6,36 @@ from dataclasses import replace
 
 from wirebond.protocol import algorithms, plan
 from wirebond.protocol.document import Mapping, Node, Sequence
-from wirebond.protocol.draft import Draft
+from wirebond.protocol.draft import Draft, Envelope
 from wirebond.protocol.frame_grammar import Check as CheckSyntax
 from wirebond.protocol.frame_grammar import (
+    BitsPart,
     CheckPart,
     CobsPart,
     ConstantPart,
     DelimiterPart,
+    EscapedPart,
+    FieldPart,
+    HdlcPart,
     IdPart,
     LengthPart,
     MagicPart,
     PartSyntax,
     PayloadPart,
     ReservedPart,
+    SequencePart,
+    SilencePart,
+    SlipPart,
     TailPart,
 )
 from wirebond.protocol.model import (
     Algorithm,
+    BitRole,
+    Bits,
     ByteOrder,
+    Condition,
+    End,
+    Escapes,
     LengthCounts,
     Part,
     PartKind,
@@ -60,23 +72,21 @@ class _FrameReader:
         self._good = False
 
     def read(self, outer: list[tuple[Syntax, Node]], place: Place) -> Draft | None:
-        delimiter = self._delimiters(outer)
+        envelope = self._envelope(outer)
         if not self._good:
             return None
         inner: list[tuple[PartSyntax, Mapping]] = []
         for syntax, node in outer:
-            if isinstance(syntax, CobsPart) and isinstance(node, Mapping):
-                items = node.get("cobs")
-                assert isinstance(items, Sequence)
-                for item, item_node in zip(syntax.cobs, items.items, strict=True):
-                    assert isinstance(item_node, Mapping)
-                    inner.append((item, item_node))
+            stuffed = stuffed_parts(syntax, node)
+            if stuffed is not None:
+                inner += stuffed
             elif isinstance(syntax, PartSyntax) and isinstance(node, Mapping):
                 inner.append((syntax, node))
         parts = [_lower(syntax, self._order) for syntax, _ in inner]
         nodes = [node for _, node in inner]
         names = self._names(parts, inner)
-        self._check_places(parts, nodes, place, delimiter is not None)
+        self._check_places(parts, nodes, place, envelope)
+        self._check_bits(parts, nodes)
         if not self._good:
             return None
         for index, (syntax, node) in enumerate(inner):
@@ -84,52 +94,103 @@ class _FrameReader:
                 parts[index] = self._lower_check(index, parts, names, syntax.check, node)
         self._check_order_of_checks(parts, nodes)
         parts = [replace(part, name=name) for part, name in zip(parts, _unique(names), strict=True)]
-        draft = Draft(tuple(parts), tuple(node.place for node in nodes), delimiter)
+        draft = Draft(tuple(parts), tuple(node.place for node in nodes), envelope)
+        if self._good:
+            self._check_conditions(parts, nodes, place)
         if self._good:
             self._check_whole(draft, place)
         return draft if self._good else None
 
-    # ---- delimiters and stuffing ----
+    # ---- delimiters, stuffing, silence ----
 
-    def _delimiters(self, outer: list[tuple[Syntax, Node]]) -> int | None:
-        cobs = [node for syntax, node in outer if isinstance(syntax, CobsPart)]
-        marks = [
-            (index, syntax, node)
-            for index, (syntax, node) in enumerate(outer)
-            if isinstance(syntax, DelimiterPart)
-        ]
-        if not cobs and not marks:
-            return None
-        advice = "write `- delimiter: 0x00`, `- cobs: [...]`, `- delimiter: 0x00`"
+    def _envelope(self, outer: list[tuple[Syntax, Node]]) -> Envelope:
+        stuffed = [(syntax, node) for syntax, node in outer if stuffed_parts(syntax, node) is not None]
+        marks = [(i, syntax, node) for i, (syntax, node) in enumerate(outer) if isinstance(syntax, DelimiterPart)]
+        silences = [(i, syntax, node) for i, (syntax, node) in enumerate(outer) if isinstance(syntax, SilencePart)]
+        if silences:
+            return self._silence(outer, silences, bool(marks or stuffed))
         if not marks:
-            self._wrong(cobs[0].place, f"`cobs` needs a delimiter before and behind it; {advice}")
-            return None
-        if [index for index, _, _ in marks] != [0, len(outer) - 1] or len(outer) < 2:
+            if stuffed:
+                self._wrong(stuffed[0][1].place, f"stuffing needs a delimiter before and behind it; {_advice(stuffed)}")
+            return Envelope()
+        places = [i for i, _, _ in marks]
+        if places not in ([0, len(outer) - 1], [len(outer) - 1]) or len(outer) < 2:
             self._wrong(
                 marks[0][2].place,
-                f"delimiters are the frame's first and its last part, and stand nowhere else; {advice}",
+                "delimiters are the frame's first and its last part, or its last alone, and stand nowhere else; "
+                + _advice(stuffed),
             )
-        for _, mark, node in marks:
-            if mark.delimiter != b"\0" and isinstance(node, Mapping):
-                self._wrong(
-                    node.value_place("delimiter"),
-                    "COBS frees a frame of 0x00 and of no other byte; write 0x00",
-                )
-        if len(cobs) > 1:
-            self._wrong(cobs[1].place, "a frame has one `cobs`; put all its parts into the first")
-        for syntax, node in outer:
-            if isinstance(syntax, PartSyntax):
-                self._wrong(
-                    node.place,
-                    f"between delimiters every part stands within `cobs`, lest it contain one; {advice}",
-                )
-                break
-        return 0
+            return Envelope()
+        closing, opening = marks[-1][1].delimiter[0], marks[0][1].delimiter[0] if len(marks) == 2 else None
+        if len(stuffed) > 1:
+            self._wrong(stuffed[1][1].place, "a frame has one group of stuffed parts; put all parts into the first")
+        elif stuffed:
+            for syntax, node in outer:
+                if isinstance(syntax, PartSyntax):
+                    self._wrong(
+                        node.place,
+                        "between delimiters every part stands within the stuffed ones, lest it contain one; "
+                        + _advice(stuffed),
+                    )
+                    break
+        kind, escapes = self._stuffing(stuffed[0] if stuffed else None, marks, opening, closing)
+        return Envelope(closing, opening, kind, escapes)
+
+    def _silence(
+        self, outer: list[tuple[Syntax, Node]], silences: list[tuple[int, SilencePart, Node]], others: bool
+    ) -> Envelope:
+        index, syntax, node = silences[0]
+        if index != len(outer) - 1 or len(silences) > 1:
+            self._wrong(node.place, "the silence ends the frame; make it the one last part")
+        if others:
+            self._wrong(node.place, "a frame ends by silence or by a delimiter; remove one of the two")
+        return Envelope(silence=syntax.silence)
+
+    def _stuffing(
+        self,
+        stuffed: tuple[Syntax, Node] | None,
+        marks: list[tuple[int, DelimiterPart, Node]],
+        opening: int | None,
+        closing: int,
+    ) -> tuple[str, Escapes | None]:
+        if stuffed is None:
+            return "none", None
+        syntax, _ = stuffed
+        wanted = {CobsPart: (0x00, "COBS"), SlipPart: (0xC0, "SLIP"), HdlcPart: (0x7E, "HDLC")}.get(type(syntax))
+        if wanted is not None:
+            for _, mark, node in marks:
+                if mark.delimiter[0] != wanted[0] and isinstance(node, Mapping):
+                    self._wrong(
+                        node.value_place("delimiter"),
+                        f"{wanted[1]} frees a frame of 0x{wanted[0]:02X} and of no other delimiter; "
+                        f"write 0x{wanted[0]:02X}",
+                    )
+        if isinstance(syntax, CobsPart):
+            return "cobs", None
+        if isinstance(syntax, SlipPart):
+            return "escape", Escapes(0xDB, 0, ((0xC0, 0xDC), (0xDB, 0xDD)))
+        if isinstance(syntax, HdlcPart):
+            return "escape", Escapes(0x7D, 0x20, ((0x7E, 0x5E), (0x7D, 0x5D)))
+        assert isinstance(syntax, EscapedPart)
+        rule = syntax.escaped
+        escape, xor = rule.escape[0], rule.xor[0]
+        plain = dict.fromkeys([closing, *([opening] if opening is not None else []), escape, *(rule.also or b"")])
+        place = marks[0][2].place
+        if len(plain) > plan.MAX_ESCAPES:
+            self._wrong(place, f"{len(plain)} bytes are stuffed; at most {plan.MAX_ESCAPES} are possible")
+        codes = {byte ^ xor for byte in plain}
+        if xor == 0 or escape in (closing, opening) or codes & {closing, opening}:
+            self._wrong(
+                place,
+                "this escape rule can put a delimiter on the line; take an escape byte that is no delimiter, and "
+                "an xor after which no stuffed byte is one",
+            )
+        return "escape", Escapes(escape, xor, tuple((byte, byte ^ xor) for byte in plain))
 
     # ---- names and ranges ----
 
     def _names(self, parts: list[Part], inner: list[tuple[PartSyntax, Mapping]]) -> list[str]:
-        names = [syntax.name or part.kind.value for part, (syntax, _) in zip(parts, inner, strict=True)]
+        names = [part.name or syntax.name or part.kind.value for part, (syntax, _) in zip(parts, inner, strict=True)]
         kinds = {kind.value for kind in PartKind}
         for index, (syntax, node) in enumerate(inner):
             if syntax.name is None:
@@ -153,6 +214,7 @@ class _FrameReader:
         where = options if isinstance(options, Mapping) else Mapping(node.value_place("check"))
         algorithm = self._algorithm(check, where)
         size, shift = algorithm.width // 8, 0
+        as_hex = check.text is not None
         if check.byte is not None:
             shift = algorithm.width - 8 if check.byte == "high" else 0
             if size == 1:
@@ -174,8 +236,10 @@ class _FrameReader:
             )
         return replace(
             part,
-            size=size,
+            size=2 * size if as_hex else size,
             order=ByteOrder(check.byte_order) if check.byte_order else self._order,
+            as_hex=as_hex,
+            seeded=check.seed is not None,
             algorithm=algorithm,
             first=first,
             last=last,
@@ -239,11 +303,68 @@ class _FrameReader:
 
     # ---- which part may stand where ----
 
-    def _check_places(self, parts: list[Part], nodes: list[Mapping], place: Place, delimited: bool) -> None:
+    def _check_bits(self, parts: list[Part], nodes: list[Mapping]) -> None:
+        for part, node in zip(parts, nodes, strict=True):
+            if part.kind != PartKind.BITS:
+                continue
+            fields = node.get("fields")
+            assert isinstance(fields, Mapping)
+            width = sum(run.width for run in part.bits)
+            if width != 8 * part.size:
+                self._wrong(
+                    node.value_place("fields"),
+                    f"these runs have {width} bits together, and the part has {8 * part.size}; "
+                    "add a `reserved` run, or change a width",
+                )
+            for run in part.bits:
+                if run.value > run.mask:
+                    self._wrong(fields.key_place(run.name), f"{run.value} does not fit {run.width} bits; take less")
+
+    def _check_conditions(self, parts: list[Part], nodes: list[Mapping], place: Place) -> None:
+        """What a condition names must stand in the header, and the frame may have only so many forms."""
+        widths = {p.name: 8 * p.size for p in parts if p.kind in (PartKind.FIELD, PartKind.SEQUENCE)}
+        widths |= {r.name: r.width for p in parts for r in p.bits if r.role in (BitRole.FIELD, BitRole.SEQUENCE)}
+        magics = {m for p in parts for m in (p.alternatives or (p.value,)) if p.kind == PartKind.MAGIC}
+        for part, node in zip(parts, nodes, strict=True):
+            condition = part.condition
+            if condition is None:
+                continue
+            at = node.value_place("when")
+            if part.kind in (PartKind.MAGIC, PartKind.PAYLOAD):
+                self._wrong(at, f"the {part.kind} is always there; remove `when`")
+            elif condition.magic and condition.magic not in magics:
+                self._wrong(at, "no magic of this frame has that value; take one of its list")
+            elif condition.field and condition.field not in widths:
+                self._wrong(at, f"the header has no field `{condition.field}`; {suggestion(condition.field, widths)}")
+            elif condition.field and condition.bit >= widths[condition.field]:
+                self._wrong(at, f"`{condition.field}` has {widths[condition.field]} bits; take a lower one")
+        if not self._good:
+            return
+        for variant in plan.variants(tuple(parts), None):
+            for kind, role in ((PartKind.ID, BitRole.ID), (PartKind.LENGTH, BitRole.LENGTH)):
+                held = [p for p in variant.parts if p.kind == kind or any(r.role == role for r in p.bits)]
+                if len(held) > 1:
+                    self._wrong(place, f"two parts with a {kind.value} can stand in one frame; let their `when:` exclude each other")
+        header = [name for part in parts for name in plan.header_names(part)]
+        for limit, found, what in (
+            (plan.MAX_LAYOUTS, len(plan.variants(tuple(parts), None)), "forms (by magics and conditions)"),
+            (plan.MAX_HEADER_FIELDS, len(header), "fields in its header"),
+        ):
+            if found > limit:
+                self._wrong(place, f"the frame has {found} {what}; at most {limit} are possible")
+
+    def _check_places(self, parts: list[Part], nodes: list[Mapping], place: Place, envelope: Envelope) -> None:
         kinds = [part.kind for part in parts]
         for kind in _ONCE:
-            for index in [i for i, other in enumerate(kinds) if other == kind][1:]:
-                self._wrong(nodes[index].place, f"a frame has one `{kind}` part at most; remove this one")
+            found = [i for i, other in enumerate(kinds) if other == kind]
+            exclusive = len({parts[i].condition for i in found}) == len(found) and None not in {
+                parts[i].condition for i in found
+            }
+            for index in [] if exclusive else found[1:]:
+                self._wrong(
+                    nodes[index].place,
+                    f"a frame has one `{kind}` part at most; remove this one, or give each its own `when:`",
+                )
         if PartKind.PAYLOAD not in kinds:
             self._wrong(place, "the frame has no payload; add a part such as `- payload: by_length`")
             return
@@ -256,7 +377,7 @@ class _FrameReader:
         if PartKind.TAIL in kinds[:-1]:
             index = kinds.index(PartKind.TAIL)
             self._wrong(nodes[index].place, "a tail ends the frame; put it last, or write `constant` here")
-        self._check_payload_rule(parts, nodes, payload_index, delimited)
+        self._check_payload_rule(parts, nodes, payload_index, envelope)
         constants = sum(len(part.value) for part in parts)
         for limit, found, what in (
             (plan.MAX_CONSTANTS, constants, "bytes of magic, constants and tail"),
@@ -266,12 +387,11 @@ class _FrameReader:
                 self._wrong(place, f"the frame has {found} {what}; at most {limit} are possible")
 
     def _check_payload_rule(
-        self, parts: list[Part], nodes: list[Mapping], payload_index: int, delimited: bool
+        self, parts: list[Part], nodes: list[Mapping], payload_index: int, envelope: Envelope
     ) -> None:
-        kinds = [part.kind for part in parts]
         rule, at = parts[payload_index].payload, nodes[payload_index].value_place("payload")
-        length = kinds.index(PartKind.LENGTH) if PartKind.LENGTH in kinds else None
-        message_id = kinds.index(PartKind.ID) if PartKind.ID in kinds else None
+        length = _holder(parts, PartKind.LENGTH, BitRole.LENGTH)
+        message_id = _holder(parts, PartKind.ID, BitRole.ID)
         if rule == PayloadRule.BY_LENGTH and length is None:
             self._wrong(
                 at, "`payload: by_length` needs a length; add a part such as `- length: u8` before it"
@@ -290,9 +410,9 @@ class _FrameReader:
             self._wrong(
                 nodes[message_id].place, "the id must stand before the payload whose size it tells; move it"
             )
-        if rule == PayloadRule.REST and not delimited:
+        if rule == PayloadRule.REST and envelope.delimiter is None and envelope.silence is None:
             self._wrong(
-                at, "`payload: rest` needs delimiters, which say where the frame ends; or write by_length"
+                at, "`payload: rest` needs delimiters or a silence, which say where the frame ends; or write by_length"
             )
 
     def _check_order_of_checks(self, parts: list[Part], nodes: list[Mapping]) -> None:
@@ -316,7 +436,7 @@ class _FrameReader:
 
     def _check_whole(self, draft: Draft, place: Place) -> None:
         parts = draft.parts
-        if draft.delimiter is None and not any(
+        if draft.envelope == Envelope() and not any(
             part.kind in (*_FIXED_BYTES, PartKind.CHECK) for part in parts
         ):
             self._wrong(
@@ -326,7 +446,9 @@ class _FrameReader:
         longest, shortest = draft.longest_by_length, draft.shortest_by_length
         if longest is None or shortest is None:
             return
-        at = draft.places[next(i for i, part in enumerate(parts) if part.kind == PartKind.LENGTH)]
+        length = draft.length_part
+        assert length is not None
+        at = draft.places[parts.index(length)]
         if longest < 0:
             self._wrong(
                 at, "the length counts more than it can tell, even for an empty payload; take a wider type"
@@ -339,35 +461,111 @@ class _FrameReader:
             )
 
 
+def _holder(parts: list[Part], kind: PartKind, role: BitRole) -> int | None:
+    """The part that holds the id or the length."""
+    for index, part in enumerate(parts):
+        if part.kind == kind or any(run.role == role for run in part.bits):
+            return index
+    return None
+
+
+def stuffed_parts(syntax: Syntax, node: Node) -> list[tuple[PartSyntax, Mapping]] | None:
+    """The parts within a stuffed group, with their places; None for anything else."""
+    if not isinstance(node, Mapping):
+        return None
+    items: Node | None
+    if isinstance(syntax, EscapedPart):
+        options = node.get("escaped")
+        items = options.get("parts") if isinstance(options, Mapping) else None
+        parts = syntax.escaped.parts
+    elif isinstance(syntax, CobsPart):
+        items, parts = node.get("cobs"), syntax.cobs
+    elif isinstance(syntax, SlipPart):
+        items, parts = node.get("slip"), syntax.slip
+    elif isinstance(syntax, HdlcPart):
+        items, parts = node.get("hdlc"), syntax.hdlc
+    else:
+        return None
+    assert isinstance(items, Sequence)
+    return [(part, item) for part, item in zip(parts, items.items, strict=True) if isinstance(item, Mapping)]
+
+
+def _advice(stuffed: list[tuple[Syntax, Node]]) -> str:
+    """How a delimited frame is written, with the stuffing that stands there."""
+    kinds = {SlipPart: ("0xC0", "slip"), HdlcPart: ("0x7E", "hdlc")}
+    byte, word = kinds.get(type(stuffed[0][0]), ("0x00", "cobs")) if stuffed else ("0x00", "cobs")
+    return f"write `- delimiter: {byte}`, `- {word}: [...]`, `- delimiter: {byte}`"
+
+
 def _lower(syntax: PartSyntax, order: ByteOrder) -> Part:
     """A part by itself; a check's algorithm and range come later."""
+    part = _lower_unconditional(syntax, order)
+    when = syntax.when
+    return part if when is None else replace(part, condition=Condition(when.field, when.bit, when.magic))
+
+
+def _lower_unconditional(syntax: PartSyntax, order: ByteOrder) -> Part:
     if isinstance(syntax, MagicPart):
-        return Part(PartKind.MAGIC, "", len(syntax.magic), value=syntax.magic)
+        magic = syntax.magic
+        if magic.by_end:
+            by_sender = tuple((End(end), value) for end, value in magic.by_end)
+            return Part(PartKind.MAGIC, "", len(by_sender[0][1]), value=by_sender[0][1], by_sender=by_sender)
+        alternatives = magic.values if len(magic.values) > 1 else ()
+        return Part(PartKind.MAGIC, "", len(magic.values[0]), value=magic.values[0], alternatives=alternatives)
     if isinstance(syntax, ConstantPart):
         return Part(PartKind.CONSTANT, "", len(syntax.constant), value=syntax.constant)
     if isinstance(syntax, TailPart):
         return Part(PartKind.TAIL, "", len(syntax.tail), value=syntax.tail)
     if isinstance(syntax, LengthPart):
         wire = syntax.length.type
-        counts = LengthCounts(syntax.length.counts)
         return Part(
             PartKind.LENGTH,
             "",
             wire.size,
             wire.order or order,
-            counts=counts,
+            counts=LengthCounts(syntax.length.counts),
             length_offset=syntax.length.offset,
+            length_unit=int(syntax.length.unit),
         )
     if isinstance(syntax, IdPart):
         return Part(PartKind.ID, "", syntax.id.size, syntax.id.order or order)
     if isinstance(syntax, ReservedPart):
         return Part(PartKind.RESERVED, "", syntax.reserved)
+    if isinstance(syntax, FieldPart):
+        wire = syntax.type
+        return Part(PartKind.FIELD, syntax.field, wire.size, wire.order or order, default=syntax.default)
+    if isinstance(syntax, SequencePart):
+        return Part(PartKind.SEQUENCE, syntax.name or "sequence", syntax.sequence.size, syntax.sequence.order or order)
+    if isinstance(syntax, BitsPart):
+        return _lower_bits(syntax, order)
     if isinstance(syntax, PayloadPart):
+        trims = syntax.trim_zeros
         if isinstance(syntax.payload, int):
-            return Part(PartKind.PAYLOAD, "", 0, payload=PayloadRule.FIXED, fixed_payload=syntax.payload)
-        return Part(PartKind.PAYLOAD, "", 0, payload=PayloadRule(syntax.payload))
+            fixed = syntax.payload
+            return Part(PartKind.PAYLOAD, "", 0, payload=PayloadRule.FIXED, fixed_payload=fixed, trims_zeros=trims)
+        return Part(PartKind.PAYLOAD, "", 0, payload=PayloadRule(syntax.payload), trims_zeros=trims)
     assert isinstance(syntax, CheckPart)
     return Part(PartKind.CHECK, "", 0)
+
+
+def _lower_bits(syntax: BitsPart, order: ByteOrder) -> Part:
+    roles = {"id": BitRole.ID, "length": BitRole.LENGTH, "sequence": BitRole.SEQUENCE}
+    runs = []
+    shift = 0
+    listed = list(syntax.fields.items())
+    for name, run in listed if syntax.first == "low" else reversed(listed):
+        role = BitRole.CONSTANT if run.constant is not None else roles.get(name, BitRole.FIELD)
+        runs.append(Bits(name, role, shift, run.bits, run.constant or run.default or 0))
+        shift += run.bits
+    return Part(
+        PartKind.BITS,
+        "",
+        syntax.bits.size,
+        syntax.bits.order or order,
+        counts=LengthCounts(syntax.counts),
+        length_offset=syntax.offset,
+        bits=tuple(runs),
+    )
 
 
 def _unique(names: list[str]) -> list[str]:

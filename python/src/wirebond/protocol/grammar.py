@@ -118,6 +118,10 @@ class MessageHead(Syntax):
         None, description="How often it is due: a period or a rate.", examples=["50 ms"]
     )
     reply: Name | None = Field(None, description="The message that answers it.", examples=["status"])
+    seed: Annotated[
+        int | None,
+        PlainValidator(whole(0, 255), json_schema_input_type=Annotated[int, Field(ge=0, le=255)]),
+    ] = Field(None, description="Byte that a check with `seed: message` counts behind its range.", examples=[50])
     description: Text = Field("", description="For people.", examples=["what it is for"])
 
 

@@ -34,6 +34,9 @@ def _form(protocol: Protocol) -> dict[str, Any]:
     return {
         "form": _CANONICAL_FORM,
         "delimiter": frame.delimiter,
+        "opening": frame.opening,
+        "escapes": None if frame.escapes is None else [*vars(frame.escapes).values()],
+        "silence": frame.ends_by_silence,
         "stuffing": frame.stuffing,
         "parts": [_part(part) for part in frame.parts],
         "messages": {message.name: _message(message) for message in protocol.messages},
@@ -43,19 +46,27 @@ def _form(protocol: Protocol) -> dict[str, Any]:
 
 def _part(part: Part) -> dict[str, Any]:
     form: dict[str, Any] = {"size": part.size}
+    if part.condition is not None:
+        form["when"] = [part.condition.field, part.condition.bit, part.condition.magic.hex()]
+    if part.alternatives or part.by_sender:
+        form["magics"] = [value.hex() for value in part.alternatives]
+        form["by_sender"] = [[end.value, value.hex()] for end, value in part.by_sender]
+    if part.bits:
+        form["bits"] = [[run.name, run.role.value, run.shift, run.width, run.value] for run in part.bits]
     if part.kind in (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL):
         return {**form, "kind": "constant", "value": part.value.hex()}
     form["kind"] = part.kind.value
     if part.size > 1 and part.kind != PartKind.RESERVED:
         form["order"] = part.order.value
     if part.kind == PartKind.LENGTH:
-        form |= {"counts": part.counts.value, "offset": part.length_offset}
+        form |= {"counts": part.counts.value, "offset": part.length_offset, "unit": part.length_unit}
     elif part.kind == PartKind.PAYLOAD:
-        form |= {"payload": part.payload.value, "fixed": part.fixed_payload}
+        form |= {"payload": part.payload.value, "fixed": part.fixed_payload, "trims": part.trims_zeros}
     elif part.algorithm is not None:
         a = part.algorithm
-        form["algorithm"] = [a.kind, a.width, a.poly, a.init, a.refin, a.refout, a.xorout]
+        form["algorithm"] = [a.kind, a.width, a.poly, a.init, a.refin, a.refout, a.xorout, a.modulus, a.negate]
         form |= {"first": part.first, "last": part.last, "shift": part.shift}
+        form |= {"seeded": part.seeded, "as_hex": part.as_hex}
     return form
 
 
@@ -63,6 +74,7 @@ def _message(message: Message) -> dict[str, Any]:
     return {
         "id": message.id,
         "sender": message.sender.value,
+        "seed": message.seed,
         "fields": [_field(field) for field in message.fields],
     }
 

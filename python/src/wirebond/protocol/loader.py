@@ -44,7 +44,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     services = references.read_services(root.get("services"), messages, problems)
     if draft is None:
         return None
-    check_ids(messages, draft.id_bytes, problems)
+    check_ids(messages, draft.id_bits, problems)
     file = readable(File, root)
     if file is None:
         # The file's own limits may be what is wrong; the frame's hold all the same.
@@ -60,7 +60,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
         deadlines=deadlines,
         emergency_stop=emergency_stop,
         services=services,
-        idle=file.idle,
+        idle=draft.envelope.silence or file.idle,
         description=file.description,
         path=path,
     )

@@ -72,6 +72,7 @@ def _read_message(name: str, place: Place, node: Mapping, order: ByteOrder, prob
         fields=fields,
         every=head.every,
         reply=head.reply,
+        seed=head.seed,
         description=head.description,
     )
     return Entry(name, place, node, message, complete)
@@ -138,25 +139,25 @@ def _check_replies(messages: Messages, problems: Problems) -> None:
                 )
 
 
-def check_ids(messages: Messages, id_bytes: int, problems: Problems) -> None:
-    """``id_bytes``: size of the frame's id part; 0 where it has none."""
+def check_ids(messages: Messages, id_bits: int, problems: Problems) -> None:
+    """``id_bits``: width of the frame's id; 0 where it has none."""
     taken: dict[tuple[End, int], Entry] = {}
     for entry in messages.values():
         message = entry.message
         if message is None:
             continue
         has_id = "id" in entry.node.entries
-        if id_bytes and not has_id:
+        if id_bits and not has_id:
             problems.add(entry.place, f"`{entry.name}` needs an id, for the frame has one; add `id: 0x01`")
             continue
-        if not id_bytes and has_id:
+        if not id_bits and has_id:
             problems.add(
                 entry.node.key_place("id"),
                 "the frame has no `id` part; remove this id, or add `- id: u8` there",
             )
             continue
-        limit = 2 ** (8 * id_bytes) - 1
-        if id_bytes and message.id > limit:
+        limit = 2**id_bits - 1
+        if id_bits and message.id > limit:
             problems.add(
                 entry.node.value_place("id"),
                 f"id {message.id} does not fit the frame's id part, whose greatest is {limit}; take "
@@ -169,7 +170,7 @@ def check_ids(messages: Messages, id_bytes: int, problems: Problems) -> None:
             if other is entry:
                 continue
             where = f"line {other.place.line}"
-            if id_bytes:
+            if id_bits:
                 problems.add(
                     entry.node.value_place("id"),
                     f"the {spoken(end)} sends `{other.name}` ({where}) under id 0x{message.id:02X} already; "

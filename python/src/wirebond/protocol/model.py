@@ -95,6 +95,7 @@ class Message:
     every: float | None = None  # seconds
     reply: str | None = None
     description: str = ""
+    seed: int | None = None  # counted by the frame's seeded check, not sent
 
     @property
     def min_payload(self) -> int:
@@ -117,6 +118,9 @@ class PartKind(StrEnum):
     RESERVED = "reserved"
     PAYLOAD = "payload"
     CHECK = "check"
+    FIELD = "field"
+    SEQUENCE = "sequence"
+    BITS = "bits"
 
 
 class PayloadRule(StrEnum):
@@ -140,13 +144,49 @@ class Algorithm:
     """A check algorithm by its parameters. CRC parameters as in the reveng catalogue (Rocksoft model)."""
 
     name: str
-    kind: str  # crc, sum, xor
+    kind: str  # crc, sum, xor, fletcher
     width: int  # bits
     poly: int = 0
     init: int = 0
     refin: bool = False
     refout: bool = False
     xorout: int = 0
+    modulus: int = 0  # Fletcher: of both sums; 0: 2 ** (width / 2)
+    negate: bool = False  # two's complement of the value, before xorout
+
+
+class BitRole(StrEnum):
+    """What a run of bits inside a header byte is."""
+
+    ID = "id"
+    LENGTH = "length"
+    FIELD = "field"
+    SEQUENCE = "sequence"
+    CONSTANT = "constant"
+
+
+@dataclass(frozen=True)
+class Bits:
+    """A run of bits of a ``bits`` part: (number >> shift) % 2**width."""
+
+    name: str
+    role: BitRole
+    shift: int
+    width: int
+    value: int = 0  # of a constant; default of a field
+
+    @property
+    def mask(self) -> int:
+        return (1 << self.width) - 1
+
+
+@dataclass(frozen=True)
+class Condition:
+    """When a part is there: one bit of a header field is set, or the magic is a certain one."""
+
+    field: str = ""  # name of a field of the header, or of a run of bits
+    bit: int = 0
+    magic: bytes = b""
 
 
 @dataclass(frozen=True)
@@ -166,17 +206,41 @@ class Part:
     first: int = 0  # check: index of the first part that it covers
     last: int = 0  # check: index of the last one, inclusive
     shift: int = 0  # check: value on the wire = check >> shift
+    seeded: bool = False  # check: the message's seed is counted behind the range
+    as_hex: bool = False  # check: sent as hex digits, ``size`` of them
+    alternatives: tuple[bytes, ...] = ()  # magic: any of these, ``value`` is the first
+    by_sender: tuple[tuple[End, bytes], ...] = ()  # magic: another one for each direction
+    length_unit: int = 1  # length: bytes that it counts by
+    trims_zeros: bool = False  # payload: zeros at its end are not sent
+    default: int = 0  # field
+    bits: tuple[Bits, ...] = ()
+    condition: Condition | None = None
+
+
+@dataclass(frozen=True)
+class Escapes:
+    """Byte stuffing by an escape byte: each of ``pairs`` is (byte that must not appear, code behind the escape).
+
+    With ``exclusive_or`` every code is its byte xor that value, and a receiver takes any escaped byte.
+    """
+
+    escape: int
+    exclusive_or: int
+    pairs: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
 class Frame:
-    """``delimiter`` is None for frames that are found by their magic and size."""
+    """``delimiter`` is None for frames that are found by their magic and size, or ended by silence."""
 
     parts: tuple[Part, ...]
     max_payload: int
     deliver_unknown: bool
-    delimiter: int | None = None
-    stuffing: str = "none"  # none, cobs
+    delimiter: int | None = None  # behind a frame
+    stuffing: str = "none"  # none, cobs, escape
+    opening: int | None = None  # delimiter before a frame; None: only its end is marked
+    escapes: Escapes | None = None
+    ends_by_silence: bool = False
 
     def part(self, kind: PartKind) -> Part | None:
         return next((p for p in self.parts if p.kind == kind), None)
@@ -252,6 +316,8 @@ class Protocol:
         size = sum(p.size for p in self.frame.parts) + (self.frame.max_payload if payload is None else payload)
         if self.frame.stuffing == "cobs":
             size += 1 + size // 254
+        if self.frame.stuffing == "escape":
+            size *= 2
         return size + (2 if self.frame.delimiter is not None else 0)
 
     @property

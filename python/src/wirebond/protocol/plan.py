@@ -5,12 +5,16 @@ The engine is filled from this plan and the generated C++ prints it, so that bot
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 
 from wirebond.protocol.model import (
     Algorithm,
+    BitRole,
     ByteOrder,
+    Condition,
     End,
+    Escapes,
     LengthCounts,
     Message,
     Part,
@@ -22,6 +26,11 @@ from wirebond.protocol.model import (
 MAX_CONSTANTS = 16
 MAX_CHECKS = 4
 MAX_ALGORITHMS = 4
+MAX_LAYOUTS = 4
+MAX_HEADER_FIELDS = 8
+MAX_ESCAPES = 6
+
+_CONSTANT_KINDS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 
 
 @dataclass(frozen=True)
@@ -57,7 +66,19 @@ class CheckRule:
     bytes: int
     order: ByteOrder
     shift: int
+    seeded: bool
+    as_hex: bool
     continues: int  # index of an earlier check, or -1
+
+
+@dataclass(frozen=True)
+class HeaderField:
+    """A number of the header that is neither length nor id."""
+
+    name: str
+    number: Number
+    default: int
+    is_sequence: bool
 
 
 @dataclass(frozen=True)
@@ -66,6 +87,7 @@ class Layout:
     suffix: int
     payload: PayloadRule
     fixed_payload: int
+    trims_zeros: bool
     length: Number | None
     length_unit: int
     length_bias: int
@@ -74,6 +96,7 @@ class Layout:
     prefix_constants: int
     checks: tuple[CheckRule, ...]
     header_checks: int
+    header: tuple[HeaderField, ...]
 
 
 @dataclass(frozen=True)
@@ -84,14 +107,22 @@ class MessageRow:
     index: int
     min_payload: int
     max_payload: int
+    seed: int
 
 
 @dataclass(frozen=True)
 class Plan:
-    """One end's view: how frames from ``sender`` look, and which messages they carry."""
+    """One end's view: how frames from ``sender`` look, and which messages they carry.
 
-    delimiter: int | None
+    The first layout is the one that is sent unless header values ask for another.
+    """
+
+    framing: str  # by_start, delimited, bracketed, silence
+    opening: int
+    closing: int
+    sends_opening: bool
     stuffing: str
+    escapes: Escapes | None
     deliver_unknown: bool
     max_payload: int
     layouts: tuple[Layout, ...]
@@ -107,19 +138,32 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         if part.algorithm is not None and part.algorithm not in algorithms:
             algorithms.append(part.algorithm)
     rows = [
-        MessageRow(m.id, index, m.min_payload, m.max_payload)
+        MessageRow(m.id, index, m.min_payload, m.max_payload, m.seed or 0)
         for index, m in enumerate(protocol.messages)
         if m.sent_by(sender)
     ]
     return Plan(
-        delimiter=frame.delimiter,
+        framing=_framing(protocol),
+        opening=frame.opening or 0,
+        closing=frame.delimiter or 0,
+        sends_opening=frame.opening is not None,
         stuffing=frame.stuffing,
+        escapes=frame.escapes,
         deliver_unknown=frame.deliver_unknown,
         max_payload=frame.max_payload,
-        layouts=(_layout(frame.parts, algorithms),),
+        layouts=tuple(_layout(variant, algorithms) for variant in variants(frame.parts, sender)),
         algorithms=tuple(algorithms),
         messages=tuple(sorted(rows, key=lambda row: row.id)),
     )
+
+
+def _framing(protocol: Protocol) -> str:
+    frame = protocol.frame
+    if frame.ends_by_silence:
+        return "silence"
+    if frame.delimiter is None:
+        return "by_start"
+    return "bracketed" if frame.opening not in (None, frame.delimiter) else "delimited"
 
 
 def ids_collide(protocol: Protocol) -> list[tuple[Message, Message]]:
@@ -133,7 +177,83 @@ def ids_collide(protocol: Protocol) -> list[tuple[Message, Message]]:
     return pairs
 
 
-def _layout(parts: tuple[Part, ...], algorithms: list[Algorithm]) -> Layout:
+# ---- variants: a frame whose header varies is several frames, told apart by constants
+
+
+@dataclass(frozen=True)
+class Variant:
+    """The parts that are there, with one magic, and what the header's bits must be for it to be this variant."""
+
+    parts: tuple[Part, ...]
+    bits: tuple[tuple[Condition, bool], ...]
+
+
+def variants(parts: tuple[Part, ...], sender: End | None) -> list[Variant]:
+    """Every form that a frame of this sender can take, the one that is sent by default first."""
+    conditions = list(dict.fromkeys(p.condition for p in parts if p.condition is not None and p.condition.field))
+    found = []
+    for magic in _magics(parts, sender):
+        for truths in itertools.product((False, True), repeat=len(conditions)):
+            held = {c for c, truth in zip(conditions, truths, strict=True) if truth}
+            present = tuple(
+                replace(p, value=magic) if p.kind == PartKind.MAGIC else p
+                for p in parts
+                if p.condition is None or p.condition in held or (p.condition.magic and p.condition.magic == magic)
+            )
+            known = {name for p in present for name in header_names(p)}
+            if any(c.field not in known for c in held):
+                continue
+            bits = tuple((c, c in held) for c in conditions if c.field in known)
+            variant = Variant(_renumbered(parts, present), bits)
+            if variant not in found:
+                found.append(variant)
+    return sorted(found, key=lambda v: sum(_default_bit(v.parts, c) != truth for c, truth in v.bits))
+
+
+def header_names(part: Part) -> list[str]:
+    """Names of the header fields that this part holds."""
+    if part.kind in (PartKind.FIELD, PartKind.SEQUENCE):
+        return [part.name]
+    return [b.name for b in part.bits if b.role in (BitRole.FIELD, BitRole.SEQUENCE)]
+
+
+def _magics(parts: tuple[Part, ...], sender: End | None) -> list[bytes]:
+    magic = next((p for p in parts if p.kind == PartKind.MAGIC), None)
+    if magic is None:
+        return [b""]
+    if magic.by_sender:
+        return list(dict.fromkeys(value for end, value in magic.by_sender if sender in (None, End.BOTH, end)))
+    return list(magic.alternatives or (magic.value,))
+
+
+def _default_bit(parts: tuple[Part, ...], condition: Condition) -> bool:
+    for part in parts:
+        if part.kind in (PartKind.FIELD, PartKind.SEQUENCE) and part.name == condition.field:
+            return bool(part.default >> condition.bit & 1)
+        for run in part.bits:
+            if run.name == condition.field:
+                return bool(run.value >> condition.bit & 1)
+    return False
+
+
+def _renumbered(parts: tuple[Part, ...], present: tuple[Part, ...]) -> tuple[Part, ...]:
+    """Checks name the parts that they cover by index: follow the parts that are left."""
+    kept = [i for i, part in enumerate(parts) if any(p.name == part.name for p in present)]
+
+    def place(index: int) -> int:
+        return sum(1 for i in kept if i < index)
+
+    return tuple(
+        replace(p, first=place(p.first), last=place(p.last + 1) - 1) if p.kind == PartKind.CHECK else p
+        for p in present
+    )
+
+
+# ---- one variant to offsets
+
+
+def _layout(variant: Variant, algorithms: list[Algorithm]) -> Layout:
+    parts = variant.parts
     payload_index = next(i for i, p in enumerate(parts) if p.kind == PartKind.PAYLOAD)
     payload = parts[payload_index]
     prefix = sum(p.size for p in parts[:payload_index])
@@ -152,29 +272,43 @@ def _layout(parts: tuple[Part, ...], algorithms: list[Algorithm]) -> Layout:
     before: list[Constant] = []
     after: list[Constant] = []
     length: Number | None = None
-    length_bias = 0
+    length_bias, length_unit = 0, 1
     message_id: Number | None = None
+    header: list[HeaderField] = []
     checks: list[tuple[bool, int, Part]] = []
     for index, part in enumerate(parts):
         at = start_of(index)
-        if part.kind in (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL):
-            place = before if index < payload_index else after
+        place = before if index < payload_index else after
+        if part.kind in _CONSTANT_KINDS:
             place.extend(Constant(Position(at.offset + i, at.from_end), byte) for i, byte in enumerate(part.value))
         elif part.kind == PartKind.LENGTH:
-            length = Number(at, part.size, part.order)
-            follows = sum(p.size for p in parts[index + 1 :])
-            counted_beside_payload = {
-                LengthCounts.PAYLOAD: 0,
-                LengthCounts.REST: follows,
-                LengthCounts.SELF_AND_REST: part.size + follows,
-                LengthCounts.FRAME: prefix + suffix,
-            }[part.counts]
-            length_bias = -counted_beside_payload - part.length_offset
+            length = _whole(at, part)
         elif part.kind == PartKind.ID:
-            message_id = Number(at, part.size, part.order)
+            message_id = _whole(at, part)
+        elif part.kind in (PartKind.FIELD, PartKind.SEQUENCE):
+            is_sequence = part.kind == PartKind.SEQUENCE
+            header.append(HeaderField(part.name, _whole(at, part), part.default, is_sequence))
         elif part.kind == PartKind.CHECK:
             in_header = index < payload_index and part.last < payload_index
             checks.append((not in_header, index, part))
+        for run in part.bits:
+            number = Number(at, part.size, part.order, run.shift, run.mask)
+            if run.role == BitRole.LENGTH:
+                length = number
+            elif run.role == BitRole.ID:
+                message_id = number
+            elif run.role == BitRole.CONSTANT:
+                place.extend(_bits_constant(number, run.value))
+            else:
+                header.append(HeaderField(run.name, number, run.value, run.role == BitRole.SEQUENCE))
+        if part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits):
+            length_bias, length_unit = _length_rule(parts, index, prefix, suffix), part.length_unit
+    for condition, truth in variant.bits:
+        field = next(f for f in header if f.name == condition.field)
+        place = after if field.number.at.from_end else before
+        bit = Number(field.number.at, field.number.bytes, field.number.order, field.number.shift + condition.bit, 1)
+        place.extend(_bits_constant(bit, int(truth)))
+    before.sort(key=lambda constant: constant.at.offset)
     checks.sort(key=lambda entry: entry[:2])
 
     rules: list[CheckRule] = []
@@ -189,20 +323,54 @@ def _layout(parts: tuple[Part, ...], algorithms: list[Algorithm]) -> Layout:
             inside = not earlier.stop.from_end and (stop.from_end or earlier.stop.offset <= stop.offset)
             if same and inside:
                 continues = earlier_index
+        size = part.size // 2 if part.as_hex else part.size
+        at = start_of(index)
         rules.append(
-            CheckRule(algorithm, start, stop, start_of(index), part.size, part.order, part.shift, continues)
+            CheckRule(algorithm, start, stop, at, size, part.order, part.shift, part.seeded, part.as_hex, continues)
         )
     return Layout(
         prefix=prefix,
         suffix=suffix,
         payload=payload.payload,
         fixed_payload=payload.fixed_payload,
+        trims_zeros=payload.trims_zeros,
         length=length,
-        length_unit=1,
+        length_unit=length_unit,
         length_bias=length_bias,
         id=message_id,
         constants=tuple(before + after),
         prefix_constants=len(before),
         checks=tuple(rules),
         header_checks=sum(1 for late, _, _ in checks if not late),
+        header=tuple(header),
     )
+
+
+def _whole(at: Position, part: Part) -> Number:
+    return Number(at, part.size, part.order, 0, (1 << 8 * part.size) - 1)
+
+
+def _length_rule(parts: tuple[Part, ...], index: int, prefix: int, suffix: int) -> int:
+    """The bias: payload bytes = length number * unit + bias."""
+    part = parts[index]
+    follows = sum(p.size for p in parts[index + 1 :])
+    beside_payload = {
+        LengthCounts.PAYLOAD: 0,
+        LengthCounts.REST: follows,
+        LengthCounts.SELF_AND_REST: part.size + follows,
+        LengthCounts.FRAME: prefix + suffix,
+    }[part.counts]
+    return -beside_payload - part.length_offset
+
+
+def _bits_constant(number: Number, value: int) -> list[Constant]:
+    """The bytes of ``number`` that ``mask`` touches, as masked constants."""
+    mask, bits = number.mask << number.shift, value << number.shift
+    constants = []
+    for i in range(number.bytes):
+        place = 8 * (i if number.order == ByteOrder.LITTLE else number.bytes - 1 - i)
+        byte_mask = mask >> place & 0xFF
+        if byte_mask:
+            at = Position(number.at.offset + i, number.at.from_end)
+            constants.append(Constant(at, bits >> place & byte_mask, byte_mask))
+    return constants

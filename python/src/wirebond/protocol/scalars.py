@@ -188,12 +188,15 @@ def _hex_bytes(most: int) -> Callable[[object], bytes]:
     return check
 
 
-def _bytes_type(most: int) -> Any:
+def _bytes_schema(most: int) -> Any:
     one = "0x[0-9a-fA-F]{1,2}"
     pattern = f"^{one}$" if most == 1 else f"^{one}( +{one}){{0,{most - 1}}}$"
     # Editors read a single 0xAA as the integer 170.
-    schema = Annotated[int, Field(ge=0, le=255)] | Annotated[str, Field(pattern=pattern)]
-    return PlainValidator(_hex_bytes(most), json_schema_input_type=schema)
+    return Annotated[int, Field(ge=0, le=255)] | Annotated[str, Field(pattern=pattern)]
+
+
+def _bytes_type(most: int) -> Any:
+    return PlainValidator(_hex_bytes(most), json_schema_input_type=_bytes_schema(most))
 
 
 OneByte = Annotated[bytes, _bytes_type(1)]
@@ -355,6 +358,84 @@ def _part_range(value: object) -> tuple[str, str]:
             "or one part"
         )
     return ends[0], ends[-1]
+
+
+@dataclass(frozen=True)
+class Magic:
+    """``values``: any of these; ``by_end``: one for each sender instead."""
+
+    values: tuple[bytes, ...] = ()
+    by_end: tuple[tuple[str, bytes], ...] = ()
+
+
+def _magic(value: object) -> Magic:
+    one = _hex_bytes(4)
+    if isinstance(value, list):
+        if not 2 <= len(value) <= 4:
+            raise wrong(f"a list of magics has 2 to 4 entries, not {len(value)}; write `[0xFE, 0xFD]`")
+        values = tuple(one(entry) for entry in value)
+        if len(set(values)) != len(values):
+            raise wrong("two of these magics are the same; remove one")
+        return Magic(values)
+    if isinstance(value, dict):
+        if set(value) != {"host", "mcu"}:
+            raise wrong("a magic for each direction needs both ends; write `{host: 0xAA, mcu: 0xBB}`")
+        by_end = tuple((str(end), one(value[end])) for end in ("host", "mcu"))
+        if len(by_end[0][1]) != len(by_end[1][1]):
+            raise wrong("both directions' magics need the same number of bytes")
+        return Magic(by_end=by_end)
+    return Magic((one(value),))
+
+
+MagicValue = Annotated[
+    Magic,
+    PlainValidator(
+        _magic,
+        json_schema_input_type=_bytes_schema(4)
+        | Annotated[list[_bytes_schema(4)], Field(min_length=2, max_length=4)]  # type: ignore[misc]
+        | dict[Literal["host", "mcu"], _bytes_schema(4)],
+    ),
+]
+
+
+@dataclass(frozen=True)
+class WhenText:
+    """``flags & 0x01`` (field, bit number) or ``magic == 0xFD`` (bytes)."""
+
+    field: str
+    bit: int
+    magic: bytes
+
+
+_WHEN_BIT = re.compile(r"([a-z][a-z0-9_]*) *& *(0x[0-9A-Fa-f]{1,8}|[0-9]{1,10})")
+_WHEN_MAGIC = re.compile(r"magic *== *((?:0x[0-9A-Fa-f]{2} *){1,4})")
+
+
+def _when(value: object) -> WhenText:
+    advice = "write `flags & 0x01` (one bit of a field of the header) or `magic == 0xFD`"
+    if not isinstance(value, str):
+        raise wrong(f"{describe(value)} is not a condition; {advice}")
+    match = _WHEN_MAGIC.fullmatch(value)
+    if match:
+        return WhenText("", 0, bytes(int(word, 16) for word in match[1].split()))
+    match = _WHEN_BIT.fullmatch(value)
+    if match is None:
+        raise wrong(f"{describe(value)} is not a condition; {advice}")
+    mask = int(match[2], 0)
+    if mask == 0 or mask & (mask - 1):
+        raise wrong(f"{match[2]} is not a single bit; {advice}")
+    return WhenText(match[1], mask.bit_length() - 1, b"")
+
+
+When = Annotated[
+    WhenText,
+    PlainValidator(
+        _when,
+        json_schema_input_type=Annotated[
+            str, Field(pattern=rf"^({_WHEN_BIT.pattern}|{_WHEN_MAGIC.pattern})$")
+        ],
+    ),
+]
 
 
 _CHECK_NAMES = (OWN_CRC, *algorithms.ALGORITHMS, *algorithms.ALIASES)
