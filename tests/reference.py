@@ -5,13 +5,17 @@ It shares no code with the engine: no plan, no tables, no state between calls. T
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Literal
 
 from wirebond.protocol.model import (
     Algorithm,
+    BitRole,
     ByteOrder,
     End,
+    Escapes,
     LengthCounts,
     Message,
     Part,
@@ -20,7 +24,7 @@ from wirebond.protocol.model import (
     Protocol,
 )
 
-CONSTANTS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
+CONSTANTS = (PartKind.CONSTANT, PartKind.TAIL)
 
 
 @dataclass(frozen=True)
@@ -51,19 +55,22 @@ class _Incomplete(Exception):  # noqa: N818
 
 def decode(protocol: Protocol, stream: bytes, sender: End | None = None) -> Result:
     """Everything in ``stream``, as if nothing ever followed it."""
-    if protocol.frame.delimiter is not None:
+    frame = protocol.frame
+    if frame.ends_by_silence:
+        return _decode_block(protocol, stream, sender)
+    if frame.delimiter is None:
+        return _decode_by_start(protocol, stream, sender)
+    if frame.opening in (None, frame.delimiter):
         return _decode_delimited(protocol, stream, sender)
-    return _decode_by_start(protocol, stream, sender)
+    return _decode_bracketed(protocol, stream, sender)
 
 
 def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
     result = Result()
     blame_end, blame = 0, ""
     at = 0
-    first = protocol.frame.parts[0]
     while at < len(stream):
-        starts = first.kind not in CONSTANTS or stream[at] == first.value[0]
-        if starts:
+        if _may_start(protocol, stream[at], sender):
             try:
                 size, message_id, name = _judge(protocol, stream[at:], sender, whole=False)
             except _Rejected as outcome:
@@ -82,11 +89,23 @@ def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> R
     return result
 
 
+def _may_start(protocol: Protocol, byte: int, sender: End | None) -> bool:
+    """Is this byte the first of a frame, as far as its constants tell?"""
+    first = protocol.frame.parts[0]
+    if first.kind == PartKind.MAGIC:
+        return any(magic[0] == byte for magic in _magics(first, sender))
+    if first.kind in CONSTANTS:
+        return first.value[0] == byte
+    if first.size == 1:
+        return all(byte >> r.shift & r.mask == r.value for r in first.bits if r.role == BitRole.CONSTANT)
+    return True
+
+
 def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
     result = Result()
     assert protocol.frame.delimiter is not None
     delimiter = bytes([protocol.frame.delimiter])
-    longest = protocol.max_wire_bytes()
+    longest = _longest_on_wire(protocol)
     at = 0
     while at < len(stream):
         opening = stream[at : at + 1] == delimiter
@@ -112,12 +131,76 @@ def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> 
     return result
 
 
+def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
+    result = Result()
+    opening, closing = protocol.frame.opening, protocol.frame.delimiter
+    at = 0
+    while at < len(stream):
+        if stream[at] != opening:
+            result.discarded_bytes["no_start"] += 1
+            at += 1
+            continue
+        end = next((i for i in range(at + 1, len(stream)) if stream[i] in (opening, closing)), None)
+        try:
+            if end is None:
+                end = len(stream)
+                raise _Rejected("length_out_of_range" if end - at >= _longest_on_wire(protocol) else "incomplete", 0)
+            if stream[end] == opening:
+                raise _Rejected("incomplete", 0)
+            end += 1
+            message_id, name = _judge_block(protocol, stream[at + 1 : end - 1], sender)
+        except _Rejected as outcome:
+            result.rejected_candidates[outcome.cause] += 1
+            result.discarded_bytes[outcome.cause] += end - at
+        else:
+            result.frames.append(Frame(at, stream[at:end], message_id, name))
+        at = end
+    return result
+
+
+def _decode_block(protocol: Protocol, block: bytes, sender: End | None) -> Result:
+    """What lies between two silences."""
+    result = Result()
+    try:
+        message_id, name = _judge_block(protocol, block, sender)
+    except _Rejected as outcome:
+        result.rejected_candidates[outcome.cause] += 1
+        result.discarded_bytes[outcome.cause] += len(block)
+    else:
+        result.frames.append(Frame(0, block, message_id, name))
+    return result
+
+
+def _longest_frame(protocol: Protocol) -> int:
+    """Of all forms of the frame the longest, before stuffing."""
+    exclusive: dict[bytes, int] = {}
+    always = 0
+    for part in protocol.frame.parts:
+        if part.condition is not None and part.condition.magic:
+            exclusive[part.condition.magic] = exclusive.get(part.condition.magic, 0) + part.size
+        else:
+            always += part.size
+    return always + max(exclusive.values(), default=0) + protocol.frame.max_payload
+
+
+def _longest_on_wire(protocol: Protocol) -> int:
+    longest = _longest_frame(protocol)
+    return longest + _overhead(protocol, longest) + 2
+
+
+def _overhead(protocol: Protocol, size: int) -> int:
+    return {"none": 0, "cobs": 1 + size // 254, "escape": size}[protocol.frame.stuffing]
+
+
 def _judge_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[int, str]:
-    parts = sum(p.size for p in protocol.frame.parts)
-    longest = parts + protocol.frame.max_payload
-    if len(block) > longest + 1 + longest // 254:
+    longest = _longest_frame(protocol)
+    if len(block) > longest + _overhead(protocol, longest):
         raise _Rejected("length_out_of_range", 0)
-    frame = uncobs(block)
+    frame: bytes | None = block
+    if protocol.frame.stuffing == "cobs":
+        frame = uncobs(block)
+    elif protocol.frame.escapes is not None:
+        frame = unescape(protocol.frame.escapes, block)
     if frame is None:
         raise _Rejected("bad_stuffing", 0)
     try:
@@ -142,35 +225,70 @@ def uncobs(block: bytes) -> bytes | None:
     return bytes(out)
 
 
+def unescape(rule: Escapes, block: bytes) -> bytes | None:
+    """Escapes undone; None where one stands at the end or has a code that means nothing."""
+    out = bytearray()
+    stream = iter(block)
+    for byte in stream:
+        if byte != rule.escape:
+            out.append(byte)
+            continue
+        code = next(stream, None)
+        if code is None:
+            return None
+        plain = code ^ rule.exclusive_or if rule.exclusive_or else {c: p for p, c in rule.pairs}.get(code)
+        if plain is None:
+            return None
+        out.append(plain)
+    return bytes(out)
+
+
+def _magics(part: Part, sender: End | None) -> list[bytes]:
+    if part.by_sender:
+        return [value for end, value in part.by_sender if sender in (None, end)]
+    return list(part.alternatives or (part.value,))
+
+
+@dataclass
+class _Header:
+    """What the parts before the payload say."""
+
+    magic: bytes = b""
+    numbers: dict[str, int] = field(default_factory=dict)
+    id: int | None = None
+    length: int | None = None
+
+    def has(self, part: Part) -> bool:
+        condition = part.condition
+        if condition is None:
+            return True
+        if condition.magic:
+            return condition.magic == self.magic
+        return bool(self.numbers.get(condition.field, 0) >> condition.bit & 1)
+
+
 def _judge(protocol: Protocol, data: bytes, sender: End | None, whole: bool) -> tuple[int, int, str]:
     """Size, id and message name of the frame at the start of ``data``; raises _Rejected or _Incomplete."""
     frame = protocol.frame
-    parts = frame.parts
-    payload_at = next(i for i, p in enumerate(parts) if p.kind == PartKind.PAYLOAD)
-    before, after = parts[:payload_at], parts[payload_at + 1 :]
+    payload_at = next(i for i, p in enumerate(frame.parts) if p.kind == PartKind.PAYLOAD)
+    header, before = _read_header(frame.parts[:payload_at], data, sender)
+    after = [p for p in frame.parts[payload_at + 1 :] if header.has(p)]
+    parts = (*before, frame.parts[payload_at], *after)
     prefix, suffix = sum(p.size for p in before), sum(p.size for p in after)
 
-    at = 0
-    for part in before:  # constants as soon as their bytes are there
-        if part.kind in CONSTANTS:
-            for i, byte in enumerate(part.value):
-                if at + i >= len(data):
-                    raise _Incomplete
-                if data[at + i] != byte:
-                    raise _Rejected("constant_mismatch", 1)
-        at += part.size
-    if len(data) < prefix:
-        raise _Incomplete
-
-    size, known_size = _payload_size(protocol, parts, data, prefix, suffix, sender)
-    early_id = any(p.kind == PartKind.ID for p in before)
-    message_id = _number(before, data, PartKind.ID) if early_id else 0
+    size, known_size = _payload_size(protocol, parts, header, data, prefix, suffix, sender)
+    early_id = header.id is not None
+    message_id = header.id or 0
     message = _message(protocol, message_id, sender)
-    if early_id and not frame.deliver_unknown and not _fits(message, size, known_size):
+    if early_id and not frame.deliver_unknown and not _fits(frame.parts[payload_at], message, size, known_size):
         raise _Rejected("unknown_message", prefix)
 
-    for i, part in enumerate(before):  # checks of the header
-        if part.kind == PartKind.CHECK and part.last < payload_at and not _holds(parts, i, data, payload_at, 0):
+    header_parts = {id(p) for p in before}
+    places = {id(p): i for i, p in enumerate(frame.parts)}
+    for part in before:  # checks of the header
+        if part.kind == PartKind.CHECK and part.last < payload_at and not _holds(
+            frame.parts, parts, places[id(part)], data, payload_at, 0, message
+        ):
             raise _Rejected("header_check_mismatch", prefix)
 
     total = prefix + size + suffix
@@ -186,22 +304,74 @@ def _judge(protocol: Protocol, data: bytes, sender: End | None, whole: bool) -> 
             raise _Rejected("constant_mismatch", total)
         at += part.size
     if not early_id:
-        has_id = any(p.kind == PartKind.ID for p in after)
-        message_id = _number(after, data[prefix + size :], PartKind.ID) if has_id else 0
+        at = prefix + size
+        for part in after:
+            if part.kind == PartKind.ID:
+                message_id = int.from_bytes(data[at : at + part.size], _order(part.order))
+            at += part.size
         message = _message(protocol, message_id, sender)
-        if not frame.deliver_unknown and not _fits(message, size, known_size):
+        if not frame.deliver_unknown and not _fits(frame.parts[payload_at], message, size, known_size):
             raise _Rejected("unknown_message", total)
 
-    for i, part in enumerate(parts):
-        in_header = i < payload_at and part.last < payload_at
-        if part.kind == PartKind.CHECK and not in_header and not _holds(parts, i, data, payload_at, size):
+    for part in parts:
+        in_header = id(part) in header_parts and part.last < payload_at
+        if part.kind == PartKind.CHECK and not in_header and not _holds(
+            frame.parts, parts, places[id(part)], data, payload_at, size, message
+        ):
             raise _Rejected("check_mismatch", total)
-    decodable = message is not None and size >= message.min_payload
+    trims = frame.parts[payload_at].trims_zeros
+    decodable = message is not None and (trims or size >= message.min_payload)
     return total, message_id, message.name if message is not None and decodable else "unknown"
 
 
+def _read_header(parts: tuple[Part, ...], data: bytes, sender: End | None) -> tuple[_Header, list[Part]]:
+    """Part by part: constants as soon as their bytes are there, then what the numbers say."""
+    header = _Header()
+    present: list[Part] = []
+    at = 0
+    for part in parts:
+        if not header.has(part):
+            continue
+        present.append(part)
+        piece = data[at : at + part.size]
+        if part.kind == PartKind.MAGIC:
+            found = [m for m in _magics(part, sender) if m[: len(piece)] == piece]
+            if not found:
+                raise _Rejected("constant_mismatch", 1)
+            header.magic = found[0]
+        if part.kind in CONSTANTS and part.value[: len(piece)] != piece:
+            raise _Rejected("constant_mismatch", 1)
+        if len(piece) < part.size:
+            raise _Incomplete
+        number = int.from_bytes(piece, _order(part.order))
+        if part.kind == PartKind.ID:
+            header.id = number
+        elif part.kind == PartKind.LENGTH:
+            header.length = number
+        elif part.kind in (PartKind.FIELD, PartKind.SEQUENCE):
+            header.numbers[part.name] = number
+        for run in part.bits:
+            value = number >> run.shift & run.mask
+            if run.role == BitRole.CONSTANT and value != run.value:
+                raise _Rejected("constant_mismatch", 1)
+            if run.role == BitRole.ID:
+                header.id = value
+            elif run.role == BitRole.LENGTH:
+                header.length = value
+            else:
+                header.numbers[run.name] = value
+        at += part.size
+    return header, present
+
+
 def _payload_size(
-    protocol: Protocol, parts: tuple[Part, ...], data: bytes, prefix: int, suffix: int, sender: End | None
+    protocol: Protocol,
+    parts: tuple[Part, ...],
+    header: _Header,
+    data: bytes,
+    prefix: int,
+    suffix: int,
+    sender: End | None,
 ) -> tuple[int, bool]:
     """Payload bytes, and whether the format itself fixes them."""
     payload = next(p for p in parts if p.kind == PartKind.PAYLOAD)
@@ -214,11 +384,13 @@ def _payload_size(
             raise _Rejected("length_out_of_range", 0)
         return size, False
     if payload.payload == PayloadRule.BY_ID:
-        message = _message(protocol, _number(parts, data, PartKind.ID), sender)
+        message = _message(protocol, header.id or 0, sender)
         if message is None:
             raise _Rejected("unknown_message", prefix)
         return message.max_payload, True
-    index = next(i for i, p in enumerate(parts) if p.kind == PartKind.LENGTH)
+    index = next(
+        i for i, p in enumerate(parts) if p.kind == PartKind.LENGTH or any(r.role == BitRole.LENGTH for r in p.bits)
+    )
     length = parts[index]
     follows = sum(p.size for p in parts[index + 1 :])
     counted = {
@@ -227,22 +399,14 @@ def _payload_size(
         LengthCounts.SELF_AND_REST: length.size + follows,
         LengthCounts.FRAME: prefix + suffix,
     }[length.counts]
-    size = _number(parts, data, PartKind.LENGTH) - counted - length.length_offset
+    assert header.length is not None
+    size = header.length * length.length_unit - counted - length.length_offset
     if not 0 <= size <= most:
         raise _Rejected("length_out_of_range", prefix)
     return size, False
 
 
-def _number(parts: tuple[Part, ...], data: bytes, kind: PartKind) -> int:
-    at = 0
-    for part in parts:
-        if part.kind == kind:
-            return int.from_bytes(data[at : at + part.size], _order(part.order))
-        at += part.size
-    raise AssertionError(f"no {kind} part")
-
-
-def _order(order: ByteOrder) -> str:
+def _order(order: ByteOrder) -> Literal["little", "big"]:
     return "little" if order == ByteOrder.LITTLE else "big"
 
 
@@ -250,18 +414,40 @@ def _message(protocol: Protocol, message_id: int, sender: End | None) -> Message
     return next((m for m in protocol.messages if m.id == message_id and m.sent_by(sender)), None)
 
 
-def _fits(message: Message | None, size: int, known_size: bool) -> bool:
-    return message is not None and (known_size or message.min_payload <= size <= message.max_payload)
+def _fits(payload: Part, message: Message | None, size: int, known_size: bool) -> bool:
+    if message is None:
+        return False
+    return known_size or ((payload.trims_zeros or message.min_payload <= size) and size <= message.max_payload)
 
 
-def _holds(parts: tuple[Part, ...], index: int, data: bytes, payload_at: int, payload_size: int) -> bool:
-    sizes = [payload_size if i == payload_at else p.size for i, p in enumerate(parts)]
-    part = parts[index]
+def _holds(
+    everything: tuple[Part, ...],
+    present: tuple[Part, ...],
+    index: int,
+    data: bytes,
+    payload_at: int,
+    payload_size: int,
+    message: Message | None,
+) -> bool:
+    """``index`` and ``payload_at`` count all parts of the format, there or not: those that are not have no bytes."""
+    there = {id(p) for p in present}
+    sizes = [payload_size if i == payload_at else p.size if id(p) in there else 0 for i, p in enumerate(everything)]
+    part = everything[index]
     assert part.algorithm is not None
     covered = data[sum(sizes[: part.first]) : sum(sizes[: part.last + 1])]
+    if part.seeded:
+        covered += bytes([message.seed or 0 if message is not None else 0])
     at = sum(sizes[:index])
-    found = int.from_bytes(data[at : at + part.size], _order(part.order))
-    return found == (checksum(part.algorithm, covered) >> part.shift) % 256**part.size
+    piece = data[at : at + part.size]
+    width = part.size
+    if part.as_hex:
+        width //= 2
+        if not re.fullmatch(rb"[0-9A-Fa-f]*", piece):
+            return False
+        found = int(piece, 16)
+    else:
+        found = int.from_bytes(piece, _order(part.order))
+    return found == (checksum(part.algorithm, covered) >> part.shift) % 256**width
 
 
 def checksum(algorithm: Algorithm, data: bytes) -> int:
@@ -273,7 +459,15 @@ def checksum(algorithm: Algorithm, data: bytes) -> int:
             value ^= byte
         return value ^ algorithm.xorout
     if algorithm.kind == "sum":
-        return (algorithm.init + sum(data)) % 2**width ^ algorithm.xorout
+        value = algorithm.init + sum(data)
+        return (-value if algorithm.negate else value) % 2**width ^ algorithm.xorout
+    if algorithm.kind == "fletcher":
+        modulus = algorithm.modulus or 2 ** (width // 2)
+        first = second = 0
+        for byte in data:
+            first = (first + byte) % modulus
+            second = (second + first) % modulus
+        return second << (width // 2) | first
     register = algorithm.init
     for byte in data:
         for bit in range(8):

@@ -175,7 +175,8 @@ std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTab
   const std::size_t lead = payload_lead(source, layout);
   std::vector<std::uint8_t> buffer(lead + payload.size() + max_wire_bytes(format.format()));
   std::copy(payload.begin(), payload.end(), buffer.begin() + static_cast<std::ptrdiff_t>(lead));
-  const std::size_t size = seal(source, buffer.data(), buffer.size(), message.id, payload.size(), layout, header.data());
+  const std::size_t size =
+      seal(source, buffer.data(), buffer.size(), message.id, payload.size(), layout, header.data());
   if (size == 0) {
     throw_message_error("payload of " + message.name + " has " + std::to_string(payload.size()) +
                         " bytes; this frame carries at most " + std::to_string(format.format().max_payload));

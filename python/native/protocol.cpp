@@ -191,9 +191,7 @@ FormatTable::FormatTable(nb::handle plan) {
   format_.closing = nb::cast<std::uint8_t>(plan.attr("closing"));
   format_.sends_opening = nb::cast<bool>(plan.attr("sends_opening"));
   const std::string stuffing = text_of(plan.attr("stuffing"));
-  format_.stuffing = stuffing == "cobs"     ? Stuffing::cobs
-                     : stuffing == "escape" ? Stuffing::escape
-                                            : Stuffing::none;
+  format_.stuffing = stuffing == "cobs" ? Stuffing::cobs : stuffing == "escape" ? Stuffing::escape : Stuffing::none;
   const nb::object escapes = plan.attr("escapes");
   if (!escapes.is_none()) {
     format_.escapes.escape = nb::cast<std::uint8_t>(escapes.attr("escape"));

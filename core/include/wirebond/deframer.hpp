@@ -19,7 +19,7 @@ struct ByteAccount {
   Counter discarded_bytes[cause_count] = {};  ///< by Cause
 
   Counter frames = 0;
-  Counter unknown_frames = 0;                ///< of these: unknown id, or too short for the message
+  Counter unknown_frames = 0;                     ///< of these: unknown id, or too short for the message
   Counter rejected_candidates[cause_count] = {};  ///< how often, where discarded_bytes says how much
 
   Counter settled() const {
@@ -256,8 +256,7 @@ class Deframer {
 
   /// `give_up` says that the line was silent behind the window: the window is one block.
   template <class Sink>
-  WIREBOND_INLINE std::size_t consume_silence(const std::uint8_t* window, std::size_t size, bool give_up,
-                                              Sink&& sink) {
+  WIREBOND_INLINE std::size_t consume_silence(const std::uint8_t* window, std::size_t size, bool give_up, Sink&& sink) {
     const std::size_t longest = max_frame_bytes(source_.format());
     if (overlong_ || size > longest) {
       if (!overlong_) reject(Cause::length_out_of_range, size);

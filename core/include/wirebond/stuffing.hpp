@@ -80,8 +80,8 @@ inline std::size_t escape_in_place(const EscapeRule& rule, std::uint8_t* buffer,
   return stuffed;
 }
 
-/// Undo it. Returns the size, or -1 where an escape stands at the end, its code is none of the rule's, or the result does
-/// not fit.
+/// Undo it. Returns the size, or -1 where an escape stands at the end, its code is none of the rule's, or the result
+/// does not fit.
 inline std::ptrdiff_t unescape(const EscapeRule& rule, const std::uint8_t* from, std::size_t size, std::uint8_t* to,
                                std::size_t capacity) {
   std::size_t out = 0;
