@@ -72,7 +72,8 @@ struct UnsignedOf<8> {
 };
 }  // namespace detail
 
-/// A number of type `T` (integer or IEEE 754 float) in wire order. Compiles to one load where order and alignment allow.
+/// A number of type `T` (integer or IEEE 754 float) in wire order. Compiles to one load where order and alignment
+/// allow.
 template <class T, ByteOrder Order = ByteOrder::little>
 WIREBOND_INLINE T load(const std::uint8_t* from) {
   using Bits = typename detail::UnsignedOf<sizeof(T)>::type;

@@ -118,7 +118,7 @@ WIREBOND_INLINE std::uint64_t crc_update(std::uint64_t reg64, const std::uint8_t
     const std::uint8_t* const end = bytes + size;
     const std::uint8_t* const end_of_words = bytes + (size & ~std::size_t{3});
     for (; bytes != end_of_words; bytes += 4) {
-      reg ^= load<std::uint32_t, Reflected ? ByteOrder::little : ByteOrder::big>(bytes);
+      reg ^= load < std::uint32_t, Reflected ? ByteOrder::little : ByteOrder::big > (bytes);
       reg = step(step(step(step(reg))));
     }
     for (; bytes != end; ++bytes) {

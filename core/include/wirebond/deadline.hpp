@@ -9,8 +9,8 @@ namespace wirebond {
 
 /// How a deadline ends once it has struck.
 enum class Recover : std::uint8_t {
-  next_message,  ///< by the next message
-  explicit_call, ///< only by `Deadlines::recover`
+  next_message,   ///< by the next message
+  explicit_call,  ///< only by `Deadlines::recover`
 };
 
 /// One line of the protocol file's `deadlines`.
@@ -27,9 +27,7 @@ struct DeadlineRule {
 template <std::size_t Size, class Time = std::uint32_t>
 class Deadlines {
  public:
-  Deadlines(const std::array<DeadlineRule, Size>& rules, Time now_us) : rules_(rules) {
-    since_us_.fill(now_us);
-  }
+  Deadlines(const std::array<DeadlineRule, Size>& rules, Time now_us) : rules_(rules) { since_us_.fill(now_us); }
 
   /// A valid message came in at `now_us`.
   void seen(std::int16_t message, Time now_us) {

@@ -19,7 +19,7 @@ struct ByteAccount {
   Counter discarded_bytes[cause_count] = {};  ///< by Cause
 
   Counter frames = 0;
-  Counter unknown_frames = 0;                ///< of these: unknown id, or too short for the message
+  Counter unknown_frames = 0;                     ///< of these: unknown id, or too short for the message
   Counter rejected_candidates[cause_count] = {};  ///< how often, where discarded_bytes says how much
 
   Counter settled() const {

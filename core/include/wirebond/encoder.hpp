@@ -72,7 +72,7 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
       reg = registers[earlier];
       from = layout.checks[earlier].to.in(earlier < layout.header_checks ? layout.prefix : size);
     }
-    reg = source.check_update(rule.algorithm, reg, frame + from, rule.to.in(covered) - from);
+    reg = source.check_update(rule.algorithm, reg, frame + from, rule.to.in(covered)-from);
     registers[i] = reg;
     store_bytes(frame + rule.at.in(covered), check_end(algorithm, reg) >> rule.shift, rule.bytes, rule.order);
     return true;

@@ -27,9 +27,9 @@ struct Frame {
   std::size_t wire_size = 0;
   const std::uint8_t* payload = nullptr;
   std::size_t payload_size = 0;
-  std::uint32_t id = 0;        ///< 0 where the format has none
-  std::int16_t message = -1;   ///< index of the message; -1: unknown id, or a payload too short for it
-  std::uint64_t offset = 0;    ///< of its first wire byte since the deframer started (modulo its counter)
+  std::uint32_t id = 0;       ///< 0 where the format has none
+  std::int16_t message = -1;  ///< index of the message; -1: unknown id, or a payload too short for it
+  std::uint64_t offset = 0;   ///< of its first wire byte since the deframer started (modulo its counter)
 };
 
 enum class Outcome : std::uint8_t { frame, need_more, reject };
@@ -64,7 +64,9 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std
   std::uint64_t found;
   switch (rule.bytes) {
     case 1: found = at[0]; break;
-    case 2: found = rule.order == ByteOrder::little ? load<std::uint16_t>(at) : load<std::uint16_t, ByteOrder::big>(at); break;
+    case 2:
+      found = rule.order == ByteOrder::little ? load<std::uint16_t>(at) : load<std::uint16_t, ByteOrder::big>(at);
+      break;
     default: found = load_bytes(at, rule.bytes, rule.order); break;
   }
   return expected == found;
@@ -157,10 +159,9 @@ WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layou
   }
   if (!id_early && !format.deliver_unknown && !fits()) return {Outcome::reject, Cause::unknown_message, size};
 
-  const bool checks_hold =
-      every<unroll, max_checks>(layout.header_checks, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, layout, i, candidate, size, registers);
-      });
+  const bool checks_hold = every<unroll, max_checks>(
+      layout.header_checks, layout.check_count,
+      [&](std::size_t i) WIREBOND_INLINE_LAMBDA { return check_holds(source, layout, i, candidate, size, registers); });
   if (!checks_hold) return {Outcome::reject, Cause::check_mismatch, size};
 
   frame.payload = candidate + layout.prefix;
@@ -178,13 +179,13 @@ WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candid
                                 Frame& frame) {
   const FrameFormat& format = source.format();
   if constexpr (Source::is_constant) {
-    if (format.layout_count == 1) return detail::examine_layout(source, format.layouts[0], candidate, available, whole, frame);
+    if (format.layout_count == 1)
+      return detail::examine_layout(source, format.layouts[0], candidate, available, whole, frame);
   }
   // Several layouts: the first that holds. A rejection is told for the layout that got furthest.
   Verdict best{Outcome::reject, Cause::constant_mismatch, 0};
   for (std::size_t i = 0; i < format.layout_count; ++i) {
-    const Verdict verdict =
-        detail::examine_layout(source, format.layouts[i], candidate, available, whole, frame);
+    const Verdict verdict = detail::examine_layout(source, format.layouts[i], candidate, available, whole, frame);
     if (verdict.outcome == Outcome::frame) return verdict;
     const bool better = verdict.outcome == Outcome::need_more
                             ? best.outcome != Outcome::need_more || verdict.bytes < best.bytes

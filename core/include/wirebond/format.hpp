@@ -119,8 +119,7 @@ WIREBOND_INLINE constexpr std::size_t max_frame_bytes(const FrameFormat& format)
   std::size_t largest = 0;
   for (std::size_t i = 0; i < format.layout_count; ++i) {
     const Layout& layout = format.layouts[i];
-    const std::size_t payload =
-        layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : format.max_payload;
+    const std::size_t payload = layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : format.max_payload;
     const std::size_t size = layout.prefix + payload + layout.suffix;
     if (size > largest) largest = size;
   }
@@ -139,8 +138,7 @@ WIREBOND_INLINE constexpr std::size_t max_wire_bytes(const FrameFormat& format) 
 /// Wire bytes that a sender sets aside for a frame of its first layout: exact where nothing is stuffed, else the worst.
 WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std::size_t payload_size) {
   const Layout& layout = format.layouts[0];
-  const std::size_t payload =
-      layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : payload_size;
+  const std::size_t payload = layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : payload_size;
   const std::size_t frame = layout.prefix + payload + layout.suffix;
   return frame + (format.framing == Framing::delimited ? 2u : 0u) +
          (format.stuffing == Stuffing::cobs ? cobs_overhead(frame) : 0u);
@@ -169,7 +167,8 @@ WIREBOND_INLINE bool every_unrolled(std::size_t begin, std::size_t end, Fn& fn, 
   return ((I < begin || I >= end || fn(I)) && ...);
 }
 
-/// fn(i) for begin <= i < end until one is false. Unrolled where the format is a constant, so that every read of it folds.
+/// fn(i) for begin <= i < end until one is false. Unrolled where the format is a constant, so that every read of it
+/// folds.
 template <bool Unroll, std::size_t Capacity, class Fn>
 WIREBOND_INLINE bool every(std::size_t begin, std::size_t end, Fn&& fn) {
   if constexpr (Unroll) {
@@ -187,8 +186,12 @@ WIREBOND_INLINE std::uint32_t read_number(const Number& number, const std::uint8
   std::uint64_t value = 0;
   switch (number.bytes) {  // constant widths let the compiler use one load
     case 1: value = at[0]; break;
-    case 2: value = number.order == ByteOrder::little ? load<std::uint16_t>(at) : load<std::uint16_t, ByteOrder::big>(at); break;
-    case 4: value = number.order == ByteOrder::little ? load<std::uint32_t>(at) : load<std::uint32_t, ByteOrder::big>(at); break;
+    case 2:
+      value = number.order == ByteOrder::little ? load<std::uint16_t>(at) : load<std::uint16_t, ByteOrder::big>(at);
+      break;
+    case 4:
+      value = number.order == ByteOrder::little ? load<std::uint32_t>(at) : load<std::uint32_t, ByteOrder::big>(at);
+      break;
     default: value = load_bytes(at, number.bytes, number.order); break;
   }
   return static_cast<std::uint32_t>(value >> number.shift) & number.mask;

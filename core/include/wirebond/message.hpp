@@ -40,8 +40,7 @@ namespace detail {
 template <class Handler, class Message, class = void>
 struct HasOn : std::false_type {};
 template <class Handler, class Message>
-struct HasOn<Handler, Message,
-             std::void_t<decltype(std::declval<Handler&>().on(std::declval<const Message&>()))>>
+struct HasOn<Handler, Message, std::void_t<decltype(std::declval<Handler&>().on(std::declval<const Message&>()))>>
     : std::true_type {};
 
 template <class Handler, class = void>

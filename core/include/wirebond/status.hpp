@@ -6,10 +6,10 @@
 namespace wirebond {
 
 /// What became of an encode or a send. Only `ok` means that bytes were produced.
-enum class [[nodiscard]] Status : std::uint8_t {
-  ok,
-  out_of_range,  ///< a field is outside its range, not finite, or does not fit its wire type
-  too_small,     ///< the caller's buffer cannot hold the frame
+enum class [[nodiscard]] Status : std::uint8_t{
+    ok,
+    out_of_range,  ///< a field is outside its range, not finite, or does not fit its wire type
+    too_small,     ///< the caller's buffer cannot hold the frame
 };
 
 }  // namespace wirebond

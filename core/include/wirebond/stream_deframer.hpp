@@ -70,7 +70,7 @@ class StreamDeframer {
   }
 
   const ByteAccount<Counter>& account() const { return deframer_.account(); }
-  Counter bytes() const { return fed_; }          ///< all that were fed
+  Counter bytes() const { return fed_; }            ///< all that were fed
   std::size_t pending() const { return carried_; }  ///< of these, not settled yet
   Counter idle_us() const { return idle_us_; }
 

@@ -1,4 +1,4 @@
-"""C++17 for one protocol: a folder that a firmware project adds as it is. Which bytes a frame has is the plan's business."""
+"""C++17 for one protocol: a folder that a firmware project adds as it is. Frames are laid out by the plan."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def cpp_header(protocol: Protocol) -> str:
         description=comment_text(protocol.description),
         protocol=protocol,
         namespace=names.namespace(protocol.name),
-        hash=f"0x{protocol_hash(protocol):016X}U",
+        hash=f"0x{protocol_hash(protocol):016X}",
         stop_bits=real(protocol.link.stop_bits, "float"),
         idle_us=round(protocol.idle_seconds * 1e6),
         messages=_message_views(protocol),
@@ -61,7 +61,7 @@ def _cmake(protocol: Protocol) -> str:
 
 
 def _render(template: str, **values: object) -> str:
-    environment = jinja2.Environment(
+    environment = jinja2.Environment(  # noqa: S701 C++ is no markup
         loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
