@@ -141,11 +141,12 @@ def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> 
             at += 1
             continue
         end = next((i for i in range(at + 1, len(stream)) if stream[i] in (opening, closing)), None)
+        closed = end is not None and stream[end] == closing
+        end = len(stream) if end is None else end
         try:
-            if end is None:
-                end = len(stream)
-                raise _Rejected("length_out_of_range" if end - at >= _longest_on_wire(protocol) else "incomplete", 0)
-            if stream[end] == opening:
+            if end - at >= _longest_on_wire(protocol):
+                raise _Rejected("length_out_of_range", 0)
+            if not closed:
                 raise _Rejected("incomplete", 0)
             end += 1
             message_id, name = _judge_block(protocol, stream[at + 1 : end - 1], sender)

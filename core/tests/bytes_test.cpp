@@ -1,13 +1,14 @@
 // Integers, floats and strings on their way to bytes and back.
+#include "wirebond/bytes.hpp"
+
+#include <doctest/doctest.h>
+
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 
-#include <doctest/doctest.h>
-
 #include "wirebond/bounded.hpp"
-#include "wirebond/bytes.hpp"
 #include "wirebond/number.hpp"
 
 using namespace wirebond;
@@ -86,6 +87,11 @@ TEST_CASE("the nearest integer: halves go away from zero, and nothing is rounded
   CHECK(wide == 8388607);
   CHECK(nearest<4>(8388609.0F, wide));
   CHECK(wide == 8388609);
+  CHECK(nearest<3>(-8388608.0F, wide));
+  CHECK(wide == -8388608);
+  std::int64_t least = 0;
+  CHECK(nearest<8>(-9223372036854775808.0, least));
+  CHECK(least == std::numeric_limits<std::int64_t>::min());
   std::uint64_t huge = 0;
   CHECK(nearest<8>(18446744073709549568.0, huge));
   CHECK(huge == 18446744073709549568u);
@@ -107,6 +113,10 @@ TEST_CASE("the nearest integer is refused where it has no room") {
   CHECK_FALSE(nearest<1>(255.5F, byte));
   std::int32_t wide = 7;
   CHECK_FALSE(nearest<3>(8388608.0F, wide));
+  CHECK_FALSE(nearest<3>(-8388609.0F, wide));
+  std::uint32_t plain = 7;
+  CHECK_FALSE(nearest<3>(16777216.0F, plain));
+  CHECK(nearest<3>(16777215.0F, plain));
   CHECK_FALSE(nearest<4>(2147483648.0, wide));
   std::uint64_t huge = 7;
   CHECK_FALSE(nearest<8>(18446744073709551616.0, huge));

@@ -1,11 +1,12 @@
 // Check algorithms: published check values, and every length and split against a register that runs bit by bit.
+#include "wirebond/check.hpp"
+
+#include <doctest/doctest.h>
+
 #include <cstdint>
 #include <random>
 #include <vector>
 
-#include <doctest/doctest.h>
-
-#include "wirebond/check.hpp"
 #include "wirebond/runtime_source.hpp"
 
 using namespace wirebond;
@@ -68,16 +69,16 @@ void expect(std::uint64_t published) {
 }  // namespace
 
 TEST_CASE("CRCs of every width give their published check values, whole and in two runs") {
-  expect<8, 0x07, 0x00, false, false, 0x00>(0xF4);  // crc-8/smbus
-  expect<8, 0x31, 0x00, true, true, 0x00>(0xA1);    // crc-8/maxim-dow
-  expect<8, 0x2F, 0xFF, false, false, 0xFF>(0xDF);  // crc-8/autosar
-  expect<16, 0x1021, 0xFFFF, false, false, 0x0000>(0x29B1);  // crc-16/ibm-3740
-  expect<16, 0x1021, 0xFFFF, true, true, 0x0000>(0x6F91);    // crc-16/mcrf4xx
-  expect<16, 0x1021, 0xFFFF, true, true, 0xFFFF>(0x906E);    // crc-16/ibm-sdlc
-  expect<16, 0x8005, 0xFFFF, true, true, 0x0000>(0x4B37);    // crc-16/modbus
-  expect<16, 0x1021, 0xB2AA, true, true, 0x0000>(0x63D0);    // crc-16/riello: init is no palindrome
-  expect<24, 0x864CFB, 0xB704CE, false, false, 0x000000>(0x21CF02);  // crc-24/openpgp
-  expect<24, 0x00065B, 0x555555, true, true, 0x000000>(0xC25A56);    // crc-24/ble
+  expect<8, 0x07, 0x00, false, false, 0x00>(0xF4);                           // crc-8/smbus
+  expect<8, 0x31, 0x00, true, true, 0x00>(0xA1);                             // crc-8/maxim-dow
+  expect<8, 0x2F, 0xFF, false, false, 0xFF>(0xDF);                           // crc-8/autosar
+  expect<16, 0x1021, 0xFFFF, false, false, 0x0000>(0x29B1);                  // crc-16/ibm-3740
+  expect<16, 0x1021, 0xFFFF, true, true, 0x0000>(0x6F91);                    // crc-16/mcrf4xx
+  expect<16, 0x1021, 0xFFFF, true, true, 0xFFFF>(0x906E);                    // crc-16/ibm-sdlc
+  expect<16, 0x8005, 0xFFFF, true, true, 0x0000>(0x4B37);                    // crc-16/modbus
+  expect<16, 0x1021, 0xB2AA, true, true, 0x0000>(0x63D0);                    // crc-16/riello: init is no palindrome
+  expect<24, 0x864CFB, 0xB704CE, false, false, 0x000000>(0x21CF02);          // crc-24/openpgp
+  expect<24, 0x00065B, 0x555555, true, true, 0x000000>(0xC25A56);            // crc-24/ble
   expect<32, 0x04C11DB7, 0xFFFFFFFF, true, true, 0xFFFFFFFF>(0xCBF43926);    // crc-32/iso-hdlc
   expect<32, 0x04C11DB7, 0xFFFFFFFF, false, false, 0x00000000>(0x0376E6E7);  // crc-32/mpeg-2
   expect<64, 0x42F0E1EBA9EA3693, 0, false, false, 0>(0x6C40DF5F0B497347);    // crc-64/ecma-182

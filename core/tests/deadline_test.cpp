@@ -1,11 +1,11 @@
 // Deadlines and rhythms over a clock that wraps.
-#include <array>
-#include <cstdint>
-#include <vector>
+#include "wirebond/deadline.hpp"
 
 #include <doctest/doctest.h>
 
-#include "wirebond/deadline.hpp"
+#include <array>
+#include <cstdint>
+#include <vector>
 
 using wirebond::DeadlineRule;
 using wirebond::Deadlines;

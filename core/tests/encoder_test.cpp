@@ -1,8 +1,8 @@
 // Sealing frames: known bytes, dirty buffers, buffers that are too small; constant and run-time format alike.
+#include <doctest/doctest.h>
+
 #include <cstdint>
 #include <cstring>
-
-#include <doctest/doctest.h>
 
 #include "formats.hpp"
 #include "wirebond/examine.hpp"
@@ -35,8 +35,7 @@ TEST_CASE("a length that counts itself, big-endian numbers, an id behind the pay
 
 TEST_CASE("the high byte of a sum") {
   for_both_sources<WeakSum>([](const auto& source) {
-    CHECK(frame_of(source, 0x02, Bytes(4, 0xFF)) ==
-          Bytes{0x7A, 0x02, 0x04, 0xFF, 0xFF, 0xFF, 0xFF, 0x04, 0x7B});
+    CHECK(frame_of(source, 0x02, Bytes(4, 0xFF)) == Bytes{0x7A, 0x02, 0x04, 0xFF, 0xFF, 0xFF, 0xFF, 0x04, 0x7B});
   });
 }
 
@@ -59,7 +58,8 @@ TEST_CASE("every payload size up to the format's largest comes back from its fra
 
 TEST_CASE("a frame is sealed in exactly the room that wire_bytes asks for, and in no less") {
   for_both_sources<Delimited>([](const auto& source) {
-    for (const std::size_t size : {std::size_t{0}, std::size_t{1}, std::size_t{250}, std::size_t{251}, std::size_t{252}, std::size_t{300}}) {
+    for (const std::size_t size :
+         {std::size_t{0}, std::size_t{1}, std::size_t{250}, std::size_t{251}, std::size_t{252}, std::size_t{300}}) {
       for (const int value : {0x00, 0x55}) {
         const std::size_t room = wirebond::wire_bytes(source.format(), size);
         Bytes buffer(room, 0xCC);

@@ -1,12 +1,12 @@
 // Frame formats that the tests share, each as a constant source and as a run-time source over the same value.
 #pragma once
 
+#include <doctest/doctest.h>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
-
-#include <doctest/doctest.h>
 
 #include "wirebond/encoder.hpp"
 #include "wirebond/format.hpp"
@@ -177,8 +177,7 @@ struct Constant {
     }
     return {};
   }
-  std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes,
-                             std::size_t size) const {
+  std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
     return Format::check_update(algorithm, reg, bytes, size);
   }
 };

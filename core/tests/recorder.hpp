@@ -1,10 +1,10 @@
 // A stream deframer under observation: keeps every frame and checks the account after every call.
 #pragma once
 
+#include <doctest/doctest.h>
+
 #include <cstdint>
 #include <vector>
-
-#include <doctest/doctest.h>
 
 #include "formats.hpp"
 #include "wirebond/stream_deframer.hpp"
@@ -60,9 +60,7 @@ class Recorder {
   const std::vector<Found>& frames() const { return frames_; }
   const wirebond::ByteAccount<Counter>& account() const { return deframer_.account(); }
   std::size_t pending() const { return deframer_.pending(); }
-  Counter discarded(wirebond::Cause cause) const {
-    return account().discarded_bytes[static_cast<std::size_t>(cause)];
-  }
+  Counter discarded(wirebond::Cause cause) const { return account().discarded_bytes[static_cast<std::size_t>(cause)]; }
   Counter rejected(wirebond::Cause cause) const {
     return account().rejected_candidates[static_cast<std::size_t>(cause)];
   }

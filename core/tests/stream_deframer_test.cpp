@@ -1,8 +1,8 @@
 // Single streams: false starts, silence, delimiters, unknown messages, and which bucket each byte lies in.
+#include <doctest/doctest.h>
+
 #include <cstdint>
 #include <vector>
-
-#include <doctest/doctest.h>
 
 #include "formats.hpp"
 #include "recorder.hpp"

@@ -1,10 +1,10 @@
 // Properties of streams: chunking changes nothing, intact frames arrive, both sources agree.
+#include <doctest/doctest.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <random>
 #include <vector>
-
-#include <doctest/doctest.h>
 
 #include "formats.hpp"
 #include "recorder.hpp"
@@ -24,7 +24,8 @@ class Random {
 
 std::uint8_t any_byte(Random& random) { return static_cast<std::uint8_t>(random()); }
 
-Bytes random_frame(const wirebond::RuntimeSource& source, const MessageRow* rows, std::size_t row_count, Random& random) {
+Bytes random_frame(const wirebond::RuntimeSource& source, const MessageRow* rows, std::size_t row_count,
+                   Random& random) {
   const MessageRow& row = rows[random() % row_count];
   const std::size_t spread = row.shape.max_payload - row.shape.min_payload;
   Bytes payload(row.shape.min_payload + (spread == 0 ? 0 : random() % (std::min<std::size_t>(spread, 60) + 1)));
@@ -38,7 +39,7 @@ Bytes random_stream(Random& random) {
   const wirebond::RuntimeSource source = run_time<Format>();
   const FrameFormat& format = source.format();
   const std::uint8_t start =
-      format.framing == Framing::delimited ? format.delimiter : format.layouts[0].constants[0].value;
+      format.framing == Framing::delimited ? format.opening : format.layouts[0].constants[0].value;
   Bytes stream;
   const unsigned parts = 1 + random() % 8;
   for (unsigned part = 0; part < parts; ++part) {
@@ -146,7 +147,9 @@ void intact_frames_arrive() {
 
 }  // namespace
 
-TEST_CASE("chunking changes no frame, no offset, no account: header check") { chunking_changes_nothing<HeaderChecked>(); }
+TEST_CASE("chunking changes no frame, no offset, no account: header check") {
+  chunking_changes_nothing<HeaderChecked>();
+}
 TEST_CASE("chunking changes no frame, no offset, no account: fixed size") { chunking_changes_nothing<FixedSize>(); }
 TEST_CASE("chunking changes no frame, no offset, no account: weak sum") { chunking_changes_nothing<WeakSum>(); }
 TEST_CASE("chunking changes no frame, no offset, no account: delimited") { chunking_changes_nothing<Delimited>(); }
@@ -160,8 +163,18 @@ TEST_CASE("constant and run-time source agree on any stream") {
   sources_agree<BigEndian>();
 }
 
-TEST_CASE("intact frames between noise arrive, once, in order, where they were: header check") { intact_frames_arrive<HeaderChecked>(); }
-TEST_CASE("intact frames between noise arrive, once, in order, where they were: fixed size") { intact_frames_arrive<FixedSize>(); }
-TEST_CASE("intact frames between noise arrive, once, in order, where they were: weak sum") { intact_frames_arrive<WeakSum>(); }
-TEST_CASE("intact frames between noise arrive, once, in order, where they were: delimited") { intact_frames_arrive<Delimited>(); }
-TEST_CASE("intact frames between noise arrive, once, in order, where they were: id last") { intact_frames_arrive<BigEndian>(); }
+TEST_CASE("intact frames between noise arrive, once, in order, where they were: header check") {
+  intact_frames_arrive<HeaderChecked>();
+}
+TEST_CASE("intact frames between noise arrive, once, in order, where they were: fixed size") {
+  intact_frames_arrive<FixedSize>();
+}
+TEST_CASE("intact frames between noise arrive, once, in order, where they were: weak sum") {
+  intact_frames_arrive<WeakSum>();
+}
+TEST_CASE("intact frames between noise arrive, once, in order, where they were: delimited") {
+  intact_frames_arrive<Delimited>();
+}
+TEST_CASE("intact frames between noise arrive, once, in order, where they were: id last") {
+  intact_frames_arrive<BigEndian>();
+}

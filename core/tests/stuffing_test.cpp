@@ -1,13 +1,14 @@
 // COBS: every length around the block size, in place, against the rule in its plainest form.
+#include "wirebond/stuffing.hpp"
+
+#include <doctest/doctest.h>
+
 #include <cstdint>
 #include <cstring>
 #include <random>
 #include <vector>
 
-#include <doctest/doctest.h>
-
 #include "wirebond/format.hpp"
-#include "wirebond/stuffing.hpp"
 
 using wirebond::cobs_decode;
 using wirebond::cobs_encode_in_place;
@@ -23,7 +24,8 @@ Bytes by_the_rule(const Bytes& data) {
     std::size_t end = begin;
     while (end < data.size() && data[end] != 0 && end - begin < 254) ++end;
     out.push_back(static_cast<std::uint8_t>(end - begin + 1));
-    out.insert(out.end(), data.begin() + static_cast<std::ptrdiff_t>(begin), data.begin() + static_cast<std::ptrdiff_t>(end));
+    out.insert(out.end(), data.begin() + static_cast<std::ptrdiff_t>(begin),
+               data.begin() + static_cast<std::ptrdiff_t>(end));
     if (end == data.size()) return out;
     begin = end - begin < 254 ? end + 1 : end;  // a full piece stands for no zero
   }
@@ -68,7 +70,8 @@ TEST_CASE("every size from 0 to 600 comes back, with no zero, few and many") {
     check_round_trip(data);
     for (auto& byte : data) byte = static_cast<std::uint8_t>(1 + random() % 255);
     check_round_trip(data);
-    for (const std::size_t at : {std::size_t{0}, std::size_t{253}, std::size_t{254}, std::size_t{255}, std::size_t{508}, size - 1}) {
+    for (const std::size_t at :
+         {std::size_t{0}, std::size_t{253}, std::size_t{254}, std::size_t{255}, std::size_t{508}, size - 1}) {
       if (at >= size) continue;
       Bytes with_zero = data;
       with_zero[at] = 0;

@@ -89,7 +89,7 @@ def decode(program: Path, stream: Path, chunk: int, seed: int = 1) -> Result:
 
 def _rows(protocol: Protocol, sender: End) -> str:
     rows = plan_for(protocol, sender).messages
-    lines = [f"    {{{row.id}U, {{{row.index}, {row.min_payload}, {row.max_payload}}}}}," for row in rows]
+    lines = [f"    {{{row.id}U, {{{row.index}, {row.min_payload}, {row.max_payload}, {row.seed}}}}}," for row in rows]
     return "\n".join(
         [
             "#pragma once",

@@ -39,7 +39,7 @@ Source make_source() {
 }
 
 constexpr const char* cause_names[wirebond::cause_count] = {
-    "no_start",        "constant_mismatch", "length_out_of_range", "unknown_message", "header_check_mismatch",
+    "no_start",       "constant_mismatch", "length_out_of_range", "unknown_message", "header_check_mismatch",
     "check_mismatch", "bad_stuffing",      "incomplete",
 };
 

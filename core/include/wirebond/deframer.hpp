@@ -204,6 +204,15 @@ class Deframer {
     const std::size_t longest = max_wire_bytes(format);
     std::size_t at = 0;
     while (at < size) {
+      if (overlong_) {  // the rest of a block that was too long already
+        std::size_t end = at;
+        while (end < size && window[end] != format.closing && window[end] != format.opening) ++end;
+        overlong_ = end == size;
+        blame(Cause::length_out_of_range, end - at);
+        discard(end - at);
+        at = end;
+        continue;
+      }
       const void* const start = std::memchr(window + at, format.opening, size - at);
       const std::size_t skip = start == nullptr
                                    ? size - at
@@ -214,27 +223,24 @@ class Deframer {
         continue;
       }
       // The first delimiter behind decides: a closing one ends the block, an opening one begins a better candidate.
-      std::size_t end = at + 1 > searched_ || at != 0 ? at + 1 : searched_;
+      std::size_t end = at == 0 && searched_ > 1 ? searched_ : at + 1;
       while (end < size && window[end] != format.closing && window[end] != format.opening) ++end;
       searched_ = 0;
+      const std::size_t run = end - at;
+      if (run >= longest || (end == size && give_up)) {
+        overlong_ = run >= longest && end == size;
+        reject(run >= longest ? Cause::length_out_of_range : Cause::incomplete, run);
+        discard(run);
+        at = end;
+        continue;
+      }
       if (end == size) {
-        const std::size_t pending = size - at;
-        if (pending >= longest) {
-          reject(Cause::length_out_of_range, pending);
-          discard(pending);
-          at = size;
-        } else if (give_up) {
-          reject(Cause::incomplete, pending);
-          discard(pending);
-          at = size;
-        } else {
-          searched_ = end - at;
-        }
+        searched_ = run;
         break;
       }
       if (window[end] == format.opening) {
-        reject(Cause::incomplete, end - at);
-        discard(end - at);
+        reject(Cause::incomplete, run);
+        discard(run);
         at = end;
         continue;
       }

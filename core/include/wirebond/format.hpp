@@ -72,7 +72,7 @@ struct HeaderField {
 
 constexpr std::size_t max_constants = 16;
 constexpr std::size_t max_checks = 4;
-constexpr std::size_t max_layouts = 4;
+constexpr std::size_t max_layouts = 8;
 constexpr std::size_t max_algorithms = 4;
 constexpr std::size_t max_header_fields = 8;
 constexpr std::size_t max_escapes = 6;

@@ -3,8 +3,10 @@
 // a field asks for it; they are found by the struct's namespace.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <type_traits>
 #include <utility>
 
@@ -61,7 +63,13 @@ struct HasClamp<Message, std::void_t<decltype(clamp(std::declval<Message&>()))>>
 template <class Message, class Handler>
 bool hand_over(const Frame& frame, Handler& handler, Violations& counts) {
   Message message;
-  if (!decode(frame.payload, frame.payload_size, message)) return false;
+  if (frame.payload_size < Message::Info::min_payload_bytes) {  // its zeros were trimmed: put them back
+    std::array<std::uint8_t, Message::Info::min_payload_bytes> whole{};
+    std::memcpy(whole.data(), frame.payload, frame.payload_size);
+    if (!decode(whole.data(), whole.size(), message)) return false;
+  } else if (!decode(frame.payload, frame.payload_size, message)) {
+    return false;
+  }
   const Violation found = violations(message);
   if (found != Violation::none) {
     counts.count(found);

@@ -35,9 +35,11 @@ WIREBOND_INLINE bool nearest(Real value, Wire& wire) {
   using Limits = std::numeric_limits<Wire>;
   constexpr unsigned unused_bits = 8 * (sizeof(Wire) - Bytes);
   constexpr Real half = static_cast<Real>(0.5);
-  constexpr Real low = static_cast<Real>(Limits::min() >> unused_bits) - half;
+  constexpr Real least = static_cast<Real>(Limits::min() >> unused_bits);
+  constexpr Real low =
+      least - half;  // the half is lost where the mantissa ends at whole numbers: then `least` has room
   constexpr Real high = static_cast<Real>(Limits::max() >> unused_bits) + half;
-  if (!is_finite(value) || value <= low || value >= high) return false;
+  if (!is_finite(value) || value < low || (value == low && low != least) || value >= high) return false;
   // Adding a half first would round twice: 0.49999997f + 0.5f is 1.
   using Wide = std::conditional_t<(sizeof(Wire) < 4), std::int32_t, Wire>;
   Wide whole = static_cast<Wide>(value);

@@ -1,4 +1,4 @@
-"""C++17 for one protocol: a folder that a firmware project adds as it is. Which bytes a frame has is the plan's business."""
+"""C++17 for one protocol: a folder that a firmware project adds as it is. Frames are laid out by the plan."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wirebond.codegen.cpp_field import FieldCode, comment_text, field_code, hex_
 from wirebond.codegen.cpp_number import real
 from wirebond.paths import core_include
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import Algorithm, End, Field, Message, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model import Algorithm, BitRole, End, Field, Message, PartKind, PayloadRule, Protocol
 from wirebond.protocol.plan import Number, Plan, Position, plan_for
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -42,12 +42,12 @@ def cpp_header(protocol: Protocol) -> str:
         description=comment_text(protocol.description),
         protocol=protocol,
         namespace=names.namespace(protocol.name),
-        hash=f"0x{protocol_hash(protocol):016X}U",
+        hash=f"0x{protocol_hash(protocol):016X}",
         stop_bits=real(protocol.link.stop_bits, "float"),
         idle_us=round(protocol.idle_seconds * 1e6),
         messages=_message_views(protocol),
-        format=_format_lines(plans[End.HOST]),
-        updates=[_update(a) for a in plans[End.HOST].algorithms],
+        formats=[(end.value, _format_lines(plan)) for end, plan in plans.items()],
+        updates=[_update(a, i) for i, a in enumerate(plans[End.HOST].algorithms)],
         sources=[_source_view(protocol, end, plans[end]) for end in (End.HOST, End.MCU)],
         actions=list(dict.fromkeys(d.then for d in protocol.deadlines)),
         ends=[_deadline_view(protocol, end) for end in (End.HOST, End.MCU)],
@@ -61,7 +61,7 @@ def _cmake(protocol: Protocol) -> str:
 
 
 def _render(template: str, **values: object) -> str:
-    environment = jinja2.Environment(
+    environment = jinja2.Environment(  # noqa: S701 C++ is no markup
         loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -168,8 +168,8 @@ def _message_comment(message: Message) -> str:
 
 
 def _id_literal(protocol: Protocol, value: int) -> str:
-    part = protocol.frame.part(PartKind.ID)
-    return hex_literal(value, part.size if part else 1)
+    holds_id = [p.size for p in protocol.frame.parts if p.kind == PartKind.ID or any(r.role == BitRole.ID for r in p.bits)]
+    return hex_literal(value, max(holds_id, default=1))
 
 
 # ---- the frame format -------------------------------------------------------------------------------------------
@@ -178,11 +178,22 @@ def _id_literal(protocol: Protocol, value: int) -> str:
 def _format_lines(plan: Plan) -> list[str]:
     """Assignments that fill a ``wirebond::FrameFormat`` named ``format``."""
     lines = [
-        f"format.framing = wirebond::Framing::{'by_start' if plan.delimiter is None else 'delimited'};",
+        f"format.framing = wirebond::Framing::{plan.framing};",
         f"format.stuffing = wirebond::Stuffing::{plan.stuffing};",
     ]
-    if plan.delimiter is not None:
-        lines.append(f"format.delimiter = 0x{plan.delimiter:02X};")
+    if plan.framing in ("delimited", "bracketed"):
+        lines += [f"format.opening = 0x{plan.opening:02X};", f"format.closing = 0x{plan.closing:02X};"]
+        lines += [] if plan.sends_opening else ["format.sends_opening = false;"]
+    if plan.escapes is not None:
+        rule = plan.escapes
+        lines += [
+            f"format.escapes.escape = 0x{rule.escape:02X};",
+            f"format.escapes.exclusive_or = 0x{rule.exclusive_or:02X};",
+            f"format.escapes.count = {len(rule.pairs)};",
+        ]
+        for i, (plain, code) in enumerate(rule.pairs):
+            lines.append(f"format.escapes.plain[{i}] = 0x{plain:02X};")
+            lines.append(f"format.escapes.code[{i}] = 0x{code:02X};")
     lines += [
         f"format.layout_count = {len(plan.layouts)};",
         f"format.algorithm_count = {len(plan.algorithms)};",
@@ -202,9 +213,12 @@ def _format_lines(plan: Plan) -> list[str]:
             "check_count": len(layout.checks),
             "length_bias": layout.length_bias,
             "fixed_payload": layout.fixed_payload,
+            "header_count": len(layout.header),
         }
         lines.append(f"{to}.payload_size = wirebond::PayloadSize::{layout.payload.value};")
         lines += [f"{to}.{name} = {value};" for name, value in counts.items() if value]
+        if layout.trims_zeros:
+            lines.append(f"{to}.trims_zeros = true;")
         if layout.length_unit != 1:
             lines.append(f"{to}.length_unit = {layout.length_unit};")
         lines += [f"{to}.{n} = {_number(v)};" for n, v in (("length", layout.length), ("id", layout.id)) if v]
@@ -212,13 +226,21 @@ def _format_lines(plan: Plan) -> list[str]:
             f"{to}.constants[{i}] = {{{_position(c.at)}, 0x{c.mask:02X}, 0x{c.value:02X}}};"
             for i, c in enumerate(layout.constants)
         ]
+        lines += [
+            f"{to}.header[{i}] = {{{_number(f.number)}, {f.default}}};  // {comment_text(f.name)}"
+            for i, f in enumerate(layout.header)
+        ]
         for i, c in enumerate(layout.checks):
             places = ", ".join(_position(p) for p in (c.start, c.stop, c.at))
             order = f"wirebond::ByteOrder::{c.order.value}"
-            lines.append(
-                f"{to}.checks[{i}] = {{{c.algorithm}, {places}, {c.bytes}, {order}, {c.shift}, {c.continues}}};"
-            )
+            flags = f"{_bool(c.seeded)}, {_bool(c.as_hex)}"
+            rule = f"{c.algorithm}, {places}, {c.bytes}, {order}, {c.shift}, {flags}, {c.continues}"
+            lines.append(f"{to}.checks[{i}] = {{{rule}}};")
     return lines
+
+
+def _bool(value: bool) -> str:
+    return "true" if value else "false"
 
 
 def _position(position: Position) -> str:
@@ -231,21 +253,22 @@ def _number(number: Number) -> str:
 
 
 def _check_kind(algorithm: Algorithm) -> str:
-    return "wirebond::CheckKind::" + {"crc": "crc", "sum": "sum", "xor": "exclusive_or"}[algorithm.kind]
+    return "wirebond::CheckKind::" + {"xor": "exclusive_or"}.get(algorithm.kind, algorithm.kind)
 
 
 def _algorithm(algorithm: Algorithm) -> str:
-    flags = ", ".join("true" if flag else "false" for flag in (algorithm.refin, algorithm.refout))
+    flags = ", ".join(_bool(flag) for flag in (algorithm.refin, algorithm.refout))
     numbers = ", ".join(f"0x{n:X}U" for n in (algorithm.poly, algorithm.init, algorithm.xorout))
-    return f"{{{_check_kind(algorithm)}, {algorithm.width}, {flags}, {numbers}}}"
+    rest = f", {algorithm.modulus}, {_bool(algorithm.negate)}" if algorithm.modulus or algorithm.negate else ""
+    return f"{{{_check_kind(algorithm)}, {algorithm.width}, {flags}, {numbers}{rest}}}"
 
 
-def _update(algorithm: Algorithm) -> str:
+def _update(algorithm: Algorithm, index: int) -> str:
     """The call that runs an algorithm's register over bytes."""
     if algorithm.kind == "crc":
         reflected = "true" if algorithm.refin else "false"
         return f"wirebond::crc_update<{algorithm.width}, 0x{algorithm.poly:X}U, {reflected}>(reg, bytes, size)"
-    return f"wirebond::sum_update({_check_kind(algorithm)}, {algorithm.width}, reg, bytes, size)"
+    return f"wirebond::sum_update(format_from_host.algorithms[{index}], reg, bytes, size)"
 
 
 @dataclass(frozen=True)
@@ -264,7 +287,10 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         sender="host" if end == End.HOST else "MCU",
         receiver="MCU" if end == End.HOST else "host",
         shapes=tuple(
-            (_id_literal(protocol, row.id), f"{{{row.index}, {row.min_payload}, {row.max_payload}}}")
+            (
+                _id_literal(protocol, row.id),
+                f"{{{row.index}, {row.min_payload}, {row.max_payload}{f', {row.seed}' if row.seed else ''}}}",
+            )
             for row in plan.messages
         ),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),

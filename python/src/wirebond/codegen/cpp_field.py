@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from wirebond.codegen import names
 from wirebond.codegen.cpp_number import Scaling, integer, nearest_float, real, real_type, wire_integer
 from wirebond.protocol.model import ByteOrder, Field, FieldKind, OnRange
 
@@ -107,9 +106,6 @@ def _type_and_initial(spec: Field, enum_type: str) -> tuple[str, str]:
         chosen = default if isinstance(default, int | float) else min(max(0.0, low), high)
         return real_type(spec), real(chosen, real_type(spec))
     type_name = wire_integer(spec).type_name
-    if spec.flags and isinstance(default, str):
-        bit = dict(spec.flags)[default]
-        return type_name, integer(1 << bit)
     if isinstance(default, int | float):
         return type_name, integer(int(default))
     nearest_zero = 0 if low <= 0 <= high else math.ceil(low) if low > 0 else math.floor(high)
@@ -126,8 +122,7 @@ def _flags(spec: Field, type_name: str) -> list[str]:
     lines = [f"struct {type_name} {{  // bits of `{spec.name}`"]
     underlying = wire_integer(spec).type_name
     lines += [
-        f"  static constexpr {underlying} {name} = {hex_literal(1 << bit, spec.size)};"
-        for name, bit in spec.flags
+        f"  static constexpr {underlying} {name} = {hex_literal(1 << bit, spec.size)};" for name, bit in spec.flags
     ]
     return [*lines, "};"]
 
@@ -189,9 +184,7 @@ def _bounds(spec: Field, received: bool) -> tuple[str, str]:
 def _outside(spec: Field, value: str, received: bool) -> str:
     """A condition that holds where the value is outside its range; empty where there is none."""
     low, high = _bounds(spec, received)
-    return " || ".join(
-        part for part in (low and f"{value} < {low}", high and f"{value} > {high}") if part
-    )
+    return " || ".join(part for part in (low and f"{value} < {low}", high and f"{value} > {high}") if part)
 
 
 def _write(spec: Field, value: str, place: str, element: str) -> list[str]:

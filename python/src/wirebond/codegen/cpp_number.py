@@ -60,11 +60,11 @@ class WireInteger:
 
     @property
     def low(self) -> int:
-        return -(2 ** (8 * self.size - 1)) if self.signed else 0
+        return -(1 << (8 * self.size - 1)) if self.signed else 0
 
     @property
     def high(self) -> int:
-        return 2 ** (8 * self.size - self.signed) - 1
+        return (1 << (8 * self.size - self.signed)) - 1
 
     @property
     def is_whole(self) -> bool:
@@ -107,7 +107,7 @@ class Scaling:
         wire = wire_integer(self.field)
         limit = 2 ** (FLOAT_DIGITS if self.type_name == "float" else DOUBLE_DIGITS)
         ends = [abs(wire.low * numerator + shift), abs(wire.high * numerator + shift), denominator]
-        return max(ends) <= limit
+        return all(end <= limit for end in ends)
 
     def from_wire(self, wire: str) -> str:
         """The SI value of the wire number that the expression ``wire`` yields."""

@@ -8,18 +8,22 @@ from __future__ import annotations
 from wirebond.protocol.names import type_name
 
 # Functions that C libraries put into the global namespace, where a namespace of the same name would not compile.
-GLOBAL_FUNCTIONS = frozenset(
-    """
-    abort abs accept access acos alarm asin atan atof atoi bind brk calloc ceil clock close connect cos creat ctime daemon
-    div dup erf exit exp fabs floor fork free gamma getc gets index ioctl isatty j0 j1 jn kill labs link listen log lseek
-    malloc mktime modf nice open pause pipe poll pow printf putc puts qsort raise rand read realloc recv remove rename
-    rewind rindex rint round scanf select send shutdown signal sin sinh sleep socket splice sqrt srand strlen swab sync
-    system tan tanh tee time tmpfile trunc umask uname ungetc unlink usleep vfork wait write y0 y1 yn
-    """.split()
-)
+# fmt: off
+GLOBAL_FUNCTIONS = frozenset({
+    "abort", "abs", "accept", "access", "acos", "alarm", "asin", "atan", "atof", "atoi", "bind", "brk",
+    "calloc", "ceil", "clock", "close", "connect", "cos", "creat", "ctime", "daemon", "div", "dup", "erf",
+    "exit", "exp", "fabs", "floor", "fork", "free", "gamma", "getc", "gets", "index", "ioctl", "isatty", "j0",
+    "j1", "jn", "kill", "labs", "link", "listen", "log", "lseek", "malloc", "mktime", "modf", "nice", "open",
+    "pause", "pipe", "poll", "pow", "printf", "putc", "puts", "qsort", "raise", "rand", "read", "realloc",
+    "recv", "remove", "rename", "rewind", "rindex", "rint", "round", "scanf", "select", "send", "shutdown",
+    "signal", "sin", "sinh", "sleep", "socket", "splice", "sqrt", "srand", "strlen", "swab", "sync", "system",
+    "tan", "tanh", "tee", "time", "tmpfile", "trunc", "umask", "uname", "ungetc", "unlink", "usleep", "vfork",
+    "wait", "write", "y0", "y1", "yn",
+})
+# fmt: on
 
-# Types that generated headers declare beside the messages.
-GENERATED_TYPES = frozenset({"Action", "FromHost", "FromMcu", "Parity", "Receiver"})
+# Types that generated headers declare beside the messages or in each of them.
+GENERATED_TYPES = frozenset({"Action", "FromHost", "FromMcu", "Info", "Parity", "Receiver"})
 
 
 def namespace(protocol: str) -> str:

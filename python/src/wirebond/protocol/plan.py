@@ -26,7 +26,7 @@ from wirebond.protocol.model import (
 MAX_CONSTANTS = 16
 MAX_CHECKS = 4
 MAX_ALGORITHMS = 4
-MAX_LAYOUTS = 4
+MAX_LAYOUTS = 8
 MAX_HEADER_FIELDS = 8
 MAX_ESCAPES = 6
 
