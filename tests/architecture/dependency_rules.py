@@ -28,9 +28,11 @@ GENERATED = re.compile(r"^[a-z0-9_]+\.hpp$")
 PYTHON_RULES: dict[str, set[str]] = {
     "wirebond.protocol": {
         "wirebond._engine", "wirebond.codec", "wirebond.link", "wirebond.cli", "wirebond.sim", "wirebond.codegen",
+        "wirebond.lint",
     },
     "wirebond.codegen": {"wirebond._engine", "wirebond.codec", "wirebond.link", "wirebond.cli", "wirebond.sim"},
-    "wirebond.codec": {"wirebond.link", "wirebond.cli", "wirebond.sim", "wirebond.codegen"},
+    "wirebond.codec": {"wirebond.link", "wirebond.lint", "wirebond.cli", "wirebond.sim", "wirebond.codegen"},
+    "wirebond.lint": {"wirebond.link", "wirebond.cli", "wirebond.sim", "wirebond.codegen"},
     "wirebond.link": {"wirebond.cli", "wirebond.sim", "wirebond.codegen"},
     "wirebond.sim": {"wirebond.cli"},
 }  # fmt: skip

@@ -28,11 +28,43 @@ def run(*arguments: str, stdin: bytes | None = b"") -> subprocess.CompletedProce
     return subprocess.CompletedProcess(result.args, result.returncode, out, err)
 
 
-def test_check_finds_nothing_wrong_in_the_files_that_come_with_it() -> None:
+def test_check_finds_no_error_in_the_files_that_come_with_it() -> None:
     for path in sorted(PROTOCOLS.glob("*.yaml")):
         result = run("check", str(path))
         assert (result.returncode, result.stderr) == (0, "")
-        assert "no problem found" in result.stdout
+        assert f"protocol {path.stem}, " in result.stdout
+    assert "no problem found" in run("check", NATIVE).stdout
+
+
+def test_check_says_how_weak_a_link_is_and_strict_makes_it_fail() -> None:
+    listing = str(PROTOCOLS / "pid_tuner_listing.yaml")
+    result = run("check", listing)
+    text = " ".join(result.stdout.split())
+    assert result.returncode == 0
+    assert "2 warnings, 3 notes" in text
+    assert "% of those damaged where 1 bit in 10 000 is wrong" in text
+    assert "without max_payload it would be 257 bytes, 22.3 ms" in text
+    assert run("check", listing, "--strict").returncode == 1
+    assert run("check", NATIVE, "--strict").returncode == 0
+
+
+def test_check_judges_a_claimed_load() -> None:
+    enterprize = str(PROTOCOLS / "enterprize.yaml")
+    result = run("check", enterprize, "--traffic", "mcu:47=3992")
+    assert result.returncode == 1
+    assert "MCU to host takes 103.2 % of the line" in " ".join(result.stdout.split())
+    figures = json.loads(run("check", enterprize, "--traffic", "mcu:47=3992", "--json").stdout)["figures"]
+    assert figures["line"]["mcu"]["share"] == pytest.approx(1.0319, abs=1e-4)
+
+
+def test_check_works_the_files_examples_out_again() -> None:
+    document = PROTOCOLS.parent / "python" / "tests" / "lint" / "diffdrive_document.yaml"
+    result = run("check", str(document))
+    assert result.returncode == 1
+    assert "byte 9 (check) is 0xFF, expected 0x0B" in result.stdout
+    report = json.loads(run("check", str(document), "--json").stdout)
+    assert report["ok"] is False
+    assert [f["line"] for f in report["findings"] if f["rule"] == "example"] == [14, 15, 16]
 
 
 def test_check_names_file_line_and_column_and_exits_with_1(tmp_path: Path) -> None:
@@ -95,6 +127,8 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
         (["decode", DIFFDRIVE, "/nonexistent"], 1, "No such file"),
         (["check", "/nonexistent.yaml"], 1, "/nonexistent.yaml"),
         (["check", "/"], 1, "directory"),
+        (["check", NATIVE, "--traffic", "state"], 2, "write message=frames per second"),
+        (["check", NATIVE, "--traffic", "status=5"], 2, "native has no message 'status'"),
         (["encode", DIFFDRIVE, "speed"], 1, "diffdrive has no message 'speed'; it has velocity"),
         (["encode", DIFFDRIVE, "velocity", "linear"], 2, "write field=value"),
         (["encode", DIFFDRIVE, "velocity", "linear=fast", "angular=0"], 1, "expected a number in m/s"),

@@ -35,11 +35,24 @@ Seconds = Annotated[float | None, typer.Option(min=0.0, help="End by itself afte
 
 
 @app.command()
-def check(file: ProtocolFile, as_json: AsJson = False) -> None:
-    """Read a protocol file and say everything that is wrong with it, with line and column."""
+def check(
+    file: ProtocolFile,
+    as_json: AsJson = False,
+    traffic: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LOAD",
+            help="Judge this load, not the file's schedule: message=frames/s, or mcu:47=frames/s by frame size; "
+            "several with commas.",
+        ),
+    ] = None,
+    thorough: Annotated[bool, typer.Option("--thorough", help="Measure with twenty times as many samples.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit 1 for warnings, too.")] = False,
+) -> None:
+    """Say what is wrong with a protocol file, and what its link will do badly, in figures that are measured."""
     from wirebond.cli.commands import check_file
 
-    raise typer.Exit(check_file(file, as_json))
+    raise typer.Exit(check_file(file, as_json, traffic, thorough, strict))
 
 
 @app.command()
@@ -66,6 +79,19 @@ def decode(
     from wirebond.cli.commands import decode_bytes
 
     raise typer.Exit(decode_bytes(file, path, sender, hex_text))
+
+
+@app.command()
+def explain(
+    file: ProtocolFile,
+    hex_text: Annotated[str, typer.Option("--hex", help='The bytes, as "AA 55 …".')],
+    sender: Annotated[str | None, typer.Option(help="Whose bytes these are: mcu or host. Without it: either.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Name every byte of a frame; for refused bytes say which rule failed, and the nearest explanation."""
+    from wirebond.cli.explain import explain_bytes
+
+    raise typer.Exit(explain_bytes(file, hex_text, sender, as_json))
 
 
 @app.command()

@@ -18,7 +18,9 @@ from wirebond.protocol.scalars import (
     Count,
     Duration,
     Exact,
+    ExampleValue,
     FieldType,
+    FrameBytes,
     Id,
     Name,
     OwnValue,
@@ -166,6 +168,25 @@ class EmergencyStopSyntax(Syntax):
     )
 
 
+class ExampleSyntax(Syntax):
+    """A worked example: a message's values and the frame that carries them."""
+
+    noun = "an example"
+
+    message: Name = Field(description="The message that the frame carries.", examples=["velocity"])
+    sender: Annotated[str | None, one_word("host", "mcu")] = Field(
+        None, description="Who sends it; needed only where both ends do and it matters.", examples=["host"]
+    )
+    fields: dict[Name, ExampleValue] = Field(
+        default_factory=dict,
+        description="The values of its fields; a list for arrays and flags, hex digits for byte strings.",
+        examples=["{linear: 0.5, angular: 0}"],
+    )
+    bytes: FrameBytes = Field(
+        description="The whole frame on the wire, two hex digits a byte.", examples=['"AA 55 01"']
+    )
+
+
 class OneMessage(Syntax):
     """A service of one message."""
 
@@ -274,4 +295,9 @@ class File(Syntax):
         None,
         description="Built-in services, mapped to messages of this protocol.",
         examples=["{ping: {request: ping, reply: pong}}"],
+    )
+    examples: list[ExampleSyntax] = Field(
+        default_factory=list,
+        description="Worked examples; `wirebond check` works them out again and compares.",
+        examples=['[{message: ping, fields: {number: 1}, bytes: "AA 55 01"}]'],
     )

@@ -7,6 +7,7 @@ import os
 from wirebond.protocol import document, references
 from wirebond.protocol.document import Mapping, Node, Scalar
 from wirebond.protocol.draft import check_sizes, delivers_unknown, finish
+from wirebond.protocol.examples import read_examples
 from wirebond.protocol.frames import read_frame
 from wirebond.protocol.grammar import File, Link
 from wirebond.protocol.messages import check_ids, read_messages
@@ -42,6 +43,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     deadlines = references.read_deadlines(root.get("deadlines"), messages, problems)
     emergency_stop = references.read_emergency_stop(root.get("emergency_stop"), messages, problems)
     services = references.read_services(root.get("services"), messages, problems)
+    examples = read_examples(root.get("examples"), messages, problems)
     if draft is None:
         return None
     check_ids(messages, draft.id_bits, problems)
@@ -60,6 +62,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
         deadlines=deadlines,
         emergency_stop=emergency_stop,
         services=services,
+        examples=examples,
         idle=draft.envelope.silence or file.idle,
         description=file.description,
         path=path,

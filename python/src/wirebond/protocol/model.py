@@ -274,6 +274,22 @@ class EmergencyStop:
     values: tuple[tuple[str, float | int | bool | str], ...]
 
 
+ExampleScalar = float | int | bool | str | bytes
+
+
+@dataclass(frozen=True)
+class Example:
+    """A worked example of the file: a message's values, and the frame that is said to carry them.
+
+    Nothing here says that the two agree; ``wirebond check`` compares them. ``sender`` is one end, never both.
+    """
+
+    message: str
+    sender: End
+    values: tuple[tuple[str, ExampleScalar | tuple[ExampleScalar, ...]], ...]
+    frame: bytes
+
+
 @dataclass(frozen=True)
 class Service:
     """An optional built-in message mapped to messages of this protocol, by role (``request``, ``reply``, …)."""
@@ -294,6 +310,7 @@ class Protocol:
     deadlines: tuple[Deadline, ...] = ()
     emergency_stop: EmergencyStop | None = None
     services: tuple[Service, ...] = ()
+    examples: tuple[Example, ...] = ()
     idle: float | None = None  # seconds; None: the default rule
     description: str = ""
     path: str = field(default="", compare=False)

@@ -204,6 +204,38 @@ MagicBytes = Annotated[bytes, _bytes_type(4)]
 ConstantBytes = Annotated[bytes, _bytes_type(16)]
 
 
+_PAIRS = re.compile(r"(0x)?[0-9a-fA-F]{2}(( +(0x)?| *)[0-9a-fA-F]{2})*")
+MAX_EXAMPLE_BYTES = 4096
+
+
+def _frame_bytes(value: object) -> bytes:
+    if isinstance(value, Number):
+        raise wrong(f"{describe(value)} is read as a number; put the bytes in quotes: \"{value.text}\"")
+    if not isinstance(value, str) or not _PAIRS.fullmatch(value):
+        raise wrong(f'{describe(value)} is not a frame; write its bytes as two hex digits each: "AA 55 01"')
+    found = bytes.fromhex(value.replace("0x", " "))
+    if len(found) > MAX_EXAMPLE_BYTES:
+        raise wrong(f"{len(found)} bytes are too many for an example; at most {MAX_EXAMPLE_BYTES}")
+    return found
+
+
+def _example_value(value: object) -> ExampleOwnValue:
+    return [_own_value(item) for item in value] if isinstance(value, list) else _own_value(value)
+
+
+ExampleOwnValue = Fraction | bool | str | list[Fraction | bool | str]
+ExampleValue = Annotated[
+    ExampleOwnValue,
+    PlainValidator(_example_value, json_schema_input_type=float | bool | str | list[float | bool | str]),
+]
+FrameBytes = Annotated[
+    bytes,
+    PlainValidator(
+        _frame_bytes, json_schema_input_type=Annotated[str, Field(pattern=f"^{_PAIRS.pattern}$")]
+    ),
+]
+
+
 # ---- time ----------------------------------------------------------------------------------------
 
 _UNITS = {"us": Fraction(1, 1_000_000), "ms": Fraction(1, 1000), "s": Fraction(1)}

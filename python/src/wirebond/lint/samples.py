@@ -1,0 +1,78 @@
+"""Random valid messages of a protocol, and their frames: what the measuring rules feed to the decoder."""
+
+from __future__ import annotations
+
+import math
+import random
+import string
+from dataclasses import dataclass
+from typing import Any
+
+from wirebond.codec import Codec
+from wirebond.protocol.fields import wire_limits
+from wirebond.protocol.model import End, Field, FieldKind, Message
+
+_LETTERS = string.ascii_letters + string.digits + " "
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Intact frames that one sender may send; every message has as many of them."""
+
+    codec: Codec
+    sender: End
+    frames: tuple[bytes, ...]
+
+
+def pool(codec: Codec, sender: End, seed: int, frames_a_message: int = 256) -> Pool | None:
+    """Frames with random values, the same for the same seed; None if this end sends nothing."""
+    generator = random.Random(seed)  # noqa: S311  (to measure, not to keep secrets)
+    frames = tuple(
+        codec.encode(message.name, random_values(message, generator))
+        for message in codec.model.messages
+        if message.sent_by(sender)
+        for _ in range(frames_a_message)
+    )
+    return Pool(codec, sender, frames) if frames else None
+
+
+def random_values(message: Message, generator: random.Random) -> dict[str, Any]:
+    """Valid values for every field, over the whole range that each can carry."""
+    return {field.name: _value(field, generator) for field in message.fields}
+
+
+def _value(field: Field, generator: random.Random) -> Any:
+    if field.kind == FieldKind.TEXT:
+        return "".join(generator.choices(_LETTERS, k=generator.randint(0, field.max_wire_bytes)))
+    if field.kind == FieldKind.BYTES:
+        size = generator.randint(0, field.max_size) if field.is_variable else field.size
+        return generator.randbytes(size)
+    if field.flags:
+        chosen = [name for name, _ in field.flags if generator.random() < 0.5]
+        return [chosen] * field.count if field.count is not None else chosen
+    if field.count is not None:
+        return [_element(field, generator) for _ in range(field.count)]
+    return _element(field, generator)
+
+
+def _element(field: Field, generator: random.Random) -> Any:
+    if field.kind == FieldKind.BOOL:
+        return generator.random() < 0.5
+    if field.enum:
+        return generator.choice(field.enum)[0]
+    if field.kind == FieldKind.FLOAT:
+        if field.minimum is not None and field.maximum is not None:
+            return generator.uniform(field.minimum, field.maximum)
+        wire = generator.gauss(0, 1) * 10 ** generator.uniform(-3, 3)  # magnitudes that sensors have
+        return wire * float(field.scale) + float(field.offset)
+    lowest, highest = (int(bound) for bound in wire_limits(field))
+    if field.minimum is not None and field.maximum is not None:
+        ends = sorted((bound - float(field.offset)) / float(field.scale) for bound in (field.minimum, field.maximum))
+        lowest, highest = max(lowest, math.ceil(ends[0])), min(highest, math.floor(ends[1]))
+    wire_number = generator.randint(lowest, max(lowest, highest))
+    if not field.is_scaled:
+        return wire_number
+    value = float(wire_number * field.scale + field.offset)
+    if field.minimum is not None and field.maximum is not None:
+        value = min(max(value, field.minimum), field.maximum)
+    return value

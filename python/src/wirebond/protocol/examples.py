@@ -1,0 +1,124 @@
+"""The `examples` section: values and bytes that belong together. Whether they do is not judged here (see ``lint``)."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+from wirebond.protocol.document import Mapping, Node, Sequence
+from wirebond.protocol.fields import fit_value
+from wirebond.protocol.grammar import ExampleSyntax
+from wirebond.protocol.messages import Messages, spoken
+from wirebond.protocol.model import End, Example, ExampleScalar, Field, FieldKind, Message
+from wirebond.protocol.problems import Place, Problems, quoted, suggestion
+from wirebond.protocol.syntax import readable
+
+_Given = Fraction | bool | str
+_Value = ExampleScalar | tuple[ExampleScalar, ...]
+
+
+def read_examples(node: Node | None, messages: Messages, problems: Problems) -> tuple[Example, ...]:
+    """Every example whose message and values can be read; what is wrong with others is reported."""
+    found: list[Example] = []
+    for item in node.items if isinstance(node, Sequence) else ():
+        syntax = readable(ExampleSyntax, item)
+        if syntax is None or not isinstance(item, Mapping):
+            continue
+        entry = messages.get(syntax.message)
+        if entry is None:
+            if messages:
+                place = item.value_place("message")
+                problems.add(place, f"there is no message `{syntax.message}`; {suggestion(syntax.message, messages)}")
+            continue
+        message = entry.complete
+        if message is None:
+            continue
+        sender = _sender(syntax.sender, message, item, problems)
+        values = _values(syntax.fields, message, item, problems)
+        if sender is not None and values is not None:
+            found.append(Example(message.name, sender, values, syntax.bytes))
+    return tuple(found)
+
+
+def _sender(given: str | None, message: Message, node: Mapping, problems: Problems) -> End | None:
+    if given is None:
+        return End.HOST if message.sender == End.BOTH else message.sender
+    sender = End(given)
+    if message.sent_by(sender):
+        return sender
+    problems.add(
+        node.value_place("sender"),
+        f"`{message.name}` comes from the {spoken(message.sender)}; remove `sender`",
+    )
+    return None
+
+
+def _values(
+    given: dict[str, _Given | list[_Given]], message: Message, node: Mapping, problems: Problems
+) -> tuple[tuple[str, _Value], ...] | None:
+    fields = {field.name: field for field in message.fields}
+    places = node.get("fields")
+    missing = [field.name for field in message.fields if field.name not in given and field.default is None]
+    if missing:
+        problems.add(
+            node.value_place("fields"),
+            f"the example leaves `{missing[0]}` of `{message.name}` open; add for example `{missing[0]}: 0`",
+        )
+    values: list[tuple[str, _Value]] = []
+    wrong = bool(missing)
+    for name, wanted in given.items():
+        assert isinstance(places, Mapping), "fields were given"
+        if name not in fields:
+            there = suggestion(name, fields) if fields else "it has no fields at all"
+            problems.add(places.key_place(name), f"`{message.name}` has no field `{name}`; {there}")
+            wrong = True
+            continue
+        value = _value(fields[name], wanted, places.value_place(name), problems)
+        if value is None:
+            wrong = True
+        else:
+            values.append((name, value))
+    return None if wrong else tuple(values)
+
+
+def _value(field: Field, wanted: _Given | list[_Given], place: Place, problems: Problems) -> _Value | None:
+    """The value as ``encode`` takes it; None after reporting what is wrong."""
+    value, fault = _fitted(field, wanted)
+    if value is None:
+        problems.add(place, fault)
+    return value
+
+
+def _fitted(field: Field, wanted: _Given | list[_Given]) -> tuple[_Value | None, str]:
+    if field.kind == FieldKind.BYTES:
+        return _byte_string(field, wanted)
+    if field.flags and isinstance(wanted, list):
+        names = dict(field.flags)
+        unknown = next((name for name in wanted if not isinstance(name, str) or name not in names), None)
+        if unknown is not None:
+            return None, f"{quoted(str(unknown))} is not a flag of `{field.name}`; {suggestion(str(unknown), names)}"
+        return tuple(str(name) for name in wanted), ""
+    if field.count is None:
+        return (
+            (None, f"`{field.name}` is one value; write it without [ ]")
+            if isinstance(wanted, list)
+            else (fit_value(field, wanted))
+        )
+    if not isinstance(wanted, list) or len(wanted) != field.count:
+        return None, f"`{field.name}` has {field.count} elements; write a list of as many, such as [0, 0]"
+    elements: list[ExampleScalar] = []
+    for item in wanted:
+        element, fault = fit_value(field, item)
+        if element is None:
+            return None, fault
+        elements.append(element)
+    return tuple(elements), ""
+
+
+def _byte_string(field: Field, wanted: _Given | list[_Given]) -> tuple[_Value | None, str]:
+    if not isinstance(wanted, str) or not re.fullmatch(r"( *[0-9a-fA-F]{2})* *", wanted):
+        return None, f'`{field.name}` is a byte string; write two hex digits a byte in quotes: "01 FF"'
+    value = bytes.fromhex(wanted)
+    if len(value) > field.max_wire_bytes:
+        return None, f"{len(value)} bytes are given, and `{field.name}` has room for {field.max_wire_bytes}"
+    return value, ""

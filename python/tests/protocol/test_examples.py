@@ -1,0 +1,104 @@
+"""The `examples` section: what it means once loaded, and what is said about wrong ones."""
+
+from __future__ import annotations
+
+import pytest
+
+from wirebond.protocol import End, ProtocolFileError, loads, protocol_hash
+
+FILE = """\
+wirebond: 1
+protocol: rover
+frame: [magic: 0xAA, length: u8, id: u8, payload: by_length, check: xor8]
+messages:
+  drive: {id: 1, sender: host, fields: {speed: {type: i16, scale: 0.1, range: [-1, 1]}, mode: {type: u8, default: 0}}}
+  state:
+    id: 2
+    sender: both
+    fields:
+      gear: {type: u8, enum: {neutral: 0, first: 1}}
+      faults: {type: u8, flags: {hot: 0, stuck: 1}}
+      gains: {type: f32, count: 2}
+      name: {type: text, size: 4}
+      blob: {type: bytes, max: 2}
+"""
+STATE = "gear: first, faults: [hot], gains: [1, 2.5], name: left, blob: 01 FF"
+
+
+def with_example(example: str) -> str:
+    return f"{FILE}examples:\n  - {{{example}}}\n"
+
+
+def test_an_example_holds_values_as_the_api_takes_them() -> None:
+    drive = loads(with_example('message: drive, fields: {speed: 0.5}, bytes: "AA 03 01 05 00 00 AD"')).examples[0]
+    assert (drive.message, drive.sender, dict(drive.values)) == ("drive", End.HOST, {"speed": 0.5})
+    assert drive.frame == bytes.fromhex("AA 03 01 05 00 00 AD")
+    state = loads(with_example(f"message: state, sender: mcu, fields: {{{STATE}}}, bytes: AA55")).examples[0]
+    assert state.sender == End.MCU
+    assert dict(state.values) == {
+        "gear": "first",
+        "faults": ("hot",),
+        "gains": (1.0, 2.5),
+        "name": "left",
+        "blob": b"\x01\xff",
+    }
+
+
+@pytest.mark.parametrize("text", ["AA 55 01", "aa5501", "0xAA 0x55 0x01", "AA55 01"])
+def test_bytes_may_be_written_as_documents_write_them(text: str) -> None:
+    protocol = loads(with_example(f'message: drive, fields: {{speed: 0}}, bytes: "{text}"'))
+    assert protocol.examples[0].frame == b"\xaa\x55\x01"
+
+
+def test_a_message_of_both_ends_is_the_hosts_unless_said() -> None:
+    assert loads(with_example(f"message: state, fields: {{{STATE}}}, bytes: AA")).examples[0].sender == End.HOST
+
+
+def test_examples_do_not_change_the_hash() -> None:
+    assert protocol_hash(loads(with_example("message: drive, fields: {speed: 0}, bytes: AA"))) == protocol_hash(
+        loads(FILE)
+    )
+
+
+@pytest.mark.parametrize(
+    ("example", "at", "sentence"),
+    [
+        ("message: drve, bytes: AA", "drve", "there is no message `drve`; did you mean `drive`?"),
+        (
+            "message: drive, bytes: AA",
+            "{message",
+            "the example leaves `speed` of `drive` open; add for example `speed: 0`",
+        ),
+        ("message: drive, fields: {speed: 0, sped: 1}, bytes: AA", "sped:", "`drive` has no field `sped`"),
+        (
+            "message: drive, fields: {speed: 2}, bytes: AA",
+            "2}",
+            "2 does not fit `speed`, which takes values from -1 to 1",
+        ),
+        ("message: drive, fields: {speed: [1]}, bytes: AA", "[1]", "`speed` is one value; write it without [ ]"),
+        ("message: drive, sender: mcu, fields: {speed: 0}, bytes: AA", "mcu", "`drive` comes from the host"),
+        ("message: drive, fields: {speed: 0}", "{message", "an example needs `bytes`; write for example `bytes:"),
+        ("message: drive, fields: {speed: 0}, bytes: 10", "10}", "`10` is read as a number; put the bytes in quotes"),
+        ("message: drive, fields: {speed: 0}, bytes: AA 5", "AA 5", "`AA 5` is not a frame; write its bytes"),
+        ("message: drive, fields: {speed: 0}, bytes: [AA]", "[AA]", "a list is not a frame; write its bytes"),
+        ("message: drive, fields: {speed: {a: 1}}, bytes: AA", "{a:", "a mapping is not possible here"),
+        ("message: state, fields: {" + STATE.replace("hot", "cold") + "}, bytes: AA", "[cold", "`cold` is not a flag"),
+        ("message: state, fields: {" + STATE.replace("2.5", "2, 3") + "}, bytes: AA", "[1", "`gains` has 2 elements"),
+        ("message: state, fields: {" + STATE.replace("FF", "FG") + "}, bytes: AA", "01 FG", "`blob` is a byte string"),
+        ("message: state, fields: {" + STATE.replace("FF", "FF 02") + "}, bytes: AA", "01 FF 02", "3 bytes are given"),
+        ("message: state, fields: {" + STATE.replace("left", "leftmost") + "}, bytes: AA", "leftmost", "has 8 bytes"),
+    ],
+)
+def test_a_wrong_example_gets_a_sentence_at_its_place(example: str, at: str, sentence: str) -> None:
+    text = with_example(example)
+    with pytest.raises(ProtocolFileError) as refused:
+        loads(text)
+    problem = refused.value.problems[0]
+    assert sentence in problem.message
+    assert text.splitlines()[problem.line - 1][problem.column - 1 :].startswith(at)
+    assert problem.line == FILE.count("\n") + 2
+
+
+def test_a_frame_too_long_for_an_example_is_refused() -> None:
+    with pytest.raises(ProtocolFileError, match="5000 bytes are too many"):
+        loads(with_example(f'message: drive, fields: {{speed: 0}}, bytes: "{"AA" * 5000}"'))
