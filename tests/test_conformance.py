@@ -12,30 +12,36 @@ from pathlib import Path
 import pytest
 
 from tests.conformance.build import build_decoder, decode
-from tests.shared import accepted_vectors, codec
+from tests.shared import accepted_vectors, codec, rejected_vectors
 from tests.streams import hard_stream
 from tests.test_against_reference import FORMATS
 from wirebond import load
 from wirebond.protocol.model import End
 
-SANITIZED = {"diffdrive", "enterprize", "native", "mavlink", "brackets"}
+# The formats that are compiled in every test run: together they hold every kind of part. The others are proofs.
+ALWAYS = {"diffdrive", "enterprize", "native", "brackets", "optional", "words"}
+SANITIZED = {"enterprize", "brackets"}
 CHUNKS = (0, 1, 7, 4096)  # bytes; 0: random sizes
 
 
-def senders(name: str) -> list[End]:
-    return [end for end in (End.MCU, End.HOST) if any(m.sent_by(end) for m in load(FORMATS[name]).model.messages)]
+def cases() -> list[object]:
+    """Every format, sender and source, but those that end by silence: a file has no times."""
+    found = []
+    for name in sorted(FORMATS):
+        model = load(FORMATS[name]).model
+        if model.frame.ends_by_silence:
+            continue
+        for end in (End.MCU, End.HOST):
+            for run_time in (False, True):
+                short = name in ALWAYS and (end == End.HOST) == (name != "words") and (not run_time or name == "enterprize")
+                if any(m.sent_by(end) for m in model.messages):
+                    label = f"{name}-{end}-{'run-time' if run_time else 'constant'}"
+                    marks = [] if short else [pytest.mark.long]
+                    found.append(pytest.param(name, end, run_time, marks=marks, id=label))
+    return found
 
 
-CASES = [
-    pytest.param(name, end, marks=[] if end == senders(name)[0] else [pytest.mark.long])
-    for name in sorted(FORMATS)
-    for end in senders(name)
-    if not load(FORMATS[name]).model.frame.ends_by_silence  # a file has no times
-]
-
-
-@pytest.mark.parametrize("run_time", [False, True], ids=["constant", "run-time"])
-@pytest.mark.parametrize(("name", "sender"), CASES)
+@pytest.mark.parametrize(("name", "sender", "run_time"), cases())
 def test_generated_code_and_engine_agree(name: str, sender: End, run_time: bool, tmp_path: Path) -> None:
     proto = load(FORMATS[name])
     program = build_decoder(proto.model, sender, run_time=run_time, sanitize=name in SANITIZED and not run_time)
@@ -56,15 +62,27 @@ def test_generated_code_and_engine_agree(name: str, sender: End, run_time: bool,
             assert result.account[f"rejected.{cause}"] == count
 
 
-@pytest.mark.parametrize("run_time", [False, True], ids=["constant", "run-time"])
-def test_generated_code_finds_every_vector_between_noise(run_time: bool, tmp_path: Path) -> None:
-    for name in ("enterprize", "diffdrive"):
-        for sender in (End.HOST, End.MCU):
-            program = build_decoder(codec(name).model, sender, run_time=run_time, sanitize=name == "enterprize" and not run_time)
-            frames = [v.frame for v in accepted_vectors() if v.protocol == name and v.sender == sender.value]
-            file = tmp_path / "vectors.bin"
-            for gap in (b"", b"\x01\x02\x03noise\xff"):
-                file.write_bytes(gap + gap.join(frames) + gap)
-                for chunk in (0, 1, 4096):
-                    found = decode(program, file, chunk=chunk, seed=1)
-                    assert [f.wire for f in found.frames] == frames
+@pytest.mark.parametrize("sender", [End.HOST, End.MCU])
+@pytest.mark.parametrize("name", ["enterprize", "diffdrive", "pid_tuner"])
+def test_generated_code_finds_every_vector_between_noise(name: str, sender: End, tmp_path: Path) -> None:
+    frames = [v.frame for v in accepted_vectors() if v.protocol == name and v.sender == sender.value]
+    if not frames:
+        return  # no vector of this end
+    program = build_decoder(codec(name).model, sender, sanitize=name in SANITIZED)
+    file = tmp_path / "vectors.bin"
+    for gap in (b"", b"\x01\x02\x03noise\xff"):
+        file.write_bytes(gap + gap.join(frames) + gap)
+        for chunk in CHUNKS:
+            found = decode(program, file, chunk=chunk, seed=1)
+            assert [f.wire for f in found.frames] == frames
+
+
+def test_generated_code_refuses_what_must_be_refused(tmp_path: Path) -> None:
+    for rejected in rejected_vectors():
+        program = build_decoder(codec(rejected.protocol).model, End.HOST)
+        file = tmp_path / "rejected.bin"
+        file.write_bytes(rejected.frame)
+        for chunk in CHUNKS:
+            result = decode(program, file, chunk=chunk, seed=1)
+            assert result.frames == []
+            assert result.account["discarded.check_mismatch"] == len(rejected.frame)

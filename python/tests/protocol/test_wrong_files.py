@@ -130,7 +130,7 @@ SYNTAX = [
     ("- magic: 0xAA 0x55", "- @magc: 0xAA", "`magc` is not a part of a frame; did you mean `magic`?"),
     ("- magic: 0xAA 0x55", "- @magic", "write `- part: value`"),
     ("- magic: 0xAA 0x55", "- @{magic: 0xAA, id: u8}", "`magic` and `id` are 2 parts in one entry"),
-    ("- magic: 0xAA 0x55", "- {magic: 0xAA, @nme: x}", "did you mean `name`? (possible: magic, name)"),
+    ("- magic: 0xAA 0x55", "- {magic: 0xAA, @nme: x}", "did you mean `name`? (possible: magic, name, when)"),
     ("- length: u8", "- length: @u64", "possible: u8, u16, u24, u32; "),
     ("- length: u8", "- length: {type: u8, counts: @all}", "possible: payload, rest, self_and_rest, frame"),
     ("- length: u8", "- length: {type: u8, @count: rest}", "did you mean `counts`?"),
@@ -310,17 +310,17 @@ FRAMES = [
     ),
     ("magic: 0x01, name: @payload, id: u8, payload: 20", "is the word for another kind of part"),
     ("magic: 0x01, name: a, id: u8, name: @a, payload: 20", "another part is named `a`"),
-    ("@cobs: [id: u8, payload: rest, check: crc-16/modbus]", "`cobs` needs a delimiter before and behind it"),
+    ("@cobs: [id: u8, payload: rest, check: crc-16/modbus]", "stuffing needs a delimiter before and behind it"),
     ("@delimiter: 0x00, id: u8, payload: 20", "delimiters are the frame's first and its last part"),
     ("delimiter: @0x7E, cobs: [id: u8, payload: rest], delimiter: 0x00", "COBS frees a frame of 0x00"),
-    ("delimiter: 0x00, @id: u8, payload: 20, delimiter: 0x00", "every part stands within `cobs`"),
+    ("delimiter: 0x00, @id: u8, cobs: [payload: 20], delimiter: 0x00", "every part stands within the stuffed ones"),
     (
         "delimiter: 0x00, cobs: [id: u8, payload: rest, @delimiter: 0x00], delimiter: 0x00",
-        "`delimiter` cannot stand within `cobs`",
+        "`delimiter` cannot stand within stuffed parts",
     ),
     (
         "delimiter: 0x00, cobs: [id: u8, payload: rest], @cobs: [id: u8], delimiter: 0x00",
-        "a frame has one `cobs`",
+        "a frame has one group of stuffed parts",
     ),
 ]
 

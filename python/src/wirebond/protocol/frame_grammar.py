@@ -152,8 +152,8 @@ class MagicPart(PartSyntax):
 
     noun = "a `magic` part"
     magic: MagicValue = Field(
-        description="1 to 4 bytes that begin every frame; a list: any of these; {host: …, mcu: …}: one for "
-        "each direction.",
+        description="1 to 4 bytes that begin every frame; {any: [...]}: one of several; "
+        "{host: ..., mcu: ...}: one for each direction.",
         examples=["0xAA 0x55"],
     )
 

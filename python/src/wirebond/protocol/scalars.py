@@ -403,15 +403,23 @@ class Magic:
 def _magic(value: object) -> Magic:
     one = _hex_bytes(4)
     if isinstance(value, list):
-        if not 2 <= len(value) <= 4:
-            raise wrong(f"a list of magics has 2 to 4 entries, not {len(value)}; write `[0xFE, 0xFD]`")
-        values = tuple(one(entry) for entry in value)
+        raise wrong(
+            "a list is not a byte here; write `0xAA 0x55` for two bytes in a row, "
+            "or `{any: [0xFE, 0xFD]}` for one of several magics"
+        )
+    if isinstance(value, dict) and set(value) == {"any"}:
+        listed = value["any"]
+        if not isinstance(listed, list) or not 2 <= len(listed) <= 4:
+            raise wrong("`any` lists 2 to 4 magics; write `{any: [0xFE, 0xFD]}`")
+        values = tuple(one(entry) for entry in listed)
         if len(set(values)) != len(values):
             raise wrong("two of these magics are the same; remove one")
+        if len({len(entry) for entry in values}) != 1:
+            raise wrong("magics of one frame need the same number of bytes; fill up with a `constant` part")
         return Magic(values)
     if isinstance(value, dict):
         if set(value) != {"host", "mcu"}:
-            raise wrong("a magic for each direction needs both ends; write `{host: 0xAA, mcu: 0xBB}`")
+            raise wrong("a magic is bytes, `{any: [0xFE, 0xFD]}`, or one for each end: `{host: 0xAA, mcu: 0xBB}`")
         by_end = tuple((str(end), one(value[end])) for end in ("host", "mcu"))
         if len(by_end[0][1]) != len(by_end[1][1]):
             raise wrong("both directions' magics need the same number of bytes")
@@ -424,7 +432,7 @@ MagicValue = Annotated[
     PlainValidator(
         _magic,
         json_schema_input_type=_bytes_schema(4)
-        | Annotated[list[_bytes_schema(4)], Field(min_length=2, max_length=4)]  # type: ignore[misc]
+        | dict[Literal["any"], Annotated[list[_bytes_schema(4)], Field(min_length=2, max_length=4)]]  # type: ignore[misc]
         | dict[Literal["host", "mcu"], _bytes_schema(4)],
     ),
 ]
