@@ -6,6 +6,8 @@ Only what differs from the format's defaults is written.
 from __future__ import annotations
 
 from wirebond.protocol.model import (
+    BitRole,
+    Bits,
     ByteOrder,
     Field,
     FieldKind,
@@ -42,30 +44,75 @@ def range_text(parts: tuple[Part, ...], first: int, last: int) -> str:
 def part_text(parts: tuple[Part, ...], index: int) -> str:
     """One part as a line of the ``frame`` section, without the dash: ``check: {type: xor8, over: id..payload}``."""
     part = parts[index]
-    if part.kind not in _SPELLINGS:
-        raise NotImplementedError(f"spelling.py has no entry for the part '{part.kind}'")
-    named = f", name: {part.name}" if part.name.rstrip("_0123456789") != part.kind.value else ""
-    text = f"{part.kind.value}: {_SPELLINGS[part.kind](parts, index)}"
-    return f"{{{text}{named}}}" if named else text
+    options = [_SPELLINGS[part.kind](parts, index), *_options(part)]
+    text = f"{part.kind.value}: {', '.join(options)}"
+    return f"{{{text}}}" if len(options) > 1 else text
+
+
+def _options(part: Part) -> list[str]:
+    """The keys that stand beside the part's own."""
+    options = []
+    if part.kind == PartKind.FIELD:
+        options.append(f"type: {number_type('u', part.size, part.order)}")
+        options += [f"default: {part.default}"] if part.default else []
+    elif part.name.rstrip("_0123456789") != part.kind.value:
+        options.append(f"name: {part.name}")
+    if part.kind == PartKind.BITS:
+        options.append(f"fields: {{{', '.join(_run(run) for run in part.bits)}}}")
+        options += _counted(part)
+    if part.trims_zeros:
+        options.append("trim_zeros: true")
+    if part.condition is not None:
+        condition = part.condition
+        magic = f"magic == {bytes_text(condition.magic)}"
+        options.append(f"when: {magic if condition.magic else f'{condition.field} & {1 << condition.bit:#x}'}")
+    return options
+
+
+def _run(run: Bits) -> str:
+    if run.role == BitRole.CONSTANT:
+        return f"{run.name}: {{bits: {run.width}, constant: {run.value}}}"
+    return f"{run.name}: {{bits: {run.width}, default: {run.value}}}" if run.value else f"{run.name}: {run.width}"
+
+
+def _counted(part: Part) -> list[str]:
+    """What a length counts, where it is not the payload's bytes."""
+    options = []
+    if part.counts != LengthCounts.PAYLOAD:
+        options.append(f"counts: {part.counts.value}")
+    if part.length_offset:
+        options.append(f"offset: {part.length_offset}")
+    if part.length_unit != 1:
+        options.append(f"unit: {part.length_unit}")
+    return options
 
 
 def _constant(parts: tuple[Part, ...], index: int) -> str:
     return bytes_text(parts[index].value)
 
 
+def _magic(parts: tuple[Part, ...], index: int) -> str:
+    part = parts[index]
+    if part.by_sender:
+        return f"{{{', '.join(f'{end.value}: {bytes_text(value)}' for end, value in part.by_sender)}}}"
+    if part.alternatives:
+        return f"{{any: [{', '.join(bytes_text(value) for value in part.alternatives)}]}}"
+    return bytes_text(part.value)
+
+
 def _length(parts: tuple[Part, ...], index: int) -> str:
     part = parts[index]
     wire = number_type("u", part.size, part.order)
-    options = []
-    if part.counts != LengthCounts.PAYLOAD:
-        options.append(f"counts: {part.counts.value}")
-    if part.length_offset:
-        options.append(f"offset: {part.length_offset}")
+    options = _counted(part)
     return f"{{type: {wire}, {', '.join(options)}}}" if options else wire
 
 
-def _id(parts: tuple[Part, ...], index: int) -> str:
+def _number(parts: tuple[Part, ...], index: int) -> str:
     return number_type("u", parts[index].size, parts[index].order)
+
+
+def _name(parts: tuple[Part, ...], index: int) -> str:
+    return parts[index].name
 
 
 def _reserved(parts: tuple[Part, ...], index: int) -> str:
@@ -86,23 +133,30 @@ def _check(parts: tuple[Part, ...], index: int) -> str:
         options += [f"width: {algorithm.width}", f"poly: {algorithm.poly:#x}", f"init: {algorithm.init:#x}"]
         options += [f"refin: {str(algorithm.refin).lower()}", f"refout: {str(algorithm.refout).lower()}"]
         options.append(f"xorout: {algorithm.xorout:#x}")
-    if 8 * part.size < algorithm.width:
+    if part.as_hex:
+        options.append("text: hex")
+    elif 8 * part.size < algorithm.width:
         options.append("byte: high" if part.shift else "byte: low")
     if (part.first, part.last) != (0, index - 1):
         options.append(f"over: {range_text(parts, part.first, part.last)}")
-    if part.size > 1 and part.order == ByteOrder.BIG:
+    if part.seeded:
+        options.append("seed: message")
+    if part.size > 1 and part.order == ByteOrder.BIG and not part.as_hex:
         options.append("byte_order: big")
     return f"{{type: {algorithm.name}, {', '.join(options)}}}" if options else algorithm.name
 
 
 # One entry for each kind of part in the model.
 _SPELLINGS = {
-    PartKind.MAGIC: _constant,
+    PartKind.MAGIC: _magic,
     PartKind.CONSTANT: _constant,
     PartKind.TAIL: _constant,
     PartKind.LENGTH: _length,
-    PartKind.ID: _id,
+    PartKind.ID: _number,
     PartKind.RESERVED: _reserved,
     PartKind.PAYLOAD: _payload,
     PartKind.CHECK: _check,
+    PartKind.FIELD: _name,
+    PartKind.SEQUENCE: _number,
+    PartKind.BITS: _number,
 }
