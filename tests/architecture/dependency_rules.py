@@ -33,6 +33,21 @@ PYTHON_RULES: dict[str, set[str]] = {
     "wirebond.codegen": {"wirebond._engine", "wirebond.codec", "wirebond.link", "wirebond.cli", "wirebond.sim"},
     "wirebond.codec": {"wirebond.link", "wirebond.lint", "wirebond.cli", "wirebond.sim", "wirebond.codegen"},
     "wirebond.lint": {"wirebond.link", "wirebond.cli", "wirebond.sim", "wirebond.codegen"},
+    "wirebond.checksum": {
+        "wirebond._engine", "wirebond.codec", "wirebond.link", "wirebond.cli", "wirebond.sim", "wirebond.codegen",
+        "wirebond.lint", "wirebond.explain",
+    },
+    "wirebond.explain": {
+        "wirebond._engine", "wirebond.codec", "wirebond.link", "wirebond.cli", "wirebond.sim", "wirebond.codegen",
+        "wirebond.lint", "wirebond.datasheet",
+    },
+    "wirebond.datasheet": {"wirebond.link", "wirebond.cli", "wirebond.sim", "wirebond.codegen"},
+    "wirebond.starter": {
+        "wirebond._engine", "wirebond.codec", "wirebond.link", "wirebond.cli", "wirebond.sim", "wirebond.codegen",
+    },
+    "wirebond.c_header": {
+        "wirebond._engine", "wirebond.codec", "wirebond.link", "wirebond.cli", "wirebond.sim", "wirebond.codegen",
+    },
     "wirebond.link": {"wirebond.cli", "wirebond.sim", "wirebond.codegen"},
     "wirebond.sim": {"wirebond.cli"},
 }  # fmt: skip

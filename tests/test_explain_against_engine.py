@@ -1,0 +1,162 @@
+"""What `explain` says of a stream is what the decoder does with it: frames, causes, values, field rules."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from tests.shared import Rejected, Vector, accepted_vectors, codec, rejected_vectors
+from tests.streams import hard_stream, random_frame, random_values
+from wirebond import Message
+from wirebond.explain import Kind, explain, values
+from wirebond.explain.judge import check_value, spans
+from wirebond.explain.scan import scan
+from wirebond.explain.stuffing import stuff
+from wirebond.explain.values import read_fields
+from wirebond.protocol.model import End, Field, FieldKind, PartKind
+
+NAMES = ["diffdrive", "enterprize", "pid_tuner", "pid_tuner_listing", "native"]
+
+
+@pytest.mark.parametrize("sender", [None, End.HOST, End.MCU])
+@pytest.mark.parametrize("name", NAMES)
+def test_frames_and_causes_agree_on_hard_streams(name: str, sender: End | None) -> None:
+    proto = codec(name)
+    for seed in range(20):
+        stream = hard_stream(proto, random.Random(f"{name} {sender} {seed}"), pieces=40)
+        found = scan(proto.model, stream, sender)
+        decoder = proto.decoder(sender)
+        messages = decoder.feed(stream) + decoder.finish()
+        frames = [(f.offset, stream[f.offset : f.offset + f.size], f.judgement.delivered_as) for f in found.frames]
+        assert frames == [(m.offset, m.raw, m.name) for m in messages], f"seed {seed}"
+        stats = decoder.stats.as_dict()
+        assert dict(found.discarded) == stats["discarded_bytes"], f"seed {seed}"
+        assert dict(found.rejected) == stats["rejected_candidates"], f"seed {seed}"
+        assert len(found.fill) == stats["fill_bytes"], f"seed {seed}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_random_bytes_are_judged_alike(name: str) -> None:
+    """Bytes of few values, so that starts, lengths and delimiters occur."""
+    proto = codec(name)
+    source = random.Random(name)
+    first = random_frame(proto, source)
+    for _ in range(200):
+        stream = bytes(source.choices([*first[:6], 0, 1, 2, 0xFF], k=source.randrange(1, 80)))
+        found = scan(proto.model, stream, None)
+        decoder = proto.decoder()
+        messages = decoder.feed(stream) + decoder.finish()
+        assert [f.offset for f in found.frames] == [m.offset for m in messages], stream.hex()
+        assert dict(found.discarded) == decoder.stats.as_dict()["discarded_bytes"], stream.hex()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_byte_lies_in_one_stretch_and_frames_carry_the_decoders_values(name: str) -> None:
+    proto = codec(name)
+    for seed in range(4):
+        stream = hard_stream(proto, random.Random(f"{name} {seed}"), pieces=12)
+        explanation = explain(proto.model, stream)
+        assert b"".join(stretch.wire for stretch in explanation.stretches) == stream
+        decoder = proto.decoder()
+        messages = decoder.feed(stream) + decoder.finish()
+        assert [(f.offset, f.message) for f in explanation.frames] == [(m.offset, m.name) for m in messages]
+        for frame, message in zip(explanation.frames, messages, strict=True):
+            if message.name != "unknown":
+                assert frame.values == message.fields
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_values_and_broken_field_rules_are_the_engines(name: str) -> None:
+    """Random payloads: values beyond every range, numbers without a name, NaN, text that is no UTF-8."""
+    proto = codec(name)
+    source = random.Random(name)
+    for message in proto.model.messages:
+        for _ in range(60):
+            payload = source.randbytes(source.randint(message.min_payload, message.max_payload))
+            (decoded,) = _frame_with(name, message.name, payload)
+            readings = read_fields(message, decoded.payload[: message.max_payload])
+            for reading in readings:
+                expected = decoded.fields[reading.field.name]
+                assert repr(reading.value) == repr(expected), f"{message.name}.{reading.field.name}"
+            broken = {text.split(".")[1].split(" ")[0].split("[")[0] for text in decoded.violations}
+            assert {reading.field.name for reading in readings if reading.fault} == broken
+
+
+def _frame_with(name: str, message: str, payload: bytes) -> list[Message]:
+    """The engine's message for a frame with this payload, its checks worked out by `explain`."""
+    proto = codec(name)
+    frame = proto.model.frame
+    described = proto.model.message(message)
+    size = next(p.fixed_payload for p in frame.parts if p.kind == PartKind.PAYLOAD)
+    payload = payload.ljust(size, b"\0")[: size or None]
+    data = bytearray()
+    for part, (start, _) in zip(frame.parts, spans(frame.parts, len(payload)), strict=True):
+        assert len(data) == start
+        order = "big" if part.order == "big" else "little"
+        if part.kind == PartKind.PAYLOAD:
+            data += payload
+        elif part.kind == PartKind.ID:
+            data += described.id.to_bytes(part.size, order)
+        elif part.kind == PartKind.LENGTH:
+            data += len(payload).to_bytes(part.size, order)
+        elif part.kind == PartKind.CHECK:
+            places = spans(frame.parts, len(payload))
+            data += check_value(part, bytes(data[places[part.first][0] : places[part.last][1]]))
+        else:
+            data += part.value or bytes(part.size)
+    wire = bytes(data)
+    if frame.delimiter is not None:
+        mark = bytes([frame.delimiter])
+        wire = mark + stuff(frame.stuffing, wire) + mark
+    return proto.decoder(End.HOST if described.sender == End.BOTH else described.sender).feed(wire)
+
+
+@pytest.mark.parametrize("vector", accepted_vectors(), ids=str)
+def test_a_vector_is_one_frame_with_every_byte_named(vector: Vector) -> None:
+    (stretch,) = explain(codec(vector.protocol).model, vector.frame, End(vector.sender)).stretches
+    assert (stretch.kind, stretch.message, stretch.values) == (Kind.FRAME, vector.message, vector.fields)
+    named = b"".join(row.wire for row in stretch.rows if row.level == 0)
+    assert named == vector.frame
+    assert all(rule.holds for rule in stretch.rules)
+
+
+@pytest.mark.parametrize("rejected", rejected_vectors(), ids=str)
+def test_a_wrong_worked_example_is_refused_and_read_as_if_it_were_right(rejected: Rejected) -> None:
+    proto = codec(rejected.protocol)
+    (stretch,) = explain(proto.model, rejected.frame, End.HOST).stretches
+    assert (stretch.kind, stretch.cause) == (Kind.REFUSED, "check_mismatch")
+    failed = [rule for rule in stretch.rules if not rule.holds]
+    assert failed == [stretch.rules[-1]]
+    right = bytes.fromhex(failed[0].expected)
+    at = rejected.frame.rindex(bytes.fromhex(failed[0].found))
+    mended = rejected.frame[:at] + right + rejected.frame[at + 1 :]
+    (message,) = proto.decoder("host").feed(mended)
+    assert f"with check {right.hex().upper()} this is {message.name}: " in stretch.repaired
+
+
+def test_the_pid_frame_is_explained_by_the_listing() -> None:
+    (rejected,) = [r for r in rejected_vectors() if r.protocol == "pid_tuner"]
+    peers = [codec(name).model for name in NAMES if name != "pid_tuner"]
+    (stretch,) = explain(codec("pid_tuner").model, rejected.frame, End.HOST, peers).stretches
+    best = stretch.guesses[0]
+    assert "over `length..payload`, without the id" in best.what
+    assert "pid_tuner_listing computes it so" in best.what
+    assert best.remedy == "Write `- check: {type: sum16, byte: high, over: length..payload}`."
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stuffing_done_in_python_is_the_engines(name: str) -> None:
+    proto = codec(name)
+    source = random.Random(name)
+    for _ in range(100):
+        message = source.choice(proto.model.messages)
+        wire = proto.encode(message.name, random_values(message, source))
+        (stretch,) = explain(proto.model, wire, End.HOST if message.sender == End.BOTH else message.sender).stretches
+        assert (stretch.kind, stretch.message) == (Kind.FRAME, message.name)
+
+
+def test_every_field_kind_of_the_model_is_read() -> None:
+    assert set(values._ELEMENTS) | set(values._STRINGS) == set(FieldKind)
+    assert not set(values._ELEMENTS) & set(values._STRINGS)
+    assert isinstance(values._ELEMENTS[FieldKind.BOOL](Field("x", FieldKind.BOOL, 1), b"\1")[0], bool)
