@@ -33,7 +33,8 @@ def cases() -> list[object]:
             continue
         for end in (End.MCU, End.HOST):
             for run_time in (False, True):
-                short = name in ALWAYS and (end == End.HOST) == (name != "words") and (not run_time or name == "enterprize")
+                speaks_first = (end == End.HOST) == (name != "words")
+                short = name in ALWAYS and speaks_first and (not run_time or name == "enterprize")
                 if any(m.sent_by(end) for m in model.messages):
                     label = f"{name}-{end}-{'run-time' if run_time else 'constant'}"
                     marks = [] if short else [pytest.mark.long]

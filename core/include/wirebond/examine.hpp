@@ -214,9 +214,9 @@ WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candid
   for (std::size_t i = 0; i < format.layout_count; ++i) {
     const Verdict verdict = detail::examine_layout(source, format.layouts[i], candidate, available, whole, frame);
     if (verdict.outcome == Outcome::frame) return verdict;
-    const bool better = verdict.outcome == Outcome::need_more
-                            ? best.outcome != Outcome::need_more || verdict.bytes < best.bytes
-                            : best.outcome != Outcome::need_more && verdict.bytes > best.bytes;
+    const bool better = i == 0 || (verdict.outcome == Outcome::need_more
+                                       ? best.outcome != Outcome::need_more || verdict.bytes < best.bytes
+                                       : best.outcome != Outcome::need_more && verdict.bytes > best.bytes);
     if (better) best = verdict;
   }
   return best;

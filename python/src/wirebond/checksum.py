@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 from wirebond.protocol.model import Algorithm
@@ -9,9 +10,12 @@ from wirebond.protocol.model import Algorithm
 
 def checksum(algorithm: Algorithm, data: bytes) -> int:
     """The algorithm's value over ``data``, before any byte order or shift of the frame. A few MB/s; any thread."""
-    if algorithm.kind not in _KINDS:
+    if algorithm.kind not in _REGISTERS:
         raise NotImplementedError(f"checksum.py has no entry for the kind of check '{algorithm.kind}'")
-    return _KINDS[algorithm.kind](algorithm, data)
+    value = _REGISTERS[algorithm.kind](algorithm, data)
+    if algorithm.negate:
+        value = -value & (1 << algorithm.width) - 1
+    return value ^ algorithm.xorout
 
 
 def _crc(algorithm: Algorithm, data: bytes) -> int:
@@ -26,24 +30,37 @@ def _crc(algorithm: Algorithm, data: bytes) -> int:
         top = width - 8
         for byte in data:
             register = (register << 8) & mask ^ table[(register >> top) ^ byte]
-    if algorithm.refin != algorithm.refout:
-        register = _reflected(register, width)
-    return register ^ algorithm.xorout
+    return _reflected(register, width) if algorithm.refin != algorithm.refout else register
 
 
 def _sum(algorithm: Algorithm, data: bytes) -> int:
-    return (algorithm.init + sum(data)) % (1 << algorithm.width) ^ algorithm.xorout
+    return (algorithm.init + sum(data)) % (1 << algorithm.width)
 
 
 def _xor(algorithm: Algorithm, data: bytes) -> int:
     value = algorithm.init
     for byte in data:
         value ^= byte
-    return value ^ algorithm.xorout
+    return value
 
 
-# One entry for each kind of algorithm in the model.
-_KINDS = {"crc": _crc, "sum": _sum, "xor": _xor}
+def _fletcher(algorithm: Algorithm, data: bytes) -> int:
+    half = algorithm.width // 2
+    modulus = algorithm.modulus or 1 << half
+    first, second = algorithm.init & (1 << half) - 1, algorithm.init >> half
+    for byte in data:
+        first = (first + byte) % modulus
+        second = (second + first) % modulus
+    return second << half | first
+
+
+# One entry for each kind of algorithm in the model: the value before the final steps that all kinds share.
+_REGISTERS: dict[str, Callable[[Algorithm, bytes], int]] = {
+    "crc": _crc,
+    "sum": _sum,
+    "xor": _xor,
+    "fletcher": _fletcher,
+}
 
 
 def _reflected(value: int, width: int) -> int:

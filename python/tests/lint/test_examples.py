@@ -85,6 +85,20 @@ def test_a_value_that_the_wire_cannot_carry_exactly_is_told() -> None:
     assert found == ["`x` comes back as 1.5, and the example says 1.504"]
 
 
+def test_header_fields_choose_the_form_that_is_compared() -> None:
+    frame = "[magic: 0xA5, {bits: u8, fields: {stamped: 1, rest: 7}}, {field: stamp, type: u16, when: stamped & 0x01}, "
+    frame += "id: u8, payload: by_id, check: xor8]"
+    messages = "{state: {id: 1, sender: mcu, fields: {x: {type: u8}}}}"
+    for header, bytes_, found in (
+        ("{stamped: 1, stamp: 2}", "A5 01 02 00 01 09 AE", []),
+        ("{}", "A5 00 01 09 AD", []),
+        ("{stamped: 1, stamp: 2}", "A5 01 03 00 01 09 AE", ["byte 2 (field stamp) is 0x03, expected 0x02"]),
+    ):
+        rest = f'examples: [{{message: state, header: {header}, fields: {{x: 9}}, bytes: "{bytes_}"}}]'
+        judged = examples.judge(made(frame, messages, rest), NOWHERE)
+        assert [finding.sentence.removeprefix("the example of `state`: ") for finding in judged] == found
+
+
 def test_bytes_of_stuffed_frames_are_compared_too() -> None:
     frame = "[delimiter: 0x00, cobs: [id: u8, payload: rest, check: crc-16/ibm-sdlc], delimiter: 0x00]"
     messages = "{state: {id: 1, sender: mcu, fields: {x: {type: i16}}}}"

@@ -10,8 +10,9 @@ import pytest
 from python.tests.lint.files import PROTOCOLS, made, shipped
 
 from wirebond import lint
-from wirebond.codec import load
+from wirebond.codec import Codec, load
 from wirebond.lint import Places, Severity
+from wirebond.protocol import loads
 
 
 @functools.cache
@@ -41,6 +42,13 @@ def test_the_seeds_protocols_have_the_findings_of_the_baseline(name: str, expect
     assert {finding.rule for finding in found.findings} == expected
     assert found.number_of(Severity.ERROR) == 0
     assert all(finding.line > 0 for finding in found.findings)
+
+
+def test_a_crc_without_final_xor_under_cobs_is_told_once() -> None:
+    text = (PROTOCOLS / "native.yaml").read_text(encoding="utf-8").replace("crc-16/ibm-sdlc", "crc-16/mcrf4xx")
+    found = lint.check(Codec(loads(text)))
+    assert [finding.rule for finding in found.findings] == ["inserted-zero"]
+    assert 0.005 < found.strength.faults["1 bit"].share < 0.02  # the lowest bit of a delimiter
 
 
 def test_findings_stand_at_the_line_that_causes_them() -> None:

@@ -63,7 +63,7 @@ def test_a_crc_without_final_xor_accepts_an_inserted_zero(check: str, share: flo
     found = stuffing.judge(codec.model, measured, NOWHERE)
     if share:
         assert (found[0].rule, found[0].severity) == ("inserted-zero", Severity.WARNING)
-        assert f"{check} lets {percent(share)} of frames pass after a zero byte was inserted" in found[0].sentence
+        assert f"with {check} {percent(share)} of frames pass after a zero byte was inserted" in found[0].sentence
     else:
         assert found == []
 

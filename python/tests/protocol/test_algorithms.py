@@ -82,8 +82,7 @@ def test_a_name_with_several_meanings_is_not_guessed() -> None:
     assert not set(AMBIGUOUS) & {*ALGORITHMS, *ALIASES}
     assert all(set(meanings) <= set(ALGORITHMS) for meanings in AMBIGUOUS.values())
     assert (
-        advice_for_unknown("CRC-CCITT")
-        == "say which: crc-16/kermit, crc-16/ibm-3740, crc-16/xmodem, crc-16/ibm-sdlc"
+        advice_for_unknown("CRC-CCITT") == "say which: crc-16/kermit, crc-16/ibm-3740, crc-16/xmodem, crc-16/ibm-sdlc"
     )
 
 

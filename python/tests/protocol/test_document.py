@@ -162,17 +162,13 @@ def test_bytes_that_are_not_text_get_a_sentence(tmp_path: Path) -> None:
     path.write_bytes(bytes(200_000))
     assert file_error(path).startswith(":1:1: the character U+0000 cannot stand in YAML")
     path.write_bytes(bytes(10_000_000))
-    assert (
-        file_error(path)
-        == ": the file is larger than 256 KiB; a protocol file is some kilobytes of YAML text"
-    )
+    assert file_error(path) == ": the file is larger than 256 KiB; a protocol file is some kilobytes of YAML text"
 
 
 def test_a_byte_order_mark_in_front_is_no_harm(tmp_path: Path) -> None:
     path = tmp_path / "f.yaml"
     text = (
-        "wirebond: 1\nprotocol: rover\nframe: [magic: 0x01, id: u8, payload: 0]\nmessages: {a: "
-        "{id: 1, sender: host}}\n"
+        "wirebond: 1\nprotocol: rover\nframe: [magic: 0x01, id: u8, payload: 0]\nmessages: {a: {id: 1, sender: host}}\n"
     )
     path.write_text(text.replace("\n", "\r\n"), encoding="utf-8-sig", newline="")
     assert load(path).name == "rover"

@@ -54,6 +54,34 @@ def test_a_message_of_both_ends_is_the_hosts_unless_said() -> None:
     assert loads(with_example(f"message: state, fields: {{{STATE}}}, bytes: AA")).examples[0].sender == End.HOST
 
 
+NUMBERED = """\
+wirebond: 1
+protocol: numbered
+frame: [magic: 0xAA, sequence: u8, bits: u8, id: u8, payload: by_id, check: xor8]
+messages: {beat: {id: 2, sender: mcu}}
+""".replace("bits: u8", "{bits: u8, fields: {urgent: 1, rest: 7}}")
+
+
+def test_header_fields_may_be_given() -> None:
+    text = NUMBERED + 'examples: [{message: beat, header: {sequence: 5, urgent: 1}, bytes: "AA 05 01 02 AC"}]\n'
+    assert dict(loads(text).examples[0].header) == {"sequence": 5, "urgent": 1}
+
+
+@pytest.mark.parametrize(
+    ("header", "sentence"),
+    [
+        ("{sequenc: 5}", "7:37: the frame's header has no field `sequenc`; did you mean `sequence`?"),
+        ("{sequence: 256}", "256 does not fit `sequence`, which takes 0 to 255"),
+        ("{urgent: 2}", "2 does not fit `urgent`, which takes 0 to 1"),
+        ("{sequence: -1}", "-1 does not fit `sequence`"),
+    ],
+)
+def test_a_header_field_that_cannot_be_is_told(header: str, sentence: str) -> None:
+    with pytest.raises(ProtocolFileError) as refused:
+        loads(NUMBERED + f'\n\nexamples: [{{message: beat, header: {header}, bytes: "AA"}}]')
+    assert sentence in str(refused.value)
+
+
 def test_examples_do_not_change_the_hash() -> None:
     assert protocol_hash(loads(with_example("message: drive, fields: {speed: 0}, bytes: AA"))) == protocol_hash(
         loads(FILE)
@@ -97,6 +125,11 @@ def test_a_wrong_example_gets_a_sentence_at_its_place(example: str, at: str, sen
     assert sentence in problem.message
     assert text.splitlines()[problem.line - 1][problem.column - 1 :].startswith(at)
     assert problem.line == FILE.count("\n") + 2
+
+
+def test_long_text_that_is_no_frame_is_refused_at_once() -> None:
+    with pytest.raises(ProtocolFileError, match="is not a frame"):
+        loads(with_example(f'message: drive, fields: {{speed: 0}}, bytes: "{"AA  " * 20_000}X"'))
 
 
 def test_a_frame_too_long_for_an_example_is_refused() -> None:

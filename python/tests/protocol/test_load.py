@@ -26,9 +26,7 @@ FILES = sorted(PROTOCOLS.glob("*.yaml"))
 
 def rover(frame: str, *, extra: str = "", fields: str = "", message: str = "id: 1, sender: host") -> Protocol:
     fields = f", fields: {{{fields}}}" if fields else ""
-    return loads(
-        f"wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages: {{one: {{{message}{fields}}}}}\n"
-    )
+    return loads(f"wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages: {{one: {{{message}{fields}}}}}\n")
 
 
 SIMPLE = "magic: 0x01, id: u8, payload: by_id, check: crc-16/modbus"
@@ -124,9 +122,7 @@ def test_what_a_file_leaves_out_has_the_documented_defaults() -> None:
         ("magic: 0x01, length: u8, id: u8, payload: by_length, check: crc-32", "unknown: reject", False),
     ],
 )
-def test_unknown_frames_are_delivered_where_a_strong_check_covers_them(
-    frame: str, extra: str, delivered: bool
-) -> None:
+def test_unknown_frames_are_delivered_where_a_strong_check_covers_them(frame: str, extra: str, delivered: bool) -> None:
     assert rover(frame, extra=extra).frame.deliver_unknown is delivered
 
 
@@ -143,14 +139,9 @@ def test_the_files_byte_order_holds_where_a_type_names_none() -> None:
     assert (a.size, a.order, b.size, b.order) == (3, ByteOrder.BIG, 8, ByteOrder.LITTLE)
 
 
-@pytest.mark.parametrize(
-    ("counts", "bias"), [("payload", 0), ("rest", -3), ("self_and_rest", -5), ("frame", -6)]
-)
+@pytest.mark.parametrize(("counts", "bias"), [("payload", 0), ("rest", -3), ("self_and_rest", -5), ("frame", -6)])
 def test_a_length_may_count_more_than_the_payload(counts: str, bias: int) -> None:
-    frame = (
-        f"magic: 0x01, length: {{type: u16, counts: {counts}, offset: 1}}, id: u8, payload: "
-        "by_length, check: sum16"
-    )
+    frame = f"magic: 0x01, length: {{type: u16, counts: {counts}, offset: 1}}, id: u8, payload: by_length, check: sum16"
     protocol = rover(frame)
     part = protocol.frame.parts[1]
     assert (part.counts, part.length_offset, part.size) == (LengthCounts(counts), 1, 2)
@@ -223,9 +214,7 @@ def test_a_period_is_a_duration_or_a_rate(text: str, seconds: float) -> None:
 
 
 def test_a_scale_is_the_decimal_as_written() -> None:
-    fields = (
-        "a: {type: i16, scale: 0.1, offset: -273.15}, b: {type: i16, scale: 1e-7}, c: {type: i16, scale: 3}"
-    )
+    fields = "a: {type: i16, scale: 0.1, offset: -273.15}, b: {type: i16, scale: 1e-7}, c: {type: i16, scale: 3}"
     a, b, c = rover(SIMPLE, fields=fields).messages[0].fields
     assert (a.scale, a.offset) == (Fraction(1, 10), Fraction(-27315, 100))
     assert (b.scale, c.scale) == (Fraction(1, 10**7), Fraction(3))

@@ -20,9 +20,7 @@ def tree(text: str) -> Any:
 
 def test_the_published_schema_is_up_to_date() -> None:
     published = (PROTOCOLS / "wirebond.schema.json").read_text(encoding="utf-8")
-    assert published == schema_text(), (
-        "run: python -m wirebond.protocol.schema > protocols/wirebond.schema.json"
-    )
+    assert published == schema_text(), "run: python -m wirebond.protocol.schema > protocols/wirebond.schema.json"
 
 
 def test_the_schema_is_a_schema() -> None:
@@ -42,9 +40,7 @@ def test_every_key_of_the_file_is_described() -> None:
             return []
         keys = schema.get("properties", {})
         missing = [f"{where}.{key}" for key, entry in keys.items() if "description" not in entry]
-        return missing + [
-            found for key, entry in schema.items() for found in undescribed(entry, f"{where}.{key}")
-        ]
+        return missing + [found for key, entry in schema.items() for found in undescribed(entry, f"{where}.{key}")]
 
     assert undescribed(json_schema(), "") == []
 

@@ -406,8 +406,7 @@ ONE_MESSAGE = "wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages
         ),
         (
             "",
-            "magic: 0x01, id: u8, length: {type: u8, counts: frame}, payload: by_length, check: "
-            "crc-16/modbus",
+            "magic: 0x01, id: u8, length: {type: u8, counts: frame}, payload: by_length, check: crc-16/modbus",
             "{id: 1, sender: host, fields: {a: {type: bytes, max: 251}}}",
             "6:3: `one` has up to 251 payload bytes; the frame's length can tell 250 at most",
         ),
@@ -451,14 +450,11 @@ ONE_MESSAGE = "wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages
             "",
             "magic: 0x01, payload: 2",
             "{sender: host}\n  two:\n    {sender: host}",
-            "8:3: without an `id` part the frame can carry one message from the host, which is "
-            "`one` (line 6)",
+            "8:3: without an `id` part the frame can carry one message from the host, which is `one` (line 6)",
         ),
     ],
 )
-def test_messages_that_do_not_fit_their_frame_are_told(
-    extra: str, frame: str, message: str, expected: str
-) -> None:
+def test_messages_that_do_not_fit_their_frame_are_told(extra: str, frame: str, message: str, expected: str) -> None:
     text = ONE_MESSAGE.format(extra=extra, frame=frame, message=message)
     assert [line for line in problems_of(text) if line.startswith(f"rover.yaml:{expected}")]
 

@@ -115,7 +115,8 @@ def _share(measured: Measured) -> str:
 
 def _noise_text(noise: Noise) -> str:
     found = count(noise.frames) if noise.frames else "none"
-    return f"{found} in {count(noise.bytes / 1e6)} MB (worked out: {noise.expected:.2g} a MB)"
+    worked_out = "" if noise.expected is None else f" (worked out: {noise.expected:.2g} a MB)"
+    return f"{found} in {count(noise.bytes / 1e6)} MB{worked_out}"
 
 
 def _budget_text(budget: Budget) -> str:

@@ -168,8 +168,12 @@ def _message_comment(message: Message) -> str:
 
 
 def _id_literal(protocol: Protocol, value: int) -> str:
-    holds_id = [p.size for p in protocol.frame.parts if p.kind == PartKind.ID or any(r.role == BitRole.ID for r in p.bits)]
-    return hex_literal(value, max(holds_id, default=1))
+    sizes = [
+        part.size
+        for part in protocol.frame.parts
+        if part.kind == PartKind.ID or any(run.role == BitRole.ID for run in part.bits)
+    ]
+    return hex_literal(value, max(sizes, default=1))
 
 
 # ---- the frame format -------------------------------------------------------------------------------------------
@@ -185,13 +189,13 @@ def _format_lines(plan: Plan) -> list[str]:
         lines += [f"format.opening = 0x{plan.opening:02X};", f"format.closing = 0x{plan.closing:02X};"]
         lines += [] if plan.sends_opening else ["format.sends_opening = false;"]
     if plan.escapes is not None:
-        rule = plan.escapes
+        escapes = plan.escapes
         lines += [
-            f"format.escapes.escape = 0x{rule.escape:02X};",
-            f"format.escapes.exclusive_or = 0x{rule.exclusive_or:02X};",
-            f"format.escapes.count = {len(rule.pairs)};",
+            f"format.escapes.escape = 0x{escapes.escape:02X};",
+            f"format.escapes.exclusive_or = 0x{escapes.exclusive_or:02X};",
+            f"format.escapes.count = {len(escapes.pairs)};",
         ]
-        for i, (plain, code) in enumerate(rule.pairs):
+        for i, (plain, code) in enumerate(escapes.pairs):
             lines.append(f"format.escapes.plain[{i}] = 0x{plain:02X};")
             lines.append(f"format.escapes.code[{i}] = 0x{code:02X};")
     lines += [

@@ -16,7 +16,7 @@ import numpy as np
 from wirebond.codec import Codec
 from wirebond.lint.damage import Fault, Measured, bit_error_rate, burst, measure, weights_by_damage, wrong_bits
 from wirebond.lint.findings import Finding, Severity
-from wirebond.lint.frame_facts import ANY, ANY_CONTENT, ENDS, check_bits, longest_by_length, open_protocol
+from wirebond.lint.frame_facts import ANY, ANY_CONTENT, layouts, open_protocol, payload_sizes, senders
 from wirebond.lint.places import Places
 from wirebond.lint.samples import Pool, pool
 from wirebond.lint.wording import count, percent
@@ -65,7 +65,7 @@ class Strength:
 
 def measure_strength(codec: Codec, samples: int, seed: int) -> Strength:
     """``samples``: damaged frames for each kind of fault. All messages have equal weight, whichever end sends them."""
-    pools = [found for end in ENDS if (found := pool(codec, end, seed)) is not None]
+    pools = [found for end in senders(codec.model) if (found := pool(codec, end, seed))]
     frames = sum(len(each.frames) for each in pools)
 
     def over_pools(fault: Fault, rate: float | None = None) -> Measured:
@@ -86,10 +86,10 @@ def measure_strength(codec: Codec, samples: int, seed: int) -> Strength:
 
 
 def _reference(protocol: Protocol, samples: int, seed: int) -> Measured | None:
-    most = longest_by_length(protocol.frame)
-    sizes = [size for size in REFERENCE_MIX if most is None or size <= most]
-    sender = next(end for end in ENDS if any(message.sent_by(end) for message in protocol.messages))
-    model = open_protocol(protocol, sender, min(most, 255) if most is not None else max(REFERENCE_MIX))
+    sender = senders(protocol)[0]
+    possible = payload_sizes(layouts(protocol, sender)[0], 255)
+    sizes = [size for size in REFERENCE_MIX if possible is None or size in possible]
+    model = open_protocol(protocol, sender, max(possible, default=0) if possible is not None else max(REFERENCE_MIX))
     if model is None or not sizes:
         return None
     part = model.frame.part(PartKind.PAYLOAD)
@@ -108,7 +108,7 @@ def _reference(protocol: Protocol, samples: int, seed: int) -> Measured | None:
 def judge(protocol: Protocol, strength: Strength, places: Places) -> list[Finding]:
     """At most one finding: the figures that matter, and what it is about this check that lets them through."""
     frame = protocol.frame
-    place = places.part("check") if check_bits(frame) else places.at("frame")
+    place = places.part("check")
     few = {name: strength.faults[name].share for name in FEW_BITS}
     weakest = max(measured.share for measured in strength.faults.values())
     if weakest < _IMPERFECT:
@@ -145,6 +145,9 @@ def judge(protocol: Protocol, strength: Strength, places: Places) -> list[Findin
 
 def _reason(frame: Frame) -> str:
     checks = [part for part in frame.parts if part.kind == PartKind.CHECK]
+    unconditional = [part for part in checks if part.condition is None]
+    if checks and not unconditional:
+        return "the check is there only when a bit of the header says so: a frame may come without, and nobody knows"
     if not checks:
         return "the frame has no check: only its constant bytes and sizes refuse anything"
     part = checks[-1]
@@ -156,7 +159,9 @@ def _reason(frame: Frame) -> str:
         return "in a sum two errors of opposite sign cancel, and the order of bytes does not matter"
     if algorithm.kind == "xor":
         return "in an exclusive-or two wrong bits at the same place of two bytes cancel"
-    bits = 8 * part.size
+    if algorithm.kind == "fletcher":
+        return "Fletcher's sums are weak against errors close together, and some of them do not tell 0x00 from 0xFF"
+    bits = (4 if part.as_hex else 8) * part.size
     if bits < 16:
         return f"a check of {bits} bits agrees by chance with 1 in {count(2**bits)} damaged frames"
     return "this check does not suit these frames: they are too long for it, or part of them is not covered"
@@ -168,7 +173,7 @@ def uncovered(protocol: Protocol, places: Places) -> list[Finding]:
     checks = [part for part in frame.parts if part.kind == PartKind.CHECK]
     if not checks:
         return []
-    effects = {
+    effects: dict[str, str] = {
         PartKind.ID: "one wrong bit there turns a message into another one, or into none",
         PartKind.LENGTH: "one wrong bit there makes the receiver look for the check in a wrong place",
         PartKind.PAYLOAD: "no wrong value in it is ever noticed",
@@ -176,19 +181,18 @@ def uncovered(protocol: Protocol, places: Places) -> list[Finding]:
     covered = np.zeros(len(frame.parts), dtype=bool)
     for part in checks:
         covered[part.first : part.last + 1] = True
-    found = []
-    for part, is_covered in zip(frame.parts, covered, strict=True):
-        if part.kind in effects and not is_covered:
-            place = places.part("check")
-            found.append(
-                Finding(
-                    "uncovered-part",
-                    Severity.WARNING,
-                    f"no check covers the {part.kind}",
-                    effects[part.kind],
-                    f"if the format is yours to change, let `over:` begin at or before `{part.kind}`",
-                    place.line,
-                    place.column,
-                )
-            )
-    return found
+    place = places.part("check")
+    return [
+        Finding(
+            "uncovered-part",
+            Severity.WARNING,
+            f"no check covers the {what}",
+            effects[what],
+            f"if the format is yours to change, let `over:` include `{part.name}`",
+            place.line,
+            place.column,
+        )
+        for part, is_covered in zip(frame.parts, covered, strict=True)
+        for what in (part.kind.value, *(run.role.value for run in part.bits))
+        if what in effects and not is_covered
+    ]

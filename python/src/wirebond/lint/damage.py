@@ -6,7 +6,7 @@ and behind it, so that what is measured is the frame's own check and not its nei
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ Flips = tuple[Integers, Integers]  # row of the damaged frame, bit within it; no
 Fault = Callable[[Integers, np.random.Generator], Flips]  # from the frames' sizes in bits
 
 _MOST_BYTES = 24_000_000  # of one decoded stream
+_MOST_BLOCKS = 5000  # of one measurement where silence ends a frame: each is decoded by itself
 _MOST_ERRORS = 8  # bit errors in one frame; more have no weight at the rates used here
 
 
@@ -91,7 +92,8 @@ def measure(pool: Pool, fault: Fault, samples: int, seed: int, weights: NDArray[
     """Damage ``samples`` frames of the pool and count those that are delivered. ``weights``: each frame's chance."""
     generator = np.random.default_rng(seed)
     sizes = np.array([len(frame) for frame in pool.frames])
-    samples = max(1, min(samples, int(_MOST_BYTES // (2 * sizes.mean()))))
+    by_silence = pool.codec.model.frame.ends_by_silence
+    samples = max(1, min(samples, _MOST_BLOCKS if by_silence else int(_MOST_BYTES // (2 * sizes.mean()))))
     chosen = generator.choice(len(sizes), samples, p=weights)
     guards = generator.integers(0, len(sizes), samples)
     order = np.stack((chosen, guards), axis=1).ravel()
@@ -102,11 +104,26 @@ def measure(pool: Pool, fault: Fault, samples: int, seed: int, weights: NDArray[
     rows, places = fault(8 * sizes[chosen], generator)
     at = lead + starts[2 * rows] + places // 8
     np.bitwise_xor.at(data, at, np.left_shift(1, places % 8).astype(np.uint8))
+    if by_silence:
+        blocks = [data[lead + a : lead + b].tobytes() for a, b in zip(starts[:-1:2], starts[1::2], strict=True)]
+        return Measured(samples, sum(1 for found in decode_blocks(pool, blocks) if found))
     tables = pool.codec.decode_columns(data.tobytes(), pool.sender)
     offsets = [table.offset for table in tables.values()]
     delivered = np.concatenate(offsets).astype(np.int64) if offsets else np.empty(0, dtype=np.int64)
     slots = np.searchsorted(starts, delivered[delivered >= lead] - lead, side="right") - 1
     return Measured(samples, len(np.unique(slots[slots % 2 == 0])))
+
+
+def decode_blocks(pool: Pool, blocks: Iterable[bytes]) -> Iterator[int]:
+    """How many frames each block yields where silence ends a frame: the line is quiet before and behind every one."""
+    decoder = pool.codec.decoder(pool.sender)
+    pause = 2 * pool.codec.model.idle_seconds
+    now = 0.0
+    for block in blocks:
+        found = len(decoder.feed(block, now))
+        now += pause
+        yield found + len(decoder.idle(now))
+        now += pause
 
 
 def weights_by_damage(pool: Pool, rate: float) -> NDArray[np.float64]:

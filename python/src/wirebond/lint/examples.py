@@ -8,9 +8,11 @@ from typing import Any
 from wirebond.codec import Codec, Message
 from wirebond.errors import MessageError
 from wirebond.lint.findings import Finding, Severity
+from wirebond.lint.frame_facts import layouts
 from wirebond.lint.places import Places
 from wirebond.lint.wording import plural
-from wirebond.protocol.model import Example, Frame, PartKind, Protocol
+from wirebond.protocol.model import Example, Part, PartKind, Protocol
+from wirebond.protocol.plan import variants
 from wirebond.protocol.problems import Place
 
 RULE = "example"
@@ -43,12 +45,13 @@ def _finding(example: Example, wrong: tuple[str, str, str], place: Place) -> Fin
 def _compare(codec: Codec, example: Example, values: dict[str, Any]) -> tuple[str, str, str] | None:
     """Sentence, reason and remedy; None where the example is right."""
     try:
-        expected = codec.encode(example.message, values)
+        expected = codec.encode(example.message, values, header=dict(example.header))
     except MessageError as error:
         return f"its values cannot be encoded: {error}", "a worked example has to be one that works", "mend its values"
     if example.frame != expected:
         return _bytes_differ(codec, example, expected)
-    messages = codec.decoder(example.sender).feed(example.frame)
+    decoder = codec.decoder(example.sender)
+    messages = decoder.feed(example.frame) + decoder.finish()
     if [message.name for message in messages] != [example.message]:
         return (
             f"its bytes decode as {', '.join(message.name for message in messages) or 'nothing'}",
@@ -77,7 +80,7 @@ def _bytes_differ(codec: Codec, example: Example, expected: bytes) -> tuple[str,
         )
     wrong = [i for i, (a, b) in enumerate(zip(given, expected, strict=True)) if a != b]
     listed = ", ".join(
-        f"byte {i}{_part_at(codec.model, i, len(expected))} is 0x{given[i]:02X}, expected 0x{expected[i]:02X}"
+        f"byte {i}{_part_at(codec.model, example, i)} is 0x{given[i]:02X}, expected 0x{expected[i]:02X}"
         for i in wrong[:_MOST_BYTES]
     )
     more = f", and {len(wrong) - _MOST_BYTES} more" if len(wrong) > _MOST_BYTES else ""
@@ -99,18 +102,30 @@ def _as_received(codec: Codec, example: Example) -> str:
     return f"the receiver refuses the example's bytes ({', '.join(causes) or 'no_start'})"
 
 
-def _part_at(protocol: Protocol, index: int, size: int) -> str:
+def _part_at(protocol: Protocol, example: Example, index: int) -> str:
     """` (check)`: the part of the frame that this byte belongs to. Empty for stuffed frames, whose bytes move."""
-    frame: Frame = protocol.frame
+    frame = protocol.frame
     if frame.stuffing != "none" or frame.delimiter is not None:
         return ""
-    payload = size - sum(part.size for part in frame.parts)
+    parts = _parts(protocol, example)
+    payload = len(example.frame) - sum(part.size for part in parts)
     at = 0
-    for part in frame.parts:
+    for part in parts:
         at += payload if part.kind == PartKind.PAYLOAD else part.size
         if index < at:
             return f" ({part.kind})" if part.name in ("", part.kind) else f" ({part.kind} {part.name})"
     return ""
+
+
+def _parts(protocol: Protocol, example: Example) -> tuple[Part, ...]:
+    """The parts that are there with the example's header values."""
+    header = dict(example.header)
+    forms = zip(variants(protocol.frame.parts, example.sender), layouts(protocol, example.sender), strict=True)
+    for variant, layout in forms:
+        numbers = {field.name: header.get(field.name, field.default) for field in layout.header}
+        if all(bool(numbers[c.field] >> c.bit & 1) == truth for c, truth in variant.bits):
+            return variant.parts
+    raise AssertionError("the example was encoded, so that it has a form")
 
 
 def _different_values(message: Message, wanted: dict[str, Any]) -> tuple[str, Any, Any] | None:

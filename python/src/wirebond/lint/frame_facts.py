@@ -1,78 +1,96 @@
-"""Sizes and bounds that a frame's parts imply by themselves, and a protocol that believes every header."""
+"""Sizes and bounds that a frame's layout implies by itself, and a protocol that believes every header."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
-from wirebond.protocol.model import End, Field, FieldKind, Frame, LengthCounts, Message, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model import BitRole, End, Field, FieldKind, Message, PartKind, PayloadRule, Protocol
+from wirebond.protocol.plan import Layout, plan_for
 
 ENDS = (End.HOST, End.MCU)
 ANY = "any"  # the one message of `open_protocol`
 ANY_CONTENT = "content"  # its one field
 
 
-def header_bytes(frame: Frame) -> int:
-    """Bytes before the payload."""
-    kinds = [part.kind for part in frame.parts]
-    return sum(part.size for part in frame.parts[: kinds.index(PartKind.PAYLOAD)])
+def senders(protocol: Protocol) -> list[End]:
+    """The ends that send anything."""
+    return [end for end in ENDS if any(message.sent_by(end) for message in protocol.messages)]
 
 
-def fixed_bytes(frame: Frame) -> int:
-    """Bytes of all parts but the payload, before stuffing and delimiters."""
-    return sum(part.size for part in frame.parts)
+def layouts(protocol: Protocol, sender: End) -> tuple[Layout, ...]:
+    """The forms that a frame of this end can take; the first is the one that is sent unless header values say else."""
+    return plan_for(protocol, sender).layouts
 
 
-def has_header_check(frame: Frame) -> bool:
-    """Is a check complete, length included, before the payload comes?"""
-    kinds = [part.kind for part in frame.parts]
-    payload = kinds.index(PartKind.PAYLOAD)
-    lengths = [i for i, kind in enumerate(kinds) if kind == PartKind.LENGTH]
+def has_id(protocol: Protocol) -> bool:
+    return any(p.kind == PartKind.ID or any(run.role == BitRole.ID for run in p.bits) for p in protocol.frame.parts)
+
+
+def has_header_check(layout: Layout) -> bool:
+    """Is a check over the length complete before the payload comes?"""
+    length = layout.length
     return any(
-        part.kind == PartKind.CHECK and all(part.first <= at <= part.last for at in lengths)
-        for part in frame.parts[:payload]
+        length is None
+        or (
+            not length.at.from_end
+            and rule.start.offset <= length.at.offset
+            and length.at.offset + length.bytes <= rule.stop.offset
+        )
+        for rule in layout.checks[: layout.header_checks]
     )
 
 
-def check_bits(frame: Frame) -> int:
-    """Bits of all checks on the wire."""
-    return 8 * sum(part.size for part in frame.parts if part.kind == PartKind.CHECK)
-
-
-def longest_by_length(frame: Frame) -> int | None:
-    """The longest payload that the length part can tell; None without one."""
-    index = next((i for i, part in enumerate(frame.parts) if part.kind == PartKind.LENGTH), None)
-    if index is None:
+def payload_sizes(layout: Layout, most: int) -> range | None:
+    """The payload sizes up to ``most`` that the length can tell; None without a length."""
+    if layout.length is None:
         return None
-    length = frame.parts[index]
-    follows = sum(part.size for part in frame.parts[index + 1 :])
-    beside = {
-        LengthCounts.PAYLOAD: 0,
-        LengthCounts.REST: follows,
-        LengthCounts.SELF_AND_REST: length.size + follows,
-        LengthCounts.FRAME: fixed_bytes(frame),
-    }[length.counts]
-    greatest: int = 2 ** (8 * length.size) - 1
-    return greatest - beside - length.length_offset
+    greatest = layout.length.mask * layout.length_unit + layout.length_bias
+    least = layout.length_bias
+    if least < 0:
+        least += -(least // layout.length_unit) * layout.length_unit  # the first that is not negative
+    return range(least, min(most, greatest) + 1, layout.length_unit)
+
+
+def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
+    """Bytes that a frame with so many payload bytes takes of the line: its usual form, worst COBS, usual escapes.
+
+    Escaping may double a frame; counted is what random content brings. Where silence ends a frame it is counted, too.
+    """
+    frame = protocol.frame
+    layout = layouts(protocol, sender)[0]
+    content = layout.fixed_payload if layout.payload == PayloadRule.FIXED else payload
+    size = layout.prefix + content + layout.suffix
+    if frame.stuffing == "cobs":
+        size += 1 + size // 254
+    elif frame.escapes is not None:
+        size = math.ceil(size * (1 + len(frame.escapes.pairs) / 256))
+    if frame.ends_by_silence:
+        size += math.ceil(protocol.idle_seconds * protocol.link.baud / protocol.link.bits_per_byte)
+    return size + (frame.opening is not None) + (frame.delimiter is not None)
 
 
 def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | None:
     """The same frame, read by a receiver that knows no message: any id, any size up to ``payload`` is taken.
 
-    None where the frame does not tell its payload's size by itself.
+    None where such a receiver cannot be: the id tells the size or seeds the check, or delimiters stand around bytes
+    that are not stuffed, so that not every content can be carried.
     """
-    part = protocol.frame.part(PartKind.PAYLOAD)
+    frame = protocol.frame
+    part = frame.part(PartKind.PAYLOAD)
     assert part is not None, "every frame has a payload part"
-    if part.payload == PayloadRule.BY_ID:
+    unstuffed = frame.delimiter is not None and frame.stuffing == "none"
+    if part.payload == PayloadRule.BY_ID or unstuffed or any(p.seeded for p in frame.parts):
         return None
     if part.payload == PayloadRule.FIXED:
         payload = part.fixed_payload
         content = Field(ANY_CONTENT, FieldKind.BYTES, payload)
     else:
         content = Field(ANY_CONTENT, FieldKind.BYTES, 0, max_size=payload)
-    message = Message(ANY, 1, sender, (content,) if payload else ())
+    message = Message(ANY, 1 if has_id(protocol) else 0, sender, (content,) if payload else ())
     return replace(
         protocol,
-        frame=replace(protocol.frame, max_payload=payload, deliver_unknown=True),
+        frame=replace(frame, max_payload=payload, deliver_unknown=True),
         messages=(message,),
         deadlines=(),
         emergency_stop=None,

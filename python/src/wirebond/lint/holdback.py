@@ -10,12 +10,11 @@ from wirebond.lint.findings import Finding, Severity
 from wirebond.lint.frame_facts import (
     ANY,
     ANY_CONTENT,
-    ENDS,
-    fixed_bytes,
     has_header_check,
-    header_bytes,
-    longest_by_length,
+    layouts,
     open_protocol,
+    payload_sizes,
+    senders,
 )
 from wirebond.lint.places import Places
 from wirebond.lint.samples import pool
@@ -66,21 +65,21 @@ def measure_hold_back(codec: Codec, sender: End, seed: int) -> HoldBack | None:
     if own is None:
         return None
     byte_seconds = model.link.bits_per_byte / model.link.baud
-    checked = has_header_check(model.frame)
-    if model.frame.delimiter is not None:
-        return HoldBack(sender, 0, None, checked, byte_seconds)  # the next delimiter ends any false start
+    layout = layouts(model, sender)[0]
+    checked = has_header_check(layout)
+    if model.frame.delimiter is not None or model.frame.ends_by_silence:
+        return HoldBack(sender, 0, None, checked, byte_seconds)  # a delimiter or a pause ends any false start
     good = min(own.frames, key=len)
-    header_size = header_bytes(model.frame)
-    bound = _bytes_until_delivery(codec, sender, max(own.frames, key=len)[:header_size], good)
+    bound = _bytes_until_delivery(codec, sender, max(own.frames, key=len)[: layout.prefix], good)
     unbounded = None
-    longest = longest_by_length(model.frame)
-    if longest is not None:
-        open_model = open_protocol(model, sender, min(longest, 0xFFFF))
-        if open_model is not None:
-            open_codec = Codec(open_model)
-            size = open_model.frame.max_payload
-            header = open_codec.encode(ANY, {ANY_CONTENT: bytes(size)} if size else {})[:header_size]
-            unbounded = _bytes_until_delivery(open_codec, sender, header, good)
+    possible = payload_sizes(layout, 0xFFFF)
+    open_model = open_protocol(model, sender, max(possible)) if possible else None
+    if possible and open_model is not None:
+        open_codec = Codec(open_model)
+        # Not all zeros: some formats do not send those at the payload's end.
+        content = {ANY_CONTENT: b"\xff" * max(possible)} if max(possible) else {}
+        header = open_codec.encode(ANY, content)[: layout.prefix]
+        unbounded = _bytes_until_delivery(open_codec, sender, header, good)
     return HoldBack(sender, bound, unbounded, checked, byte_seconds)
 
 
@@ -88,7 +87,7 @@ def _bytes_until_delivery(codec: Codec, sender: End, false_header: bytes, good: 
     """0 where the first good frame comes out with its own last byte."""
     decoder = codec.decoder(sender)
     decoder.feed(false_header)
-    most = fixed_bytes(codec.model.frame) + codec.model.frame.max_payload
+    most = max(layout.prefix + layout.suffix for layout in layouts(codec.model, sender)) + codec.model.frame.max_payload
     stream = good * (2 + most // len(good))
     for fed in range(1, len(stream) + 1):
         if decoder.feed(stream[fed - 1 : fed]):
@@ -134,4 +133,4 @@ def judge(protocol: Protocol, found: list[HoldBack], places: Places) -> list[Fin
 
 
 def directions(codec: Codec, seed: int) -> list[HoldBack]:
-    return [found for end in ENDS if (found := measure_hold_back(codec, end, seed)) is not None]
+    return [found for end in senders(codec.model) if (found := measure_hold_back(codec, end, seed)) is not None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from wirebond.lint.findings import Finding, Severity
+from wirebond.lint.frame_facts import has_id
 from wirebond.lint.places import Places
 from wirebond.protocol.model import PartKind, Protocol
 from wirebond.protocol.plan import ids_collide
@@ -12,7 +13,7 @@ _FREQUENT = {0x00: "small numbers, zeros and padding", 0xFF: "small negative num
 
 def judge_ids(protocol: Protocol, places: Places) -> list[Finding]:
     pairs = ids_collide(protocol)
-    if not pairs or protocol.frame.part(PartKind.ID) is None:
+    if not pairs or not has_id(protocol):
         return []
     first, second = pairs[0]
     place = places.at("messages", second.name, "id")
@@ -34,16 +35,18 @@ def judge_ids(protocol: Protocol, places: Places) -> list[Finding]:
 
 def judge_magic(protocol: Protocol, places: Places) -> list[Finding]:
     magic = protocol.frame.part(PartKind.MAGIC)
-    if magic is None or len(set(magic.value)) != 1 or magic.value[0] not in _FREQUENT:
+    values = () if magic is None else (magic.value, *magic.alternatives, *(value for _, value in magic.by_sender))
+    value = next((value for value in values if len(set(value)) == 1 and value[0] in _FREQUENT), None)
+    if value is None:
         return []
     place = places.part("magic")
-    text = " ".join(f"0x{byte:02X}" for byte in magic.value)
+    text = " ".join(f"0x{byte:02X}" for byte in value)
     return [
         Finding(
             "frequent-magic",
             Severity.WARNING,
             f"the magic {text} is among the commonest bytes of payloads",
-            f"{_FREQUENT[magic.value[0]]} are full of it; after a loss the receiver tries a start at each of them",
+            f"{_FREQUENT[value[0]]} are full of it; after a loss the receiver tries a start at each of them",
             "if the format is yours to change, take bytes such as 0xA5 0x5A",
             place.line,
             place.column,

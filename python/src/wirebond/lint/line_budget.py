@@ -7,7 +7,7 @@ from typing import Any
 
 from wirebond.errors import UsageError
 from wirebond.lint.findings import Finding, Severity
-from wirebond.lint.frame_facts import ENDS
+from wirebond.lint.frame_facts import ENDS, wire_bytes
 from wirebond.lint.places import Places
 from wirebond.lint.wording import count, direction, percent, rate
 from wirebond.protocol.model import End, LinkSettings, Message, Protocol
@@ -76,9 +76,9 @@ def byte_rate(link: LinkSettings) -> float:
     return link.baud / link.bits_per_byte
 
 
-def wire_bytes(protocol: Protocol, message: Message) -> int:
-    """The message's longest frame."""
-    return protocol.max_wire_bytes(message.max_payload)
+def _longest(protocol: Protocol, sender: End, message: Message) -> int:
+    """Bytes of line that the message's longest frame takes."""
+    return wire_bytes(protocol, sender, message.max_payload)
 
 
 def scheduled_loads(protocol: Protocol) -> list[Load]:
@@ -95,7 +95,8 @@ def scheduled_loads(protocol: Protocol) -> list[Load]:
                     answer = (End.MCU if end == End.HOST else End.HOST, message.reply)
                     rates[answer] = rates.get(answer, 0) + 1 / message.every
     return [
-        Load(name, end, wire_bytes(protocol, protocol.message(name)), frames) for (end, name), frames in rates.items()
+        Load(name, end, _longest(protocol, end, protocol.message(name)), frames)
+        for (end, name), frames in rates.items()
     ]
 
 
@@ -133,14 +134,14 @@ def _claimed(protocol: Protocol, what: str, frames: float) -> list[Load]:
     except KeyError:
         known = ", ".join(message.name for message in protocol.messages)
         raise UsageError(f"--traffic: {protocol.name} has no message '{what}'; it has {known}") from None
-    return [Load(what, end, wire_bytes(protocol, message), frames) for end in ENDS if message.sent_by(end)]
+    return [Load(what, end, _longest(protocol, end, message), frames) for end in ENDS if message.sent_by(end)]
 
 
 def budgets(protocol: Protocol, loads: list[Load]) -> list[Budget]:
     """A budget for each direction in which something is sent at all."""
     found = []
     for end in ENDS:
-        sizes = [wire_bytes(protocol, message) for message in protocol.messages if message.sent_by(end)]
+        sizes = [_longest(protocol, end, message) for message in protocol.messages if message.sent_by(end)]
         own = tuple(load for load in loads if load.sender == end)
         if sizes or own:
             found.append(Budget(end, byte_rate(protocol.link), own, max(sizes, default=0)))

@@ -10,7 +10,7 @@ from wirebond.lint import check_strength, examples, holdback, identity, line_bud
 from wirebond.lint import urgent_wait as urgent
 from wirebond.lint.check_strength import Strength
 from wirebond.lint.findings import Finding, Severity, worst_first
-from wirebond.lint.frame_facts import ENDS
+from wirebond.lint.frame_facts import senders
 from wirebond.lint.holdback import HoldBack
 from wirebond.lint.line_budget import Budget
 from wirebond.lint.noise import Noise
@@ -80,15 +80,14 @@ def check(
     more = _THOROUGH if thorough else 1
     budgets = line_budget.budgets(model, loads)
     strength = check_strength.measure_strength(codec, _SAMPLES * more, seed)
-    senders = [end for end in ENDS if any(message.sent_by(end) for message in model.messages)]
-    noises = [noise.measure_noise(codec, end, _NOISE_BYTES * more, seed) for end in senders]
+    noises = [noise.measure_noise(codec, end, _NOISE_BYTES * more, seed) for end in senders(model)]
     hold_backs = holdback.directions(codec, seed)
     waits = [urgent.urgent_wait(budget) for budget in budgets]
     zero = stuffing.measure_inserted_zero(codec, seed)
     findings = [
         *examples.judge(codec, where),
         *line_budget.judge(model, budgets, where),
-        *check_strength.judge(model, strength, where),
+        *([] if stuffing.explains_damage(model, zero) else check_strength.judge(model, strength, where)),
         *check_strength.uncovered(model, where),
         *noise.judge(model, noises, where),
         *stuffing.judge(model, zero, where),

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from wirebond.codec import Codec
+from wirebond.errors import MessageError
 from wirebond.protocol.fields import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message
 
+_ATTEMPTS = 1000
 _LETTERS = string.ascii_letters + string.digits + " "
 
 
@@ -28,12 +30,22 @@ def pool(codec: Codec, sender: End, seed: int, frames_a_message: int = 256) -> P
     """Frames with random values, the same for the same seed; None if this end sends nothing."""
     generator = random.Random(seed)  # noqa: S311  (to measure, not to keep secrets)
     frames = tuple(
-        codec.encode(message.name, random_values(message, generator))
+        _frame(codec, message, generator)
         for message in codec.model.messages
         if message.sent_by(sender)
         for _ in range(frames_a_message)
     )
     return Pool(codec, sender, frames) if frames else None
+
+
+def _frame(codec: Codec, message: Message, generator: random.Random) -> bytes:
+    """A frame with values that it can carry: where delimiters stand around bytes that are not stuffed, not all can."""
+    for _ in range(_ATTEMPTS):
+        try:
+            return codec.encode(message.name, random_values(message, generator))
+        except MessageError as error:
+            refused = error
+    raise refused
 
 
 def random_values(message: Message, generator: random.Random) -> dict[str, Any]:

@@ -119,9 +119,7 @@ def _tables() -> tuple[dict[str, Algorithm], dict[str, int]]:
     for line in _CRCS.splitlines()[1:]:
         name, bits, poly, init, refin, refout, xorout, check = line.split()
         reflected = (refin == "yes", refout == "yes")
-        found[name] = Algorithm(
-            name, "crc", int(bits), int(poly, 16), int(init, 16), *reflected, int(xorout, 16)
-        )
+        found[name] = Algorithm(name, "crc", int(bits), int(poly, 16), int(init, 16), *reflected, int(xorout, 16))
         check_values[name] = int(check, 16)
     return found, check_values
 

@@ -107,17 +107,13 @@ def read_text(path: str | os.PathLike[str]) -> str:
     except PermissionError:
         problems.stop(WHOLE_FILE, "this file may not be read by you; check its permissions")
     except (OSError, ValueError) as error:
-        problems.stop(
-            WHOLE_FILE, f"cannot be read: {getattr(error, 'strerror', None) or error}; check the path"
-        )
+        problems.stop(WHOLE_FILE, f"cannot be read: {getattr(error, 'strerror', None) or error}; check the path")
     _check_size(len(data), problems)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = data[: error.start].decode("utf-8", errors="replace")
-        problems.stop(
-            _place_at(before, len(before)), "this is not UTF-8 text; a protocol file is YAML in UTF-8"
-        )
+        problems.stop(_place_at(before, len(before)), "this is not UTF-8 text; a protocol file is YAML in UTF-8")
 
 
 def parse(text: str, problems: Problems) -> Node:
@@ -132,9 +128,7 @@ def parse(text: str, problems: Problems) -> Node:
     if unprintable is not None:
         code = f"U+{ord(unprintable.group()):04X}"
         place = _place_at(text, unprintable.start())
-        problems.stop(
-            place, f"the character {code} cannot stand in YAML; is this a text file? remove the character"
-        )
+        problems.stop(place, f"the character {code} cannot stand in YAML; is this a text file? remove the character")
     builder = _Builder(problems)
     try:
         for event in YAML(typ="safe", pure=True).parse(text):
@@ -147,9 +141,7 @@ def parse(text: str, problems: Problems) -> Node:
         what = " ".join(part for part in (error.context, error.problem) if part)
         problems.stop(place, f"this is not YAML ({_one_line(what)}); {_advice(what)}")
     except (YAMLError, ValueError) as error:
-        problems.stop(
-            WHOLE_FILE, f"this is not YAML ({_one_line(str(error))}); see https://yaml.org/spec/1.2.2"
-        )
+        problems.stop(WHOLE_FILE, f"this is not YAML ({_one_line(str(error))}); see https://yaml.org/spec/1.2.2")
     if builder.root is None:
         problems.stop(WHOLE_FILE, "the file is empty; a protocol file begins with `wirebond: 1`")
     return builder.root
@@ -193,9 +185,7 @@ _ADVICE = (
 
 
 def _advice(what: str) -> str:
-    return next(
-        (advice for part, advice in _ADVICE if part in what), "check quotes, colons and indentation here"
-    )
+    return next((advice for part, advice in _ADVICE if part in what), "check quotes, colons and indentation here")
 
 
 def _one_line(text: str) -> str:
@@ -285,9 +275,7 @@ class _Builder:
         self._documents += 1
         place = _place(event.start_mark)
         if self._documents > 1:
-            self._problems.stop(
-                place, "a second document begins here; put one protocol in a file and remove the `---`"
-            )
+            self._problems.stop(place, "a second document begins here; put one protocol in a file and remove the `---`")
         if event.version is not None and tuple(event.version) != (1, 2):
             self._problems.stop(place, "protocol files are YAML 1.2; remove the `%YAML` line")
 
@@ -322,14 +310,10 @@ class _Builder:
         place = _place(event.start_mark)
         name = event.anchor
         if name not in self._anchors:
-            self._problems.stop(
-                place, f"the alias {quoted('*' + name)} has no anchor before it; write `&{name}` there"
-            )
+            self._problems.stop(place, f"the alias {quoted('*' + name)} has no anchor before it; write `&{name}` there")
         anchored = self._anchors[name]
         if anchored is None:
-            self._problems.stop(
-                place, f"the alias {quoted('*' + name)} stands inside what it repeats; write it out"
-            )
+            self._problems.stop(place, f"the alias {quoted('*' + name)} stands inside what it repeats; write it out")
         self._count(anchored.nodes, place)
         if len(self._open) + anchored.height > MAX_DEPTH:
             self._too_deep(place)
@@ -340,20 +324,15 @@ class _Builder:
         if self._nodes > MAX_NODES:
             self._problems.stop(
                 place,
-                f"the file has more than {MAX_NODES} values, aliases counted as often as used; make "
-                "it smaller",
+                f"the file has more than {MAX_NODES} values, aliases counted as often as used; make it smaller",
             )
 
     def _too_deep(self, place: Place) -> None:
-        self._problems.stop(
-            place, f"nested more than {MAX_DEPTH} deep; a protocol file needs less than ten levels"
-        )
+        self._problems.stop(place, f"nested more than {MAX_DEPTH} deep; a protocol file needs less than ten levels")
 
     def _refuse_tag(self, event: Any, place: Place) -> None:
         if event.tag is not None:
-            self._problems.add(
-                place, f"the tag {quoted(str(event.tag))} is not used in protocol files; remove it"
-            )
+            self._problems.add(place, f"the tag {quoted(str(event.tag))} is not used in protocol files; remove it")
 
     def _attach(self, node: Node, place: Place, *, nodes: int, height: int, may_merge: bool = False) -> None:
         if not self._open:

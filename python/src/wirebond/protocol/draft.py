@@ -70,7 +70,7 @@ class Draft:
         if found is None:
             return None
         part, bits = found
-        return (2**bits - 1) * part.length_unit - self._beside(part) - part.length_offset
+        return int(2**bits - 1) * part.length_unit - self._beside(part) - part.length_offset
 
     @property
     def shortest_by_length(self) -> int | None:
@@ -95,15 +95,16 @@ class Draft:
         telling = (PartKind.ID, PartKind.LENGTH, PartKind.PAYLOAD, PartKind.BITS)
         said = [i for i, p in enumerate(self.parts) if p.kind in telling]
         return any(
-            (4 if part.as_hex else 8) * part.size >= STRONG_CHECK_BITS and not part.seeded and part.first <= min(said) and part.last >= max(said)
+            (4 if part.as_hex else 8) * part.size >= STRONG_CHECK_BITS
+            and not part.seeded
+            and part.first <= min(said)
+            and part.last >= max(said)
             for part in self.parts
             if part.kind == PartKind.CHECK
         )
 
 
-def check_sizes(
-    draft: Draft, messages: Messages, max_payload: int | None, problems: Problems, max_place: Place
-) -> int:
+def check_sizes(draft: Draft, messages: Messages, max_payload: int | None, problems: Problems, max_place: Place) -> int:
     """The frame's greatest payload in bytes. ``max_payload``: the file's; None: the largest message's."""
     rule = draft.payload.payload
     complete = [(entry, entry.complete) for entry in messages.values()]
@@ -113,12 +114,8 @@ def check_sizes(
         if message is None:
             continue
         if limit is not None and message.max_payload > limit:
-            problems.add(
-                entry.place, f"`{entry.name}` has up to {message.max_payload} payload bytes; {limit_of}"
-            )
-        if rule in (PayloadRule.FIXED, PayloadRule.BY_ID) and any(
-            field.is_variable for field in message.fields
-        ):
+            problems.add(entry.place, f"`{entry.name}` has up to {message.max_payload} payload bytes; {limit_of}")
+        if rule in (PayloadRule.FIXED, PayloadRule.BY_ID) and any(field.is_variable for field in message.fields):
             field = message.fields[-1]
             fields = entry.node.get("fields")
             assert isinstance(fields, Mapping)
@@ -157,9 +154,7 @@ def _limit(draft: Draft, max_payload: int | None) -> tuple[str, int | None]:
             )
         )
     if draft.longest_by_length is not None:
-        bounds.append(
-            (draft.longest_by_length, lambda n: f"the frame's length can tell {n} at most; widen its type")
-        )
+        bounds.append((draft.longest_by_length, lambda n: f"the frame's length can tell {n} at most; widen its type"))
     if max_payload is not None:
         bounds.append((max_payload, lambda n: f"`max_payload` is {n}; raise that, or shorten the message"))
     limit, words = min(bounds, key=lambda bound: bound[0])
@@ -176,7 +171,9 @@ def delivers_unknown(draft: Draft, unknown: str | None, problems: Problems, plac
         return False
     seeded = any(part.seeded for part in draft.parts)
     if seeded and unknown == "deliver":
-        problems.add(place, "a check with `seed: message` cannot be verified for an unknown message; write `unknown: reject`")
+        problems.add(
+            place, "a check with `seed: message` cannot be verified for an unknown message; write `unknown: reject`"
+        )
     if seeded:
         return False
     return draft.is_strong if unknown is None else unknown == "deliver"

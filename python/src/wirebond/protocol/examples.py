@@ -6,10 +6,12 @@ import re
 from fractions import Fraction
 
 from wirebond.protocol.document import Mapping, Node, Sequence
+from wirebond.protocol.draft import Draft
 from wirebond.protocol.fields import fit_value
 from wirebond.protocol.grammar import ExampleSyntax
 from wirebond.protocol.messages import Messages, spoken
-from wirebond.protocol.model import End, Example, ExampleScalar, Field, FieldKind, Message
+from wirebond.protocol.model import End, Example, ExampleScalar, Field, FieldKind, Message, Part, PartKind
+from wirebond.protocol.plan import header_names
 from wirebond.protocol.problems import Place, Problems, quoted, suggestion
 from wirebond.protocol.syntax import readable
 
@@ -17,8 +19,13 @@ _Given = Fraction | bool | str
 _Value = ExampleScalar | tuple[ExampleScalar, ...]
 
 
-def read_examples(node: Node | None, messages: Messages, problems: Problems) -> tuple[Example, ...]:
-    """Every example whose message and values can be read; what is wrong with others is reported."""
+def read_examples(
+    node: Node | None, messages: Messages, draft: Draft | None, problems: Problems
+) -> tuple[Example, ...]:
+    """Every example whose message and values can be read; what is wrong with others is reported.
+
+    ``draft``: the frame, whose header fields may be given; None if it is wrong itself.
+    """
     found: list[Example] = []
     for item in node.items if isinstance(node, Sequence) else ():
         syntax = readable(ExampleSyntax, item)
@@ -35,8 +42,9 @@ def read_examples(node: Node | None, messages: Messages, problems: Problems) -> 
             continue
         sender = _sender(syntax.sender, message, item, problems)
         values = _values(syntax.fields, message, item, problems)
-        if sender is not None and values is not None:
-            found.append(Example(message.name, sender, values, syntax.bytes))
+        good_header = draft is None or _is_header(syntax.header, draft, item, problems)
+        if sender is not None and values is not None and good_header:
+            found.append(Example(message.name, sender, values, syntax.bytes, tuple(syntax.header.items())))
     return tuple(found)
 
 
@@ -51,6 +59,30 @@ def _sender(given: str | None, message: Message, node: Mapping, problems: Proble
         f"`{message.name}` comes from the {spoken(message.sender)}; remove `sender`",
     )
     return None
+
+
+def _is_header(given: dict[str, int], draft: Draft, node: Mapping, problems: Problems) -> bool:
+    widths = {name: bits for part in draft.parts for name, bits in _header_widths(part)}
+    places = node.get("header")
+    good = True
+    for name, value in given.items():
+        assert isinstance(places, Mapping), "header fields were given"
+        if name not in widths:
+            there = suggestion(name, widths) if widths else "it has no named fields"
+            problems.add(places.key_place(name), f"the frame's header has no field `{name}`; {there}")
+            good = False
+        elif not 0 <= value < 2 ** widths[name]:
+            limit = 2 ** widths[name] - 1
+            problems.add(places.value_place(name), f"{value} does not fit `{name}`, which takes 0 to {limit}")
+            good = False
+    return good
+
+
+def _header_widths(part: Part) -> list[tuple[str, int]]:
+    if part.kind == PartKind.BITS:
+        widths = {run.name: run.width for run in part.bits}
+        return [(name, widths[name]) for name in header_names(part)]
+    return [(name, 8 * part.size) for name in header_names(part)]
 
 
 def _values(
@@ -99,11 +131,9 @@ def _fitted(field: Field, wanted: _Given | list[_Given]) -> tuple[_Value | None,
             return None, f"{quoted(str(unknown))} is not a flag of `{field.name}`; {suggestion(str(unknown), names)}"
         return tuple(str(name) for name in wanted), ""
     if field.count is None:
-        return (
-            (None, f"`{field.name}` is one value; write it without [ ]")
-            if isinstance(wanted, list)
-            else (fit_value(field, wanted))
-        )
+        if isinstance(wanted, list):
+            return None, f"`{field.name}` is one value; write it without [ ]"
+        return fit_value(field, wanted)
     if not isinstance(wanted, list) or len(wanted) != field.count:
         return None, f"`{field.name}` has {field.count} elements; write a list of as many, such as [0, 0]"
     elements: list[ExampleScalar] = []

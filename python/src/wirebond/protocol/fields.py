@@ -31,9 +31,7 @@ _OPTIONS: tuple[tuple[str, tuple[FieldKind, ...], str], ...] = (
 )
 
 
-def read_field(
-    name: str, syntax: FieldSyntax, node: Mapping, order: ByteOrder, problems: Problems
-) -> Field | None:
+def read_field(name: str, syntax: FieldSyntax, node: Mapping, order: ByteOrder, problems: Problems) -> Field | None:
     """The field, or None when something about it was wrong and has been reported."""
     reader = _FieldReader(syntax, node, problems)
     return reader.read(name, order)
@@ -97,9 +95,7 @@ class _FieldReader:
                 self._wrong(self._node.key_place(option), f"`{option}` is for {whose}")
         for one, other in (("enum", "flags"), ("enum", "range"), ("flags", "range")):
             if getattr(syntax, one) is not None and getattr(syntax, other) is not None:
-                self._wrong(
-                    self._node.key_place(other), f"`{other}` cannot stand beside `{one}`; keep one of the two"
-                )
+                self._wrong(self._node.key_place(other), f"`{other}` cannot stand beside `{one}`; keep one of the two")
         for names in ("enum", "flags"):
             for option in ("scale", "offset", "unit"):
                 if getattr(syntax, names) is not None and getattr(syntax, option) is not None:
@@ -115,9 +111,7 @@ class _FieldReader:
 
     def _check_scale(self, field: Field) -> None:
         if field.scale == 0:
-            self._wrong(
-                self._node.value_place("scale"), "a scale of 0 would make every value the same; write another"
-            )
+            self._wrong(self._node.value_place("scale"), "a scale of 0 would make every value the same; write another")
         elif field.kind in _NUMBERS and field.is_scaled:
             greatest = max(abs(bound) for bound in value_limits(field))
             if field.kind != FieldKind.FLOAT and greatest > _F64_MAX:
@@ -135,8 +129,7 @@ class _FieldReader:
         if least >= greatest:
             self._wrong(
                 place,
-                f"the range ends ({number_text(greatest)}) before it begins ({number_text(least)}); "
-                "swap them",
+                f"the range ends ({number_text(greatest)}) before it begins ({number_text(least)}); swap them",
             )
             return
         lowest, highest = value_limits(field)
@@ -151,9 +144,7 @@ class _FieldReader:
         if fits and field.kind in _INTEGERS:
             ends = sorted(((least - field.offset) / field.scale, (greatest - field.offset) / field.scale))
             if math.ceil(ends[0]) > math.floor(ends[1]):
-                self._wrong(
-                    place, "no number on the wire has a value in this range; widen it, or take a finer scale"
-                )
+                self._wrong(place, "no number on the wire has a value in this range; widen it, or take a finer scale")
 
     def _check_enum(self, field: Field) -> None:
         node = self._node.get("enum")
@@ -165,14 +156,11 @@ class _FieldReader:
             if not lowest <= value <= highest:
                 self._wrong(
                     node.value_place(name),
-                    f"{value} does not fit {self._syntax.type.word} (from {lowest} to {highest}); "
-                    "take a wider type",
+                    f"{value} does not fit {self._syntax.type.word} (from {lowest} to {highest}); take a wider type",
                 )
             other = by_value.setdefault(value, name)
             if other != name:
-                self._wrong(
-                    node.value_place(name), f"`{other}` is {value} already; give `{name}` a value of its own"
-                )
+                self._wrong(node.value_place(name), f"`{other}` is {value} already; give `{name}` a value of its own")
 
     def _check_flags(self, field: Field) -> None:
         node = self._node.get("flags")
@@ -187,9 +175,7 @@ class _FieldReader:
                 )
             other = by_bit.setdefault(bit, name)
             if other != name:
-                self._wrong(
-                    node.value_place(name), f"`{other}` is bit {bit} already; give `{name}` a bit of its own"
-                )
+                self._wrong(node.value_place(name), f"`{other}` is bit {bit} already; give `{name}` a bit of its own")
 
     def _with_default(self, field: Field, default: Fraction | bool | str) -> Field | None:
         value, fault = fit_value(field, default)
@@ -223,11 +209,7 @@ def number_text(value: Fraction) -> str:
 def fit_value(field: Field, value: Fraction | bool | str) -> tuple[float | int | bool | str | None, str]:
     """The value as the API takes it and an empty text, or None and what is wrong. Not for arrays."""
     if field.kind == FieldKind.BOOL:
-        return (
-            (value, "")
-            if isinstance(value, bool)
-            else (None, f"`{field.name}` is a bool; write true or false")
-        )
+        return (value, "") if isinstance(value, bool) else (None, f"`{field.name}` is a bool; write true or false")
     if field.kind == FieldKind.TEXT:
         if not isinstance(value, str):
             return None, f"`{field.name}` is a text; put the value in quotes"
@@ -264,21 +246,18 @@ def _fit_number(field: Field, value: Fraction) -> tuple[float | int | None, str]
         if value.denominator != 1:
             return (
                 None,
-                f"{number_text(value)} is not a whole number, and `{field.name}` takes whole "
-                "numbers; add a `scale`?",
+                f"{number_text(value)} is not a whole number, and `{field.name}` takes whole numbers; add a `scale`?",
             )
         if field.enum and int(value) not in dict(field.enum).values():
             return (
                 None,
-                f"{value} has no name in `{field.name}`; write one of "
-                f"{', '.join(name for name, _ in field.enum)}",
+                f"{value} has no name in `{field.name}`; write one of {', '.join(name for name, _ in field.enum)}",
             )
         unnamed = int(value) & ~sum(1 << bit for _, bit in field.flags)
         if field.flags and unnamed:
             return (
                 None,
-                f"bit {unnamed.bit_length() - 1} of {value} has no name in `{field.name}`; name it, "
-                "or leave it 0",
+                f"bit {unnamed.bit_length() - 1} of {value} has no name in `{field.name}`; name it, or leave it 0",
             )
         return int(value), ""
     return float(value), ""

@@ -49,14 +49,13 @@ class Length(Syntax):
     type: PartType = Field(description="Width, and byte order where `le` or `be` follows.", examples=["u8"])
     counts: Annotated[str, one_word("payload", "rest", "self_and_rest", "frame")] = Field(
         "payload",
-        description="What it counts: the payload, all that follows it, itself and all that follows, "
-        "the whole frame.",
+        description="What it counts: the payload, all that follows it, itself and all that follows, the whole frame.",
         examples=["payload"],
     )
     offset: LengthOffset = Field(0, description="Added to what it counts, in bytes.", examples=[0])
-    unit: Annotated[
-        int, PlainValidator(one_of_numbers(1, 2, 4), json_schema_input_type=Literal[1, 2, 4])
-    ] = Field(1, description="Bytes that one count stands for; with `counts: payload` only.", examples=[2])
+    unit: Annotated[int, PlainValidator(one_of_numbers(1, 2, 4), json_schema_input_type=Literal[1, 2, 4])] = Field(
+        1, description="Bytes that one count stands for; with `counts: payload` only.", examples=[2]
+    )
 
 
 class Check(Syntax):
@@ -65,8 +64,7 @@ class Check(Syntax):
     noun = "`check`"
 
     type: CheckName = Field(
-        description="Name in the catalogue of CRC algorithms, xor8, sum8, sum16, sum32, or crc for "
-        "one's own.",
+        description="Name in the catalogue of CRC algorithms, xor8, sum8, sum16, sum32, or crc for one's own.",
         examples=["crc-16/ibm-sdlc"],
     )
     over: PartRange | None = Field(
@@ -95,18 +93,10 @@ class Check(Syntax):
     poly: Register | None = Field(
         None, description="Polynomial, highest power first, without the leading one.", examples=["0x1021"]
     )
-    init: Register | None = Field(
-        None, description="Register at the start; 0 unless said.", examples=["0xFFFF"]
-    )
-    refin: Bool | None = Field(
-        None, description="Bytes enter lowest bit first; false unless said.", examples=["true"]
-    )
-    refout: Bool | None = Field(
-        None, description="The result is reflected; false unless said.", examples=["true"]
-    )
-    xorout: Register | None = Field(
-        None, description="Combined with the result; 0 unless said.", examples=["0xFFFF"]
-    )
+    init: Register | None = Field(None, description="Register at the start; 0 unless said.", examples=["0xFFFF"])
+    refin: Bool | None = Field(None, description="Bytes enter lowest bit first; false unless said.", examples=["true"])
+    refout: Bool | None = Field(None, description="The result is reflected; false unless said.", examples=["true"])
+    xorout: Register | None = Field(None, description="Combined with the result; 0 unless said.", examples=["0xFFFF"])
 
 
 def _payload(value: object) -> int | str:
@@ -114,9 +104,7 @@ def _payload(value: object) -> int | str:
     if isinstance(value, str):
         if value in rules:
             return value
-        raise wrong(
-            f"{quoted(value)} does not say a payload's size; {suggestion(value, rules)}, or a number of bytes"
-        )
+        raise wrong(f"{quoted(value)} does not say a payload's size; {suggestion(value, rules)}, or a number of bytes")
     try:
         return whole(0, 0xFFFF)(value)
     except PydanticCustomError:
@@ -211,8 +199,7 @@ class PayloadPart(PartSyntax):
         int | str,
         PlainValidator(
             _payload,
-            json_schema_input_type=Literal["by_length", "by_id", "rest"]
-            | Annotated[int, Field(ge=0, le=0xFFFF)],
+            json_schema_input_type=Literal["by_length", "by_id", "rest"] | Annotated[int, Field(ge=0, le=0xFFFF)],
         ),
     ] = Field(
         description="The payload's size: a number of bytes (shorter messages are padded with "
@@ -311,9 +298,7 @@ def part_keys(value: dict[str, object]) -> list[str]:
 def _one_part(allowed: tuple[str, ...]) -> Callable[[object], object]:
     def check(value: object) -> object:
         if not isinstance(value, dict):
-            raise wrong(
-                f"{describe(value)} is not a part of a frame; write `- part: value`, such as `- magic: 0xAA`"
-            )
+            raise wrong(f"{describe(value)} is not a part of a frame; write `- part: value`, such as `- magic: 0xAA`")
         found = part_keys(value)
         if len(found) == 1 and found[0] in allowed:
             return value

@@ -7,7 +7,6 @@ from dataclasses import replace
 from wirebond.protocol import algorithms, plan
 from wirebond.protocol.document import Mapping, Node, Sequence
 from wirebond.protocol.draft import Draft, Envelope
-from wirebond.protocol.frame_grammar import Check as CheckSyntax
 from wirebond.protocol.frame_grammar import (
     BitsPart,
     CheckPart,
@@ -28,6 +27,7 @@ from wirebond.protocol.frame_grammar import (
     SlipPart,
     TailPart,
 )
+from wirebond.protocol.frame_grammar import Check as CheckSyntax
 from wirebond.protocol.model import (
     Algorithm,
     BitRole,
@@ -156,7 +156,12 @@ class _FrameReader:
         if stuffed is None:
             return "none", None
         syntax, _ = stuffed
-        wanted = {CobsPart: (0x00, "COBS"), SlipPart: (0xC0, "SLIP"), HdlcPart: (0x7E, "HDLC")}.get(type(syntax))
+        bytes_of: dict[type[Syntax], tuple[int, str]] = {
+            CobsPart: (0x00, "COBS"),
+            SlipPart: (0xC0, "SLIP"),
+            HdlcPart: (0x7E, "HDLC"),
+        }
+        wanted = bytes_of.get(type(syntax))
         if wanted is not None:
             for _, mark, node in marks:
                 if mark.delimiter[0] != wanted[0] and isinstance(node, Mapping):
@@ -201,14 +206,10 @@ class _FrameReader:
                     f"`{syntax.name}` is the word for another kind of part; take another name",
                 )
             elif any(other.name == syntax.name for other, _ in inner[:index]):
-                self._wrong(
-                    node.value_place("name"), f"another part is named `{syntax.name}`; take another name"
-                )
+                self._wrong(node.value_place("name"), f"another part is named `{syntax.name}`; take another name")
         return names
 
-    def _lower_check(
-        self, index: int, parts: list[Part], names: list[str], check: CheckSyntax, node: Mapping
-    ) -> Part:
+    def _lower_check(self, index: int, parts: list[Part], names: list[str], check: CheckSyntax, node: Mapping) -> Part:
         part = parts[index]
         options = node.get("check")
         where = options if isinstance(options, Mapping) else Mapping(node.value_place("check"))
@@ -225,15 +226,11 @@ class _FrameReader:
             first, last = (self._find(name, names, where.value_place("over")) for name in check.over)
             if first > last >= 0:
                 over = f"`{check.over[1]}..{check.over[0]}`"
-                self._wrong(
-                    where.value_place("over"), f"the range's first part stands behind its last; write {over}"
-                )
+                self._wrong(where.value_place("over"), f"the range's first part stands behind its last; write {over}")
             elif 0 <= first <= index <= last:
                 self._wrong(where.value_place("over"), "a check cannot cover itself; end the range before it")
         elif index == 0:
-            self._wrong(
-                node.place, "nothing precedes this check; move it behind what it covers, or say `over:`"
-            )
+            self._wrong(node.place, "nothing precedes this check; move it behind what it covers, or say `over:`")
         return replace(
             part,
             size=2 * size if as_hex else size,
@@ -251,17 +248,13 @@ class _FrameReader:
         if len(found) == 1:
             return found[0]
         if found:
-            self._wrong(
-                place, f"{len(found)} parts are called `{name}`; give the one that is meant a `name:`"
-            )
+            self._wrong(place, f"{len(found)} parts are called `{name}`; give the one that is meant a `name:`")
         else:
             self._wrong(place, f"the frame has no part `{name}`; {suggestion(name, dict.fromkeys(names))}")
         return -1
 
     def _algorithm(self, check: CheckSyntax, node: Mapping) -> Algorithm:
-        parameters = {
-            key: getattr(check, key) for key in ("width", "poly", "init", "refin", "refout", "xorout")
-        }
+        parameters = {key: getattr(check, key) for key in ("width", "poly", "init", "refin", "refout", "xorout")}
         given = [key for key, value in parameters.items() if value is not None]
         known = algorithms.find(check.type)
         if known is not None:
@@ -273,9 +266,7 @@ class _FrameReader:
             return known
         for key in ("width", "poly"):
             if key not in given:
-                self._wrong(
-                    node.key_place("type"), f"a CRC of your own needs `{key}`; or name one of the catalogue"
-                )
+                self._wrong(node.key_place("type"), f"a CRC of your own needs `{key}`; or name one of the catalogue")
         width = int(check.width or 16)
         for key in ("poly", "init", "xorout"):
             value = parameters[key]
@@ -344,7 +335,10 @@ class _FrameReader:
             for kind, role in ((PartKind.ID, BitRole.ID), (PartKind.LENGTH, BitRole.LENGTH)):
                 held = [p for p in variant.parts if p.kind == kind or any(r.role == role for r in p.bits)]
                 if len(held) > 1:
-                    self._wrong(place, f"two parts with a {kind.value} can stand in one frame; let their `when:` exclude each other")
+                    self._wrong(
+                        place,
+                        f"two parts with a {kind.value} can stand in one frame; let their `when:` exclude each other",
+                    )
         header = [name for part in parts for name in plan.header_names(part)]
         for limit, found, what in (
             (plan.MAX_LAYOUTS, len(plan.variants(tuple(parts), None)), "forms (by magics and conditions)"),
@@ -371,20 +365,18 @@ class _FrameReader:
         payload_index = kinds.index(PartKind.PAYLOAD)
         if PartKind.MAGIC in kinds[1:]:
             index = kinds.index(PartKind.MAGIC, 1)
-            self._wrong(
-                nodes[index].place, "a magic begins the frame; put it first, or write `constant` here"
-            )
+            self._wrong(nodes[index].place, "a magic begins the frame; put it first, or write `constant` here")
         if PartKind.TAIL in kinds[:-1]:
             index = kinds.index(PartKind.TAIL)
             self._wrong(nodes[index].place, "a tail ends the frame; put it last, or write `constant` here")
         self._check_payload_rule(parts, nodes, payload_index, envelope)
         constants = sum(len(part.value) for part in parts)
-        for limit, found, what in (
+        for limit, number, what in (
             (plan.MAX_CONSTANTS, constants, "bytes of magic, constants and tail"),
             (plan.MAX_CHECKS, kinds.count(PartKind.CHECK), "checks"),
         ):
-            if found > limit:
-                self._wrong(place, f"the frame has {found} {what}; at most {limit} are possible")
+            if number > limit:
+                self._wrong(place, f"the frame has {number} {what}; at most {limit} are possible")
 
     def _check_payload_rule(
         self, parts: list[Part], nodes: list[Mapping], payload_index: int, envelope: Envelope
@@ -393,23 +385,15 @@ class _FrameReader:
         length = _holder(parts, PartKind.LENGTH, BitRole.LENGTH)
         message_id = _holder(parts, PartKind.ID, BitRole.ID)
         if rule == PayloadRule.BY_LENGTH and length is None:
-            self._wrong(
-                at, "`payload: by_length` needs a length; add a part such as `- length: u8` before it"
-            )
+            self._wrong(at, "`payload: by_length` needs a length; add a part such as `- length: u8` before it")
         if rule != PayloadRule.BY_LENGTH and length is not None:
-            self._wrong(
-                nodes[length].place, "this length tells nothing; write `payload: by_length`, or remove it"
-            )
+            self._wrong(nodes[length].place, "this length tells nothing; write `payload: by_length`, or remove it")
         if rule == PayloadRule.BY_LENGTH and length is not None and length > payload_index:
-            self._wrong(
-                nodes[length].place, "the length must stand before the payload whose size it tells; move it"
-            )
+            self._wrong(nodes[length].place, "the length must stand before the payload whose size it tells; move it")
         if rule == PayloadRule.BY_ID and message_id is None:
             self._wrong(at, "`payload: by_id` needs an id; add a part such as `- id: u8` before it")
         if rule == PayloadRule.BY_ID and message_id is not None and message_id > payload_index:
-            self._wrong(
-                nodes[message_id].place, "the id must stand before the payload whose size it tells; move it"
-            )
+            self._wrong(nodes[message_id].place, "the id must stand before the payload whose size it tells; move it")
         if rule == PayloadRule.REST and envelope.delimiter is None and envelope.silence is None:
             self._wrong(
                 at, "`payload: rest` needs delimiters or a silence, which say where the frame ends; or write by_length"
@@ -436,9 +420,7 @@ class _FrameReader:
 
     def _check_whole(self, draft: Draft, place: Place) -> None:
         parts = draft.parts
-        if draft.envelope == Envelope() and not any(
-            part.kind in (*_FIXED_BYTES, PartKind.CHECK) for part in parts
-        ):
+        if draft.envelope == Envelope() and not any(part.kind in (*_FIXED_BYTES, PartKind.CHECK) for part in parts):
             self._wrong(
                 place,
                 "nothing tells this frame from other bytes; add `- magic: 0xAA` in front or a check behind",
@@ -450,14 +432,11 @@ class _FrameReader:
         assert length is not None
         at = draft.places[parts.index(length)]
         if longest < 0:
-            self._wrong(
-                at, "the length counts more than it can tell, even for an empty payload; take a wider type"
-            )
+            self._wrong(at, "the length counts more than it can tell, even for an empty payload; take a wider type")
         elif shortest > 0:
             self._wrong(
                 at,
-                f"with this offset a payload under {shortest} bytes would have a negative length; "
-                "take a greater one",
+                f"with this offset a payload under {shortest} bytes would have a negative length; take a greater one",
             )
 
 
@@ -492,7 +471,7 @@ def stuffed_parts(syntax: Syntax, node: Node) -> list[tuple[PartSyntax, Mapping]
 
 def _advice(stuffed: list[tuple[Syntax, Node]]) -> str:
     """How a delimited frame is written, with the stuffing that stands there."""
-    kinds = {SlipPart: ("0xC0", "slip"), HdlcPart: ("0x7E", "hdlc")}
+    kinds: dict[type[Syntax], tuple[str, str]] = {SlipPart: ("0xC0", "slip"), HdlcPart: ("0x7E", "hdlc")}
     byte, word = kinds.get(type(stuffed[0][0]), ("0x00", "cobs")) if stuffed else ("0x00", "cobs")
     return f"write `- delimiter: {byte}`, `- {word}: [...]`, `- delimiter: {byte}`"
 

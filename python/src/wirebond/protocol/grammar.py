@@ -74,20 +74,14 @@ class FieldSyntax(Syntax):
         examples=["u16"],
     )
     count: Count | None = Field(None, description="Elements of a fixed array.", examples=[4])
-    size: Count | None = Field(
-        None, description="Bytes of a text or byte string of fixed size.", examples=[16]
-    )
+    size: Count | None = Field(None, description="Bytes of a text or byte string of fixed size.", examples=[16])
     max: Count | None = Field(
         None,
         description="Most bytes of a text or byte string that reaches to the payload's end.",
         examples=[48],
     )
-    scale: Exact | None = Field(
-        None, description="value = number on the wire * scale + offset.", examples=[0.001]
-    )
-    offset: Exact | None = Field(
-        None, description="value = number on the wire * scale + offset.", examples=[0]
-    )
+    scale: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0.001])
+    offset: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0])
     unit: Text | None = Field(None, description="SI unit of the value, for display.", examples=["m/s"])
     range: Annotated[list[Exact], Field(min_length=2, max_length=2)] | None = Field(
         None, description="Least and greatest value, in the value's unit.", examples=["[-1.0, 1.0]"]
@@ -113,12 +107,8 @@ class MessageHead(Syntax):
     noun = "a message"
 
     id: Id | None = Field(None, description="Number on the wire; decimal or 0x...", examples=["0x01"])
-    sender: Annotated[str, one_word("host", "mcu", "both")] = Field(
-        description="Who sends it.", examples=["host"]
-    )
-    every: Period | None = Field(
-        None, description="How often it is due: a period or a rate.", examples=["50 ms"]
-    )
+    sender: Annotated[str, one_word("host", "mcu", "both")] = Field(description="Who sends it.", examples=["host"])
+    every: Period | None = Field(None, description="How often it is due: a period or a rate.", examples=["50 ms"])
     reply: Name | None = Field(None, description="The message that answers it.", examples=["status"])
     seed: Annotated[
         int | None,
@@ -163,9 +153,7 @@ class EmergencyStopSyntax(Syntax):
     noun = "`emergency_stop`"
     __pydantic_extra__: dict[str, OwnValue]
 
-    message: Name = Field(
-        description="The message to send; its fields' values stand beside it.", examples=["velocity"]
-    )
+    message: Name = Field(description="The message to send; its fields' values stand beside it.", examples=["velocity"])
 
 
 class ExampleSyntax(Syntax):
@@ -181,6 +169,11 @@ class ExampleSyntax(Syntax):
         default_factory=dict,
         description="The values of its fields; a list for arrays and flags, hex digits for byte strings.",
         examples=["{linear: 0.5, angular: 0}"],
+    )
+    header: dict[Name, WireInteger] = Field(
+        default_factory=dict,
+        description="Values of the frame's own named fields and numbers, where they differ from their defaults.",
+        examples=["{sequence: 5}"],
     )
     bytes: FrameBytes = Field(
         description="The whole frame on the wire, two hex digits a byte.", examples=['"AA 55 01"']
@@ -228,8 +221,7 @@ class Services(Syntax):
 def _version(value: object) -> int:
     if not isinstance(value, Number) or value.value != 1:
         raise wrong(
-            f"{describe(value)} is not a version of the file format known here; write `wirebond: "
-            "1`, or update Wirebond"
+            f"{describe(value)} is not a version of the file format known here; write `wirebond: 1`, or update Wirebond"
         )
     return 1
 
@@ -242,9 +234,7 @@ class File(Syntax):
     wirebond: Annotated[int, PlainValidator(_version, json_schema_input_type=Literal[1])] = Field(
         description="Version of the file format.", examples=[1]
     )
-    protocol: ProtocolName = Field(
-        description="The protocol's name; a namespace in C++.", examples=["my_robot"]
-    )
+    protocol: ProtocolName = Field(description="The protocol's name; a namespace in C++.", examples=["my_robot"])
     description: Text = Field("", description="For people.", examples=["what it links"])
     link: Link = Field(
         default_factory=lambda: Link.model_validate({}),

@@ -18,9 +18,7 @@ from typing import Any
 
 from wirebond.protocol.model import Field, FieldKind, Message, Part, PartKind, Protocol
 
-_CANONICAL_FORM = (
-    1  # of the form itself: raised when it changes, so that old and new hashes do not meet by chance
-)
+_CANONICAL_FORM = 1  # of the form itself: raised when it changes, so that old and new hashes do not meet by chance
 
 
 def protocol_hash(protocol: Protocol) -> int:

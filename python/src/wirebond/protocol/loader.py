@@ -43,7 +43,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     deadlines = references.read_deadlines(root.get("deadlines"), messages, problems)
     emergency_stop = references.read_emergency_stop(root.get("emergency_stop"), messages, problems)
     services = references.read_services(root.get("services"), messages, problems)
-    examples = read_examples(root.get("examples"), messages, problems)
+    examples = read_examples(root.get("examples"), messages, draft, problems)
     if draft is None:
         return None
     check_ids(messages, draft.id_bits, problems)

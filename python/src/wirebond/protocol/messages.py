@@ -29,9 +29,7 @@ class Entry:
         return self.message if self.has_all_fields else None
 
 
-Messages = dict[
-    str, Entry
-]  # every name of the file, so that a reference to a wrong message is no second error
+Messages = dict[str, Entry]  # every name of the file, so that a reference to a wrong message is no second error
 
 
 def read_messages(node: Node | None, order: ByteOrder, problems: Problems) -> Messages:
@@ -59,9 +57,7 @@ def spoken(end: End) -> str:
 
 def _read_message(name: str, place: Place, node: Mapping, order: ByteOrder, problems: Problems) -> Entry:
     fields, complete = _read_fields(node.get("fields"), order, problems)
-    without_fields = Mapping(
-        node.place, {key: entry for key, entry in node.entries.items() if key != "fields"}
-    )
+    without_fields = Mapping(node.place, {key: entry for key, entry in node.entries.items() if key != "fields"})
     head = readable(MessageHead, without_fields)
     if head is None or names.fault(name):
         return Entry(name, place, node, None, complete)
@@ -91,8 +87,7 @@ def _read_fields(node: Node | None, order: ByteOrder, problems: Problems) -> tup
         if syntax.max is not None and syntax.size is None and index != len(node.entries) - 1:
             problems.add(
                 entry.value.key_place("max"),
-                "a field with `max` reaches to the payload's end, so it must be the last; move it, "
-                "or write `size`",
+                "a field with `max` reaches to the payload's end, so it must be the last; move it, or write `size`",
             )
         field = read_field(name, syntax, entry.value, order, problems)
         if field is not None:
@@ -109,8 +104,7 @@ def _check_type_names(messages: Messages, problems: Problems) -> None:
         if other is not entry:
             problems.add(
                 entry.place,
-                f"`{entry.name}` and `{other.name}` both become `{names.type_name(entry.name)}` in "
-                "C++; rename one",
+                f"`{entry.name}` and `{other.name}` both become `{names.type_name(entry.name)}` in C++; rename one",
             )
 
 
@@ -121,9 +115,7 @@ def _check_replies(messages: Messages, problems: Problems) -> None:
             continue
         place = entry.node.value_place("reply")
         if message.reply not in messages:
-            problems.add(
-                place, f"there is no message `{message.reply}`; {suggestion(message.reply, messages)}"
-            )
+            problems.add(place, f"there is no message `{message.reply}`; {suggestion(message.reply, messages)}")
             continue
         reply = messages[message.reply].message
         if reply is None:
@@ -160,8 +152,7 @@ def check_ids(messages: Messages, id_bits: int, problems: Problems) -> None:
         if id_bits and message.id > limit:
             problems.add(
                 entry.node.value_place("id"),
-                f"id {message.id} does not fit the frame's id part, whose greatest is {limit}; take "
-                "a smaller one",
+                f"id {message.id} does not fit the frame's id part, whose greatest is {limit}; take a smaller one",
             )
         for end in (End.HOST, End.MCU):
             if not message.sent_by(end):

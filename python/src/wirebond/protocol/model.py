@@ -288,6 +288,7 @@ class Example:
     sender: End
     values: tuple[tuple[str, ExampleScalar | tuple[ExampleScalar, ...]], ...]
     frame: bytes
+    header: tuple[tuple[str, int], ...] = ()  # named header fields that differ from their defaults
 
 
 @dataclass(frozen=True)

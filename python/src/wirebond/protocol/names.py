@@ -22,9 +22,7 @@ _CPP_KEYWORDS = frozenset(
         "xor xor_eq"
     ).split()
 )
-_MACROS = frozenset(
-    {"assert", "errno", "linux", "unix", "stdin", "stdout", "stderr"}
-)  # of usual headers, lower case
+_MACROS = frozenset({"assert", "errno", "linux", "unix", "stdin", "stdout", "stderr"})  # of usual headers, lower case
 _NAMESPACES = frozenset({"std", "wirebond"})
 
 
@@ -46,9 +44,7 @@ def fault(name: str) -> str:
 def protocol_fault(name: str) -> str:
     """As `fault`, for a protocol's name, which becomes a namespace."""
     if name in _NAMESPACES:
-        return (
-            f"is taken in C++, where the protocol's name becomes a namespace; write for example `{name}_link`"
-        )
+        return f"is taken in C++, where the protocol's name becomes a namespace; write for example `{name}_link`"
     return fault(name)
 
 

@@ -244,8 +244,7 @@ def _renumbered(parts: tuple[Part, ...], present: tuple[Part, ...]) -> tuple[Par
         return sum(1 for i in kept if i < index)
 
     return tuple(
-        replace(p, first=place(p.first), last=place(p.last + 1) - 1) if p.kind == PartKind.CHECK else p
-        for p in present
+        replace(p, first=place(p.first), last=place(p.last + 1) - 1) if p.kind == PartKind.CHECK else p for p in present
     )
 
 

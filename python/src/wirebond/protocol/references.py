@@ -31,20 +31,13 @@ def read_deadlines(node: Node | None, messages: Messages, problems: Problems) ->
         syntax = readable(DeadlineSyntax, item)
         if syntax is None or not isinstance(item, Mapping):
             continue
-        deadline = Deadline(
-            syntax.message, End(syntax.at), syntax.after, syntax.then, Recover(syntax.recover)
-        )
+        deadline = Deadline(syntax.message, End(syntax.at), syntax.after, syntax.then, Recover(syntax.recover))
         _check_deadline(deadline, item, messages, problems)
-        same = [
-            d
-            for d in deadlines
-            if (d.message, d.at, d.then) == (deadline.message, deadline.at, deadline.then)
-        ]
+        same = [d for d in deadlines if (d.message, d.at, d.then) == (deadline.message, deadline.at, deadline.then)]
         if same:
             problems.add(
                 item.key_place("then"),
-                f"`{deadline.then}` is done after {same[0].after:g} s without `{deadline.message}` "
-                "already; remove one",
+                f"`{deadline.then}` is done after {same[0].after:g} s without `{deadline.message}` already; remove one",
             )
         deadlines.append(deadline)
     return tuple(deadlines)
@@ -85,8 +78,7 @@ def read_emergency_stop(node: Node | None, messages: Messages, problems: Problem
     if not entry.message.sent_by(End.HOST):
         problems.add(
             place,
-            f"`{syntax.message}` comes from the MCU, and the host sends the emergency stop; name a "
-            "message of the host",
+            f"`{syntax.message}` comes from the MCU, and the host sends the emergency stop; name a message of the host",
         )
         return None
     if entry.complete is None:
@@ -103,9 +95,7 @@ def read_emergency_stop(node: Node | None, messages: Messages, problems: Problem
         return None
     missing = [f.name for f in fields.values() if f.name not in given and f.default is None]
     if "message" in missing:
-        problems.add(
-            place, f"`{syntax.message}` has a field `message`, and that key is taken here; rename the field"
-        )
+        problems.add(place, f"`{syntax.message}` has a field `message`, and that key is taken here; rename the field")
     elif missing:
         problems.add(place, f"the stop leaves {_listed(missing)} open; add for example `{missing[0]}: 0`")
     values: list[tuple[str, float | int | bool | str]] = []
@@ -190,9 +180,7 @@ def _check_role(expected: _Role, name: str, node: Mapping, messages: Messages, p
     for field_name, kinds in expected.fields:
         field = fields.get(field_name)
         if field is None:
-            problems.add(
-                place, f"`{expected.service}` needs a field `{field_name}` in `{name}`; add it there"
-            )
+            problems.add(place, f"`{expected.service}` needs a field `{field_name}` in `{name}`; add it there")
         elif field.kind not in kinds or field.count is not None or field.is_scaled:
             problems.add(
                 place,

@@ -94,9 +94,7 @@ def whole(minimum: int, maximum: int) -> Callable[[object], int]:
         if isinstance(value, Number) and isinstance(value.value, int):
             if minimum <= value.value <= maximum:
                 return value.value
-            raise wrong(
-                f"{describe(value)} is out of range; write a whole number from {minimum} to {maximum}"
-            )
+            raise wrong(f"{describe(value)} is out of range; write a whole number from {minimum} to {maximum}")
         raise wrong(f"{describe(value)} is not a whole number; write one from {minimum} to {maximum}")
 
     return check
@@ -143,9 +141,7 @@ def _bool(value: object) -> bool:
 
 
 Exact = Annotated[Fraction, PlainValidator(_exact, json_schema_input_type=float)]
-OwnValue = Annotated[
-    Fraction | bool | str, PlainValidator(_own_value, json_schema_input_type=float | bool | str)
-]
+OwnValue = Annotated[Fraction | bool | str, PlainValidator(_own_value, json_schema_input_type=float | bool | str)]
 
 Bool = Annotated[bool, PlainValidator(_bool, json_schema_input_type=bool)]
 
@@ -158,9 +154,7 @@ WireInteger = Annotated[int, _integer(-(2**63), 2**64 - 1)]
 LengthOffset = Annotated[int, _integer(-0xFFFF, 0xFFFF)]
 Register = Annotated[int, _integer(0, 2**64 - 1)]
 Baud = Annotated[int, _integer(50, 100_000_000)]
-StopBits = Annotated[
-    float, PlainValidator(one_of_numbers(1, 1.5, 2), json_schema_input_type=Literal[1, 1.5, 2])
-]
+StopBits = Annotated[float, PlainValidator(one_of_numbers(1, 1.5, 2), json_schema_input_type=Literal[1, 1.5, 2])]
 
 
 # ---- bytes ---------------------------------------------------------------------------------------
@@ -204,13 +198,13 @@ MagicBytes = Annotated[bytes, _bytes_type(4)]
 ConstantBytes = Annotated[bytes, _bytes_type(16)]
 
 
-_PAIRS = re.compile(r"(0x)?[0-9a-fA-F]{2}(( +(0x)?| *)[0-9a-fA-F]{2})*")
+_PAIRS = re.compile(r"(0x)?[0-9a-fA-F]{2}( *[0-9a-fA-F]{2}| +0x[0-9a-fA-F]{2})*")  # one way to match: no backtracking
 MAX_EXAMPLE_BYTES = 4096
 
 
 def _frame_bytes(value: object) -> bytes:
     if isinstance(value, Number):
-        raise wrong(f"{describe(value)} is read as a number; put the bytes in quotes: \"{value.text}\"")
+        raise wrong(f'{describe(value)} is read as a number; put the bytes in quotes: "{value.text}"')
     if not isinstance(value, str) or not _PAIRS.fullmatch(value):
         raise wrong(f'{describe(value)} is not a frame; write its bytes as two hex digits each: "AA 55 01"')
     found = bytes.fromhex(value.replace("0x", " "))
@@ -230,9 +224,7 @@ ExampleValue = Annotated[
 ]
 FrameBytes = Annotated[
     bytes,
-    PlainValidator(
-        _frame_bytes, json_schema_input_type=Annotated[str, Field(pattern=f"^{_PAIRS.pattern}$")]
-    ),
+    PlainValidator(_frame_bytes, json_schema_input_type=Annotated[str, Field(pattern=f"^{_PAIRS.pattern}$")]),
 ]
 
 
@@ -245,9 +237,7 @@ _PERIOD_PATTERN = r"^[0-9]{1,12}(\.[0-9]{1,12})? *(us|ms|s|Hz)$"
 
 
 def _seconds(value: object, *, rates: bool) -> float:
-    advice = "write a number and a unit: `50 ms`, `1.5 s` or `200 us`" + (
-        ", or a rate: `20 Hz`" if rates else ""
-    )
+    advice = "write a number and a unit: `50 ms`, `1.5 s` or `200 us`" + (", or a rate: `20 Hz`" if rates else "")
     if isinstance(value, Number):
         raise wrong(f"{describe(value)} has no unit; {advice}")
     match = _DURATION.fullmatch(value) if isinstance(value, str) else None
@@ -321,12 +311,7 @@ WIRE_TYPES: dict[str, WireType] = _wire_types()
 _PART_TYPES = {word: t for word, t in WIRE_TYPES.items() if t.kind == FieldKind.UNSIGNED and t.size <= 4}
 # Other languages' words for the same things, so that the advice is right at once.
 _FOREIGN = {
-    **{
-        f"{p}int{8 * n}{s}": f"{p or 'i'}{8 * n}"
-        for p in ("u", "")
-        for n in (1, 2, 3, 4, 8)
-        for s in ("", "_t")
-    },
+    **{f"{p}int{8 * n}{s}": f"{p or 'i'}{8 * n}" for p in ("u", "") for n in (1, 2, 3, 4, 8) for s in ("", "_t")},
     "float": "f32",
     "float32": "f32",
     "double": "f64",
@@ -385,10 +370,7 @@ def _check_name(value: object) -> str:
 def _part_range(value: object) -> tuple[str, str]:
     ends = value.split("..") if isinstance(value, str) else []
     if len(ends) not in (1, 2) or any(names.fault(end) and not end.isalpha() for end in ends):
-        raise wrong(
-            f"{describe(value)} is not a range of parts; write `id..payload`, first and last part, "
-            "or one part"
-        )
+        raise wrong(f"{describe(value)} is not a range of parts; write `id..payload`, first and last part, or one part")
     return ends[0], ends[-1]
 
 
@@ -419,7 +401,7 @@ def _magic(value: object) -> Magic:
         return Magic(values)
     if isinstance(value, dict):
         if set(value) != {"host", "mcu"}:
-            raise wrong("a magic is bytes, `{any: [0xFE, 0xFD]}`, or one for each end: `{host: 0xAA, mcu: 0xBB}`")
+            raise wrong("this mapping is no magic; write bytes, `{any: [0xFE, 0xFD]}` or `{host: 0xAA, mcu: 0xBB}`")
         by_end = tuple((str(end), one(value[end])) for end in ("host", "mcu"))
         if len(by_end[0][1]) != len(by_end[1][1]):
             raise wrong("both directions' magics need the same number of bytes")
@@ -427,13 +409,14 @@ def _magic(value: object) -> Magic:
     return Magic((one(value),))
 
 
+_MagicBytes: Any = _bytes_schema(4)
 MagicValue = Annotated[
     Magic,
     PlainValidator(
         _magic,
-        json_schema_input_type=_bytes_schema(4)
-        | dict[Literal["any"], Annotated[list[_bytes_schema(4)], Field(min_length=2, max_length=4)]]  # type: ignore[misc]
-        | dict[Literal["host", "mcu"], _bytes_schema(4)],
+        json_schema_input_type=_MagicBytes
+        | dict[Literal["any"], Annotated[list[_MagicBytes], Field(min_length=2, max_length=4)]]
+        | dict[Literal["host", "mcu"], _MagicBytes],
     ),
 ]
 
@@ -471,9 +454,7 @@ When = Annotated[
     WhenText,
     PlainValidator(
         _when,
-        json_schema_input_type=Annotated[
-            str, Field(pattern=rf"^({_WHEN_BIT.pattern}|{_WHEN_MAGIC.pattern})$")
-        ],
+        json_schema_input_type=Annotated[str, Field(pattern=rf"^({_WHEN_BIT.pattern}|{_WHEN_MAGIC.pattern})$")],
     ),
 ]
 

@@ -5,10 +5,13 @@ Only what differs from the format's defaults is written.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from wirebond.protocol.model import (
     BitRole,
     Bits,
     ByteOrder,
+    Condition,
     Field,
     FieldKind,
     LengthCounts,
@@ -41,31 +44,38 @@ def range_text(parts: tuple[Part, ...], first: int, last: int) -> str:
     return parts[first].name if first == last else f"{parts[first].name}..{parts[last].name}"
 
 
+def condition_text(condition: Condition) -> str:
+    """``flags & 0x01`` or ``magic == 0xFD``, as behind ``when:``."""
+    if condition.magic:
+        return f"magic == {bytes_text(condition.magic)}"
+    return f"{condition.field} & 0x{1 << condition.bit:02X}"
+
+
 def part_text(parts: tuple[Part, ...], index: int) -> str:
     """One part as a line of the ``frame`` section, without the dash: ``check: {type: xor8, over: id..payload}``."""
     part = parts[index]
-    options = [_SPELLINGS[part.kind](parts, index), *_options(part)]
-    text = f"{part.kind.value}: {', '.join(options)}"
-    return f"{{{text}}}" if len(options) > 1 else text
+    if part.kind not in _SPELLINGS:
+        raise NotImplementedError(f"spelling.py has no entry for the part '{part.kind}'")
+    options = [f"{part.kind.value}: {_SPELLINGS[part.kind](parts, index)}", *_options(part)]
+    if part.kind != PartKind.FIELD and part.name.rstrip("_0123456789") != part.kind.value:
+        options.append(f"name: {part.name}")
+    if part.condition is not None:
+        options.append(f"when: {condition_text(part.condition)}")
+    text = ", ".join(options)
+    return text if len(options) == 1 else f"{{{text}}}"
 
 
 def _options(part: Part) -> list[str]:
-    """The keys that stand beside the part's own."""
+    """What stands beside the key that says which part it is."""
     options = []
     if part.kind == PartKind.FIELD:
         options.append(f"type: {number_type('u', part.size, part.order)}")
-        options += [f"default: {part.default}"] if part.default else []
-    elif part.name.rstrip("_0123456789") != part.kind.value:
-        options.append(f"name: {part.name}")
-    if part.kind == PartKind.BITS:
+        options += [f"default: {part.default}"] * bool(part.default)
+    elif part.kind == PartKind.BITS:
         options.append(f"fields: {{{', '.join(_run(run) for run in part.bits)}}}")
-        options += _counted(part)
-    if part.trims_zeros:
+        options += _length_options(part)
+    elif part.trims_zeros:
         options.append("trim_zeros: true")
-    if part.condition is not None:
-        condition = part.condition
-        magic = f"magic == {bytes_text(condition.magic)}"
-        options.append(f"when: {magic if condition.magic else f'{condition.field} & {1 << condition.bit:#x}'}")
     return options
 
 
@@ -75,8 +85,23 @@ def _run(run: Bits) -> str:
     return f"{run.name}: {{bits: {run.width}, default: {run.value}}}" if run.value else f"{run.name}: {run.width}"
 
 
-def _counted(part: Part) -> list[str]:
-    """What a length counts, where it is not the payload's bytes."""
+def _constant(parts: tuple[Part, ...], index: int) -> str:
+    part = parts[index]
+    if part.by_sender:
+        return "{" + ", ".join(f"{end.value}: {bytes_text(value)}" for end, value in part.by_sender) + "}"
+    if part.alternatives:
+        return "{any: [" + ", ".join(map(bytes_text, part.alternatives)) + "]}"
+    return bytes_text(part.value)
+
+
+def _length(parts: tuple[Part, ...], index: int) -> str:
+    part = parts[index]
+    options = _length_options(part)
+    wire = _number(parts, index)
+    return f"{{type: {wire}, {', '.join(options)}}}" if options else wire
+
+
+def _length_options(part: Part) -> list[str]:
     options = []
     if part.counts != LengthCounts.PAYLOAD:
         options.append(f"counts: {part.counts.value}")
@@ -85,26 +110,6 @@ def _counted(part: Part) -> list[str]:
     if part.length_unit != 1:
         options.append(f"unit: {part.length_unit}")
     return options
-
-
-def _constant(parts: tuple[Part, ...], index: int) -> str:
-    return bytes_text(parts[index].value)
-
-
-def _magic(parts: tuple[Part, ...], index: int) -> str:
-    part = parts[index]
-    if part.by_sender:
-        return f"{{{', '.join(f'{end.value}: {bytes_text(value)}' for end, value in part.by_sender)}}}"
-    if part.alternatives:
-        return f"{{any: [{', '.join(bytes_text(value) for value in part.alternatives)}]}}"
-    return bytes_text(part.value)
-
-
-def _length(parts: tuple[Part, ...], index: int) -> str:
-    part = parts[index]
-    wire = number_type("u", part.size, part.order)
-    options = _counted(part)
-    return f"{{type: {wire}, {', '.join(options)}}}" if options else wire
 
 
 def _number(parts: tuple[Part, ...], index: int) -> str:
@@ -128,27 +133,28 @@ def _check(parts: tuple[Part, ...], index: int) -> str:
     part = parts[index]
     algorithm = part.algorithm
     assert algorithm is not None
+    size = part.size // 2 if part.as_hex else part.size
     options = []
     if algorithm.name == "crc":
         options += [f"width: {algorithm.width}", f"poly: {algorithm.poly:#x}", f"init: {algorithm.init:#x}"]
         options += [f"refin: {str(algorithm.refin).lower()}", f"refout: {str(algorithm.refout).lower()}"]
         options.append(f"xorout: {algorithm.xorout:#x}")
-    if part.as_hex:
-        options.append("text: hex")
-    elif 8 * part.size < algorithm.width:
+    if 8 * size < algorithm.width:
         options.append("byte: high" if part.shift else "byte: low")
     if (part.first, part.last) != (0, index - 1):
         options.append(f"over: {range_text(parts, part.first, part.last)}")
+    if part.as_hex:
+        options.append("text: hex")
     if part.seeded:
         options.append("seed: message")
-    if part.size > 1 and part.order == ByteOrder.BIG and not part.as_hex:
+    if size > 1 and part.order == ByteOrder.BIG and not part.as_hex:
         options.append("byte_order: big")
     return f"{{type: {algorithm.name}, {', '.join(options)}}}" if options else algorithm.name
 
 
 # One entry for each kind of part in the model.
-_SPELLINGS = {
-    PartKind.MAGIC: _magic,
+_SPELLINGS: dict[PartKind, Callable[[tuple[Part, ...], int], str]] = {
+    PartKind.MAGIC: _constant,
     PartKind.CONSTANT: _constant,
     PartKind.TAIL: _constant,
     PartKind.LENGTH: _length,

@@ -24,9 +24,7 @@ class Syntax(BaseModel):
     def _in_the_files_words(cls, value: Any, handler: ModelWrapValidatorHandler[Any]) -> Any:
         if not isinstance(value, dict):
             keys = ", ".join(cls.known_keys())
-            raise wrong(
-                f"{describe(value)} cannot stand for {cls.noun}; write a mapping with the keys {keys}"
-            )
+            raise wrong(f"{describe(value)} cannot stand for {cls.noun}; write a mapping with the keys {keys}")
         empty = [key for key in cls.known_keys() if key in value and value[key] is None]
         errors: list[InitErrorDetails] = [
             {
@@ -58,31 +56,21 @@ class Syntax(BaseModel):
         return f"write for example `{key}: {examples[0]}`" if examples else f"write `{key}:` and its value"
 
     @classmethod
-    def _worded(
-        cls, kind: str, loc: tuple[int | str, ...], facts: dict[str, Any], value: Any
-    ) -> PydanticCustomError:
+    def _worded(cls, kind: str, loc: tuple[int | str, ...], facts: dict[str, Any], value: Any) -> PydanticCustomError:
         key = str(loc[-1]) if loc else ""
         if "sentence" in facts:
             return PydanticCustomError(kind, "{sentence}", facts)  # worded already, further in
         if kind == "missing":
             return wrong(f"{cls.noun} needs `{key}`; {cls._advice(key)}", "wrong_key")
         if kind == "extra_forbidden":
-            return wrong(
-                f"{quoted(key)} is not a key of {cls.noun}; {suggestion(key, cls.known_keys())}", "wrong_key"
-            )
+            return wrong(f"{quoted(key)} is not a key of {cls.noun}; {suggestion(key, cls.known_keys())}", "wrong_key")
         if kind in ("dict_type", "model_type", "model_attributes_type"):
             return wrong(f"{describe(value)} cannot stand here; write a mapping: lines of `name: value`")
         if kind == "list_type":
-            return wrong(
-                f"{describe(value)} cannot stand here; write a list: lines that begin with `- `, or [a, b]"
-            )
+            return wrong(f"{describe(value)} cannot stand here; write a list: lines that begin with `- `, or [a, b]")
         if kind in ("too_short", "too_long"):
             few = kind == "too_short"
-            limit = (
-                f"it needs at least {facts['min_length']}"
-                if few
-                else f"it takes at most {facts['max_length']}"
-            )
+            limit = f"it needs at least {facts['min_length']}" if few else f"it takes at most {facts['max_length']}"
             amount = f"too {'few' if few else 'many'} entries ({facts['actual_length']})"
             return wrong(f"`{key}` has {amount}; {limit}")
         raise AssertionError(f"no wording for {kind} at {loc}")
