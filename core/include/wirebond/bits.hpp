@@ -102,4 +102,49 @@ constexpr bool to_bits(T value, std::uint64_t& raw) {
   return true;
 }
 
+/// Number `index` of a packed stream of numbers of `Width` bits that begins at `from`.
+template <class T, unsigned Width, BitOrder Order, Sign Encoding = Sign::twos_complement>
+WIREBOND_INLINE T load_packed(const std::uint8_t* from, std::size_t index) {
+  return from_bits<T, Width, Encoding>(load_bits(from, index * Width, Width, Order));
+}
+
+/// Pair of `load_packed`. False where `value` does not fit: nothing is stored then.
+template <unsigned Width, BitOrder Order, Sign Encoding = Sign::twos_complement, class T>
+WIREBOND_INLINE bool store_packed(std::uint8_t* to, std::size_t index, T value) {
+  std::uint64_t raw = 0;
+  if (!to_bits<Width, Encoding>(value, raw)) return false;
+  store_bits(to, index * Width, Width, Order, raw);
+  return true;
+}
+
+/// The number of `Width` bits whose lowest is bit `Shift` of `bits`.
+template <class T, unsigned Width, unsigned Shift, Sign Encoding = Sign::twos_complement, class Bits>
+constexpr T extract_bits(Bits bits) {
+  return from_bits<T, Width, Encoding>(static_cast<std::uint64_t>(bits) >> Shift);
+}
+
+/// Pair of `extract_bits`, into bits that are zero there. False where `value` does not fit: nothing is changed then.
+template <unsigned Width, unsigned Shift, Sign Encoding = Sign::twos_complement, class Bits, class T>
+constexpr bool insert_bits(Bits& bits, T value) {
+  std::uint64_t raw = 0;
+  if (!to_bits<Width, Encoding>(value, raw)) return false;
+  bits = static_cast<Bits>(bits | (raw << Shift));
+  return true;
+}
+
+/// As load_integer of bytes.hpp, for sign and amount.
+template <class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
+WIREBOND_INLINE T load_magnitude(const std::uint8_t* from) {
+  return from_bits<T, 8 * Bytes, Sign::magnitude>(load_bytes<Bytes, Order>(from));
+}
+
+/// Pair of `load_magnitude`. False where `value` does not fit: nothing is stored then.
+template <class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
+WIREBOND_INLINE bool store_magnitude(std::uint8_t* to, T value) {
+  std::uint64_t raw = 0;
+  if (!to_bits<8 * Bytes, Sign::magnitude>(value, raw)) return false;
+  store_bytes(to, raw, Bytes, Order);
+  return true;
+}
+
 }  // namespace wirebond
