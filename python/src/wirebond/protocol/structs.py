@@ -50,6 +50,9 @@ class Types:
             chain = " in ".join(f"`{step}`" for step in [name, *reversed(self._open[self._open.index(name) :])])
             self.problems.add(place, f"a type cannot contain itself ({chain}); take it out")
             return None
+        if len(self._open) >= MAX_DEPTH:
+            self.problems.add(place, f"types lie more than {MAX_DEPTH} deep in each other; nest them less")
+            return None
         known = self.names()
         if name not in known:
             there = suggestion(name, known) if known else "write its fields here, or add it under `types:`"
@@ -160,11 +163,6 @@ def _read_group(name: str, node: Mapping, earlier: dict[str, Field], types: Type
             return None
     elif group.max is not None:
         types.problems.add(inner.key_place("max"), "`max` is for a number that varies; remove it, or the number")
-        return None
-    if not sum(one.min_wire_bytes for one in fields):
-        types.problems.add(
-            inner.key_place("fields"), "an element may be empty here, so that nobody could count them; add a field"
-        )
         return None
     if any(one.reaches_end for one in fields):
         types.problems.add(
