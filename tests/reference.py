@@ -287,8 +287,10 @@ def _judge(protocol: Protocol, data: bytes, sender: End | None, whole: bool) -> 
     header_parts = {id(p) for p in before}
     places = {id(p): i for i, p in enumerate(frame.parts)}
     for part in before:  # checks of the header
-        if part.kind == PartKind.CHECK and part.last < payload_at and not _holds(
-            frame.parts, parts, places[id(part)], data, payload_at, 0, message
+        if (
+            part.kind == PartKind.CHECK
+            and part.last < payload_at
+            and not _holds(frame.parts, parts, places[id(part)], data, payload_at, 0, message)
         ):
             raise _Rejected("header_check_mismatch", prefix)
 
@@ -316,8 +318,10 @@ def _judge(protocol: Protocol, data: bytes, sender: End | None, whole: bool) -> 
 
     for part in parts:
         in_header = id(part) in header_parts and part.last < payload_at
-        if part.kind == PartKind.CHECK and not in_header and not _holds(
-            frame.parts, parts, places[id(part)], data, payload_at, size, message
+        if (
+            part.kind == PartKind.CHECK
+            and not in_header
+            and not _holds(frame.parts, parts, places[id(part)], data, payload_at, size, message)
         ):
             raise _Rejected("check_mismatch", total)
     trims = frame.parts[payload_at].trims_zeros

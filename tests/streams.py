@@ -11,20 +11,38 @@ from wirebond.protocol.model import Field, FieldKind, Message
 
 def random_values(message: Message, source: random.Random) -> dict[str, Any]:
     """Valid values for every field."""
-    return {f.name: _field_value(f, source) for f in message.fields}
+    return _struct_values(message.fields, source)
 
 
-def _field_value(described: Field, source: random.Random) -> Any:
+def _struct_values(fields: tuple[Field, ...], source: random.Random) -> dict[str, Any]:
+    """Counts are drawn once for all that they count, and left out: they are counted."""
+    counting = {f.counted_by for f in fields if f.counted_by}
+    least = {c: min(f.max_count or f.max_size for f in fields if f.counted_by == c) for c in counting}
+    sizes = {name: source.randint(0, most) for name, most in least.items()}
+    return {
+        f.name: _field_value(f, source, sizes.get(f.counted_by))
+        for f in fields
+        if f.kind != FieldKind.PADDING and f.name not in counting
+    }
+
+
+def _field_value(described: Field, source: random.Random, size: int | None) -> Any:
+    if described.kind == FieldKind.TEXT and size is not None:
+        return "".join(source.choices("abc 019", k=size))
     if described.kind == FieldKind.TEXT:
         return "".join(source.choices("abc äöü 上位机", k=source.randrange(0, described.max_wire_bytes // 3 + 1)))
     if described.kind == FieldKind.BYTES:
-        return source.randbytes(source.randrange(0, described.max_wire_bytes + 1))
-    if described.count is not None:
-        return [_element(described, source) for _ in range(described.count)]
+        return source.randbytes(source.randrange(0, described.max_wire_bytes + 1) if size is None else size)
+    if described.is_list and size is None:
+        size = source.randint(0, described.max_count)
+    if described.is_list or described.count is not None:
+        return [_element(described, source) for _ in range(described.count or size or 0)]
     return _element(described, source)
 
 
 def _element(described: Field, source: random.Random) -> Any:
+    if described.fields:
+        return _struct_values(described.fields, source)
     if described.kind == FieldKind.BOOL:
         return source.random() < 0.5
     if described.enum:
@@ -34,8 +52,9 @@ def _element(described: Field, source: random.Random) -> Any:
     if described.kind == FieldKind.FLOAT:
         low, high = described.minimum, described.maximum
         return source.uniform(-1000 if low is None else low, 1000 if high is None else high)
-    bits = 8 * described.size
-    least, most = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if described.kind == FieldKind.SIGNED else (0, 2**bits - 1)
+    half = 2 ** (described.width - 1)
+    least, most = (-half, half - 1) if described.kind == FieldKind.SIGNED else (0, 2 * half - 1)
+    least += described.sign_magnitude
     wire = source.choice([least, most, 0, source.randint(least, most)])
     if not described.is_scaled:
         return wire

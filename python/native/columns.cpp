@@ -17,16 +17,69 @@ namespace {
 /// Payloads of one message, packed one behind the other.
 struct Rows {
   std::vector<std::uint64_t> offsets;
-  std::vector<std::uint32_t> ids;                ///< unknown frames only
-  std::vector<std::uint8_t> payloads;            ///< min_payload bytes a row
-  std::vector<std::vector<std::uint8_t>> tails;  ///< the rest, for messages that end in a string without fixed size
+  std::vector<std::uint32_t> ids;      ///< unknown frames only
+  std::vector<std::uint8_t> payloads;  ///< min_payload bytes a row; whole payloads where their size varies
+  std::vector<std::size_t> ends;       ///< of the payloads, where their size varies
+
+  std::size_t begin_of(std::size_t row) const { return row == 0 ? 0 : ends[row - 1]; }
 };
+
+/// One column: a field that is no structure, or one that repeats.
+struct Column {
+  std::string name;  ///< dotted: `position.x`
+  const FieldTable* field;
+  std::size_t at;                           ///< in the payload, if nothing before it varies
+  bool moves = false;                       ///< something before it varies
+  std::vector<const std::uint8_t*> places;  ///< of each row, where it moves
+  nb::object objects;                       ///< a list of values, where numpy has no type for them
+};
+
+/// Structures are flattened; what repeats as a structure or varies in size becomes a list of Python values.
+bool holds_objects(const FieldTable& field) {
+  return field.is_string() || field.repeat == Repeat::listed || field.kind == FieldKind::structure;
+}
+
+bool is_flattened(const FieldTable& field) {
+  return field.kind == FieldKind::structure && field.repeat == Repeat::once;
+}
+
+void add_columns(const std::vector<FieldTable>& fields, const std::string& prefix, std::size_t place, bool& moves,
+                 std::vector<Column>& out) {
+  for (const FieldTable& field : fields) {
+    if (is_flattened(field)) {
+      add_columns(field.fields, prefix + field.name + ".", place + field.at, moves, out);
+      continue;
+    }
+    out.push_back({prefix + field.name, &field, place + field.at, moves, {}, {}});
+    if (holds_objects(field)) out.back().objects = nb::list();
+    moves = moves || field.is_variable;
+  }
+}
+
+/// One row's values of the columns that hold objects, and places of those that move. `next` counts the columns.
+void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, std::vector<Column>& columns,
+              std::size_t& next) {
+  Counts counts(fields);
+  for (const FieldTable& field : fields) {
+    const std::size_t here = place + field.at;
+    if (is_flattened(field)) {
+      read_row(field.fields, here, walk, columns, next);
+      continue;
+    }
+    Column& column = columns[next++];
+    if (field.counts) counts.tell(field, load_raw(field, walk.at(here), 0));
+    if (column.moves) column.places.push_back(walk.at(here));
+    if (!column.objects.is_valid()) continue;
+    const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
+    nb::borrow<nb::list>(column.objects).append(decode_field(field, here, promised, walk));
+  }
+}
 
 template <class T>
 nb::object make_array(std::vector<T>&& values, std::size_t rows, const FieldTable* field) {
   auto* const owned = new std::vector<T>(std::move(values));
   const nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-  if (field != nullptr && field->is_array) {
+  if (field != nullptr && field->repeat != Repeat::once) {
     const std::size_t shape[2] = {rows, field->count};
     return nb::cast(nb::ndarray<nb::numpy, T>(owned->data(), 2, shape, owner));
   }
@@ -34,66 +87,86 @@ nb::object make_array(std::vector<T>&& values, std::size_t rows, const FieldTabl
   return nb::cast(nb::ndarray<nb::numpy, T>(owned->data(), 1, shape, owner));
 }
 
-template <class T, class Read>
-nb::object column_of(const FieldTable& field, const Rows& rows, std::size_t stride, Read read) {
+/// `value` turns a number's bits into an element.
+template <class T, class Value>
+nb::object column_of(const Column& column, const Rows& rows, std::size_t stride, Value value) {
+  const FieldTable& field = *column.field;
   const std::size_t count = rows.offsets.size();
   std::vector<T> out;
   out.reserve(count * field.count);
-  const std::uint8_t* row = rows.payloads.data() + field.at;
+  const std::uint8_t* row = rows.payloads.data() + column.at;
   for (std::size_t i = 0; i < count; ++i, row += stride) {
+    const std::uint8_t* const at = column.moves ? column.places[i] : row;
     for (std::uint32_t element = 0; element < field.count; ++element) {
-      out.push_back(static_cast<T>(read(row + static_cast<std::size_t>(element) * field.size)));
+      out.push_back(static_cast<T>(value(load_raw(field, at, element))));
     }
   }
   return make_array(std::move(out), count, &field);
 }
 
-nb::object number_column(const FieldTable& field, const Rows& rows, std::size_t stride) {
-  const auto raw = [&](const std::uint8_t* at) { return load_bytes(at, field.size, field.order); };
-  const auto two = [&](const std::uint8_t* at) { return load_signed(field, at); };
+nb::object number_column(const Column& column, const Rows& rows, std::size_t stride) {
+  const FieldTable& field = *column.field;
+  const auto raw = [](std::uint64_t bits) { return bits; };
+  const auto two = [&](std::uint64_t bits) { return signed_of(field, bits); };
+  const auto real = [&](std::uint64_t bits) { return float_of(field, bits); };
   const auto scale = [&](double wire) { return wire * field.numerator / field.denominator + field.offset; };
   switch (field.kind) {
     case FieldKind::boolean:
-      return column_of<std::uint8_t>(field, rows, stride, [&](const std::uint8_t* at) { return raw(at) != 0 ? 1 : 0; })
+      return column_of<std::uint8_t>(column, rows, stride, [](std::uint64_t bits) { return bits != 0 ? 1 : 0; })
           .attr("view")("bool");
     case FieldKind::floating:
       if (field.scaled) {
-        return column_of<double>(field, rows, stride,
-                                 [&](const std::uint8_t* at) { return scale(load_float(field, at)); });
+        return column_of<double>(column, rows, stride, [&](std::uint64_t bits) { return scale(real(bits)); });
       }
-      if (field.size == 4) {
-        return column_of<float>(field, rows, stride, [&](const std::uint8_t* at) { return load_float(field, at); });
-      }
-      return column_of<double>(field, rows, stride, [&](const std::uint8_t* at) { return load_float(field, at); });
+      if (field.size == 4) return column_of<float>(column, rows, stride, real);
+      return column_of<double>(column, rows, stride, real);
     case FieldKind::unsigned_integer:
       if (field.scaled) {
-        return column_of<double>(field, rows, stride,
-                                 [&](const std::uint8_t* at) { return scale(static_cast<double>(raw(at))); });
+        return column_of<double>(column, rows, stride,
+                                 [&](std::uint64_t bits) { return scale(static_cast<double>(bits)); });
       }
-      if (field.size == 1) return column_of<std::uint8_t>(field, rows, stride, raw);
-      if (field.size == 2) return column_of<std::uint16_t>(field, rows, stride, raw);
-      if (field.size <= 4) return column_of<std::uint32_t>(field, rows, stride, raw);
-      return column_of<std::uint64_t>(field, rows, stride, raw);
+      if (field.width <= 8) return column_of<std::uint8_t>(column, rows, stride, raw);
+      if (field.width <= 16) return column_of<std::uint16_t>(column, rows, stride, raw);
+      if (field.width <= 32) return column_of<std::uint32_t>(column, rows, stride, raw);
+      return column_of<std::uint64_t>(column, rows, stride, raw);
     default:
       if (field.scaled) {
-        return column_of<double>(field, rows, stride,
-                                 [&](const std::uint8_t* at) { return scale(static_cast<double>(two(at))); });
+        return column_of<double>(column, rows, stride,
+                                 [&](std::uint64_t bits) { return scale(static_cast<double>(two(bits))); });
       }
-      if (field.size == 1) return column_of<std::int8_t>(field, rows, stride, two);
-      if (field.size == 2) return column_of<std::int16_t>(field, rows, stride, two);
-      if (field.size <= 4) return column_of<std::int32_t>(field, rows, stride, two);
-      return column_of<std::int64_t>(field, rows, stride, two);
+      if (field.width <= 8) return column_of<std::int8_t>(column, rows, stride, two);
+      if (field.width <= 16) return column_of<std::int16_t>(column, rows, stride, two);
+      if (field.width <= 32) return column_of<std::int32_t>(column, rows, stride, two);
+      return column_of<std::int64_t>(column, rows, stride, two);
   }
 }
 
-nb::object string_column(const MessageTable& message, const FieldTable& field, const Rows& rows) {
-  nb::list out;
-  std::vector<std::uint8_t> payload;
-  for (std::size_t i = 0; i < rows.offsets.size(); ++i) {
-    const auto* const row = rows.payloads.data() + i * message.min_payload;
-    payload.assign(row, row + message.min_payload);
-    if (!rows.tails.empty()) payload.insert(payload.end(), rows.tails[i].begin(), rows.tails[i].end());
-    out.append(decode_fields(message, payload.data(), payload.size())[field.key]);
+nb::dict columns_of(const MessageTable& message, const Rows& rows) {
+  std::vector<Column> columns;
+  bool moves = false;
+  add_columns(message.fields, "", 0, moves, columns);
+  const bool varies = message.max_payload != message.min_payload;
+  bool walks = false;
+  for (const Column& column : columns) walks = walks || column.moves || column.objects.is_valid();
+  for (std::size_t i = 0; walks && i < rows.offsets.size(); ++i) {
+    const std::size_t begin = varies ? rows.begin_of(i) : i * message.min_payload;
+    const std::size_t size = varies ? rows.ends[i] - begin : message.min_payload;
+    Walk walk{rows.payloads.data() + begin, size - message.min_payload};
+    std::size_t next = 0;
+    read_row(message.fields, 0, walk, columns, next);
+  }
+  if (varies) {  // rows have no stride then: every column goes by places
+    for (Column& column : columns) {
+      for (std::size_t i = 0; !column.moves && i < rows.offsets.size(); ++i) {
+        column.places.push_back(rows.payloads.data() + rows.begin_of(i) + column.at);
+      }
+      column.moves = true;
+    }
+  }
+  nb::dict out;
+  for (const Column& column : columns) {
+    out[column.name.c_str()] =
+        column.objects.is_valid() ? column.objects : number_column(column, rows, message.min_payload);
   }
   return out;
 }
@@ -117,12 +190,12 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, co
     const MessageTable& message = protocol->messages()[index];
     Rows& rows = tables[index];
     rows.offsets.push_back(frame.offset);
-    const std::size_t sent = std::min(frame.payload_size, message.min_payload);  // less: zeros were trimmed
-    rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + sent);
-    rows.payloads.insert(rows.payloads.end(), message.min_payload - sent, 0);
-    if (message.max_payload != message.min_payload) {
-      rows.tails.emplace_back(frame.payload + sent, frame.payload + frame.payload_size);
-    }
+    const std::size_t sent = frame.payload_size;
+    const bool varies = message.max_payload != message.min_payload;
+    const std::size_t kept = varies ? std::max(sent, message.min_payload) : message.min_payload;
+    rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + std::min(sent, kept));
+    if (sent < kept) rows.payloads.insert(rows.payloads.end(), kept - sent, 0);  // zeros that were trimmed
+    if (varies) rows.ends.push_back(rows.payloads.size());
   };
   {
     const nb::gil_scoped_release release;  // the capture is held by its buffer view
@@ -137,12 +210,7 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, co
     Rows& rows = tables[i];
     counts.push_back(rows.offsets.size());
     if (rows.offsets.empty()) continue;
-    nb::dict fields;
-    for (const FieldTable& field : message.fields) {
-      const bool is_string = field.kind == FieldKind::text || field.kind == FieldKind::bytes;
-      fields[field.key] =
-          is_string ? string_column(message, field, rows) : number_column(field, rows, message.min_payload);
-    }
+    nb::dict fields = columns_of(message, rows);
     nb::dict table;
     const std::size_t count = rows.offsets.size();
     table["fields"] = fields;

@@ -11,7 +11,8 @@ namespace wirebond::engine {
 
 /// {"messages": {name: {"offset": u64 array, "fields": {field: array}}}, "stats": {…}}. Messages that did not occur
 /// are left out. Scaled fields are float64 in SI units; others keep their wire type; arrays have shape (rows, count);
-/// text and bytes are lists. Frames with an unknown id are under "unknown": offset and id.
+/// fields of structures stand under dotted names; strings, groups and arrays of varying size are lists of values.
+/// Frames with an unknown id are under "unknown": offset and id.
 nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, const FormatTable& format,
                         nb::handle capture);
 

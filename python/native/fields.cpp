@@ -3,488 +3,328 @@
 
 #include <nanobind/stl/string.h>
 
-#include <cmath>
 #include <cstring>
-#include <limits>
+#include <optional>
 
 namespace wirebond::engine {
 
 namespace {
 
-nb::object steal(PyObject* object) {
-  if (object == nullptr) throw nb::python_error();
-  return nb::steal(object);
-}
+// ---- decoding -----------------------------------------------------------------------------------------------------
 
-std::string number_text(double value) {
-  char* const text = PyOS_double_to_string(value, 'r', 0, 0, nullptr);
-  if (text == nullptr) throw nb::python_error();
-  std::string out = text;
-  PyMem_Free(text);
-  return out;
-}
+nb::dict decode_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk);
 
-std::string shown(nb::handle value) {
-  std::string out = nb::cast<std::string>(nb::repr(value));
-  if (out.size() > 80) out = out.substr(0, 77) + "...";
-  return out;
-}
-
-std::string with_unit(const std::string& text, const FieldTable& field) {
-  return field.unit.empty() ? text : text + " " + field.unit;
-}
-
-std::uint64_t load_unsigned(const FieldTable& field, const std::uint8_t* at) {
-  return load_bytes(at, field.size, field.order);
-}
-
-double to_si(const FieldTable& field, double wire) { return wire * field.numerator / field.denominator + field.offset; }
-
-/// The enumerator's name for these bits (two's complement in 64 bits), or an invalid object.
-nb::object enumerator(const FieldTable& field, std::uint64_t bits) {
-  for (const auto& [name, value] : field.enumerators) {
-    if (value == bits) return name;
-  }
-  return {};
-}
-
-nb::object flag_names(const FieldTable& field, std::uint64_t wire) {
-  nb::list names;
-  std::uint64_t rest = wire;
-  for (const auto& [name, bit] : field.flags) {
-    if ((wire >> bit) & 1u) names.append(name);
-    rest &= ~(std::uint64_t{1} << bit);
-  }
-  for (unsigned bit = 0; rest != 0;
-       ++bit, rest >>= 1) {  // unnamed bits keep their value, so that encoding gives it back
-    if (rest & 1u) names.append(steal(PyLong_FromUnsignedLongLong(std::uint64_t{1} << bit)));
-  }
-  return names;
-}
-
-nb::object decode_element(const FieldTable& field, const std::uint8_t* at) {
-  switch (field.kind) {
-    case FieldKind::boolean: return nb::borrow(load_unsigned(field, at) != 0 ? Py_True : Py_False);
-    case FieldKind::floating: {
-      const double wire = load_float(field, at);
-      return steal(PyFloat_FromDouble(field.scaled ? to_si(field, wire) : wire));
-    }
-    case FieldKind::unsigned_integer: {
-      const std::uint64_t wire = load_unsigned(field, at);
-      if (field.has_flags) return flag_names(field, wire);
-      if (nb::object name = enumerator(field, wire); name.is_valid()) return name;
-      if (field.scaled) return steal(PyFloat_FromDouble(to_si(field, static_cast<double>(wire))));
-      return steal(PyLong_FromUnsignedLongLong(wire));
-    }
-    case FieldKind::signed_integer: {
-      const std::int64_t wire = load_signed(field, at);
-      if (nb::object name = enumerator(field, static_cast<std::uint64_t>(wire)); name.is_valid()) return name;
-      if (field.scaled) return steal(PyFloat_FromDouble(to_si(field, static_cast<double>(wire))));
-      return steal(PyLong_FromLongLong(wire));
-    }
-    case FieldKind::text:
-    case FieldKind::bytes: break;
-  }
-  throw std::logic_error("a string is no element");
-}
-
-std::size_t string_size(const FieldTable& field, std::size_t payload_size) {
-  if (field.size != 0) return field.max_size;
-  const std::size_t rest = payload_size - field.at;
-  return rest < field.max_size ? rest : field.max_size;
-}
-
-nb::object decode_string(const FieldTable& field, const std::uint8_t* payload, std::size_t payload_size) {
-  const char* const at = reinterpret_cast<const char*>(payload + field.at);
-  std::size_t size = string_size(field, payload_size);
+nb::object decode_string(const FieldTable& field, std::size_t place, std::uint64_t promised, Walk& walk) {
+  const char* const at = reinterpret_cast<const char*>(walk.at(place));
+  const bool is_fixed = field.count != 0;
+  std::size_t size = is_fixed ? field.count : walk.string_size(field, promised);
   if (field.kind == FieldKind::bytes) return steal(PyBytes_FromStringAndSize(at, static_cast<Py_ssize_t>(size)));
-  if (field.size != 0) {  // padded with zeros
+  if (is_fixed) {  // padded with zeros
     const void* const end = std::memchr(at, 0, size);
     if (end != nullptr) size = static_cast<std::size_t>(static_cast<const char*>(end) - at);
   }
   return steal(PyUnicode_DecodeUTF8(at, static_cast<Py_ssize_t>(size), "replace"));
 }
 
-bool is_string(const FieldTable& field) { return field.kind == FieldKind::text || field.kind == FieldKind::bytes; }
-
-std::string place(const MessageTable& message, const FieldTable& field, std::uint32_t element) {
-  std::string text = message.name + "." + field.name;
-  if (field.is_array) text += "[" + std::to_string(element) + "]";
-  return text;
+nb::object decode_one(const FieldTable& field, std::size_t place, Walk& walk) {
+  if (field.kind == FieldKind::structure) return decode_all(field.fields, place, walk);
+  return decode_element(field, load_raw(field, walk.at(place), 0));
 }
 
-std::string range_text(const FieldTable& field) {
-  return with_unit(number_text(field.minimum) + " ... " + number_text(field.maximum), field);
-}
-
-/// The broken rule of one element, or an empty string.
-std::string violation_of(const MessageTable& message, const FieldTable& field, std::uint32_t element,
-                         const std::uint8_t* at) {
-  double si = 0;
-  if (field.kind == FieldKind::floating) {
-    const double wire = load_float(field, at);
-    if (!std::isfinite(wire))
-      return place(message, field, element) + " is " + number_text(wire) + ", not a finite number";
-    si = to_si(field, wire);
-  } else if (field.kind == FieldKind::boolean) {
-    const std::uint64_t wire = load_unsigned(field, at);
-    return wire <= 1 ? "" : place(message, field, element) + " is " + std::to_string(wire) + ", a bool is 0 or 1";
-  } else if (field.kind == FieldKind::signed_integer) {
-    const std::int64_t wire = load_signed(field, at);
-    si = to_si(field, static_cast<double>(wire));
-    if (field.has_enum && !enumerator(field, static_cast<std::uint64_t>(wire)).is_valid()) {
-      return place(message, field, element) + " is " + std::to_string(wire) + ", which is no enumerator";
-    }
-  } else {
-    const std::uint64_t wire = load_unsigned(field, at);
-    si = to_si(field, static_cast<double>(wire));
-    if (field.has_enum && !enumerator(field, wire).is_valid()) {
-      return place(message, field, element) + " is " + std::to_string(wire) + ", which is no enumerator";
-    }
-    if (field.has_flags) {
-      std::uint64_t rest = wire;
-      for (const auto& flag : field.flags) rest &= ~(std::uint64_t{1} << flag.second);
-      if (rest != 0) return place(message, field, element) + " has unnamed bits set: " + std::to_string(rest);
-    }
+nb::object decode_fixed(const FieldTable& field, std::size_t place, Walk& walk) {
+  nb::object out = steal(PyList_New(static_cast<Py_ssize_t>(field.count)));
+  for (std::uint32_t i = 0; i < field.count; ++i) {
+    nb::object element = field.kind == FieldKind::structure
+                             ? nb::object(decode_all(field.fields, place + i * field.stride, walk))
+                             : decode_element(field, load_raw(field, walk.at(place), i));
+    PyList_SET_ITEM(out.ptr(), static_cast<Py_ssize_t>(i), element.release().ptr());
   }
-  if (field.has_range && !(si >= field.minimum && si <= field.maximum)) {
-    return place(message, field, element) + " = " + with_unit(number_text(si), field) + " is outside " +
-           range_text(field);
-  }
-  return "";
-}
-
-[[noreturn]] void wrong_type(const MessageTable& message, const FieldTable& field, nb::handle value,
-                             const char* expected) {
-  throw_message_error(message.name + "." + field.name + " is " + shown(value) + " (" + Py_TYPE(value.ptr())->tp_name +
-                      "); expected " + expected);
-}
-
-double number_from(const MessageTable& message, const FieldTable& field, nb::handle value) {
-  if (PyUnicode_Check(value.ptr())) wrong_type(message, field, value, "a number");
-  const double number = PyFloat_AsDouble(value.ptr());
-  if (number == -1.0 && PyErr_Occurred() != nullptr) {
-    const bool overflow = PyErr_ExceptionMatches(PyExc_OverflowError) != 0;
-    PyErr_Clear();
-    if (!overflow) wrong_type(message, field, value, "a number");
-    throw_message_error(message.name + "." + field.name + " is too large for a 64-bit number");
-  }
-  if (!std::isfinite(number)) {
-    throw_message_error(message.name + "." + field.name + " is " + number_text(number) + ", not a finite number");
-  }
-  if (field.has_range && !(number >= field.minimum && number <= field.maximum)) {
-    throw_message_error(message.name + "." + field.name + " = " + with_unit(number_text(number), field) +
-                        " is outside " + range_text(field));
-  }
-  return number;
-}
-
-[[noreturn]] void does_not_fit(const MessageTable& message, const FieldTable& field, nb::handle value) {
-  const bool is_signed = field.kind == FieldKind::signed_integer;
-  const unsigned bits = 8u * field.size - (is_signed ? 1u : 0u);
-  const double high = std::ldexp(1.0, static_cast<int>(bits)) - 1;
-  const double low = is_signed ? -high - 1 : 0;
-  std::string limits;
-  if (field.scaled) {
-    double from = to_si(field, low);
-    double to = to_si(field, high);
-    if (from > to) std::swap(from, to);
-    limits = with_unit(number_text(from) + " ... " + number_text(to), field);
-  } else if (is_signed) {
-    const std::int64_t least = field.size == 8 ? std::numeric_limits<std::int64_t>::min() : -(std::int64_t{1} << bits);
-    limits = std::to_string(least) + " ... " + std::to_string(-(least + 1));
-  } else {
-    limits = "0 ... " + std::to_string(detail::mask_of(bits));
-  }
-  throw_message_error(message.name + "." + field.name + " = " + shown(value) + " does not fit its " +
-                      std::to_string(8 * field.size) + "-bit wire type, which holds " + limits);
-}
-
-/// Two's complement bits of an integer that Python holds, checked against the field's width.
-std::uint64_t integer_bits(const MessageTable& message, const FieldTable& field, nb::handle value) {
-  const unsigned bits = 8u * field.size;
-  if (field.kind == FieldKind::signed_integer) {
-    const long long number = PyLong_AsLongLong(value.ptr());
-    const bool failed = number == -1 && PyErr_Occurred() != nullptr;
-    if (failed) PyErr_Clear();
-    const long long limit = bits == 64 ? 0 : 1LL << (bits - 1);
-    if (failed || (bits < 64 && (number < -limit || number >= limit))) does_not_fit(message, field, value);
-    return static_cast<std::uint64_t>(number);
-  }
-  const unsigned long long number = PyLong_AsUnsignedLongLong(value.ptr());
-  const bool failed = PyErr_Occurred() != nullptr;
-  if (failed) PyErr_Clear();
-  if (failed || number > detail::mask_of(bits)) does_not_fit(message, field, value);
-  return number;
-}
-
-std::uint64_t scaled_bits(const MessageTable& message, const FieldTable& field, nb::handle value) {
-  const double si = number_from(message, field, value);
-  const double wire = std::nearbyint((si - field.offset) * field.denominator / field.numerator);
-  const bool is_signed = field.kind == FieldKind::signed_integer;
-  const double high = std::ldexp(1.0, static_cast<int>(8u * field.size - (is_signed ? 1u : 0u)));
-  const double low = is_signed ? -high : 0;
-  if (!(wire >= low && wire < high)) does_not_fit(message, field, value);
-  return is_signed ? static_cast<std::uint64_t>(static_cast<std::int64_t>(wire)) : static_cast<std::uint64_t>(wire);
-}
-
-std::string names_of(const std::vector<std::pair<nb::object, std::uint64_t>>& enumerators) {
-  std::string out;
-  for (const auto& entry : enumerators) out += (out.empty() ? "" : ", ") + nb::cast<std::string>(entry.first);
   return out;
 }
 
-std::uint64_t enum_bits(const MessageTable& message, const FieldTable& field, nb::handle value) {
-  for (const auto& [name, number] : field.enumerators) {
-    if (name.equal(value)) return number;
-  }
-  if (PyLong_Check(value.ptr())) {
-    const std::uint64_t bits = integer_bits(message, field, value);
-    if (enumerator(field, bits).is_valid()) return bits;
-  }
-  throw_message_error(message.name + "." + field.name + " is " + shown(value) + "; expected one of " +
-                      names_of(field.enumerators));
-}
-
-std::uint64_t flag_bits(const MessageTable& message, const FieldTable& field, nb::handle value) {
-  if (PyLong_Check(value.ptr())) return integer_bits(message, field, value);
-  if (PyUnicode_Check(value.ptr()) || PyObject_HasAttrString(value.ptr(), "__iter__") == 0) {
-    wrong_type(message, field, value, "a list of flag names, or an integer");
-  }
-  std::uint64_t bits = 0;
-  for (nb::handle entry : value) {
-    bool known = false;
-    for (const auto& [name, bit] : field.flags) {
-      if (!name.equal(entry)) continue;
-      bits |= std::uint64_t{1} << bit;
-      known = true;
-    }
-    if (known) continue;
-    if (PyLong_Check(entry.ptr())) {
-      bits |= integer_bits(message, field, entry);
-      continue;
-    }
-    std::string names;
-    for (const auto& flag : field.flags) names += (names.empty() ? "" : ", ") + nb::cast<std::string>(flag.first);
-    throw_message_error(message.name + "." + field.name + " has no flag " + shown(entry) + "; it has " + names);
-  }
-  return bits;
-}
-
-void encode_element(const MessageTable& message, const FieldTable& field, nb::handle value, std::uint8_t* at) {
-  switch (field.kind) {
-    case FieldKind::boolean: {
-      const bool is_bool = PyBool_Check(value.ptr()) != 0;
-      const bool is_bit = PyLong_Check(value.ptr()) && (value.equal(nb::int_(0)) || value.equal(nb::int_(1)));
-      if (!is_bool && !is_bit) wrong_type(message, field, value, "true or false");
-      store_bytes(at, PyObject_IsTrue(value.ptr()) != 0 ? 1 : 0, field.size, field.order);
-      return;
-    }
-    case FieldKind::floating: {
-      double number = number_from(message, field, value);
-      if (field.scaled) number = (number - field.offset) * field.denominator / field.numerator;
-      std::uint64_t bits = 0;
-      if (field.size == 4) {
-        const float narrow = static_cast<float>(number);
-        if (!std::isfinite(narrow)) {
-          throw_message_error(message.name + "." + field.name + " = " + number_text(number) +
-                              " does not fit a 32-bit float, which holds at most 3.4028235e+38");
-        }
-        std::uint32_t narrow_bits;
-        std::memcpy(&narrow_bits, &narrow, sizeof narrow);
-        bits = narrow_bits;
-      } else {
-        std::memcpy(&bits, &number, sizeof number);
-      }
-      store_bytes(at, bits, field.size, field.order);
-      return;
-    }
-    case FieldKind::unsigned_integer:
-    case FieldKind::signed_integer: {
-      std::uint64_t bits;
-      if (field.has_flags) {
-        bits = flag_bits(message, field, value);
-      } else if (field.has_enum) {
-        bits = enum_bits(message, field, value);
-      } else if (field.scaled) {
-        bits = scaled_bits(message, field, value);
-      } else {
-        const nb::object index = nb::steal(PyNumber_Index(value.ptr()));
-        if (!index.is_valid()) {
-          PyErr_Clear();
-          const double number = number_from(message, field, value);
-          if (number != std::floor(number)) wrong_type(message, field, value, "an integer");
-          const nb::object whole = steal(PyLong_FromDouble(number));
-          bits = integer_bits(message, field, whole);
-        } else {
-          if (field.has_range) static_cast<void>(number_from(message, field, index));
-          bits = integer_bits(message, field, index);
-        }
-      }
-      store_bytes(at, bits, field.size, field.order);
-      return;
-    }
-    case FieldKind::text:
-    case FieldKind::bytes: break;
-  }
-  throw std::logic_error("a string is no element");
-}
-
-void encode_string(const MessageTable& message, const FieldTable& field, nb::handle value,
-                   std::vector<std::uint8_t>& payload) {
-  nb::object bytes;
-  if (field.kind == FieldKind::text) {
-    if (!PyUnicode_Check(value.ptr())) wrong_type(message, field, value, "text");
-    bytes = nb::steal(PyUnicode_AsUTF8String(value.ptr()));
-    if (!bytes.is_valid()) {
-      PyErr_Clear();
-      wrong_type(message, field, value, "text that UTF-8 can hold");
-    }
-  } else {
-    if (!PyBytes_Check(value.ptr()) && !PyByteArray_Check(value.ptr())) wrong_type(message, field, value, "bytes");
-    bytes = steal(PyBytes_FromObject(value.ptr()));
-  }
-  const auto size = static_cast<std::size_t>(PyBytes_GET_SIZE(bytes.ptr()));
-  if (size > field.max_size) {
-    throw_message_error(message.name + "." + field.name + " has " + std::to_string(size) + " bytes; it holds at most " +
-                        std::to_string(field.max_size));
-  }
-  const std::size_t needed = field.at + (field.size != 0 ? field.max_size : size);
-  if (payload.size() < needed) payload.resize(needed);
-  std::memcpy(payload.data() + field.at, PyBytes_AS_STRING(bytes.ptr()), size);
-}
-
-nb::object neutral_value(const FieldTable& field) {
-  switch (field.kind) {
-    case FieldKind::text: return nb::str("");
-    case FieldKind::bytes: return nb::bytes("", 0);
-    default: return nb::none();
-  }
-}
-
-void encode_field(const MessageTable& message, const FieldTable& field, nb::handle value,
-                  std::vector<std::uint8_t>& payload) {
-  if (is_string(field)) {
-    encode_string(message, field, value, payload);
-    return;
-  }
-  std::uint8_t* const at = payload.data() + field.at;
-  if (!field.is_array) {
-    encode_element(message, field, value, at);
-    return;
-  }
-  if (PyUnicode_Check(value.ptr()) || PySequence_Check(value.ptr()) == 0) {
-    wrong_type(message, field, value, ("a list of " + std::to_string(field.count)).c_str());
-  }
-  const Py_ssize_t length = PySequence_Size(value.ptr());
-  if (length != static_cast<Py_ssize_t>(field.count)) {
-    PyErr_Clear();
-    throw_message_error(message.name + "." + field.name + " has " + std::to_string(length) + " elements; expected " +
-                        std::to_string(field.count));
-  }
-  for (std::uint32_t i = 0; i < field.count; ++i) {
-    const nb::object element = steal(PySequence_GetItem(value.ptr(), static_cast<Py_ssize_t>(i)));
-    encode_element(message, field, element, at + static_cast<std::size_t>(i) * field.size);
-  }
-}
-
-}  // namespace
-
-void throw_message_error(const std::string& text) {
-  const nb::object type = nb::module_::import_("wirebond.errors").attr("MessageError");
-  PyErr_SetString(type.ptr(), text.c_str());
-  throw nb::python_error();
-}
-
-std::int64_t load_signed(const FieldTable& field, const std::uint8_t* at) {
-  const std::uint64_t bits = load_unsigned(field, at);
-  const unsigned unused = 64u - 8u * field.size;
-  return static_cast<std::int64_t>(bits << unused) >> unused;
-}
-
-double load_float(const FieldTable& field, const std::uint8_t* at) {
-  if (field.size == 4) {
-    const auto bits = static_cast<std::uint32_t>(load_unsigned(field, at));
-    float value;
-    std::memcpy(&value, &bits, sizeof value);
-    return static_cast<double>(value);
-  }
-  const std::uint64_t bits = load_unsigned(field, at);
-  double value;
-  std::memcpy(&value, &bits, sizeof value);
-  return value;
-}
-
-nb::dict decode_fields(const MessageTable& message, const std::uint8_t* payload, std::size_t size) {
+nb::dict decode_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk) {
   nb::dict out;
-  for (const FieldTable& field : message.fields) {
-    nb::object value;
-    if (is_string(field)) {
-      value = decode_string(field, payload, size);
-    } else if (!field.is_array) {
-      value = decode_element(field, payload + field.at);
-    } else {
-      value = steal(PyList_New(static_cast<Py_ssize_t>(field.count)));
-      for (std::uint32_t i = 0; i < field.count; ++i) {
-        nb::object element = decode_element(field, payload + field.at + static_cast<std::size_t>(i) * field.size);
-        PyList_SET_ITEM(value.ptr(), static_cast<Py_ssize_t>(i), element.release().ptr());
-      }
-    }
+  Counts counts(fields);
+  for (const FieldTable& field : fields) {
+    const std::size_t here = place + field.at;
+    if (field.counts) counts.tell(field, load_raw(field, walk.at(here), 0));
+    const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
+    const nb::object value = decode_field(field, here, promised, walk);
     if (PyDict_SetItem(out.ptr(), field.key.ptr(), value.ptr()) != 0) throw nb::python_error();
   }
   return out;
 }
 
-nb::list find_violations(const MessageTable& message, const std::uint8_t* payload, std::size_t size) {
-  nb::list out;
-  for (const FieldTable& field : message.fields) {
-    if (is_string(field)) {
-      if (field.kind != FieldKind::text) continue;
-      const nb::object text =
-          nb::steal(PyUnicode_DecodeUTF8(reinterpret_cast<const char*>(payload + field.at),
-                                         static_cast<Py_ssize_t>(string_size(field, size)), nullptr));
-      if (!text.is_valid()) {
-        PyErr_Clear();
-        out.append(nb::str((place(message, field, 0) + " is not UTF-8").c_str()));
+// ---- field rules --------------------------------------------------------------------------------------------------
+
+void judge_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, const Path& path, nb::list& out);
+
+void add(nb::list& out, const Path& path, const std::string& fault) {
+  if (!fault.empty()) out.append(nb::str((path.text() + fault).c_str()));
+}
+
+/// A list or string of which the payload promises more than it has, or more than the protocol allows.
+void judge_promise(const FieldTable& field, const FieldTable* counting, std::uint64_t promised, std::size_t found,
+                   const Path& path, nb::list& out) {
+  if (counting == nullptr || found == promised) return;
+  const std::string what = field.is_string() ? " bytes" : " elements";
+  const std::string limit = promised > field.max_count ? "has at most " + std::to_string(field.max_count)
+                                                       : "has " + std::to_string(found) + " in this payload";
+  const Path counter{path.parent, counting->name};
+  out.append(nb::str(
+      (counter.text() + " tells " + std::to_string(promised) + what + ", and " + path.text() + " " + limit).c_str()));
+}
+
+void judge_string(const FieldTable& field, std::size_t place, const FieldTable* counting, std::uint64_t promised,
+                  Walk& walk, const Path& path, nb::list& out) {
+  const char* const at = reinterpret_cast<const char*>(walk.at(place));
+  const std::size_t size = field.count != 0 ? field.count : walk.string_size(field, promised);
+  judge_promise(field, counting, promised, size, path, out);
+  if (field.kind == FieldKind::bytes) return;
+  const nb::object text = nb::steal(PyUnicode_DecodeUTF8(at, static_cast<Py_ssize_t>(size), nullptr));
+  if (text.is_valid()) return;
+  PyErr_Clear();
+  add(out, path, " is not UTF-8");
+}
+
+void judge_element(const FieldTable& field, std::size_t place, std::size_t index, Walk& walk, const Path& path,
+                   nb::list& out) {
+  if (field.kind == FieldKind::structure) {
+    judge_all(field.fields, place + index * field.stride, walk, path, out);
+  } else {
+    add(out, path, fault_of(field, load_raw(field, walk.at(place), index)));
+  }
+}
+
+void judge_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, const Path& path, nb::list& out) {
+  Counts counts(fields);
+  for (const FieldTable& field : fields) {
+    const std::size_t here = place + field.at;
+    if (field.counts) counts.tell(field, load_raw(field, walk.at(here), 0));
+    const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
+    const FieldTable* const counting =
+        field.counted_by < 0 ? nullptr : &fields[static_cast<std::size_t>(field.counted_by)];
+    const Path own{&path, field.name};
+    if (field.is_string()) {
+      judge_string(field, here, counting, promised, walk, own, out);
+    } else if (field.repeat == Repeat::listed) {
+      const std::size_t found = walk.elements(field, here, promised, [&](std::size_t i, std::size_t at) {
+        const Path element{&path, field.name, static_cast<std::ptrdiff_t>(i)};
+        judge_element(field, at, 0, walk, element, out);
+      });
+      judge_promise(field, counting, promised, found, own, out);
+    } else if (field.repeat == Repeat::once) {
+      judge_element(field, here, 0, walk, own, out);
+    } else {
+      for (std::uint32_t i = 0; i < field.count; ++i) {
+        const Path element{&path, field.name, static_cast<std::ptrdiff_t>(i)};
+        judge_element(field, here, i, walk, element, out);
       }
-      continue;
-    }
-    for (std::uint32_t i = 0; i < field.count; ++i) {
-      const std::string broken =
-          violation_of(message, field, i, payload + field.at + static_cast<std::size_t>(i) * field.size);
-      if (!broken.empty()) out.append(nb::str(broken.c_str()));
     }
   }
+}
+
+// ---- encoding -----------------------------------------------------------------------------------------------------
+
+/// A payload that grows where varying fields need room. Bytes that no field has written are zero.
+struct Build {
+  std::vector<std::uint8_t> payload;
+  std::size_t shift = 0;
+
+  std::uint8_t* at(std::size_t place) { return payload.data() + place + shift; }
+  void insert(std::size_t place, std::size_t size) {
+    payload.insert(payload.begin() + static_cast<std::ptrdiff_t>(place + shift), size, 0);
+  }
+};
+
+/// A field that tells how many elements or bytes others have: the caller's number, or theirs.
+struct Count {
+  std::size_t at = 0;  ///< in the payload
+  bool is_given = false;
+  std::optional<std::uint64_t> number;
+};
+
+void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::handle values, const Path& path,
+                Build& build);
+
+/// Settle the number of `field`'s elements or bytes with the field that counts them.
+void count_in(const FieldTable& field, const std::vector<FieldTable>& fields, std::vector<Count>& counts,
+              std::size_t found, const Path& path, Build& build) {
+  if (field.counted_by < 0) return;
+  const auto index = static_cast<std::size_t>(field.counted_by);
+  Count& count = counts[index];
+  if (!count.number) {
+    count.number = found;
+    store_raw(fields[index], build.payload.data() + count.at, 0, found);
+  }
+  if (*count.number == found) return;
+  const Path counter{path.parent, fields[index].name};
+  const std::string what = field.is_string() ? " bytes" : " elements";
+  throw_message_error(counter.text() + " is " + std::to_string(*count.number) + ", and " + path.text() +
+                      ", which it counts, has " + std::to_string(found) + what +
+                      (count.is_given ? "; leave " + fields[index].name + " out, it is counted" : ""));
+}
+
+/// The bytes of a string, its size checked.
+nb::object string_bytes(const FieldTable& field, nb::handle value, const Path& path) {
+  nb::object bytes;
+  if (field.kind == FieldKind::text) {
+    if (!PyUnicode_Check(value.ptr())) wrong_type(path, value, "text");
+    bytes = nb::steal(PyUnicode_AsUTF8String(value.ptr()));
+    if (!bytes.is_valid()) {
+      PyErr_Clear();
+      wrong_type(path, value, "text that UTF-8 can hold");
+    }
+  } else {
+    if (!PyBytes_Check(value.ptr()) && !PyByteArray_Check(value.ptr())) wrong_type(path, value, "bytes");
+    bytes = steal(PyBytes_FromObject(value.ptr()));
+  }
+  const auto size = static_cast<std::size_t>(PyBytes_GET_SIZE(bytes.ptr()));
+  const std::size_t most = field.count != 0 ? field.count : field.max_count;
+  if (size > most) {
+    throw_message_error(path.text() + " has " + std::to_string(size) + " bytes; it holds at most " +
+                        std::to_string(most));
+  }
+  return bytes;
+}
+
+/// Elements of a sequence, their number checked.
+std::size_t sequence_size(const FieldTable& field, nb::handle value, const Path& path) {
+  const bool is_list = field.repeat == Repeat::listed;
+  const std::string wanted = is_list ? "at most " + std::to_string(field.max_count) : std::to_string(field.count);
+  if (PyUnicode_Check(value.ptr()) || PyDict_Check(value.ptr()) || PySequence_Check(value.ptr()) == 0) {
+    wrong_type(path, value, "a list of " + wanted);
+  }
+  const Py_ssize_t size = PySequence_Size(value.ptr());
+  PyErr_Clear();
+  if (is_list ? size < 0 || size > static_cast<Py_ssize_t>(field.max_count)
+              : size != static_cast<Py_ssize_t>(field.count)) {
+    throw_message_error(path.text() + " has " + std::to_string(size) + " elements; expected " + wanted);
+  }
+  return static_cast<std::size_t>(size);
+}
+
+nb::object item(nb::handle sequence, std::size_t index) {
+  return steal(PySequence_GetItem(sequence.ptr(), static_cast<Py_ssize_t>(index)));
+}
+
+/// A field that repeats. Without a value, a fixed number of structures takes its fields' defaults.
+std::size_t encode_elements(const FieldTable& field, std::size_t place, nb::handle value, const Path& path,
+                            Build& build) {
+  const bool is_list = field.repeat == Repeat::listed;
+  const std::size_t size = value.is_none() ? field.count : sequence_size(field, value, path);
+  if (is_list) build.insert(place, size * field.stride);
+  for (std::size_t i = 0; i < size; ++i) {
+    if (field.kind != FieldKind::structure) {
+      store_raw(field, build.at(place), i, encode_element(field, item(value, i), path));
+      continue;
+    }
+    const Path element{path.parent, path.name, static_cast<std::ptrdiff_t>(i)};
+    const nb::object one = value.is_none() ? nb::object(nb::dict()) : item(value, i);
+    encode_all(field.fields, place + i * field.stride, one, element, build);
+  }
+  if (is_list) build.shift += size * field.stride;
+  return size;
+}
+
+/// What stands for a value that was left out; none where something must be given.
+nb::object stand_in(const FieldTable& field) {
+  if (field.has_default) return field.default_value;
+  if (field.kind == FieldKind::text) return nb::str("");
+  if (field.kind == FieldKind::bytes) return nb::bytes("", 0);
+  if (field.repeat == Repeat::listed) return nb::list();
+  if (field.kind == FieldKind::structure && field.repeat == Repeat::once) return nb::dict();
+  return nb::none();
+}
+
+std::string names_of(const std::vector<FieldTable>& fields) {
+  std::string names;
+  for (const FieldTable& field : fields) names += (names.empty() ? "" : ", ") + field.name;
+  return names;
+}
+
+void refuse_unknown(const std::vector<FieldTable>& fields, nb::dict values, const Path& path) {
+  for (auto [key, value] : values) {
+    bool found = false;
+    for (const FieldTable& field : fields) found = found || field.key.equal(key);
+    if (found) continue;
+    throw_message_error(path.text() + " has no field " + shown(key) +
+                        (fields.empty() ? "; it has no fields" : "; it has " + names_of(fields)));
+  }
+}
+
+void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::handle values, const Path& path,
+                Build& build) {
+  if (!PyDict_Check(values.ptr())) wrong_type(path, values, "a dict of " + names_of(fields));
+  std::vector<Count> counts;
+  Py_ssize_t used = 0;
+  for (const FieldTable& field : fields) {
+    const std::size_t here = place + field.at;
+    const Path own{&path, field.name};
+    nb::object value = nb::borrow(PyDict_GetItemWithError(values.ptr(), field.key.ptr()));
+    const bool is_given = value.is_valid();
+    if (!is_given && PyErr_Occurred() != nullptr) throw nb::python_error();
+    used += is_given ? 1 : 0;
+    if (field.counts) {
+      counts.resize(fields.size());
+      Count& count = counts[static_cast<std::size_t>(&field - fields.data())];
+      count.at = here + build.shift;
+      count.is_given = is_given;
+      if (!is_given) continue;  // what it counts tells
+      count.number = encode_element(field, value, own);
+    }
+    if (!is_given) {
+      value = stand_in(field);
+      const bool has_fields = field.kind == FieldKind::structure && field.repeat == Repeat::fixed;
+      if (value.is_none() && !has_fields) {
+        throw_message_error(path.text() + " needs " + field.name + ", which has no default");
+      }
+    }
+    if (field.is_string()) {
+      const nb::object bytes = string_bytes(field, value, own);
+      const auto size = static_cast<std::size_t>(PyBytes_GET_SIZE(bytes.ptr()));
+      if (field.count == 0) build.insert(here, size);
+      if (size != 0) std::memcpy(build.at(here), PyBytes_AS_STRING(bytes.ptr()), size);
+      if (field.count == 0) build.shift += size;
+      count_in(field, fields, counts, size, own, build);
+    } else if (field.repeat != Repeat::once) {
+      count_in(field, fields, counts, encode_elements(field, here, value, own, build), own, build);
+    } else if (field.kind == FieldKind::structure) {
+      encode_all(field.fields, here, value, own, build);
+    } else {
+      store_raw(field, build.at(here), 0, encode_element(field, value, own));
+    }
+  }
+  if (used != PyDict_Size(values.ptr())) refuse_unknown(fields, nb::borrow<nb::dict>(values), path);
+}
+
+}  // namespace
+
+nb::object decode_field(const FieldTable& field, std::size_t place, std::uint64_t promised, Walk& walk) {
+  if (field.is_string()) return decode_string(field, place, promised, walk);
+  if (field.repeat == Repeat::once) return decode_one(field, place, walk);
+  if (field.repeat != Repeat::listed) return decode_fixed(field, place, walk);
+  nb::list out;
+  walk.elements(field, place, promised, [&](std::size_t, std::size_t at) { out.append(decode_one(field, at, walk)); });
+  return out;
+}
+
+nb::dict decode_fields(const MessageTable& message, const std::uint8_t* payload, std::size_t size) {
+  Walk walk{payload, size - message.min_payload};
+  return decode_all(message.fields, 0, walk);
+}
+
+nb::list find_violations(const MessageTable& message, const std::uint8_t* payload, std::size_t size) {
+  nb::list out;
+  Walk walk{payload, size - message.min_payload};
+  judge_all(message.fields, 0, walk, Path{nullptr, message.name}, out);
   return out;
 }
 
 std::vector<std::uint8_t> encode_fields(const MessageTable& message, nb::dict values) {
-  std::vector<std::uint8_t> payload(message.min_payload, 0);
-  std::size_t used = 0;
-  for (const FieldTable& field : message.fields) {
-    nb::object value = nb::borrow(PyDict_GetItemWithError(values.ptr(), field.key.ptr()));
-    if (value.is_valid()) {
-      ++used;
-    } else {
-      if (PyErr_Occurred() != nullptr) throw nb::python_error();
-      value = field.has_default ? field.default_value : neutral_value(field);
-      if (value.is_none()) {
-        throw_message_error(message.name + " needs " + field.name + ", which has no default");
-      }
-    }
-    encode_field(message, field, value, payload);
-  }
-  if (used == values.size()) return payload;
-  std::string known;
-  for (const FieldTable& field : message.fields) known += (known.empty() ? "" : ", ") + field.name;
-  for (auto [key, value] : values) {
-    bool found = false;
-    for (const FieldTable& field : message.fields) found = found || field.key.equal(key);
-    if (found) continue;
-    throw_message_error(message.name + " has no field " + shown(key) +
-                        (known.empty() ? "; it has no fields" : "; it has " + known));
-  }
-  return payload;
+  Build build{std::vector<std::uint8_t>(message.min_payload, 0)};
+  encode_all(message.fields, 0, values, Path{nullptr, message.name}, build);
+  return std::move(build.payload);
 }
 
 }  // namespace wirebond::engine

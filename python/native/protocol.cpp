@@ -15,66 +15,6 @@ std::string text_of(nb::handle value) { return nb::cast<std::string>(nb::str(val
 
 ByteOrder order_of(nb::handle value) { return text_of(value) == "big" ? ByteOrder::big : ByteOrder::little; }
 
-double as_double(nb::handle value) {
-  const double result = PyFloat_AsDouble(value.ptr());
-  if (result == -1.0 && PyErr_Occurred() != nullptr) throw nb::python_error();
-  return result;
-}
-
-FieldKind kind_of(const std::string& kind) {
-  if (kind == "unsigned") return FieldKind::unsigned_integer;
-  if (kind == "signed") return FieldKind::signed_integer;
-  if (kind == "float") return FieldKind::floating;
-  if (kind == "bool") return FieldKind::boolean;
-  if (kind == "text") return FieldKind::text;
-  if (kind == "bytes") return FieldKind::bytes;
-  throw std::logic_error("the engine has no field kind '" + kind + "'");
-}
-
-FieldTable read_field(nb::handle field, std::size_t at) {
-  FieldTable table;
-  table.name = text_of(field.attr("name"));
-  table.key = interned(table.name);
-  table.kind = kind_of(text_of(field.attr("kind")));
-  table.order = order_of(field.attr("order"));
-  table.size = nb::cast<std::uint8_t>(field.attr("size"));
-  const nb::object count = field.attr("count");
-  table.is_array = !count.is_none();
-  if (table.is_array) table.count = nb::cast<std::uint32_t>(count);
-  table.max_size = nb::cast<std::uint32_t>(field.attr("max_size"));
-  if (table.kind == FieldKind::text || table.kind == FieldKind::bytes) {
-    // Text of a fixed size: one value of `size * count` bytes.
-    if (table.size != 0) table.max_size = table.size * table.count;
-    table.is_array = false;
-  }
-  table.at = at;
-  table.scaled = nb::cast<bool>(field.attr("is_scaled"));
-  if (table.scaled) {
-    table.numerator = as_double(field.attr("scale").attr("numerator"));
-    table.denominator = as_double(field.attr("scale").attr("denominator"));
-    table.offset = as_double(field.attr("offset"));
-  }
-  table.unit = text_of(field.attr("unit"));
-  const nb::object minimum = field.attr("minimum");
-  if (!minimum.is_none()) {
-    table.has_range = true;
-    table.minimum = as_double(minimum);
-    table.maximum = as_double(field.attr("maximum"));
-  }
-  table.default_value = field.attr("default");
-  table.has_default = !table.default_value.is_none();
-  for (nb::handle entry : field.attr("enum")) {
-    const std::uint64_t bits = PyLong_AsUnsignedLongLongMask(nb::object(entry[1]).ptr());
-    table.enumerators.emplace_back(interned(text_of(entry[0])), bits);
-  }
-  for (nb::handle entry : field.attr("flags")) {
-    table.flags.emplace_back(interned(text_of(entry[0])), nb::cast<unsigned>(entry[1]));
-  }
-  table.has_enum = !table.enumerators.empty();
-  table.has_flags = !table.flags.empty();
-  return table;
-}
-
 Position read_position(nb::handle position) {
   return {nb::cast<std::int16_t>(position.attr("offset")), nb::cast<bool>(position.attr("from_end"))};
 }
@@ -165,11 +105,7 @@ ProtocolTable::ProtocolTable(nb::handle protocol) : name_(text_of(protocol.attr(
     table.id = nb::cast<std::uint32_t>(message.attr("id"));
     table.min_payload = nb::cast<std::size_t>(message.attr("min_payload"));
     table.max_payload = nb::cast<std::size_t>(message.attr("max_payload"));
-    std::size_t at = 0;
-    for (nb::handle field : message.attr("fields")) {
-      table.fields.push_back(read_field(field, at));
-      at += nb::cast<std::size_t>(field.attr("min_wire_bytes"));
-    }
+    table.fields = read_fields(message.attr("fields"));
     messages_.push_back(std::move(table));
   }
 }

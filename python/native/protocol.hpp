@@ -7,46 +7,15 @@
 #include <cstdint>
 #include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "wirebond/bytes.hpp"
+#include "field_table.hpp"
 #include "wirebond/format.hpp"
 #include "wirebond/runtime_source.hpp"
 
 namespace wirebond::engine {
 
 namespace nb = nanobind;
-
-enum class FieldKind : std::uint8_t { unsigned_integer, signed_integer, floating, boolean, text, bytes };
-
-/// One field. `value = wire * numerator / denominator + offset`: two exact factors instead of one rounded scale,
-/// so that 9 * 0.001 is 0.009 and not 0.009000000000000001.
-struct FieldTable {
-  std::string name;
-  nb::object key;  ///< the name, interned
-  FieldKind kind = FieldKind::unsigned_integer;
-  ByteOrder order = ByteOrder::little;
-  std::uint8_t size = 1;  ///< wire bytes of one element; 0: reaches to the payload's end
-  bool is_array = false;
-  std::uint32_t count = 1;
-  std::uint32_t max_size = 0;  ///< of a text or byte string without a fixed size
-  std::size_t at = 0;          ///< offset in the payload
-  bool scaled = false;
-  double numerator = 1;
-  double denominator = 1;
-  double offset = 0;
-  std::string unit;
-  bool has_range = false;
-  double minimum = 0;
-  double maximum = 0;
-  bool has_default = false;
-  nb::object default_value;
-  std::vector<std::pair<nb::object, std::uint64_t>> enumerators;  ///< name, value (two's complement in 64 bits)
-  std::vector<std::pair<nb::object, unsigned>> flags;             ///< name, bit
-  bool has_flags = false;
-  bool has_enum = false;
-};
 
 struct MessageTable {
   std::string name;

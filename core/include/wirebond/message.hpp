@@ -63,11 +63,16 @@ struct HasClamp<Message, std::void_t<decltype(clamp(std::declval<Message&>()))>>
 template <class Message, class Handler>
 bool hand_over(const Frame& frame, Handler& handler, Violations& counts) {
   Message message;
+  bool sound;
   if (frame.payload_size < Message::Info::min_payload_bytes) {  // its zeros were trimmed: put them back
     std::array<std::uint8_t, Message::Info::min_payload_bytes> whole{};
     std::memcpy(whole.data(), frame.payload, frame.payload_size);
-    if (!decode(whole.data(), whole.size(), message)) return false;
-  } else if (!decode(frame.payload, frame.payload_size, message)) {
+    sound = decode(whole.data(), whole.size(), message);
+  } else {
+    sound = decode(frame.payload, frame.payload_size, message);
+  }
+  if (!sound) {  // the deframer has seen to the payload's least size
+    counts.count(Violation::wrong_count);
     return false;
   }
   const Violation found = violations(message);

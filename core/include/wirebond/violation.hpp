@@ -12,6 +12,7 @@ enum class Violation : std::uint8_t {
   unknown_enum = 2,  ///< an enum holds a value without a name
   out_of_range = 4,  ///< a number lies outside its range, and its rule is to reject
   clamped = 8,       ///< a number lies outside its range, and its rule is to clamp
+  wrong_count = 16,  ///< a count tells more elements than there are, or than the protocol allows
 };
 
 constexpr Violation operator|(Violation a, Violation b) {
@@ -26,7 +27,7 @@ constexpr bool has(Violation found, Violation wanted) {
 
 /// Must the handler not see such a message?
 constexpr bool rejects(Violation found) {
-  return has(found, Violation::not_finite | Violation::unknown_enum | Violation::out_of_range);
+  return has(found, Violation::not_finite | Violation::unknown_enum | Violation::out_of_range | Violation::wrong_count);
 }
 
 /// Messages that broke a field rule, modulo 2^32. One message may count under several kinds.
@@ -35,6 +36,7 @@ struct Violations {
   std::uint32_t unknown_enum = 0;
   std::uint32_t out_of_range = 0;
   std::uint32_t clamped = 0;
+  std::uint32_t wrong_count = 0;
   std::uint32_t rejected = 0;  ///< messages that the handler did not get
 
   void count(Violation found) {
@@ -42,6 +44,7 @@ struct Violations {
     if (has(found, Violation::unknown_enum)) ++unknown_enum;
     if (has(found, Violation::out_of_range)) ++out_of_range;
     if (has(found, Violation::clamped)) ++clamped;
+    if (has(found, Violation::wrong_count)) ++wrong_count;
     if (rejects(found)) ++rejected;
   }
 };

@@ -13,7 +13,7 @@ from wirebond.protocol.model import Protocol
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
-FILES = [*sorted((ROOT / "protocols").glob("*.yaml")), HERE / "every_type.yaml"]
+FILES = [*sorted((ROOT / "protocols").glob("*.yaml")), HERE / "every_type.yaml", HERE / "every_shape.yaml"]
 STRICT = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wshadow", "-Wpedantic"]
 
 

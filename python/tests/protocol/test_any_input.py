@@ -21,6 +21,8 @@ TREES: list[Any] = [
     YAML(typ="safe", pure=True).load((PROTOCOLS / f"{name}.yaml").read_text(encoding="utf-8"))
     for name in ("diffdrive", "native", "pid_tuner", "pid_tuner_listing")
 ]
+SHAPES = Path(__file__).parents[1] / "codegen" / "every_shape.yaml"
+TREES.append(YAML(typ="safe", pure=True).load(SHAPES.read_text(encoding="utf-8")))
 WORDS = [
     *(
         "0x00",
@@ -51,7 +53,7 @@ WORDS = [
         "delimiter",
     ),
     *("magic", "length", "id", "check", "fields", "type", "count", "size", "max", "scale", "range", "enum"),
-    *("flags", "default", "-"),
+    *("flags", "default", "-", "bits", "struct", "group", "packed", "to_end", "point", "padding", "u11", "s16", "n"),
 ]
 
 scalars = st.one_of(

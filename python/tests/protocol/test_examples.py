@@ -37,7 +37,7 @@ def test_an_example_holds_values_as_the_api_takes_them() -> None:
     assert state.sender == End.MCU
     assert dict(state.values) == {
         "gear": "first",
-        "faults": ("hot",),
+        "faults": 1,
         "gains": (1.0, 2.5),
         "name": "left",
         "blob": b"\x01\xff",
@@ -103,7 +103,7 @@ def test_examples_do_not_change_the_hash() -> None:
             "2}",
             "2 does not fit `speed`, which takes values from -1 to 1",
         ),
-        ("message: drive, fields: {speed: [1]}, bytes: AA", "[1]", "`speed` is one value; write it without [ ]"),
+        ("message: drive, fields: {speed: [1]}, bytes: AA", "[1]", "`speed` is one value; write it without [ and ]"),
         ("message: drive, sender: mcu, fields: {speed: 0}, bytes: AA", "mcu", "`drive` comes from the host"),
         ("message: drive, fields: {speed: 0}", "{message", "an example needs `bytes`; write for example `bytes:"),
         ("message: drive, fields: {speed: 0}, bytes: 10", "10}", "`10` is read as a number; put the bytes in quotes"),
@@ -111,7 +111,7 @@ def test_examples_do_not_change_the_hash() -> None:
         ("message: drive, fields: {speed: 0}, bytes: [AA]", "[AA]", "a list is not a frame; write its bytes"),
         ("message: drive, fields: {speed: {a: 1}}, bytes: AA", "{a:", "a mapping is not possible here"),
         ("message: state, fields: {" + STATE.replace("hot", "cold") + "}, bytes: AA", "[cold", "`cold` is not a flag"),
-        ("message: state, fields: {" + STATE.replace("2.5", "2, 3") + "}, bytes: AA", "[1", "`gains` has 2 elements"),
+        ("message: state, fields: {" + STATE.replace("2.5", "2, 3") + "}, bytes: AA", "[1", "3 elements do not fit `gains`; it has 2"),
         ("message: state, fields: {" + STATE.replace("FF", "FG") + "}, bytes: AA", "01 FG", "`blob` is a byte string"),
         ("message: state, fields: {" + STATE.replace("FF", "FF 02") + "}, bytes: AA", "01 FF 02", "3 bytes are given"),
         ("message: state, fields: {" + STATE.replace("left", "leftmost") + "}, bytes: AA", "leftmost", "has 8 bytes"),

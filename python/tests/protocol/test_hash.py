@@ -109,3 +109,59 @@ def test_the_order_of_messages_leaves_the_hash_alone() -> None:
 def test_the_hash_is_the_same_in_every_release() -> None:
     """A change of this number breaks the hello of every link whose two ends have different releases."""
     assert changed() == 0x4C55EC6D0FE43009
+
+
+SHAPES = """\
+wirebond: 1
+protocol: rover
+frame: [magic: 0xAA, length: u16, id: u8, payload: by_length, check: crc-16/modbus]
+types:
+  point: {x: {type: i16}, y: {type: i16}}
+messages:
+  scan:
+    id: 1
+    sender: mcu
+    fields:
+      number: {type: u8}
+      status: {bits: {type: u8, fields: {mode: {type: u3}, armed: {type: bool}}}}
+      rc:     {type: u11, count: 16, packed: low_first}
+      gap:    {type: padding, size: 2}
+      trim:   {type: i16}
+      points: {group: {count: number, max: 9, fields: point}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("mode: {type: u3}", "mode: {type: u4}"),
+        ("mode: {type: u3}", "mode: {type: i3}"),
+        ("mode: {type: u3}", "mood: {type: u3}"),
+        ("{bits: {type: u8,", "{bits: {type: u16,"),
+        ("{bits: {type: u8,", "{bits: {type: u8, first: high,"),
+        ("low_first", "high_first"),
+        ("type: u11", "type: u12"),
+        ("type: padding, size: 2", "type: padding, size: 3"),
+        ("type: i16}\n      points", "type: s16}\n      points"),
+        ("x: {type: i16}", "x: {type: u16}"),
+        ("count: number, max: 9", "count: to_end, max: 9"),
+        ("count: number, max: 9", "count: 9"),
+        ("count: number, max: 9", "count: number, max: 8"),
+    ],
+)
+def test_how_fields_lie_together_changes_the_hash(old: str, new: str) -> None:
+    assert SHAPES.count(old) == 1, old
+    assert protocol_hash(loads(SHAPES.replace(old, new))) != protocol_hash(loads(SHAPES))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("fields: point", "fields: {x: {type: i16}, y: {type: i16}}"),
+        ("gap: ", "hole: "),
+        ("first", "first, description: words"),
+        ("mode: {type: u3}", "mode: {type: u3, default: 1, range: [0, 5]}"),
+    ],
+)
+def test_names_of_types_and_padding_leave_the_hash_alone(old: str, new: str) -> None:
+    assert protocol_hash(loads(SHAPES.replace(old, new))) == protocol_hash(loads(SHAPES))

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from wirebond.protocol import (
+    BitOrder,
     ByteOrder,
     End,
     FieldKind,
@@ -245,6 +246,29 @@ def test_a_text_reaches_to_the_payloads_end_or_has_a_fixed_size() -> None:
     fixed, rest = rover(frame, fields="a: {type: bytes, size: 3}, b: {type: text, max: 9}").messages[0].fields
     assert (fixed.kind, fixed.size, fixed.is_variable) == (FieldKind.BYTES, 3, False)
     assert (rest.kind, rest.max_size, rest.is_variable) == (FieldKind.TEXT, 9, True)
+
+
+def test_fields_within_fields_become_what_they_mean() -> None:
+    protocol = load(Path(__file__).parents[1] / "codegen" / "every_shape.yaml")
+    low, high, *_ = protocol.message("bits").fields
+    assert (low.kind, low.size, low.first, [f.width for f in low.fields]) == (
+        FieldKind.BITS, 2, BitOrder.LOW, [3, 5, 2, 4, 1],
+    )  # fmt: skip
+    assert (high.order, high.first, high.fields[2].sign_magnitude) == (ByteOrder.BIG, BitOrder.HIGH, True)
+    channels, gap, *_ = protocol.message("streams").fields
+    assert (channels.packed, channels.bits, channels.count, channels.min_wire_bytes) == (BitOrder.LOW, 11, 16, 22)
+    assert (gap.kind, gap.size) == (FieldKind.PADDING, 2)
+    scan = {f.name: f for f in protocol.message("scan").fields}
+    assert (scan["points"].type_name, scan["points"].max_count, scan["points"].counted_by) == ("point", 5, "n")
+    assert [f.name for f in scan["points"].fields] == ["x", "y"]
+    assert (scan["name"].counted_by, scan["name"].max_size, scan["name"].size) == ("name_size", 9, 0)
+    assert (scan["corners"].count, scan["corners"].element_min_bytes) == (2, 9)
+    assert [name for name, f in scan.items() if f.reaches_end] == ["legs"]
+    defaults = {f.name: f.default for f in protocol.message("defaults").fields}
+    assert defaults["numbers"] == (1, -2, 3)
+    assert defaults["yes"] == (True, True)
+    assert defaults["modes"] == ("on", "off")
+    assert (defaults["faults"], defaults["key"], defaults["later"]) == (9, b"\x01\x02", (7, 8))
 
 
 def test_words_that_older_yaml_took_for_truth_values_are_names() -> None:

@@ -32,6 +32,11 @@ def test_every_protocol_of_the_project_is_valid(path: Path) -> None:
     assert [error.message for error in VALIDATOR.iter_errors(tree(path.read_text(encoding="utf-8")))] == []
 
 
+def test_every_shape_of_fields_is_valid() -> None:
+    text = (Path(__file__).parents[1] / "codegen" / "every_shape.yaml").read_text(encoding="utf-8")
+    assert [error.message for error in VALIDATOR.iter_errors(tree(text))] == []
+
+
 def test_every_key_of_the_file_is_described() -> None:
     def undescribed(schema: Any, where: str) -> list[str]:
         if isinstance(schema, list):

@@ -73,6 +73,8 @@ def _value_text(value: Any) -> str:
         return f"{value:.4g}"
     if isinstance(value, list):
         return "[" + " ".join(_value_text(entry) for entry in value) + "]"
+    if isinstance(value, dict):
+        return "{" + values_text(value) + "}"
     if isinstance(value, bytes):
         return hex_of(value)
     return str(value)

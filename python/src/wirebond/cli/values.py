@@ -15,20 +15,36 @@ _FALSE = {"false", "no", "off", "0"}
 
 
 def parse_assignments(message: Message, words: list[str]) -> dict[str, Any]:
-    """``["linear=0.5", "angular=0"]`` to values that ``encode`` takes."""
-    fields = {f.name: f for f in message.fields}
+    """``["linear=0.5", "angular=0"]`` to values that ``encode`` takes.
+
+    A field within a struct is given as ``position.x=1``, or the whole struct as JSON: ``position={"x": 1}``.
+    """
     values: dict[str, Any] = {}
     for word in words:
-        name, equals, text = word.partition("=")
+        path, equals, text = word.partition("=")
         if not equals:
             raise UsageError(f"'{word}' is no assignment; write field=value, for example {_example(message)}")
-        if name not in fields:
-            known = ", ".join(fields) or "no fields"
-            raise MessageError(f"{message.name} has no field '{name}'; it has {known}")
-        if name in values:
-            raise UsageError(f"{name} is given twice")
-        values[name] = _parse(fields[name], text)
+        *structs, name = path.split(".")
+        owner, fields, inner = message.name, message.fields, values
+        for struct in structs:
+            described = _field_of(fields, struct, owner)
+            if not described.fields or described.count is not None or described.is_list:
+                raise UsageError(f"{struct} has no fields of its own to give one by one; write {struct}=value")
+            owner, fields, inner = f"{owner}.{struct}", described.fields, inner.setdefault(struct, {})
+            if not isinstance(inner, dict):
+                raise UsageError(f"{struct} is given twice")
+        described = _field_of(fields, name, owner)
+        if name in inner:
+            raise UsageError(f"{path} is given twice")
+        inner[name] = _parse(described, text)
     return values
+
+
+def _field_of(fields: tuple[Field, ...], name: str, owner: str) -> Field:
+    values = {f.name: f for f in fields if f.kind != FieldKind.PADDING}
+    if name not in values:
+        raise MessageError(f"{owner} has no field '{name}'; it has {', '.join(values) or 'no fields'}")
+    return values[name]
 
 
 def parse_hex(text: str) -> bytes:
@@ -43,7 +59,11 @@ def parse_hex(text: str) -> bytes:
 
 
 def _example(message: Message) -> str:
-    return f"{message.fields[0].name}=0" if message.fields else f"nothing: {message.name} has no fields"
+    first = next((f for f in message.fields if f.kind != FieldKind.PADDING), None)
+    if first is None:
+        return f"nothing: {message.name} has no fields"
+    single = bool(first.fields) and first.count is None and not first.is_list
+    return f"{first.name}.{first.fields[0].name}=0" if single else f"{first.name}=0"
 
 
 def _parse(described: Field, text: str) -> Any:
@@ -51,11 +71,39 @@ def _parse(described: Field, text: str) -> Any:
         return text
     if described.kind == FieldKind.BYTES:
         return parse_hex(text)
-    if described.flags:
+    if described.fields:
+        return _from_json(described, text)
+    is_array = described.count is not None or described.is_list
+    if described.flags and not is_array:
         return [_number_or_name(word) for word in _items(text)]
-    if described.count is not None:
+    if is_array and text.lstrip().startswith(("[[", '["')):
+        return _from_json(described, text)
+    if is_array:
         return [_parse_one(described, item) for item in _items(text)]
     return _parse_one(described, text)
+
+
+def _from_json(described: Field, text: str) -> Any:
+    try:
+        return _with_bytes(described, json.loads(text))
+    except (json.JSONDecodeError, RecursionError) as error:
+        reason = error.msg if isinstance(error, json.JSONDecodeError) else "nested too deep"
+        names = ", ".join(f'"{f.name}": 0' for f in described.fields[:2])
+        one = f"{{{names}}}" if described.fields else "0"
+        example = one if described.count is None and not described.is_list else f"[{one}]"
+        raise UsageError(
+            f"{described.name} is '{text[:60]}', which is not JSON ({reason}); write '{described.name}={example}'"
+        ) from error
+
+
+def _with_bytes(described: Field, value: Any) -> Any:
+    """JSON has no bytes: texts of hex digits stand for them."""
+    if isinstance(value, list):
+        return [_with_bytes(described, item) for item in value]
+    if isinstance(value, dict):
+        fields = {f.name: f for f in described.fields}
+        return {name: _with_bytes(fields[name], item) if name in fields else item for name, item in value.items()}
+    return parse_hex(value) if described.kind == FieldKind.BYTES and isinstance(value, str) else value
 
 
 def _items(text: str) -> list[str]:

@@ -8,11 +8,26 @@ from pathlib import Path
 import jinja2
 
 from wirebond.codegen import names
-from wirebond.codegen.cpp_field import FieldCode, comment_text, field_code, hex_literal
+from wirebond.codegen.cpp_field import comment_text, hex_literal
 from wirebond.codegen.cpp_number import real
+from wirebond.codegen.cpp_struct import (
+    Reader,
+    Shape,
+    clamp_lines,
+    given_value,
+    judge_lines,
+    known_enums,
+    member_lines,
+    named_shapes,
+    shape_of,
+    size_lines,
+    struct_lines,
+    type_blocks,
+    write_lines,
+)
 from wirebond.paths import core_include
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import Algorithm, BitRole, End, Field, Message, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model import Algorithm, BitRole, End, Message, PartKind, PayloadRule, Protocol
 from wirebond.protocol.plan import Number, Plan, Position, plan_for
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -45,6 +60,7 @@ def cpp_header(protocol: Protocol) -> str:
         hash=f"0x{protocol_hash(protocol):016X}",
         stop_bits=real(protocol.link.stop_bits, "float"),
         idle_us=round(protocol.idle_seconds * 1e6),
+        types=_type_views(protocol),
         messages=_message_views(protocol),
         formats=[(end.value, _format_lines(plan)) for end, plan in plans.items()],
         updates=[_update(a, i) for i, a in enumerate(plans[End.HOST].algorithms)],
@@ -95,65 +111,72 @@ class MessageView:
     max_payload: int
     max_frame: int
     every_us: int
-    payload_bytes: str
-    fields: tuple[FieldCode, ...]
+    types: list[list[str]]  # declared in it
+    members: list[str]
+    enums: list[tuple[str, list[str]]]
+    size: list[str]
+    write: list[str]
+    read: list[str]
+    judge: list[str]
+    clamp: list[str]
 
-    def lines(self, part: str) -> list[str]:
-        """All fields' lines of one kind: ``write``, ``read``, ``judge`` or ``clamp``."""
-        return [line for code in self.fields for line in getattr(code, part)]
+
+def _shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
+    """The structs of the file's types and those of the messages, each by the file's name."""
+    scope = names.Scope(names.GENERATED_TYPES)
+    named = named_shapes(protocol, scope)
+    structs = {m.name: scope.claim(names.type_name(m.name), "Message") for m in protocol.messages}
+    return named, {m.name: shape_of(structs[m.name], m.fields, named) for m in protocol.messages}
 
 
 def struct_names(protocol: Protocol) -> dict[str, str]:
     """The struct of each message, by the message's name."""
-    scope = names.Scope(names.GENERATED_TYPES)
-    return {m.name: scope.claim(names.type_name(m.name), "Message") for m in protocol.messages}
-
-
-def member_names(struct: str, message: Message) -> dict[str, tuple[str, str]]:
-    """Each field's member and its nested type (for enums and flags; else empty), by the field's name."""
-    scope = names.Scope(frozenset({struct, "Info"}))
-    members = {f.name: scope.claim(f.name, "_") for f in message.fields}
-    return {
-        f.name: (members[f.name], scope.claim(names.type_name(f.name), "Value") if f.enum or f.flags else "")
-        for f in message.fields
-    }
+    return {name: shape.path for name, shape in _shapes(protocol)[1].items()}
 
 
 def _message_views(protocol: Protocol) -> list[MessageView]:
-    structs = struct_names(protocol)
     payload = protocol.frame.part(PartKind.PAYLOAD)
     trims_zeros = payload is not None and payload.payload == PayloadRule.FIXED
-    views = []
-    for index, message in enumerate(protocol.messages):
-        struct = structs[message.name]
-        members = member_names(struct, message)
-        codes = []
-        at = 0
-        for spec in message.fields:
-            name, nested = members[spec.name]
-            others = message.min_payload - spec.min_wire_bytes
-            codes.append(field_code(spec, name, nested, struct, at, others, trims_zeros))
-            at += spec.min_wire_bytes
-        sizes = [code.size for code in codes if code.size]
-        views.append(
-            MessageView(
-                struct=struct,
-                name=message.name,
-                index=index,
-                id=_id_literal(protocol, message.id),
-                sender=message.sender.value,
-                # A message of both ends looks the same in either direction: frames do not depend on the sender.
-                source="FromMcu" if message.sender == End.MCU else "FromHost",
-                comment=_message_comment(message),
-                min_payload=message.min_payload,
-                max_payload=message.max_payload,
-                max_frame=protocol.max_wire_bytes(message.max_payload),
-                every_us=round((message.every or 0) * 1e6),
-                payload_bytes=" + ".join([str(message.min_payload), *sizes]),
-                fields=tuple(codes),
-            )
+    shapes = _shapes(protocol)[1]
+    return [
+        MessageView(
+            struct=shapes[message.name].path,
+            name=message.name,
+            index=index,
+            id=_id_literal(protocol, message.id),
+            sender=message.sender.value,
+            # A message of both ends looks the same in either direction: frames do not depend on the sender.
+            source="FromMcu" if message.sender == End.MCU else "FromHost",
+            comment=_message_comment(message),
+            min_payload=message.min_payload,
+            max_payload=message.max_payload,
+            max_frame=protocol.max_wire_bytes(message.max_payload),
+            every_us=round((message.every or 0) * 1e6),
+            types=type_blocks(shapes[message.name]),
+            members=member_lines(shapes[message.name]),
+            enums=known_enums(shapes[message.name]),
+            size=size_lines(shapes[message.name]),
+            write=write_lines(shapes[message.name]),
+            read=Reader(trims_zeros).lines(shapes[message.name]),
+            judge=judge_lines(shapes[message.name]),
+            clamp=clamp_lines(shapes[message.name]),
         )
-    return views
+        for index, message in enumerate(protocol.messages)
+    ]
+
+
+@dataclass(frozen=True)
+class TypeView:
+    """One of the file's types."""
+
+    name: str
+    lines: list[str]
+    enums: list[tuple[str, list[str]]]
+
+
+def _type_views(protocol: Protocol) -> list[TypeView]:
+    named, _ = _shapes(protocol)
+    return [TypeView(name, struct_lines(shape), known_enums(shape)) for name, shape in named.items()]
 
 
 def _message_comment(message: Message) -> str:
@@ -335,22 +358,10 @@ def _emergency_stop(protocol: Protocol) -> StopView | None:
     stop = protocol.emergency_stop
     if stop is None:
         return None
-    message = protocol.message(stop.message)
-    struct = struct_names(protocol)[message.name]
-    members = member_names(struct, message)
-    by_name = {f.name: f for f in message.fields}
-    lines = [
-        f"message.{members[name][0]} = {_value(by_name[name], value, struct, members[name][1])};"
-        for name, value in stop.values
-    ]
-    return StopView(struct, tuple(lines))
-
-
-def _value(spec: Field, value: float | int | bool | str, struct: str, nested: str) -> str:
-    """A value of the file as the initialiser of the field's member."""
-    fixed = Field(**{**vars(spec), "default": value, "count": None})
-    initial = field_code(fixed, "x", nested, struct, 0, 0, False).member.split(" = ", 1)[1]
-    return f"{struct}::{initial}" if spec.enum else initial
+    shape = _shapes(protocol)[1][stop.message]
+    members = {name: shape.member(name) for name, _ in stop.values}
+    lines = [f"message.{members[name].name} = {given_value(members[name], value)};" for name, value in stop.values]
+    return StopView(shape.path, tuple(lines))
 
 
 def _services(protocol: Protocol) -> list[tuple[str, list[tuple[str, str]]]]:

@@ -1,32 +1,25 @@
-"""One field of a message as C++: its member, and the lines that write, read, judge and clamp it."""
+"""One value of a message as C++: its type, its first value, and the lines that write, read, judge and clamp it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 
 from wirebond.codegen.cpp_number import Scaling, integer, nearest_float, real, real_type, wire_integer
-from wirebond.protocol.model import ByteOrder, Field, FieldKind, OnRange
+from wirebond.protocol.model import BitOrder, ByteOrder, Default, Field, FieldKind, OnRange
 
 NUMBERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
+_WHOLE_SIZES = (1, 2, 4, 8)
 
 
-@dataclass
-class FieldCode:
-    """Lines carry no indentation of their own but that of the blocks they open."""
+@dataclass(frozen=True)
+class Slot:
+    """Where on the wire a value lies."""
 
-    member: str  # declaration, without the trailing semicolon
-    comment: str
-    types: list[str] = field(default_factory=list)
-    known: list[str] = field(default_factory=list)  # body of is_known for an enum
-    enum_type: str = ""
-    write: list[str] = field(default_factory=list)
-    read: list[str] = field(default_factory=list)
-    judge: list[str] = field(default_factory=list)
-    clamp: list[str] = field(default_factory=list)
-    size: str = ""  # a variable field's size in bytes, as an expression
+    place: str  # `payload + 4`; of a bit field, the variable that holds the bits
+    index: str = "0"  # of a packed element
+    shift: int = 0  # of a bit field
 
 
 def comment_text(text: str) -> str:
@@ -35,52 +28,10 @@ def comment_text(text: str) -> str:
     return line + "." if line.endswith("\\") else line
 
 
-def field_code(
-    spec: Field, name: str, enum_type: str, owner: str, at: int, before: int, trims_zeros: bool
-) -> FieldCode:
-    """``at``: the field's place in the payload; ``before``: wire bytes of all other fields of the message."""
-    if spec.kind in (FieldKind.TEXT, FieldKind.BYTES):
-        return _string(spec, name, at, before, trims_zeros)
-    code = FieldCode(member="", comment=_comment(spec, enum_type))
-    element, initial = _type_and_initial(spec, enum_type)
-    if spec.enum:
-        code.enum_type = f"{owner}::{enum_type}"
-        code.types = _enum(spec, enum_type)
-        code.known = [f"case {code.enum_type}::{n}:" for n, _ in spec.enum]
-    elif spec.flags:
-        code.types = _flags(spec, enum_type)
-    if spec.count is None:
-        code.member = f"{element} {name} = {initial}"
-        value, place = f"message.{name}", f"payload + {at}"
-        wrap: Callable[[list[str]], list[str]] = list
-    else:
-        zero = initial in ("0", "0.0F", "0.0", "false")
-        values = "{}" if zero else "{" + ", ".join([initial] * spec.count) + "}"
-        code.member = f"std::array<{element}, {spec.count}> {name} = {values}"
-        value, place = f"message.{name}[i]", f"payload + {at} + {spec.size} * i"
-
-        def wrap(lines: list[str]) -> list[str]:
-            if not lines:
-                return []
-            head = f"for (std::size_t i = 0; i < {spec.count}; ++i) {{"
-            return [head, *("  " + line for line in lines), "}"]
-
-    code.write = wrap(_write(spec, value, place, element))
-    code.read = wrap(_read(spec, value, place, element, enum_type, owner))
-    if spec.count is not None and _is_plain(spec):
-        order = ", wirebond::ByteOrder::big" if spec.order == ByteOrder.BIG else ""
-        arguments = f"<{element}, {spec.count}{order}>"
-        code.read = [f"wirebond::load_array{arguments}(payload + {at}, message.{name});"]
-        if spec.kind != FieldKind.FLOAT and not _outside(spec, value, received=False):
-            code.write = [f"wirebond::store_array{arguments}(payload + {at}, message.{name});"]
-    code.judge = wrap(_judge(spec, value))
-    code.clamp = wrap(_clamp(spec, value))
-    return code
-
-
-def _is_plain(spec: Field) -> bool:
-    """Is the member the wire's number itself?"""
-    return spec.kind in NUMBERS and not spec.enum and not spec.is_scaled and spec.size in (1, 2, 4, 8)
+def is_plain(spec: Field) -> bool:
+    """Is the member the wire's number itself, and fills it its bytes?"""
+    whole = spec.size in _WHOLE_SIZES and not spec.sign_magnitude
+    return spec.kind in NUMBERS and not spec.enum and not spec.is_scaled and whole
 
 
 # ---- types ------------------------------------------------------------------------------------------------------
@@ -90,39 +41,45 @@ def _is_real(spec: Field) -> bool:
     return spec.kind == FieldKind.FLOAT or (spec.kind in NUMBERS and spec.is_scaled)
 
 
-def _type_and_initial(spec: Field, enum_type: str) -> tuple[str, str]:
-    default = spec.default
+def element_type(spec: Field, enum_type: str) -> str:
+    """The C++ type of one element."""
     if spec.kind == FieldKind.BOOL:
-        return "bool", "true" if default else "false"
+        return "bool"
     if spec.enum:
-        values = dict(spec.enum)
-        number = values.get(default, 0) if isinstance(default, str) else int(default or 0)
+        return enum_type
+    return real_type(spec) if _is_real(spec) else wire_integer(spec).type_name
+
+
+def initial_value(spec: Field, enum_type: str, default: Default | None) -> str:
+    """The initialiser of one element; ``default`` is the element's own."""
+    if spec.kind == FieldKind.BOOL:
+        return "true" if default else "false"
+    number = default if isinstance(default, int | float) else None
+    if spec.enum:
+        wanted = dict(spec.enum).get(default, 0) if isinstance(default, str) else int(number or 0)
         by_value = {value: name for name, value in reversed(spec.enum)}
-        enumerator = by_value.get(number, spec.enum[0][0])
-        return enum_type, f"{enum_type}::{enumerator}"
+        return f"{enum_type}::{by_value.get(wanted, spec.enum[0][0])}"
     low = -math.inf if spec.minimum is None else spec.minimum
     high = math.inf if spec.maximum is None else spec.maximum
     if _is_real(spec):
-        chosen = default if isinstance(default, int | float) else min(max(0.0, low), high)
-        return real_type(spec), real(chosen, real_type(spec))
-    type_name = wire_integer(spec).type_name
-    if isinstance(default, int | float):
-        return type_name, integer(int(default))
-    nearest_zero = 0 if low <= 0 <= high else math.ceil(low) if low > 0 else math.floor(high)
-    return type_name, integer(nearest_zero)
+        return real(min(max(0.0, low), high) if number is None else number, real_type(spec))
+    if number is not None:
+        return integer(int(number))
+    return integer(0 if low <= 0 <= high else math.ceil(low) if low > 0 else math.floor(high))
 
 
-def _enum(spec: Field, enum_type: str) -> list[str]:
+def enum_lines(spec: Field, enum_type: str) -> list[str]:
     lines = [f"enum class {enum_type} : {wire_integer(spec).type_name} {{"]
     lines += [f"  {name} = {integer(value)}," for name, value in spec.enum]
     return [*lines, "};"]
 
 
-def _flags(spec: Field, type_name: str) -> list[str]:
+def flags_lines(spec: Field, type_name: str) -> list[str]:
     lines = [f"struct {type_name} {{  // bits of `{spec.name}`"]
     underlying = wire_integer(spec).type_name
     lines += [
-        f"  static constexpr {underlying} {name} = {hex_literal(1 << bit, spec.size)};" for name, bit in spec.flags
+        f"  static constexpr {underlying} {name} = {hex_literal(1 << bit, (spec.width + 7) // 8)};"
+        for name, bit in spec.flags
     ]
     return [*lines, "};"]
 
@@ -132,15 +89,18 @@ def hex_literal(value: int, size: int) -> str:
     return f"0x{value:0{2 * size}X}" + ("" if value < 2**31 else "U" if value < 2**32 else "ULL")
 
 
-def _comment(spec: Field, bits: str = "") -> str:
+def member_comment(spec: Field, bits: str = "") -> str:
+    """What a member's line says behind it; ``bits``: the struct of its flags."""
     facts = [spec.unit] if spec.unit else []
     if spec.minimum is not None or spec.maximum is not None:
         low = "" if spec.minimum is None else f"{spec.minimum:g}"
         high = "" if spec.maximum is None else f"{spec.maximum:g}"
         limits = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
         facts.append(f"{limits} ({spec.on_range.value})")
-    if spec.is_variable:
+    if spec.is_string and spec.is_variable:
         facts.append(f"at most {spec.max_size} bytes")
+    if spec.is_list:
+        facts.append(f"at most {spec.max_count}")
     if spec.flags:
         facts.append(f"bits of {bits}")
     return comment_text(": ".join(part for part in (", ".join(facts), spec.description) if part))
@@ -152,9 +112,9 @@ def _comment(spec: Field, bits: str = "") -> str:
 def _template_arguments(spec: Field, type_name: str) -> str:
     """Type, byte order and wire bytes, as far as they are not what the core takes by itself."""
     arguments = [type_name]
-    if spec.order == ByteOrder.BIG or spec.size not in (1, 2, 4, 8):
+    if spec.order == ByteOrder.BIG or spec.size not in _WHOLE_SIZES:
         arguments.append(f"wirebond::ByteOrder::{spec.order.value}")
-    if spec.size not in (1, 2, 4, 8):
+    if spec.size not in _WHOLE_SIZES:
         arguments.append(str(spec.size))
     return f"<{', '.join(arguments)}>"
 
@@ -181,29 +141,43 @@ def _bounds(spec: Field, received: bool) -> tuple[str, str]:
     return literal(spec.minimum, False), literal(spec.maximum, True)
 
 
-def _outside(spec: Field, value: str, received: bool) -> str:
+def outside(spec: Field, value: str, received: bool) -> str:
     """A condition that holds where the value is outside its range; empty where there is none."""
     low, high = _bounds(spec, received)
     return " || ".join(part for part in (low and f"{value} < {low}", high and f"{value} > {high}") if part)
 
 
-def _write(spec: Field, value: str, place: str, element: str) -> list[str]:
+def write_value(spec: Field, value: str, slot: Slot) -> list[str]:
+    """Lines that store ``value``, or return false where it breaks a rule."""
     if spec.kind == FieldKind.BOOL:
-        return [f"{_byte(place)} = {value} ? 1 : 0;"]
+        return [_store_bool(spec, value, slot)]
+    type_name = wire_integer(spec).type_name
     if spec.enum:
-        wire = f"static_cast<{wire_integer(spec).type_name}>({value})"
-        return [f"if (!is_known({value})) return false;", _store_integer(spec, place, wire)]
-    outside = _outside(spec, value, received=False)
-    lines = [f"if ({outside}) return false;"] if outside else []
+        return [
+            f"if (!is_known({value})) return false;",
+            _store_integer(spec, f"static_cast<{type_name}>({value})", slot),
+        ]
+    beyond = outside(spec, value, received=False)
+    lines = [f"if ({beyond}) return false;"] if beyond else []
     if spec.kind == FieldKind.FLOAT:
+        element = real_type(spec)
         wire = Scaling(spec, element).to_wire(value) if spec.is_scaled else value
-        call = f"store_finite{_template_arguments(spec, element)}({place}, {wire})"
+        call = f"store_finite{_template_arguments(spec, element)}({slot.place}, {wire})"
         return [*lines, f"if (!wirebond::{call}) return false;"]
-    if spec.is_scaled:
-        wire = Scaling(spec, element).to_wire(value)
-        call = f"store_nearest{_template_arguments(spec, wire_integer(spec).type_name)}({place}, {wire})"
+    if not spec.is_scaled:
+        return [*lines, _store_integer(spec, value, slot)]
+    wire = Scaling(spec, real_type(spec)).to_wire(value)
+    if not spec.bits and not spec.sign_magnitude:
+        call = f"store_nearest{_template_arguments(spec, type_name)}({slot.place}, {wire})"
         return [*lines, f"if (!wirebond::{call}) return false;"]
-    return [*lines, _store_integer(spec, place, value)]
+    return [
+        *lines,
+        "{",
+        f"  {type_name} wire = 0;",
+        f"  if (!wirebond::nearest<sizeof wire>({wire}, wire)) return false;",
+        f"  {_store_integer(spec, 'wire', slot)}",
+        "}",
+    ]
 
 
 def _byte(place: str) -> str:
@@ -211,30 +185,73 @@ def _byte(place: str) -> str:
     return f"payload[{place.removeprefix('payload + ')}]"
 
 
-def _store_integer(spec: Field, place: str, value: str) -> str:
+def _packing(spec: Field) -> str:
+    order = "low_first" if spec.packed == BitOrder.LOW else "high_first"
+    return f"wirebond::BitOrder::{order}"
+
+
+def _bit_arguments(spec: Field, slot: Slot) -> str:
+    """Width and place of a number that does not begin and end with a byte, and how its sign lies."""
+    place = str(slot.shift) if spec.packed is None else _packing(spec)
+    return f"{spec.bits}, {place}" + (", wirebond::Sign::magnitude" if spec.sign_magnitude else "")
+
+
+def _store_bool(spec: Field, value: str, slot: Slot) -> str:
+    if spec.packed is not None:
+        return f"wirebond::store_bits({slot.place}, {slot.index}, 1, {_packing(spec)}, {value} ? 1 : 0);"
+    if spec.bits:
+        return _store_integer(spec, f"static_cast<std::uint8_t>({value} ? 1 : 0)", slot)
+    return f"{_byte(slot.place)} = {value} ? 1 : 0;"
+
+
+def _store_integer(spec: Field, value: str, slot: Slot) -> str:
     """An integer that fills its type always fits."""
     wire = wire_integer(spec)
-    arguments = _template_arguments(spec, wire.type_name)
-    if wire.is_whole:
-        return f"wirebond::store{arguments}({place}, {value});"
-    return f"if (!wirebond::store_integer{arguments}({place}, {value})) return false;"
-
-
-def _read(spec: Field, value: str, place: str, element: str, enum_type: str, owner: str) -> list[str]:
-    if spec.kind == FieldKind.BOOL:
-        return [f"{value} = {_byte(place)} != 0;"]
-    if spec.kind == FieldKind.FLOAT:
-        wire = f"wirebond::load{_template_arguments(spec, element)}({place})"
+    if spec.packed is not None:
+        call = f"store_packed<{_bit_arguments(spec, slot)}>({slot.place}, {slot.index}, {value})"
+    elif spec.bits:
+        call = f"insert_bits<{_bit_arguments(spec, slot)}>({slot.place}, {value})"
+    elif spec.sign_magnitude:
+        call = f"store_magnitude{_template_arguments(spec, wire.type_name)}({slot.place}, {value})"
+    elif wire.is_whole:
+        return f"wirebond::store{_template_arguments(spec, wire.type_name)}({slot.place}, {value});"
     else:
-        integers = wire_integer(spec)
-        load = "load" if integers.is_whole else "load_integer"
-        wire = f"wirebond::{load}{_template_arguments(spec, integers.type_name)}({place})"
+        call = f"store_integer{_template_arguments(spec, wire.type_name)}({slot.place}, {value})"
+    return f"if (!wirebond::{call}) return false;"
+
+
+def load_integer(spec: Field, slot: Slot) -> str:
+    """An expression of the wire's number, in the integer type that holds it."""
+    wire = wire_integer(spec)
+    if spec.packed is not None:
+        return f"wirebond::load_packed<{wire.type_name}, {_bit_arguments(spec, slot)}>({slot.place}, {slot.index})"
+    if spec.bits:
+        return f"wirebond::extract_bits<{wire.type_name}, {_bit_arguments(spec, slot)}>({slot.place})"
+    load = "load_magnitude" if spec.sign_magnitude else "load" if wire.is_whole else "load_integer"
+    return f"wirebond::{load}{_template_arguments(spec, wire.type_name)}({slot.place})"
+
+
+def store_container(spec: Field, value: str, place: str) -> str:
+    """The line that stores a number which always fits."""
+    number = Field(spec.name, FieldKind.UNSIGNED, spec.size, spec.order)
+    return _store_integer(number, value, Slot(place))
+
+
+def read_value(spec: Field, value: str, slot: Slot, enum_type: str) -> list[str]:
+    """The line that loads ``value``; ``enum_type`` by its full name."""
+    if spec.kind == FieldKind.BOOL:
+        return [f"{value} = {load_integer(spec, slot) if spec.bits else _byte(slot.place)} != 0;"]
+    if spec.kind == FieldKind.FLOAT:
+        wire = f"wirebond::load{_template_arguments(spec, real_type(spec))}({slot.place})"
+    else:
+        wire = load_integer(spec, slot)
     if spec.enum:
-        return [f"{value} = static_cast<{owner}::{enum_type}>({wire});"]
-    return [f"{value} = {Scaling(spec, element).from_wire(wire) if spec.is_scaled else wire};"]
+        return [f"{value} = static_cast<{enum_type}>({wire});"]
+    return [f"{value} = {Scaling(spec, real_type(spec)).from_wire(wire) if spec.is_scaled else wire};"]
 
 
-def _judge(spec: Field, value: str) -> list[str]:
+def judge_value(spec: Field, value: str) -> list[str]:
+    """Lines that add what a received value breaks to ``found``."""
     if spec.enum:
         return [f"if (!is_known({value})) found |= wirebond::Violation::unknown_enum;"]
     if spec.kind not in NUMBERS:
@@ -242,55 +259,17 @@ def _judge(spec: Field, value: str) -> list[str]:
     lines = []
     if spec.kind == FieldKind.FLOAT:
         lines.append(f"if (!wirebond::is_finite({value})) found |= wirebond::Violation::not_finite;")
-    outside = _outside(spec, value, received=True)
-    if outside:
+    beyond = outside(spec, value, received=True)
+    if beyond:
         kind = "clamped" if spec.on_range == OnRange.CLAMP else "out_of_range"
-        lines.append(f"if ({outside}) found |= wirebond::Violation::{kind};")
+        lines.append(f"if ({beyond}) found |= wirebond::Violation::{kind};")
     return lines
 
 
-def _clamp(spec: Field, value: str) -> list[str]:
+def clamp_value(spec: Field, value: str) -> list[str]:
+    """Lines that bring a received value to its nearest bound."""
     if spec.on_range != OnRange.CLAMP or spec.enum or spec.kind not in NUMBERS:
         return []
     low, high = _bounds(spec, received=False)
     lines = [f"if ({value} < {low}) {value} = {low};"] if low else []
     return [*lines, f"if ({value} > {high}) {value} = {high};"] if high else lines
-
-
-# ---- strings ----------------------------------------------------------------------------------------------------
-
-
-def _string(spec: Field, name: str, at: int, before: int, trims_zeros: bool) -> FieldCode:
-    element = "char" if spec.kind == FieldKind.TEXT else "std::uint8_t"
-    default = spec.default.encode() if isinstance(spec.default, str) else b""
-    letters = ", ".join(_letter(byte, element) for byte in default)
-    place = f"payload + {at}"
-    if not spec.is_variable:
-        return FieldCode(
-            member=f"std::array<{element}, {spec.size}> {name} = {{{letters}}}",
-            comment=_comment(spec),
-            write=[f"std::memcpy({place}, message.{name}.data(), {spec.size});"],
-            read=[f"std::memcpy(message.{name}.data(), {place}, {spec.size});"],
-        )
-    initial = f"{{{len(default)}, {{{letters}}}}}" if default else "{}"
-    room = f"std::size_t {name}_size = size - {before};" if before else f"std::size_t {name}_size = size;"
-    read = [room, f"if ({name}_size > {spec.max_size}) {name}_size = {spec.max_size};"]
-    if trims_zeros and spec.kind == FieldKind.TEXT:  # the zeros that pad a payload of fixed size are not text
-        read.append(f"while ({name}_size != 0 && payload[{at} + {name}_size - 1] == 0) --{name}_size;")
-    read += [
-        f"message.{name}.size = static_cast<std::uint16_t>({name}_size);",
-        f"std::memcpy(message.{name}.data.data(), {place}, {name}_size);",
-    ]
-    return FieldCode(
-        member=f"wirebond::Bounded<{element}, {spec.max_size}> {name} = {initial}",
-        comment=_comment(spec),
-        write=[f"std::memcpy({place}, message.{name}.data.data(), message.{name}.size);"],
-        read=read,
-        size=f"message.{name}.size",
-    )
-
-
-def _letter(byte: int, element: str) -> str:
-    if element == "char" and 0x20 <= byte < 0x7F and chr(byte) not in "'\\":
-        return f"'{chr(byte)}'"
-    return f"'\\x{byte:02X}'" if element == "char" else f"0x{byte:02X}"

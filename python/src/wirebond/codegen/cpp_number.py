@@ -50,37 +50,38 @@ def integer(value: int) -> str:
 class WireInteger:
     """The integer type that holds a field's wire value."""
 
-    size: int  # bytes on the wire
+    bits: int  # on the wire
     signed: bool
+    sign_magnitude: bool = False
 
     @property
     def type_name(self) -> str:
-        bits = 8 * next(s for s in (1, 2, 4, 8) if s >= self.size)
+        bits = next(b for b in (8, 16, 32, 64) if b >= self.bits)
         return f"std::{'int' if self.signed else 'uint'}{bits}_t"
 
     @property
     def low(self) -> int:
-        return -(1 << (8 * self.size - 1)) if self.signed else 0
+        return self.sign_magnitude - (1 << (self.bits - 1)) if self.signed else 0
 
     @property
     def high(self) -> int:
-        return (1 << (8 * self.size - self.signed)) - 1
+        return (1 << (self.bits - self.signed)) - 1
 
     @property
     def is_whole(self) -> bool:
-        """Do the wire bytes fill the type?"""
-        return self.size in (1, 2, 4, 8)
+        """Does every value of the type fit on the wire?"""
+        return self.bits in (8, 16, 32, 64) and not self.sign_magnitude
 
 
 def wire_integer(field: Field) -> WireInteger:
-    return WireInteger(field.size, field.kind == FieldKind.SIGNED)
+    return WireInteger(field.width, field.kind == FieldKind.SIGNED, field.sign_magnitude)
 
 
 def real_type(field: Field) -> str:
     """The SI type of a float or a scaled integer: a float where it holds every wire value."""
     if field.kind == FieldKind.FLOAT:
         return "float" if field.size == 4 else "double"
-    return "float" if field.size <= 3 else "double"
+    return "float" if field.width <= 24 else "double"
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ class Scaling:
                 text += f" + {real(self.field.offset, self.type_name)}"
             return text
         numerator, shift, denominator = self._common
-        if (numerator, shift) != (1, 0) and self.field.size >= 4:
+        if (numerator, shift) != (1, 0) and self.field.width > 24:
             wire = f"static_cast<std::int64_t>({wire})"
         text = wire
         if numerator != 1:

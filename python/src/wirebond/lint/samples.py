@@ -10,7 +10,7 @@ from typing import Any
 
 from wirebond.codec import Codec
 from wirebond.errors import MessageError
-from wirebond.protocol.fields import wire_limits
+from wirebond.protocol.field_values import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message
 
 _ATTEMPTS = 1000

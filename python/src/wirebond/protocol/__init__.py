@@ -5,6 +5,7 @@ from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.loader import load, loads
 from wirebond.protocol.model import (
     Algorithm,
+    BitOrder,
     ByteOrder,
     Deadline,
     EmergencyStop,
@@ -27,6 +28,7 @@ from wirebond.protocol.model import (
 
 __all__ = [
     "Algorithm",
+    "BitOrder",
     "ByteOrder",
     "Deadline",
     "EmergencyStop",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from wirebond.protocol.document import Mapping
 from wirebond.protocol.messages import Messages
-from wirebond.protocol.model import BitRole, Escapes, Frame, LengthCounts, Part, PartKind, PayloadRule
+from wirebond.protocol.model import BitRole, Escapes, Field, Frame, LengthCounts, Part, PartKind, PayloadRule
 from wirebond.protocol.problems import Place, Problems
 
 STRONG_CHECK_BITS = 16  # from here on a frame of unknown id is taken for a newer peer's, not for noise
@@ -115,15 +115,17 @@ def check_sizes(draft: Draft, messages: Messages, max_payload: int | None, probl
             continue
         if limit is not None and message.max_payload > limit:
             problems.add(entry.place, f"`{entry.name}` has up to {message.max_payload} payload bytes; {limit_of}")
-        if rule in (PayloadRule.FIXED, PayloadRule.BY_ID) and any(field.is_variable for field in message.fields):
-            field = message.fields[-1]
-            fields = entry.node.get("fields")
-            assert isinstance(fields, Mapping)
+        field = next((one for one in message.fields if _needs_size(one, rule)), None)
+        fields = entry.node.get("fields")
+        if field is not None and isinstance(fields, Mapping):
             problems.add(
                 fields.key_place(field.name),
                 f"`{field.name}` reaches to the payload's end, and this frame does not tell where "
                 "that is; write `size` "
-                "for `max`, or take a frame with a length",
+                "for `max`, or take a frame with a length"
+                if field.reaches_end
+                else f"`{field.name}` varies in size, and with `payload: by_id` every message has one size; "
+                "take a frame with a length",
             )
     if max_payload is None:
         return draft.payload.fixed_payload if rule == PayloadRule.FIXED else largest
@@ -139,6 +141,11 @@ def check_sizes(draft: Draft, messages: Messages, max_payload: int | None, probl
             f"the frame's length can tell {longest} payload bytes at most; write no more, or widen it",
         )
     return max_payload
+
+
+def _needs_size(field: Field, rule: PayloadRule) -> bool:
+    """Can this field not be read without the payload's size, which the frame does not tell?"""
+    return (rule == PayloadRule.BY_ID and field.is_variable) or (rule == PayloadRule.FIXED and field.reaches_end)
 
 
 def _limit(draft: Draft, max_payload: int | None) -> tuple[str, int | None]:

@@ -7,12 +7,12 @@ from fractions import Fraction
 
 from wirebond.protocol.document import Mapping, Node, Sequence
 from wirebond.protocol.draft import Draft
-from wirebond.protocol.fields import fit_value
+from wirebond.protocol.field_values import fit_value
 from wirebond.protocol.grammar import ExampleSyntax
 from wirebond.protocol.messages import Messages, spoken
 from wirebond.protocol.model import End, Example, ExampleScalar, Field, FieldKind, Message, Part, PartKind
 from wirebond.protocol.plan import header_names
-from wirebond.protocol.problems import Place, Problems, quoted, suggestion
+from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.syntax import readable
 
 _Given = Fraction | bool | str
@@ -122,27 +122,7 @@ def _value(field: Field, wanted: _Given | list[_Given], place: Place, problems: 
 
 
 def _fitted(field: Field, wanted: _Given | list[_Given]) -> tuple[_Value | None, str]:
-    if field.kind == FieldKind.BYTES:
-        return _byte_string(field, wanted)
-    if field.flags and isinstance(wanted, list):
-        names = dict(field.flags)
-        unknown = next((name for name in wanted if not isinstance(name, str) or name not in names), None)
-        if unknown is not None:
-            return None, f"{quoted(str(unknown))} is not a flag of `{field.name}`; {suggestion(str(unknown), names)}"
-        return tuple(str(name) for name in wanted), ""
-    if field.count is None:
-        if isinstance(wanted, list):
-            return None, f"`{field.name}` is one value; write it without [ ]"
-        return fit_value(field, wanted)
-    if not isinstance(wanted, list) or len(wanted) != field.count:
-        return None, f"`{field.name}` has {field.count} elements; write a list of as many, such as [0, 0]"
-    elements: list[ExampleScalar] = []
-    for item in wanted:
-        element, fault = fit_value(field, item)
-        if element is None:
-            return None, fault
-        elements.append(element)
-    return tuple(elements), ""
+    return _byte_string(field, wanted) if field.kind == FieldKind.BYTES else fit_value(field, wanted)
 
 
 def _byte_string(field: Field, wanted: _Given | list[_Given]) -> tuple[_Value | None, str]:

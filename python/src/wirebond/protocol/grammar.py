@@ -11,15 +11,12 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, PlainValidator
 
 from wirebond.protocol.document import Number
+from wirebond.protocol.field_grammar import Fields, FieldSyntax
 from wirebond.protocol.frame_grammar import MAX_PARTS, Part
 from wirebond.protocol.scalars import (
     Baud,
-    BitNumber,
-    Count,
     Duration,
-    Exact,
     ExampleValue,
-    FieldType,
     FrameBytes,
     Id,
     Name,
@@ -62,43 +59,6 @@ class Link(Syntax):
 
 
 # ---- messages ------------------------------------------------------------------------------------
-
-
-class FieldSyntax(Syntax):
-    """One value of a message."""
-
-    noun = "a field"
-
-    type: FieldType = Field(
-        description="Type on the wire; `le` or `be` behind a number's type sets its byte order.",
-        examples=["u16"],
-    )
-    count: Count | None = Field(None, description="Elements of a fixed array.", examples=[4])
-    size: Count | None = Field(None, description="Bytes of a text or byte string of fixed size.", examples=[16])
-    max: Count | None = Field(
-        None,
-        description="Most bytes of a text or byte string that reaches to the payload's end.",
-        examples=[48],
-    )
-    scale: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0.001])
-    offset: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0])
-    unit: Text | None = Field(None, description="SI unit of the value, for display.", examples=["m/s"])
-    range: Annotated[list[Exact], Field(min_length=2, max_length=2)] | None = Field(
-        None, description="Least and greatest value, in the value's unit.", examples=["[-1.0, 1.0]"]
-    )
-    on_range: Annotated[str | None, one_word("reject", "clamp")] = Field(
-        None,
-        description="What the handler's side does with a received value out of range; reject unless said.",
-        examples=["clamp"],
-    )
-    default: OwnValue | None = Field(None, description="The value where a sender gives none.", examples=[0])
-    enum: Annotated[dict[Name, WireInteger], Field(min_length=1)] | None = Field(
-        None, description="Names of the possible numbers.", examples=["{off: 0, on: 1}"]
-    )
-    flags: Annotated[dict[Name, BitNumber], Field(min_length=1)] | None = Field(
-        None, description="Names of bits, 0 the lowest.", examples=["{stalled: 0, overheated: 1}"]
-    )
-    description: Text = Field("", description="For people.", examples=["what it means"])
 
 
 class MessageHead(Syntax):
@@ -267,6 +227,11 @@ class File(Syntax):
     )
     byte_order: Annotated[str, one_word("little", "big")] = Field(
         "little", description="Byte order of all numbers that name none.", examples=["little"]
+    )
+    types: dict[Name, Fields] = Field(
+        default_factory=dict,
+        description="Fields under a name, for structs and groups of several messages.",
+        examples=["{point: {x: {type: f32}, y: {type: f32}}}"],
     )
     messages: dict[Name, MessageSyntax] = Field(
         min_length=1, description="The messages, by name.", examples=["{ping: {id: 0x01, sender: host}}"]

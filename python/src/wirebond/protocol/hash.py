@@ -2,12 +2,12 @@
 
 In it: stuffing and delimiter; of every part its kind, size, byte order and bytes, what a length counts, the
 payload's rule, a check's parameters and range; of every message its name, id, sender and the layout of its
-fields (name, kind, size, byte order, elements, scale, offset, enum, flags); which messages serve as which
-service.
+fields (name, kind, size, byte order, elements, scale, offset, enum, flags, bits and their order, what counts them, and
+the same of the fields in them); which messages serve as which service.
 
 Not in it, for it does not change what bytes mean: the protocol's name, descriptions, units (a matter of
-display), the order of the file's keys, names of parts and of check algorithms, line settings, `max_payload`,
-`unknown`, `idle`, ranges, defaults, schedule, replies, deadlines, emergency stop.
+display), the order of the file's keys, names of parts, of check algorithms, of types and of padding, line
+settings, `max_payload`, `unknown`, `idle`, ranges, defaults, schedule, replies, deadlines, emergency stop.
 """
 
 from __future__ import annotations
@@ -78,11 +78,12 @@ def _message(message: Message) -> dict[str, Any]:
 
 
 def _field(field: Field) -> dict[str, Any]:
+    if field.kind == FieldKind.PADDING:
+        return {"kind": field.kind.value, "size": field.size, "bits": field.bits}
     form: dict[str, Any] = {"name": field.name, "kind": field.kind.value, "size": field.size}
-    if field.size > 1 and field.kind not in (FieldKind.TEXT, FieldKind.BYTES):
+    if field.size > 1 and not field.is_string:
         form["order"] = field.order.value
-    return {
-        **form,
+    form |= {
         "count": field.count,
         "max": field.max_size,
         "scale": [field.scale.numerator, field.scale.denominator],
@@ -90,3 +91,14 @@ def _field(field: Field) -> dict[str, Any]:
         "enum": dict(field.enum),
         "flags": dict(field.flags),
     }
+    # What was added after the first release stands here only where it is used, so that other hashes stay.
+    added = {
+        "bits": field.bits,
+        "sign_magnitude": field.sign_magnitude,
+        "packed": field.packed and field.packed.value,
+        "first": field.first.value if field.kind == FieldKind.BITS else None,
+        "fields": [_field(member) for member in field.fields],
+        "max_count": field.max_count,
+        "counted_by": field.counted_by,
+    }
+    return form | {key: value for key, value in added.items() if value}

@@ -13,6 +13,7 @@ from wirebond.protocol.grammar import File, Link
 from wirebond.protocol.messages import check_ids, read_messages
 from wirebond.protocol.model import ByteOrder, LinkSettings, Protocol
 from wirebond.protocol.problems import Problems
+from wirebond.protocol.structs import Types
 from wirebond.protocol.syntax import check_syntax, readable
 
 
@@ -39,7 +40,9 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     """Every section that can be read, so that one wrong section does not hide what is wrong in the others."""
     order = _byte_order(root)
     draft = read_frame(root.get("frame"), order, problems)
-    messages = read_messages(root.get("messages"), order, problems)
+    types = Types(root.get("types"), order, problems)
+    types.read_all()
+    messages = read_messages(root.get("messages"), types, problems)
     deadlines = references.read_deadlines(root.get("deadlines"), messages, problems)
     emergency_stop = references.read_emergency_stop(root.get("emergency_stop"), messages, problems)
     services = references.read_services(root.get("services"), messages, problems)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from wirebond.protocol import names
 from wirebond.protocol.document import Mapping, Node
-from wirebond.protocol.fields import read_field
-from wirebond.protocol.grammar import FieldSyntax, MessageHead
-from wirebond.protocol.model import ByteOrder, End, Field, Message
+from wirebond.protocol.grammar import MessageHead
+from wirebond.protocol.model import End, Message
 from wirebond.protocol.problems import Place, Problems, suggestion
+from wirebond.protocol.structs import Types, read_fields
 from wirebond.protocol.syntax import readable
 
 
@@ -32,16 +32,16 @@ class Entry:
 Messages = dict[str, Entry]  # every name of the file, so that a reference to a wrong message is no second error
 
 
-def read_messages(node: Node | None, order: ByteOrder, problems: Problems) -> Messages:
+def read_messages(node: Node | None, types: Types, problems: Problems) -> Messages:
     found: Messages = {}
     if not isinstance(node, Mapping):
         return found
     for name, entry in node.entries.items():
         if isinstance(entry.value, Mapping):
-            found[name] = _read_message(name, entry.key_place, entry.value, order, problems)
+            found[name] = _read_message(name, entry.key_place, entry.value, types)
         else:
             found[name] = Entry(name, entry.key_place, Mapping(entry.value.place), None, False)
-    _check_type_names(found, problems)
+    _check_type_names(found, types, problems)
     _check_replies(found, problems)
     return found
 
@@ -55,8 +55,8 @@ def spoken(end: End) -> str:
     return "MCU" if end == End.MCU else end.value
 
 
-def _read_message(name: str, place: Place, node: Mapping, order: ByteOrder, problems: Problems) -> Entry:
-    fields, complete = _read_fields(node.get("fields"), order, problems)
+def _read_message(name: str, place: Place, node: Mapping, types: Types) -> Entry:
+    fields, complete = read_fields(node.get("fields"), types)
     without_fields = Mapping(node.place, {key: entry for key, entry in node.entries.items() if key != "fields"})
     head = readable(MessageHead, without_fields)
     if head is None or names.fault(name):
@@ -74,38 +74,16 @@ def _read_message(name: str, place: Place, node: Mapping, order: ByteOrder, prob
     return Entry(name, place, node, message, complete)
 
 
-def _read_fields(node: Node | None, order: ByteOrder, problems: Problems) -> tuple[tuple[Field, ...], bool]:
-    if node is None:
-        return (), True
-    if not isinstance(node, Mapping):
-        return (), False
-    fields: list[Field] = []
-    for index, (name, entry) in enumerate(node.entries.items()):
-        syntax = readable(FieldSyntax, entry.value) if not names.fault(name) else None
-        if syntax is None or not isinstance(entry.value, Mapping):
+def _check_type_names(messages: Messages, types: Types, problems: Problems) -> None:
+    """Messages and the file's types become structs side by side."""
+    taken: dict[str, str] = {}
+    for name, place in (*types.names().items(), *((entry.name, entry.place) for entry in messages.values())):
+        if names.fault(name):
             continue
-        if syntax.max is not None and syntax.size is None and index != len(node.entries) - 1:
-            problems.add(
-                entry.value.key_place("max"),
-                "a field with `max` reaches to the payload's end, so it must be the last; move it, or write `size`",
-            )
-        field = read_field(name, syntax, entry.value, order, problems)
-        if field is not None:
-            fields.append(field)
-    return tuple(fields), len(fields) == len(node.entries)
-
-
-def _check_type_names(messages: Messages, problems: Problems) -> None:
-    by_type: dict[str, Entry] = {}
-    for entry in messages.values():
-        if names.fault(entry.name):
-            continue
-        other = by_type.setdefault(names.type_name(entry.name), entry)
-        if other is not entry:
-            problems.add(
-                entry.place,
-                f"`{entry.name}` and `{other.name}` both become `{names.type_name(entry.name)}` in C++; rename one",
-            )
+        type_name = names.type_name(name)
+        if type_name in taken:
+            problems.add(place, f"`{name}` and `{taken[type_name]}` both become `{type_name}` in C++; rename one")
+        taken.setdefault(type_name, name)
 
 
 def _check_replies(messages: Messages, problems: Problems) -> None:

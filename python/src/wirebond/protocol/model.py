@@ -23,13 +23,23 @@ class ByteOrder(StrEnum):
     BIG = "big"
 
 
+class BitOrder(StrEnum):
+    """Which bit of a byte, or of a number, comes first."""
+
+    LOW = "low"
+    HIGH = "high"
+
+
 class FieldKind(StrEnum):
     UNSIGNED = "unsigned"
     SIGNED = "signed"
     FLOAT = "float"
     BOOL = "bool"
-    TEXT = "text"  # UTF-8, to the payload's end or of fixed size
+    TEXT = "text"  # UTF-8
     BYTES = "bytes"
+    PADDING = "padding"  # sent as zeros, ignored on receive; no value
+    BITS = "bits"  # a number whose bits are shared by ``fields``
+    STRUCT = "struct"  # ``fields``, once or several times
 
 
 class OnRange(StrEnum):
@@ -44,19 +54,25 @@ class Recover(StrEnum):
     EXPLICIT = "explicit"
 
 
+Default = float | int | bool | str | bytes | tuple[float | int | bool | str, ...]
+
+
 @dataclass(frozen=True)
 class Field:
-    """One value of a message.
+    """One value of a message, or several.
 
-    ``value = wire * scale + offset`` for numbers. ``size`` is the wire size of one element in bytes; a text or byte
-    string without a fixed size has ``size == 0`` and reaches to the payload's end, ``max_size`` bytes at most.
+    ``value = wire * scale + offset`` for numbers.
+
+    How often it occurs: ``count`` elements always; or up to ``max_count`` elements, as many as ``counted_by`` (a field
+    before it, beside it) says, or as the payload has where that is empty; or once, where both are unset. A text or byte
+    string has ``size`` bytes always, or up to ``max_size`` in the same two ways.
     """
 
     name: str
     kind: FieldKind
-    size: int
+    size: int  # wire bytes of one element; 0 for bit fields, packed elements, structs and strings of varying size
     order: ByteOrder = ByteOrder.LITTLE
-    count: int | None = None  # elements of a fixed array; None: a single value
+    count: int | None = None  # elements of a fixed array
     max_size: int = 0
     scale: Fraction = Fraction(1)
     offset: Fraction = Fraction(0)
@@ -64,26 +80,66 @@ class Field:
     minimum: float | None = None  # SI
     maximum: float | None = None  # SI
     on_range: OnRange = OnRange.REJECT
-    default: float | int | bool | str | None = None
+    default: Default | None = None  # a tuple for an array
     enum: tuple[tuple[str, int], ...] = ()
     flags: tuple[tuple[str, int], ...] = ()  # name, bit number
     description: str = ""
+    bits: int = 0  # of one element, where that does not begin and end with a byte: a bit field, a packed element
+    sign_magnitude: bool = False  # the top bit is the sign, the others the amount
+    packed: BitOrder | None = None  # elements follow each other bit by bit, from this bit of each byte on
+    first: BitOrder = BitOrder.LOW  # of kind BITS: where its first field lies
+    fields: tuple[Field, ...] = ()  # of kinds BITS and STRUCT
+    max_count: int = 0  # most elements of a list
+    counted_by: str = ""
+    type_name: str = ""  # of kind STRUCT: the type of the file that it is; empty for one of its own
 
     @property
     def is_scaled(self) -> bool:
         return self.scale != 1 or self.offset != 0
 
     @property
+    def width(self) -> int:
+        """Bits of one element."""
+        return self.bits or 8 * self.size
+
+    @property
+    def is_string(self) -> bool:
+        return self.kind in (FieldKind.TEXT, FieldKind.BYTES)
+
+    @property
+    def is_list(self) -> bool:
+        """Has it a varying number of elements?"""
+        return self.max_count > 0
+
+    @property
     def is_variable(self) -> bool:
-        return self.kind in (FieldKind.TEXT, FieldKind.BYTES) and self.size == 0
+        """Does its size on the wire vary?"""
+        return self.is_list or (self.is_string and self.size == 0) or any(f.is_variable for f in self.fields)
+
+    @property
+    def reaches_end(self) -> bool:
+        """Is it as long as the payload is?"""
+        open_ended = self.is_list or (self.is_string and self.size == 0)
+        return (open_ended and not self.counted_by) or any(f.reaches_end for f in self.fields)
+
+    @property
+    def element_min_bytes(self) -> int:
+        """Least wire bytes of one element; of a bit field, which lies in a number's bytes, 0."""
+        return sum(f.min_wire_bytes for f in self.fields) if self.kind == FieldKind.STRUCT else self.size
 
     @property
     def min_wire_bytes(self) -> int:
-        return self.size * (self.count or 1)
+        if self.packed is not None:
+            return (self.bits * (self.count or 1) + 7) // 8
+        return 0 if self.is_list else self.element_min_bytes * (self.count or 1)
 
     @property
     def max_wire_bytes(self) -> int:
-        return self.max_size if self.is_variable else self.min_wire_bytes
+        if self.is_string and self.size == 0:
+            return self.max_size
+        if self.kind == FieldKind.STRUCT:
+            return sum(f.max_wire_bytes for f in self.fields) * (self.max_count or self.count or 1)
+        return self.size * self.max_count if self.is_list else self.min_wire_bytes
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from wirebond.protocol.document import Mapping, Node, Sequence
-from wirebond.protocol.fields import fit_value
+from wirebond.protocol.field_values import fit_value
 from wirebond.protocol.grammar import DeadlineSyntax, EmergencyStopSyntax, Services
 from wirebond.protocol.messages import Entry, Messages, receiver_of, spoken
-from wirebond.protocol.model import Deadline, EmergencyStop, End, FieldKind, Recover, Service
+from wirebond.protocol.model import Deadline, EmergencyStop, End, Field, FieldKind, Recover, Service
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.syntax import readable
 
@@ -66,6 +66,8 @@ def _check_deadline(deadline: Deadline, node: Mapping, messages: Messages, probl
 
 # ---- emergency stop ------------------------------------------------------------------------------
 
+_VALUELESS = (FieldKind.BYTES, FieldKind.PADDING)
+
 
 def read_emergency_stop(node: Node | None, messages: Messages, problems: Problems) -> EmergencyStop | None:
     syntax = readable(EmergencyStopSyntax, node) if isinstance(node, Mapping) else None
@@ -85,15 +87,16 @@ def read_emergency_stop(node: Node | None, messages: Messages, problems: Problem
         return None
     given = syntax.__pydantic_extra__ or {}
     fields = {field.name: field for field in entry.complete.fields}
-    unfit = [f.name for f in fields.values() if f.count is not None or f.kind == FieldKind.BYTES]
+    settled = {f.name for f in fields.values() if _has_default(f)} | {f.counted_by for f in fields.values()}
+    unfit = [name for name, field in fields.items() if name not in settled and not _can_be_given(field)]
     if unfit:
         problems.add(
             place,
-            f"{_listed(unfit)} of `{syntax.message}` cannot be given here; stop with a message "
-            "without arrays and bytes",
+            f"{_listed(unfit)} of `{syntax.message}` cannot be given here; stop with a message of single values, or "
+            "give the others defaults",
         )
         return None
-    missing = [f.name for f in fields.values() if f.name not in given and f.default is None]
+    missing = [name for name in fields if name not in given and name not in settled]
     if "message" in missing:
         problems.add(place, f"`{syntax.message}` has a field `message`, and that key is taken here; rename the field")
     elif missing:
@@ -104,12 +107,28 @@ def read_emergency_stop(node: Node | None, messages: Messages, problems: Problem
             there = suggestion(name, fields) if fields else "it has no fields at all"
             problems.add(node.key_place(name), f"`{syntax.message}` has no field `{name}`; {there}")
             continue
+        if not _can_be_given(fields[name]):
+            problems.add(
+                node.key_place(name), f"`{name}` is no single value and cannot be given here; leave it to its default"
+            )
+            continue
         value, fault = fit_value(fields[name], wanted)
-        if value is None:
-            problems.add(node.value_place(name), fault)
-        else:
+        if isinstance(value, float | int | str):
             values.append((name, value))
+        else:
+            problems.add(node.value_place(name), fault)
     return EmergencyStop(syntax.message, tuple(values))
+
+
+def _can_be_given(field: Field) -> bool:
+    return field.count is None and not field.is_list and not field.fields and field.kind not in _VALUELESS
+
+
+def _has_default(field: Field) -> bool:
+    """Is its value settled where nobody gives one?"""
+    if field.fields and not field.is_list:
+        return all(_has_default(member) for member in field.fields)
+    return field.default is not None or field.is_list or field.kind == FieldKind.PADDING
 
 
 def _listed(names: list[str]) -> str:
@@ -181,11 +200,11 @@ def _check_role(expected: _Role, name: str, node: Mapping, messages: Messages, p
         field = fields.get(field_name)
         if field is None:
             problems.add(place, f"`{expected.service}` needs a field `{field_name}` in `{name}`; add it there")
-        elif field.kind not in kinds or field.count is not None or field.is_scaled:
+        elif field.kind not in kinds or field.count is not None or field.is_list or field.is_scaled:
             problems.add(
                 place,
                 f"`{expected.service}` needs `{field_name}` in `{name}` to be one unscaled value of kind "
                 f"{' or '.join(kinds)}; change its type",
             )
-    if expected.service == "hello" and "protocol_hash" in fields and fields["protocol_hash"].size < 8:
+    if expected.service == "hello" and "protocol_hash" in fields and fields["protocol_hash"].width < 64:
         problems.add(place, f"`protocol_hash` in `{name}` carries 64 bits; give it the type u64")

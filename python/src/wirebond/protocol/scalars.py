@@ -143,6 +143,16 @@ def _bool(value: object) -> bool:
 Exact = Annotated[Fraction, PlainValidator(_exact, json_schema_input_type=float)]
 OwnValue = Annotated[Fraction | bool | str, PlainValidator(_own_value, json_schema_input_type=float | bool | str)]
 
+
+def _default_value(value: object) -> Fraction | bool | str | list[Fraction | bool | str]:
+    return [_own_value(item) for item in value] if isinstance(value, list) else _own_value(value)
+
+
+DefaultValue = Annotated[
+    Fraction | bool | str | list[Fraction | bool | str],
+    PlainValidator(_default_value, json_schema_input_type=float | bool | str | list[float | bool | str]),
+]
+
 Bool = Annotated[bool, PlainValidator(_bool, json_schema_input_type=bool)]
 
 Id = Annotated[int, _integer(0, MAX_ID)]
@@ -284,34 +294,34 @@ class WireType:
 
     word: str
     kind: FieldKind
-    size: int  # bytes; 0 for text and bytes
+    size: int  # bytes; 0 for text, bytes and padding, and for numbers of other than whole bytes
     order: ByteOrder | None = None
+    bits: int = 0  # of a number of other than whole bytes
+    sign_magnitude: bool = False
+
+    @property
+    def width(self) -> int:
+        """Bits of one number."""
+        return self.bits or 8 * self.size
 
 
-def _wire_types() -> dict[str, WireType]:
-    table = {}
-    for letter, kind, sizes in (
-        ("u", FieldKind.UNSIGNED, (1, 2, 3, 4, 8)),
-        ("i", FieldKind.SIGNED, (1, 2, 3, 4, 8)),
-        ("f", FieldKind.FLOAT, (4, 8)),
-    ):
-        for size in sizes:
-            base = f"{letter}{8 * size}"
-            table[base] = WireType(base, kind, size)
-            if size > 1:
-                table[base + "le"] = WireType(base + "le", kind, size, ByteOrder.LITTLE)
-                table[base + "be"] = WireType(base + "be", kind, size, ByteOrder.BIG)
-    table["bool"] = WireType("bool", FieldKind.BOOL, 1)
-    table["text"] = WireType("text", FieldKind.TEXT, 0)
-    table["bytes"] = WireType("bytes", FieldKind.BYTES, 0)
-    return table
+def both_orders(word: str, kind: FieldKind, size: int, *, sign_magnitude: bool = False) -> dict[str, WireType]:
+    """A number's type by its word, and with a byte order behind it where it has several bytes."""
+    orders = {"": None, "le": ByteOrder.LITTLE, "be": ByteOrder.BIG} if size > 1 else {"": None}
+    return {
+        word + ending: WireType(word + ending, kind, size, order, sign_magnitude=sign_magnitude)
+        for ending, order in orders.items()
+    }
 
 
-WIRE_TYPES: dict[str, WireType] = _wire_types()
-_PART_TYPES = {word: t for word, t in WIRE_TYPES.items() if t.kind == FieldKind.UNSIGNED and t.size <= 4}
+_PART_TYPES = {
+    word: wire_type
+    for size in (1, 2, 3, 4)
+    for word, wire_type in both_orders(f"u{8 * size}", FieldKind.UNSIGNED, size).items()
+}
 # Other languages' words for the same things, so that the advice is right at once.
-_FOREIGN = {
-    **{f"{p}int{8 * n}{s}": f"{p or 'i'}{8 * n}" for p in ("u", "") for n in (1, 2, 3, 4, 8) for s in ("", "_t")},
+FOREIGN_TYPES = {
+    **{f"{p}int{8 * n}{s}": f"{p or 'i'}{8 * n}" for p in ("u", "") for n in range(1, 9) for s in ("", "_t")},
     "float": "f32",
     "float32": "f32",
     "double": "f64",
@@ -326,32 +336,25 @@ _FOREIGN = {
 }
 
 
-def _wire_type(table: dict[str, WireType]) -> Callable[[object], WireType]:
-    plain_words = [word for word in table if not word.endswith(("le", "be"))]
-
-    def check(value: object) -> WireType:
-        listing = f"possible: {', '.join(plain_words)}; `le` or `be` behind sets the byte order"
-        if not isinstance(value, str):
-            raise wrong(f"{describe(value)} is not a type; {listing}")
-        if value in table:
-            return table[value]
-        if value[:-2] in table and value.endswith(("le", "be")):
-            raise wrong(f"{quoted(value)} has no byte order to choose; write `{value[:-2]}`")
-        known = _FOREIGN.get(value.lower())
-        if known in table:
-            raise wrong(f"{quoted(value)} is not a type here; write `{known}`")
-        raise wrong(f"{quoted(value)} is not a type here; {listing}")
-
-    return check
+def _part_type(value: object) -> WireType:
+    plain_words = [word for word in _PART_TYPES if not word.endswith(("le", "be"))]
+    listing = f"possible: {', '.join(plain_words)}; `le` or `be` behind sets the byte order"
+    if not isinstance(value, str):
+        raise wrong(f"{describe(value)} is not a type; {listing}")
+    if value in _PART_TYPES:
+        return _PART_TYPES[value]
+    if value[:-2] in _PART_TYPES and value.endswith(("le", "be")):
+        raise wrong(f"{quoted(value)} has no byte order to choose; write `{value[:-2]}`")
+    known = FOREIGN_TYPES.get(value.lower())
+    if known in _PART_TYPES:
+        raise wrong(f"{quoted(value)} is not a type here; write `{known}`")
+    raise wrong(f"{quoted(value)} is not a type here; {listing}")
 
 
-def _wire_type_of(table: dict[str, WireType]) -> Any:
-    schema = Literal[tuple(table)]  # type: ignore[valid-type]
-    return PlainValidator(_wire_type(table), json_schema_input_type=schema)
-
-
-FieldType = Annotated[WireType, _wire_type_of(WIRE_TYPES)]
-PartType = Annotated[WireType, _wire_type_of(_PART_TYPES)]
+PartType = Annotated[
+    WireType,
+    PlainValidator(_part_type, json_schema_input_type=Literal[tuple(_PART_TYPES)]),
+]
 
 
 # ---- checks --------------------------------------------------------------------------------------

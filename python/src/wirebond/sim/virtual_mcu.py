@@ -7,7 +7,6 @@ request's name and kind carries its value back), serves hello, clock and paramet
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +15,7 @@ from wirebond.protocol.model import Deadline, End, Field, FieldKind, Recover
 from wirebond.protocol.model import Message as MessageModel
 
 _WAVE_HZ = 0.2  # of the made-up values
+_FEW = 3  # elements of made-up lists
 
 
 @dataclass
@@ -96,9 +96,7 @@ class VirtualMcu:
             return b""
         reply = self.codec.model.message(request.reply)
         values = self._made_up(reply, t)
-        for reply_field in reply.fields:
-            if reply_field.name in message.fields:
-                values[reply_field.name] = message.fields[reply_field.name]
+        values |= {name: message.fields[name] for name in _carried_back(reply, request)}
         values |= self._service_values(message, t)
         return self.codec.encode(reply.name, values)
 
@@ -126,27 +124,54 @@ class VirtualMcu:
     # ---- made-up values
 
     def _made_up(self, message: MessageModel, t: float) -> dict[str, Any]:
-        return {f.name: self._value(f, phase, t) for phase, f in enumerate(message.fields)}
+        return self._struct(message.fields, 0, t)
 
-    def _value(self, described: Field, phase: int, t: float) -> Any:
+    def _struct(self, fields: tuple[Field, ...], phase: int, t: float) -> dict[str, Any]:
+        """Values of fields that stand beside each other. Those that count are left out: they are counted."""
+        counting = {f.counted_by for f in fields if f.counted_by}
+        least = {c: min(f.max_count or f.max_size for f in fields if f.counted_by == c) for c in counting}
+        return {
+            f.name: self._value(f, least.get(f.counted_by, _FEW), phase + number, t)
+            for number, f in enumerate(fields)
+            if f.kind != FieldKind.PADDING and f.name not in counting
+        }
+
+    def _value(self, described: Field, most: int, phase: int, t: float) -> Any:
+        """``most``: elements or bytes that what counts this field allows."""
+        size = min(most, _FEW)
         if described.kind == FieldKind.TEXT:
-            return "virtual"[: described.max_wire_bytes]
+            return "virtual"[: size if described.counted_by else described.max_wire_bytes]
         if described.kind == FieldKind.BYTES:
-            return b""
-        values = list(self._elements(described, phase, t))
-        return values if described.count is not None else values[0]
+            return bytes(size) if described.counted_by else b""
+        if not described.is_list and described.count is None:
+            return self._element(described, phase, t)
+        count = described.count or min(size, described.max_count)
+        return [self._element(described, phase + element, t) for element in range(count)]
 
-    def _elements(self, described: Field, phase: int, t: float) -> Iterator[Any]:
-        for element in range(described.count or 1):
-            wave = math.sin(2 * math.pi * _WAVE_HZ * (t - self.start) + phase + element)
-            if described.kind == FieldKind.BOOL:
-                yield wave > 0
-            elif described.enum:
-                yield described.enum[0][0]
-            elif described.flags:
-                yield []
-            else:
-                yield _number(described, wave)
+    def _element(self, described: Field, phase: int, t: float) -> Any:
+        wave = math.sin(2 * math.pi * _WAVE_HZ * (t - self.start) + phase)
+        if described.fields:
+            return self._struct(described.fields, phase, t)
+        if described.kind == FieldKind.BOOL:
+            return wave > 0
+        if described.enum:
+            return described.enum[0][0]
+        return [] if described.flags else _number(described, wave)
+
+
+def _carried_back(reply: MessageModel, request: MessageModel) -> list[str]:
+    """Fields that both have, of one kind; not what counts or is counted, which only fits together."""
+    counting = {f.counted_by for f in reply.fields}
+    asked = {f.name: f for f in request.fields if f.kind != FieldKind.PADDING}
+    return [
+        f.name
+        for f in reply.fields
+        if f.name in asked and f.name not in counting and not f.counted_by and _shape(f) == _shape(asked[f.name])
+    ]
+
+
+def _shape(f: Field) -> tuple[object, ...]:
+    return f.kind, f.count, f.is_list, f.is_scaled, f.enum, f.flags, f.fields
 
 
 def _number(described: Field, wave: float) -> float | int:
@@ -154,12 +179,9 @@ def _number(described: Field, wave: float) -> float | int:
     if described.kind == FieldKind.FLOAT:
         low, high = -1.0, 1.0
     else:
-        bits = 8 * described.size
-        low, high = (
-            (-(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1)
-            if described.kind == FieldKind.SIGNED
-            else (0.0, 2.0**bits - 1)
-        )
+        bits = described.width - (described.kind == FieldKind.SIGNED)
+        high = 2.0**bits - 1
+        low = -high if described.kind == FieldKind.SIGNED else 0.0
         low, high = max(low, -100.0), min(high, 100.0)  # wire units: a lively but modest value
         low, high = sorted(float(v * described.scale + described.offset) for v in (int(low), int(high)))
     if described.minimum is not None and described.maximum is not None:

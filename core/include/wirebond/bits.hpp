@@ -1,0 +1,150 @@
+// Numbers of any width: among the bits of a byte string, and with their sign in the top bit. Bytes are bytes.hpp's.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+#include "wirebond/bytes.hpp"
+
+namespace wirebond {
+
+/// From which bit of each byte on a string of bits runs.
+enum class BitOrder : std::uint8_t { low_first, high_first };
+
+/// The lowest `bits` (1 to 64) bits set.
+constexpr std::uint64_t low_bits(unsigned bits) { return ~std::uint64_t{0} >> (64 - bits); }
+
+/// The number of `width` (1 to 64) bits that begins `bit` bits behind `from`. Bytes without a bit of it are not read.
+/// The first bit is the number's lowest where `order` is low_first, else its highest.
+WIREBOND_INLINE std::uint64_t load_bits(const std::uint8_t* from, std::size_t bit, unsigned width, BitOrder order) {
+  const std::uint8_t* byte = from + bit / 8;
+  unsigned skipped = static_cast<unsigned>(bit % 8);
+  std::uint64_t value = 0;
+  for (unsigned done = 0; done < width; ++byte) {
+    const unsigned rest = width - done;
+    const unsigned taken = rest < 8 - skipped ? rest : 8 - skipped;
+    if (order == BitOrder::low_first) {
+      value |= ((static_cast<std::uint64_t>(*byte) >> skipped) & low_bits(taken)) << done;
+    } else {
+      value = (value << taken) | ((static_cast<std::uint64_t>(*byte) >> (8 - skipped - taken)) & low_bits(taken));
+    }
+    done += taken;
+    skipped = 0;
+  }
+  return value;
+}
+
+/// Pair of `load_bits`; bits beside the number keep their value. Higher bits of `value` than `width` are dropped.
+WIREBOND_INLINE void store_bits(std::uint8_t* to, std::size_t bit, unsigned width, BitOrder order,
+                                std::uint64_t value) {
+  std::uint8_t* byte = to + bit / 8;
+  unsigned skipped = static_cast<unsigned>(bit % 8);
+  for (unsigned done = 0; done < width; ++byte) {
+    const unsigned rest = width - done;
+    const unsigned taken = rest < 8 - skipped ? rest : 8 - skipped;
+    const bool low = order == BitOrder::low_first;
+    const unsigned place = low ? skipped : 8 - skipped - taken;
+    const std::uint64_t part = (low ? value >> done : value >> (rest - taken)) & low_bits(taken);
+    *byte = static_cast<std::uint8_t>((*byte & ~(low_bits(taken) << place)) | (part << place));
+    done += taken;
+    skipped = 0;
+  }
+}
+
+/// The number that the lowest `width` bits of `raw` hold in two's complement.
+constexpr std::int64_t from_twos_complement(std::uint64_t raw, unsigned width) {
+  return static_cast<std::int64_t>(raw << (64 - width)) >> (64 - width);
+}
+
+/// The number whose sign is bit `width` - 1 of `raw` and whose amount the bits below are. Minus zero is zero.
+constexpr std::int64_t from_sign_magnitude(std::uint64_t raw, unsigned width) {
+  const auto amount = static_cast<std::int64_t>(raw & (low_bits(width) >> 1));
+  return ((raw >> (width - 1)) & 1) != 0 ? -amount : amount;
+}
+
+/// How a signed number lies in its bits.
+enum class Sign : std::uint8_t { twos_complement, magnitude };
+
+/// The number in the lowest `Width` bits of `raw`; higher bits are ignored.
+template <class T, unsigned Width, Sign Encoding = Sign::twos_complement>
+constexpr T from_bits(std::uint64_t raw) {
+  static_assert(std::is_integral_v<T> && Width <= 8 * sizeof(T), "the number needs room for its bits");
+  if constexpr (std::is_unsigned_v<T>) {
+    return static_cast<T>(raw & low_bits(Width));
+  } else if constexpr (Encoding == Sign::magnitude) {
+    return static_cast<T>(from_sign_magnitude(raw, Width));
+  } else {
+    return static_cast<T>(from_twos_complement(raw, Width));
+  }
+}
+
+/// Pair of `from_bits`. False where `value` does not fit: `raw` is then untouched.
+template <unsigned Width, Sign Encoding = Sign::twos_complement, class T>
+constexpr bool to_bits(T value, std::uint64_t& raw) {
+  static_assert(std::is_integral_v<T> && Width <= 8 * sizeof(T), "the number needs room for its bits");
+  if constexpr (std::is_unsigned_v<T>) {
+    if (value > low_bits(Width)) return false;
+    raw = value;
+  } else {
+    const auto wide = static_cast<std::int64_t>(value);
+    constexpr auto most = static_cast<std::int64_t>(low_bits(Width) >> 1);
+    constexpr std::int64_t least = Encoding == Sign::magnitude ? -most : -most - 1;
+    if (wide > most || wide < least) return false;
+    const std::uint64_t bits = static_cast<std::uint64_t>(wide) & low_bits(Width);
+    if constexpr (Encoding == Sign::magnitude) {
+      raw = wide < 0 ? (std::uint64_t{1} << (Width - 1)) | static_cast<std::uint64_t>(-wide) : bits;
+    } else {
+      raw = bits;
+    }
+  }
+  return true;
+}
+
+/// Number `index` of a packed stream of numbers of `Width` bits that begins at `from`.
+template <class T, unsigned Width, BitOrder Order, Sign Encoding = Sign::twos_complement>
+WIREBOND_INLINE T load_packed(const std::uint8_t* from, std::size_t index) {
+  return from_bits<T, Width, Encoding>(load_bits(from, index * Width, Width, Order));
+}
+
+/// Pair of `load_packed`. False where `value` does not fit: nothing is stored then.
+template <unsigned Width, BitOrder Order, Sign Encoding = Sign::twos_complement, class T>
+WIREBOND_INLINE bool store_packed(std::uint8_t* to, std::size_t index, T value) {
+  std::uint64_t raw = 0;
+  if (!to_bits<Width, Encoding>(value, raw)) return false;
+  store_bits(to, index * Width, Width, Order, raw);
+  return true;
+}
+
+/// The number of `Width` bits whose lowest is bit `Shift` of `bits`.
+template <class T, unsigned Width, unsigned Shift, Sign Encoding = Sign::twos_complement, class Bits>
+constexpr T extract_bits(Bits bits) {
+  return from_bits<T, Width, Encoding>(static_cast<std::uint64_t>(bits) >> Shift);
+}
+
+/// Pair of `extract_bits`, into bits that are zero there. False where `value` does not fit: nothing is changed then.
+template <unsigned Width, unsigned Shift, Sign Encoding = Sign::twos_complement, class Bits, class T>
+constexpr bool insert_bits(Bits& bits, T value) {
+  std::uint64_t raw = 0;
+  if (!to_bits<Width, Encoding>(value, raw)) return false;
+  bits = static_cast<Bits>(bits | (raw << Shift));
+  return true;
+}
+
+/// As load_integer of bytes.hpp, for sign and amount.
+template <class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
+WIREBOND_INLINE T load_magnitude(const std::uint8_t* from) {
+  return from_bits<T, 8 * Bytes, Sign::magnitude>(load_bytes<Bytes, Order>(from));
+}
+
+/// Pair of `load_magnitude`. False where `value` does not fit: nothing is stored then.
+template <class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
+WIREBOND_INLINE bool store_magnitude(std::uint8_t* to, T value) {
+  std::uint64_t raw = 0;
+  if (!to_bits<8 * Bytes, Sign::magnitude>(value, raw)) return false;
+  store_bytes(to, raw, Bytes, Order);
+  return true;
+}
+
+}  // namespace wirebond

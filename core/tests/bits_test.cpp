@@ -1,0 +1,95 @@
+// Numbers of any width against one bit at a time.
+#include "wirebond/bits.hpp"
+
+#include <doctest/doctest.h>
+
+#include <array>
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include "wirebond/list.hpp"
+
+using wirebond::BitOrder;
+using wirebond::Sign;
+
+namespace {
+
+bool bit_of(const std::vector<std::uint8_t>& bytes, std::size_t bit, BitOrder order) {
+  const std::size_t place = order == BitOrder::low_first ? bit % 8 : 7 - bit % 8;
+  return ((bytes[bit / 8] >> place) & 1) != 0;
+}
+
+std::uint64_t slow_load(const std::vector<std::uint8_t>& bytes, std::size_t bit, unsigned width, BitOrder order) {
+  std::uint64_t value = 0;
+  for (unsigned i = 0; i < width; ++i) {
+    const std::uint64_t one = bit_of(bytes, bit + i, order) ? 1 : 0;
+    value = order == BitOrder::low_first ? value | (one << i) : (value << 1) | one;
+  }
+  return value;
+}
+
+}  // namespace
+
+TEST_CASE("every width at every place is what its bits are one by one, and the bits beside it stay") {
+  std::mt19937 random(1);
+  for (const BitOrder order : {BitOrder::low_first, BitOrder::high_first}) {
+    for (unsigned width = 1; width <= 64; ++width) {
+      for (std::size_t bit = 0; bit < 16; ++bit) {
+        std::vector<std::uint8_t> bytes((bit + width + 7) / 8);  // no byte more: the sanitizer sees an overrun
+        for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
+        REQUIRE(wirebond::load_bits(bytes.data(), bit, width, order) == slow_load(bytes, bit, width, order));
+        const std::uint64_t value = ((std::uint64_t{random()} << 32) | random()) & wirebond::low_bits(width);
+        std::vector<std::uint8_t> changed = bytes;
+        wirebond::store_bits(changed.data(), bit, width, order, value | ~wirebond::low_bits(width));
+        REQUIRE(wirebond::load_bits(changed.data(), bit, width, order) == value);
+        for (std::size_t i = 0; i < 8 * bytes.size(); ++i) {
+          if (i < bit || i >= bit + width) REQUIRE(bit_of(changed, i, order) == bit_of(bytes, i, order));
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("a sign lies in two's complement or before its amount") {
+  CHECK(wirebond::from_bits<std::int8_t, 5>(0x1F) == -1);
+  CHECK(wirebond::from_bits<std::int8_t, 5, Sign::magnitude>(0x1F) == -15);
+  CHECK(wirebond::from_bits<std::int8_t, 5, Sign::magnitude>(0x10) == 0);
+  CHECK(wirebond::from_bits<std::uint8_t, 5>(0xFF) == 31);
+  CHECK(wirebond::from_bits<std::int64_t, 64, Sign::magnitude>(~std::uint64_t{0}) == -INT64_MAX);
+  std::uint64_t raw = 99;
+  CHECK(wirebond::to_bits<5>(std::int8_t{-16}, raw));
+  CHECK(raw == 0x10);
+  CHECK(wirebond::to_bits<5, Sign::magnitude>(std::int8_t{-15}, raw));
+  CHECK(raw == 0x1F);
+  CHECK(wirebond::to_bits<64>(INT64_MIN, raw));
+  CHECK(raw == std::uint64_t{1} << 63);
+}
+
+TEST_CASE("a number that does not fit is refused and nothing is changed") {
+  std::uint64_t raw = 99;
+  CHECK_FALSE(wirebond::to_bits<5>(std::int8_t{16}, raw));
+  CHECK_FALSE(wirebond::to_bits<5>(std::int8_t{-17}, raw));
+  CHECK_FALSE(wirebond::to_bits<5, Sign::magnitude>(std::int8_t{-16}, raw));
+  CHECK_FALSE(wirebond::to_bits<64, Sign::magnitude>(INT64_MIN, raw));
+  CHECK_FALSE(wirebond::to_bits<3>(std::uint8_t{8}, raw));
+  CHECK(raw == 99);
+  std::array<std::uint8_t, 2> bytes{0xAB, 0xCD};
+  CHECK_FALSE(wirebond::store_packed<3, BitOrder::low_first>(bytes.data(), 1, std::uint8_t{8}));
+  CHECK_FALSE(wirebond::store_magnitude<std::int16_t>(bytes.data(), INT16_MIN));
+  CHECK(bytes == std::array<std::uint8_t, 2>{0xAB, 0xCD});
+  std::uint16_t bits = 0x8001;
+  CHECK_FALSE(wirebond::insert_bits<3, 4>(bits, std::uint8_t{8}));
+  CHECK(bits == 0x8001);
+}
+
+TEST_CASE("a list takes what it has room for, and never shows more than that") {
+  wirebond::List<int, 2> list;
+  CHECK(list.push_back(7));
+  CHECK(list.push_back(8));
+  CHECK_FALSE(list.push_back(9));
+  CHECK(list.size == 2);
+  list.size = 9;
+  CHECK(list.used() == 2);
+  CHECK(list.end() - list.begin() == 2);
+}

@@ -1,0 +1,321 @@
+// One number and its Python value: decoding, field rules, encoding.
+#include "element.hpp"
+
+#include <nanobind/stl/string.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <stdexcept>
+
+namespace wirebond::engine {
+
+namespace {
+
+std::string number_text(double value) {
+  char* const text = PyOS_double_to_string(value, 'r', 0, 0, nullptr);
+  if (text == nullptr) throw nb::python_error();
+  std::string out = text;
+  PyMem_Free(text);
+  return out;
+}
+
+std::string with_unit(const std::string& text, const FieldTable& field) {
+  return field.unit.empty() ? text : text + " " + field.unit;
+}
+
+double to_si(const FieldTable& field, double wire) { return wire * field.numerator / field.denominator + field.offset; }
+
+/// The enumerator's name for these bits (two's complement in 64 bits), or an invalid object.
+nb::object enumerator(const FieldTable& field, std::uint64_t bits) {
+  for (const auto& [name, value] : field.enumerators) {
+    if (value == bits) return name;
+  }
+  return {};
+}
+
+nb::object flag_names(const FieldTable& field, std::uint64_t wire) {
+  nb::list names;
+  std::uint64_t rest = wire;
+  for (const auto& [name, bit] : field.flags) {
+    if ((wire >> bit) & 1u) names.append(name);
+    rest &= ~(std::uint64_t{1} << bit);
+  }
+  for (unsigned bit = 0; rest != 0;
+       ++bit, rest >>= 1) {  // unnamed bits keep their value, so that encoding gives it back
+    if (rest & 1u) names.append(steal(PyLong_FromUnsignedLongLong(std::uint64_t{1} << bit)));
+  }
+  return names;
+}
+
+std::string range_text(const FieldTable& field) {
+  return with_unit(number_text(field.minimum) + " ... " + number_text(field.maximum), field);
+}
+
+double number_from(const FieldTable& field, nb::handle value, const Path& path) {
+  if (PyUnicode_Check(value.ptr())) wrong_type(path, value, "a number");
+  const double number = PyFloat_AsDouble(value.ptr());
+  if (number == -1.0 && PyErr_Occurred() != nullptr) {
+    const bool overflow = PyErr_ExceptionMatches(PyExc_OverflowError) != 0;
+    PyErr_Clear();
+    if (!overflow) wrong_type(path, value, "a number");
+    throw_message_error(path.text() + " is too large for a 64-bit number");
+  }
+  if (!std::isfinite(number)) {
+    throw_message_error(path.text() + " is " + number_text(number) + ", not a finite number");
+  }
+  if (field.has_range && !(number >= field.minimum && number <= field.maximum)) {
+    throw_message_error(path.text() + " = " + with_unit(number_text(number), field) + " is outside " +
+                        range_text(field));
+  }
+  return number;
+}
+
+/// Least and greatest number on the wire of an integer field; the least as a signed number.
+struct Limits {
+  std::int64_t low;
+  std::uint64_t high;
+};
+
+Limits limits_of(const FieldTable& field) {
+  if (field.kind != FieldKind::signed_integer) return {0, low_bits(field.width)};
+  const std::uint64_t high = low_bits(field.width) >> 1;
+  const auto most = static_cast<std::int64_t>(high);
+  return {field.sign_magnitude ? -most : -most - 1, high};
+}
+
+[[noreturn]] void does_not_fit(const FieldTable& field, nb::handle value, const Path& path) {
+  const Limits limits = limits_of(field);
+  std::string text = std::to_string(limits.low) + " ... " + std::to_string(limits.high);
+  if (field.scaled) {
+    double from = to_si(field, static_cast<double>(limits.low));
+    double to = to_si(field, static_cast<double>(limits.high));
+    if (from > to) std::swap(from, to);
+    text = with_unit(number_text(from) + " ... " + number_text(to), field);
+  }
+  throw_message_error(path.text() + " = " + shown(value) + " does not fit its " + std::to_string(field.width) +
+                      "-bit wire type, which holds " + text);
+}
+
+/// Two's complement in 64 bits of an integer that Python holds, checked against what the field's bits can hold.
+std::uint64_t integer_bits(const FieldTable& field, nb::handle value, const Path& path) {
+  const Limits limits = limits_of(field);
+  if (field.kind == FieldKind::signed_integer) {
+    const long long number = PyLong_AsLongLong(value.ptr());
+    const bool failed = number == -1 && PyErr_Occurred() != nullptr;
+    if (failed) PyErr_Clear();
+    if (failed || number < limits.low || number > static_cast<long long>(limits.high)) {
+      does_not_fit(field, value, path);
+    }
+    return static_cast<std::uint64_t>(number);
+  }
+  const unsigned long long number = PyLong_AsUnsignedLongLong(value.ptr());
+  const bool failed = PyErr_Occurred() != nullptr;
+  if (failed) PyErr_Clear();
+  if (failed || number > limits.high) does_not_fit(field, value, path);
+  return number;
+}
+
+std::uint64_t scaled_bits(const FieldTable& field, nb::handle value, const Path& path) {
+  const double si = number_from(field, value, path);
+  const double wire = std::nearbyint((si - field.offset) * field.denominator / field.numerator);
+  const Limits limits = limits_of(field);
+  // As doubles both 2^64 - 1 and 2^63 - 1 round up to a number that does not fit.
+  const double beyond = std::ldexp(1.0, field.width - (field.kind == FieldKind::signed_integer ? 1 : 0));
+  if (!(wire >= static_cast<double>(limits.low) && wire < beyond)) does_not_fit(field, value, path);
+  return field.kind == FieldKind::signed_integer ? static_cast<std::uint64_t>(static_cast<std::int64_t>(wire))
+                                                 : static_cast<std::uint64_t>(wire);
+}
+
+/// How a number that fits lies in the field's bits.
+std::uint64_t raw_of(const FieldTable& field, std::uint64_t bits) {
+  const auto number = static_cast<std::int64_t>(bits);
+  if (!field.sign_magnitude || number >= 0) return bits & low_bits(field.width);
+  return (std::uint64_t{1} << (field.width - 1)) | (0 - bits);
+}
+
+std::string names_of(const std::vector<std::pair<nb::object, std::uint64_t>>& enumerators) {
+  std::string out;
+  for (const auto& entry : enumerators) out += (out.empty() ? "" : ", ") + nb::cast<std::string>(entry.first);
+  return out;
+}
+
+std::uint64_t enum_bits(const FieldTable& field, nb::handle value, const Path& path) {
+  for (const auto& [name, number] : field.enumerators) {
+    if (name.equal(value)) return number;
+  }
+  if (PyLong_Check(value.ptr())) {
+    const std::uint64_t bits = integer_bits(field, value, path);
+    if (enumerator(field, bits).is_valid()) return bits;
+  }
+  throw_message_error(path.text() + " is " + shown(value) + "; expected one of " + names_of(field.enumerators));
+}
+
+std::uint64_t flag_bits(const FieldTable& field, nb::handle value, const Path& path) {
+  if (PyLong_Check(value.ptr())) return integer_bits(field, value, path);
+  if (PyUnicode_Check(value.ptr()) || PyObject_HasAttrString(value.ptr(), "__iter__") == 0) {
+    wrong_type(path, value, "a list of flag names, or an integer");
+  }
+  std::uint64_t bits = 0;
+  for (nb::handle entry : value) {
+    bool known = false;
+    for (const auto& [name, bit] : field.flags) {
+      if (!name.equal(entry)) continue;
+      bits |= std::uint64_t{1} << bit;
+      known = true;
+    }
+    if (known) continue;
+    if (PyLong_Check(entry.ptr())) {
+      bits |= integer_bits(field, entry, path);
+      continue;
+    }
+    std::string names;
+    for (const auto& flag : field.flags) names += (names.empty() ? "" : ", ") + nb::cast<std::string>(flag.first);
+    throw_message_error(path.text() + " has no flag " + shown(entry) + "; it has " + names);
+  }
+  return bits;
+}
+
+}  // namespace
+
+std::string Path::text() const {
+  std::string out = parent == nullptr ? name : parent->text() + "." + name;
+  if (element >= 0) out += "[" + std::to_string(element) + "]";
+  return out;
+}
+
+nb::object steal(PyObject* object) {
+  if (object == nullptr) throw nb::python_error();
+  return nb::steal(object);
+}
+
+std::string shown(nb::handle value) {
+  std::string out = nb::cast<std::string>(nb::repr(value));
+  if (out.size() > 80) out = out.substr(0, 77) + "...";
+  return out;
+}
+
+void throw_message_error(const std::string& text) {
+  const nb::object type = nb::module_::import_("wirebond.errors").attr("MessageError");
+  PyErr_SetString(type.ptr(), text.c_str());
+  throw nb::python_error();
+}
+
+void wrong_type(const Path& path, nb::handle value, const std::string& expected) {
+  throw_message_error(path.text() + " is " + shown(value) + " (" + Py_TYPE(value.ptr())->tp_name + "); expected " +
+                      expected);
+}
+
+double float_of(const FieldTable& field, std::uint64_t raw) {
+  if (field.size == 4) {
+    const auto bits = static_cast<std::uint32_t>(raw);
+    float value;
+    std::memcpy(&value, &bits, sizeof value);
+    return static_cast<double>(value);
+  }
+  double value;
+  std::memcpy(&value, &raw, sizeof value);
+  return value;
+}
+
+nb::object decode_element(const FieldTable& field, std::uint64_t raw) {
+  switch (field.kind) {
+    case FieldKind::boolean: return nb::borrow(raw != 0 ? Py_True : Py_False);
+    case FieldKind::floating: {
+      const double wire = float_of(field, raw);
+      return steal(PyFloat_FromDouble(field.scaled ? to_si(field, wire) : wire));
+    }
+    case FieldKind::unsigned_integer: {
+      if (field.has_flags) return flag_names(field, raw);
+      if (nb::object name = enumerator(field, raw); name.is_valid()) return name;
+      if (field.scaled) return steal(PyFloat_FromDouble(to_si(field, static_cast<double>(raw))));
+      return steal(PyLong_FromUnsignedLongLong(raw));
+    }
+    case FieldKind::signed_integer: {
+      const std::int64_t wire = signed_of(field, raw);
+      if (nb::object name = enumerator(field, static_cast<std::uint64_t>(wire)); name.is_valid()) return name;
+      if (field.scaled) return steal(PyFloat_FromDouble(to_si(field, static_cast<double>(wire))));
+      return steal(PyLong_FromLongLong(wire));
+    }
+    default: throw std::logic_error("no number");
+  }
+}
+
+std::string fault_of(const FieldTable& field, std::uint64_t raw) {
+  double si = 0;
+  switch (field.kind) {
+    case FieldKind::boolean: return raw <= 1 ? "" : " is " + std::to_string(raw) + ", a bool is 0 or 1";
+    case FieldKind::floating: {
+      const double wire = float_of(field, raw);
+      if (!std::isfinite(wire)) return " is " + number_text(wire) + ", not a finite number";
+      si = to_si(field, wire);
+      break;
+    }
+    case FieldKind::signed_integer: {
+      const std::int64_t wire = signed_of(field, raw);
+      if (field.has_enum && !enumerator(field, static_cast<std::uint64_t>(wire)).is_valid())
+        return " is " + std::to_string(wire) + ", which is no enumerator";
+      si = to_si(field, static_cast<double>(wire));
+      break;
+    }
+    default: {
+      if (field.has_enum && !enumerator(field, raw).is_valid()) {
+        return " is " + std::to_string(raw) + ", which is no enumerator";
+      }
+      std::uint64_t rest = field.has_flags ? raw : 0;
+      for (const auto& flag : field.flags) rest &= ~(std::uint64_t{1} << flag.second);
+      if (rest != 0) return " has unnamed bits set: " + std::to_string(rest);
+      si = to_si(field, static_cast<double>(raw));
+    }
+  }
+  if (!field.has_range || (si >= field.minimum && si <= field.maximum)) return "";
+  return " = " + with_unit(number_text(si), field) + " is outside " + range_text(field);
+}
+
+std::uint64_t encode_element(const FieldTable& field, nb::handle value, const Path& path) {
+  switch (field.kind) {
+    case FieldKind::boolean: {
+      const bool is_bool = PyBool_Check(value.ptr()) != 0;
+      const bool is_bit = PyLong_Check(value.ptr()) && (value.equal(nb::int_(0)) || value.equal(nb::int_(1)));
+      if (!is_bool && !is_bit) wrong_type(path, value, "true or false");
+      return PyObject_IsTrue(value.ptr()) != 0 ? 1 : 0;
+    }
+    case FieldKind::floating: {
+      double number = number_from(field, value, path);
+      if (field.scaled) number = (number - field.offset) * field.denominator / field.numerator;
+      std::uint64_t bits = 0;
+      if (field.size == 4) {
+        const float narrow = static_cast<float>(number);
+        if (!std::isfinite(narrow)) {
+          throw_message_error(path.text() + " = " + number_text(number) +
+                              " does not fit a 32-bit float, which holds at most 3.4028235e+38");
+        }
+        std::uint32_t narrow_bits;
+        std::memcpy(&narrow_bits, &narrow, sizeof narrow);
+        bits = narrow_bits;
+      } else {
+        std::memcpy(&bits, &number, sizeof number);
+      }
+      return bits;
+    }
+    case FieldKind::unsigned_integer:
+    case FieldKind::signed_integer: {
+      if (field.has_flags) return flag_bits(field, value, path);
+      if (field.has_enum) return raw_of(field, enum_bits(field, value, path));
+      if (field.scaled) return raw_of(field, scaled_bits(field, value, path));
+      const nb::object index = nb::steal(PyNumber_Index(value.ptr()));
+      if (index.is_valid()) {
+        if (field.has_range) static_cast<void>(number_from(field, index, path));
+        return raw_of(field, integer_bits(field, index, path));
+      }
+      PyErr_Clear();
+      const double number = number_from(field, value, path);
+      if (number != std::floor(number)) wrong_type(path, value, "an integer");
+      const nb::object whole = steal(PyLong_FromDouble(number));
+      return raw_of(field, integer_bits(field, whole, path));
+    }
+    default: throw std::logic_error("no number");
+  }
+}
+
+}  // namespace wirebond::engine

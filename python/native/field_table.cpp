@@ -1,0 +1,143 @@
+// Reading the model's fields. They were validated by the loader: a surprise here is our own mistake.
+#include "field_table.hpp"
+
+#include <nanobind/stl/string.h>
+
+#include <stdexcept>
+
+namespace wirebond::engine {
+
+namespace {
+
+nb::object interned(const std::string& text) { return nb::steal(PyUnicode_InternFromString(text.c_str())); }
+
+std::string text_of(nb::handle value) { return nb::cast<std::string>(nb::str(value)); }
+
+double as_double(nb::handle value) {
+  const double result = PyFloat_AsDouble(value.ptr());
+  if (result == -1.0 && PyErr_Occurred() != nullptr) throw nb::python_error();
+  return result;
+}
+
+FieldKind kind_of(const std::string& kind) {
+  if (kind == "unsigned") return FieldKind::unsigned_integer;
+  if (kind == "signed") return FieldKind::signed_integer;
+  if (kind == "float") return FieldKind::floating;
+  if (kind == "bool") return FieldKind::boolean;
+  if (kind == "text") return FieldKind::text;
+  if (kind == "bytes") return FieldKind::bytes;
+  if (kind == "struct" || kind == "bits") return FieldKind::structure;
+  throw std::logic_error("the engine has no field kind '" + kind + "'");
+}
+
+void read_repeat(FieldTable& table, nb::handle field) {
+  const nb::object count = field.attr("count");
+  table.max_count = nb::cast<std::uint32_t>(field.attr("max_count"));
+  table.stride = nb::cast<std::size_t>(field.attr("element_min_bytes"));
+  if (table.is_string()) {  // one value of so many bytes
+    table.count = nb::cast<std::uint32_t>(field.attr("size"));
+    table.max_count = nb::cast<std::uint32_t>(field.attr("max_size"));
+    table.stride = 1;
+    return;
+  }
+  if (table.max_count != 0) {
+    table.repeat = Repeat::listed;
+  } else if (!count.is_none()) {
+    const nb::object packed = field.attr("packed");
+    table.repeat = packed.is_none() ? Repeat::fixed : Repeat::packed;
+    table.count = nb::cast<std::uint32_t>(count);
+    if (!packed.is_none()) table.bit_order = text_of(packed) == "high" ? BitOrder::high_first : BitOrder::low_first;
+  }
+}
+
+void read_meaning(FieldTable& table, nb::handle field) {
+  table.scaled = nb::cast<bool>(field.attr("is_scaled"));
+  if (table.scaled) {
+    table.numerator = as_double(field.attr("scale").attr("numerator"));
+    table.denominator = as_double(field.attr("scale").attr("denominator"));
+    table.offset = as_double(field.attr("offset"));
+  }
+  table.unit = text_of(field.attr("unit"));
+  const nb::object minimum = field.attr("minimum");
+  if (!minimum.is_none()) {
+    table.has_range = true;
+    table.minimum = as_double(minimum);
+    table.maximum = as_double(field.attr("maximum"));
+  }
+  table.default_value = field.attr("default");
+  table.has_default = !table.default_value.is_none();
+  for (nb::handle entry : field.attr("enum")) {
+    const std::uint64_t bits = PyLong_AsUnsignedLongLongMask(nb::object(entry[1]).ptr());
+    table.enumerators.emplace_back(interned(text_of(entry[0])), bits);
+  }
+  for (nb::handle entry : field.attr("flags")) {
+    table.flags.emplace_back(interned(text_of(entry[0])), nb::cast<unsigned>(entry[1]));
+  }
+  table.has_enum = !table.enumerators.empty();
+  table.has_flags = !table.flags.empty();
+}
+
+FieldTable read_field(nb::handle field, std::size_t at) {
+  FieldTable table;
+  table.name = text_of(field.attr("name"));
+  table.key = interned(table.name);
+  table.kind = kind_of(text_of(field.attr("kind")));
+  table.order = text_of(field.attr("order")) == "big" ? ByteOrder::big : ByteOrder::little;
+  table.at = at;
+  table.is_variable = nb::cast<bool>(field.attr("is_variable"));
+  read_repeat(table, field);
+  read_meaning(table, field);
+  if (table.kind != FieldKind::structure && !table.is_string()) {
+    table.size = nb::cast<std::uint8_t>(field.attr("size"));
+    table.width = nb::cast<std::uint8_t>(field.attr("width"));
+    table.sign_magnitude = nb::cast<bool>(field.attr("sign_magnitude"));
+  }
+  return table;
+}
+
+/// The fields that share a number's bits.
+std::vector<FieldTable> read_bits(nb::handle container) {
+  const auto size = nb::cast<std::uint8_t>(container.attr("size"));
+  const ByteOrder order = text_of(container.attr("order")) == "big" ? ByteOrder::big : ByteOrder::little;
+  const bool from_low = text_of(container.attr("first")) == "low";
+  std::vector<FieldTable> out;
+  unsigned passed = 0;
+  for (nb::handle field : container.attr("fields")) {
+    const auto width = nb::cast<unsigned>(field.attr("width"));
+    const unsigned shift = from_low ? passed : 8u * size - passed - width;
+    passed += width;
+    if (text_of(field.attr("kind")) == "padding") continue;
+    FieldTable table = read_field(field, 0);
+    table.size = size;
+    table.order = order;
+    table.shift = static_cast<std::uint8_t>(shift);
+    out.push_back(std::move(table));
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<FieldTable> read_fields(nb::handle fields) {
+  std::vector<FieldTable> out;
+  std::size_t at = 0;
+  for (nb::handle field : fields) {
+    const std::string kind = text_of(field.attr("kind"));
+    if (kind != "padding") {
+      FieldTable table = read_field(field, at);
+      if (kind == "bits") table.fields = read_bits(field);
+      if (kind == "struct") table.fields = read_fields(field.attr("fields"));
+      const std::string counter = text_of(field.attr("counted_by"));
+      for (std::size_t i = 0; i < out.size() && !counter.empty(); ++i) {
+        if (out[i].name != counter) continue;
+        out[i].counts = true;
+        table.counted_by = static_cast<int>(i);
+      }
+      out.push_back(std::move(table));
+    }
+    at += nb::cast<std::size_t>(field.attr("min_wire_bytes"));
+  }
+  return out;
+}
+
+}  // namespace wirebond::engine

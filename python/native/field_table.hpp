@@ -1,0 +1,79 @@
+// A message's fields as tables, made from wirebond.protocol.model. What they do with bytes is element's and fields'.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "wirebond/bits.hpp"
+#include "wirebond/bytes.hpp"
+
+namespace wirebond::engine {
+
+namespace nb = nanobind;
+
+/// Bit fields are a structure whose fields are loaded from the same bytes. Padding is in no table.
+enum class FieldKind : std::uint8_t { unsigned_integer, signed_integer, floating, boolean, text, bytes, structure };
+
+/// How often a field occurs.
+enum class Repeat : std::uint8_t {
+  once,
+  fixed,   ///< `count` elements
+  listed,  ///< up to `max_count` elements
+  packed,  ///< `count` elements, bit by bit
+};
+
+/// One field. `value = wire * numerator / denominator + offset`: two exact factors instead of one rounded scale,
+/// so that 9 * 0.001 is 0.009 and not 0.009000000000000001.
+struct FieldTable {
+  std::string name;
+  nb::object key;  ///< the name, interned
+  FieldKind kind = FieldKind::unsigned_integer;
+  Repeat repeat = Repeat::once;
+
+  // Where it lies.
+  std::size_t at = 0;      ///< behind the beginning of the fields that it stands among, if nothing before it varies
+  std::size_t stride = 0;  ///< least wire bytes of one element
+  std::uint32_t count = 1;
+  std::uint32_t max_count = 0;  ///< of a list: elements; of a string of varying size: bytes
+  bool is_variable = false;     ///< its size varies, or that of a field in it
+  bool counts = false;          ///< tells how many elements or bytes others have
+  int counted_by = -1;          ///< which of the fields beside it tells that; -1: the payload's end
+
+  // One number.
+  std::uint8_t size = 1;  ///< bytes that it is loaded from; of a bit field, those of all of them
+  ByteOrder order = ByteOrder::little;
+  std::uint8_t shift = 0;  ///< place of its lowest bit in these bytes
+  std::uint8_t width = 8;  ///< bits
+  bool sign_magnitude = false;
+  BitOrder bit_order = BitOrder::low_first;
+
+  // What it means.
+  bool scaled = false;
+  double numerator = 1;
+  double denominator = 1;
+  double offset = 0;
+  std::string unit;
+  bool has_range = false;
+  double minimum = 0;
+  double maximum = 0;
+  bool has_default = false;
+  nb::object default_value;
+  bool has_enum = false;
+  std::vector<std::pair<nb::object, std::uint64_t>> enumerators;  ///< name, value (two's complement in 64 bits)
+  bool has_flags = false;
+  std::vector<std::pair<nb::object, unsigned>> flags;  ///< name, bit
+
+  std::vector<FieldTable> fields;  ///< of a structure
+
+  bool is_string() const { return kind == FieldKind::text || kind == FieldKind::bytes; }
+};
+
+/// Tables of a tuple of model Fields. Needs the GIL.
+std::vector<FieldTable> read_fields(nb::handle fields);
+
+}  // namespace wirebond::engine

@@ -1,0 +1,68 @@
+// A walk through a payload whose fields vary in size: where each lies, and never past the payload's end.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "field_table.hpp"
+
+namespace wirebond::engine {
+
+/// Every field lies `shift` bytes behind the place that its table says, which is what varying fields before it have
+/// taken. They take it out of `spare`: what the payload has beyond the least that its message needs. So whatever the
+/// counts on the wire say, each field lies within the payload.
+struct Walk {
+  const std::uint8_t* payload;
+  std::size_t spare;
+  std::size_t shift = 0;
+
+  const std::uint8_t* at(std::size_t place) const { return payload + place + shift; }
+
+  /// Call `each(index, place)` for the elements of a list that are there, `promised` at most; the number of these.
+  template <class Each>
+  std::size_t elements(const FieldTable& field, std::size_t place, std::uint64_t promised, Each each) {
+    const std::uint64_t most = std::min<std::uint64_t>(promised, field.max_count);
+    std::size_t found = 0;
+    for (; found < most && field.stride <= spare; ++found) {
+      spare -= field.stride;
+      each(found, place + found * field.stride);
+    }
+    shift += found * field.stride;
+    return found;
+  }
+
+  /// Bytes of a string of varying size, which the walk then is behind.
+  std::size_t string_size(const FieldTable& field, std::uint64_t promised) {
+    const auto size = static_cast<std::size_t>(std::min<std::uint64_t>({promised, field.max_count, spare}));
+    spare -= size;
+    shift += size;
+    return size;
+  }
+};
+
+/// What the fields that count have told so far, among fields that stand beside each other. Costs nothing where none
+/// counts.
+class Counts {
+ public:
+  explicit Counts(const std::vector<FieldTable>& fields) : fields_(fields) {}
+
+  void tell(const FieldTable& counting, std::uint64_t number) {
+    told_.resize(fields_.size());
+    told_[static_cast<std::size_t>(&counting - fields_.data())] = number;
+  }
+
+  /// Elements or bytes that the payload promises of `field`.
+  std::uint64_t promised(const FieldTable& field) const {
+    if (field.counted_by < 0) return std::numeric_limits<std::uint64_t>::max();
+    return told_[static_cast<std::size_t>(field.counted_by)];
+  }
+
+ private:
+  const std::vector<FieldTable>& fields_;
+  std::vector<std::uint64_t> told_;
+};
+
+}  // namespace wirebond::engine

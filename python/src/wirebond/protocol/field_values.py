@@ -1,0 +1,144 @@
+"""Whether a value of the file fits a field, and which values the field's wire type can carry."""
+
+from __future__ import annotations
+
+import re
+import sys
+from fractions import Fraction
+
+from wirebond.protocol.model import Default, Field, FieldKind
+from wirebond.protocol.problems import quoted, suggestion
+
+INTEGERS = (FieldKind.UNSIGNED, FieldKind.SIGNED)
+F64_MAX = Fraction(sys.float_info.max)
+_F32_MAX = Fraction(2**24 - 1) * 2**104
+_BYTE = re.compile(r"0x[0-9a-fA-F]{1,2}")
+
+Given = Fraction | bool | str | list[Fraction | bool | str]  # a value as the file gives it
+_Single = float | int | bool | str
+_Fitted = tuple[Default | None, str]
+
+
+def wire_limits(field: Field) -> tuple[Fraction, Fraction]:
+    """Least and greatest number on the wire."""
+    if field.kind == FieldKind.UNSIGNED:
+        return Fraction(0), Fraction(2**field.width - 1)
+    if field.kind == FieldKind.SIGNED:
+        half = 2 ** (field.width - 1)
+        return Fraction(1 - half if field.sign_magnitude else -half), Fraction(half - 1)
+    greatest = _F32_MAX if field.size == 4 else F64_MAX
+    return -greatest, greatest
+
+
+def value_limits(field: Field) -> tuple[Fraction, Fraction]:
+    """Least and greatest value in the field's unit that the wire can carry."""
+    ends = sorted(bound * field.scale + field.offset for bound in wire_limits(field))
+    return ends[0], ends[1]
+
+
+def number_text(value: Fraction) -> str:
+    return str(value.numerator) if value.denominator == 1 and abs(value) < 10**15 else f"{float(value):.10g}"
+
+
+def fit_value(field: Field, value: Given) -> _Fitted:
+    """The value as the API takes it and an empty text, or None and what is wrong.
+
+    An array takes a list, or where its number of elements is fixed one value for all of them; flags take a number or
+    a list of names. Structs, groups and padding take none.
+    """
+    if field.kind in (FieldKind.STRUCT, FieldKind.BITS, FieldKind.PADDING):
+        return None, f"`{field.name}` has no value of its own; give those of its fields, or leave it out"
+    if field.count is None and not field.is_list:
+        return _fit_one(field, value)
+    if not isinstance(value, list) or (field.flags and all(isinstance(item, str) for item in value)):
+        if field.count is None:
+            return None, f"`{field.name}` has a varying number of elements; write a list, such as []"
+        fitted, fault = _fit_one(field, value)
+        return (None, fault) if fault else ((fitted,) * field.count, "")  # type: ignore[return-value]
+    most = field.count or field.max_count
+    if len(value) > most or (field.count is not None and len(value) != most):
+        wanted = f"it has {most}" if field.count is not None else f"it has at most {most}"
+        return None, f"{len(value)} elements do not fit `{field.name}`; {wanted}"
+    found: list[_Single] = []
+    for item in value:
+        one, fault = _fit_one(field, item)
+        if fault or not isinstance(one, float | int | str):
+            return None, fault
+        found.append(one)
+    return tuple(found), ""
+
+
+def _fit_one(field: Field, value: Given) -> _Fitted:
+    if isinstance(value, list):
+        return _fit_flags(field, value)
+    if field.kind == FieldKind.BOOL:
+        return (value, "") if isinstance(value, bool) else (None, f"`{field.name}` is a bool; write true or false")
+    if field.kind == FieldKind.TEXT:
+        if not isinstance(value, str):
+            return None, f"`{field.name}` is a text; put the value in quotes"
+        size, room = len(value.encode()), field.max_wire_bytes
+        fault = f"the text has {size} bytes, and `{field.name}` has room for {room}"
+        return (value, "") if size <= room else (None, fault)
+    if field.kind == FieldKind.BYTES:
+        return _fit_bytes(field, value)
+    if isinstance(value, str):
+        names = dict(field.enum)
+        if value in names:
+            return value, ""
+        if names:
+            return None, f"{quoted(value)} is not a name of `{field.name}`; {suggestion(value, names)}"
+    if isinstance(value, (bool, str)):
+        shown = str(value).lower() if isinstance(value, bool) else value
+        return None, f"{quoted(shown)} is not a number; `{field.name}` takes a number"
+    return _fit_number(field, value)
+
+
+def _fit_bytes(field: Field, value: Fraction | bool | str) -> _Fitted:
+    tokens = value.split() if isinstance(value, str) else [""]
+    if not all(_BYTE.fullmatch(token) for token in tokens):
+        return None, f"`{field.name}` is a byte string; write its bytes as 0xAA 0x55"
+    room = field.max_wire_bytes
+    if len(tokens) > room:
+        return None, f"these are {len(tokens)} bytes, and `{field.name}` has room for {room}; write no more"
+    return bytes(int(token, 16) for token in tokens), ""
+
+
+def _fit_flags(field: Field, value: list[Fraction | bool | str]) -> _Fitted:
+    if not field.flags:
+        return None, f"`{field.name}` is one value; write it without [ and ]"
+    bits = dict(field.flags)
+    unknown = [item for item in value if item not in bits]
+    if unknown:
+        shown = unknown[0] if isinstance(unknown[0], str) else str(unknown[0]).lower()
+        return None, f"{quoted(shown)} is not a flag of `{field.name}`; {suggestion(shown, bits)}"
+    return sum(1 << bits[str(item)] for item in dict.fromkeys(value)), ""
+
+
+def _fit_number(field: Field, value: Fraction) -> tuple[float | int | None, str]:
+    lowest, highest = value_limits(field)
+    if field.minimum is not None and field.maximum is not None:
+        lowest, highest = max(lowest, Fraction(field.minimum)), min(highest, Fraction(field.maximum))
+        # The bounds were decimals: what equals one as a double is inside.
+        value = min(max(value, lowest), highest) if float(value) in (field.minimum, field.maximum) else value
+    if not lowest <= value <= highest:
+        limits = f"from {number_text(lowest)} to {number_text(highest)}"
+        return None, f"{number_text(value)} does not fit `{field.name}`, which takes values {limits}"
+    if field.kind in INTEGERS and not field.is_scaled:
+        if value.denominator != 1:
+            return (
+                None,
+                f"{number_text(value)} is not a whole number, and `{field.name}` takes whole numbers; add a `scale`?",
+            )
+        if field.enum and int(value) not in dict(field.enum).values():
+            return (
+                None,
+                f"{value} has no name in `{field.name}`; write one of {', '.join(name for name, _ in field.enum)}",
+            )
+        unnamed = int(value) & ~sum(1 << bit for _, bit in field.flags)
+        if field.flags and unnamed:
+            return (
+                None,
+                f"bit {unnamed.bit_length() - 1} of {value} has no name in `{field.name}`; name it, or leave it 0",
+            )
+        return int(value), ""
+    return float(value), ""

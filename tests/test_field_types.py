@@ -1,0 +1,384 @@
+"""Every way in which fields lie on the wire: the engine against packing by hand, the generated C++ against it."""
+
+from __future__ import annotations
+
+import random
+import struct
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from crccheck.crc import CrcModbus
+from hypothesis import given
+from hypothesis import strategies as st
+
+import wirebond
+from tests.shared import ROOT
+from tests.streams import random_values
+from wirebond import MessageError
+from wirebond.codegen import generate_cpp
+from wirebond.codegen.cpp import struct_names
+
+SHAPES = wirebond.load(ROOT / "python" / "tests" / "codegen" / "every_shape.yaml")
+# What C++ does not judge: its bool and text take any byte, its flags any bit.
+ONLY_IN_PYTHON = (" is not UTF-8", ", a bool is 0 or 1", " has unnamed bits set: ")
+
+
+def payload_of(message: str, values: dict[str, Any]) -> bytes:
+    frame = SHAPES.encode(message, values)
+    return frame[4:-2]
+
+
+def received(message: str, payload: bytes) -> wirebond.Message:
+    number = SHAPES.model.message(message).id
+    body = b"\xaa" + struct.pack("<HB", len(payload), number) + payload
+    (found,) = SHAPES.decoder("host" if message in ("magnitudes", "defaults") else "mcu").feed(
+        body + struct.pack("<H", CrcModbus.calc(body))
+    )
+    assert found.name == message
+    return found
+
+
+# ---- bits, counted by hand in one big integer
+
+
+def low_first(numbers: list[int], width: int) -> bytes:
+    bits = sum((n % 2**width) << (width * i) for i, n in enumerate(numbers))
+    return bits.to_bytes((width * len(numbers) + 7) // 8, "little")
+
+
+def high_first(numbers: list[int], width: int) -> bytes:
+    text = "".join(f"{n % 2**width:0{width}b}" for n in numbers)
+    text += "0" * (-len(text) % 8)
+    return int(text, 2).to_bytes(len(text) // 8, "big")
+
+
+def magnitude(number: int, width: int) -> int:
+    return abs(number) + (2 ** (width - 1) if number < 0 else 0)
+
+
+def ints(low: int, high: int, count: int) -> st.SearchStrategy[list[int]]:
+    return st.lists(st.integers(low, high), min_size=count, max_size=count)
+
+
+@given(
+    mode=st.sampled_from([0, 1, 2]), gain=st.integers(0, 24), trim=st.integers(-8, 7), armed=st.booleans(),
+    kind=st.sampled_from([-1, 1]), wide=st.integers(0, 2**13 - 1), amount=st.integers(-31, 31),
+    flags=st.sampled_from([0, 1, 4, 5]), whole=st.integers(0, 2**64 - 1), a=st.integers(-(2**32) + 1, 2**32 - 1),
+    b=st.integers(-64, 63),
+)  # fmt: skip
+def test_bit_fields_lie_as_integers_shifted_by_hand(
+    mode: int, gain: int, trim: int, armed: bool, kind: int, wide: int, amount: int, flags: int, whole: int, a: int,
+    b: int,
+) -> None:  # fmt: skip
+    values = {
+        "low": {"mode": ["off", "slow", "fast"][mode], "gain": gain / 2, "trim": trim, "armed": armed},
+        "high": {
+            "kind": "minus" if kind < 0 else "plus",
+            "wide": wide,
+            "amount": amount,
+            "flags": [name for name, bit in (("first", 1), ("last", 4)) if flags & bit],
+        },
+        "whole": {"all": whole},
+        "much": {"a": a, "b": b / 10},
+    }
+    low = mode | gain << 3 | (trim & 15) << 10 | armed << 14
+    high = (kind & 3) << 22 | wide << 9 | magnitude(amount, 6) << 3 | flags
+    much = magnitude(a, 33) | (b & 127) << 33
+    expected = low.to_bytes(2, "little") + high.to_bytes(3, "big") + whole.to_bytes(8, "little")
+    expected += much.to_bytes(5, "little")
+    assert payload_of("bits", values) == expected
+    message = received("bits", expected)
+    assert message.fields == values
+    assert message.violations == []
+
+
+@given(
+    channels=ints(0, 2047, 16), angles=ints(-4096, 4095, 5), switches=ints(0, 1, 11), levels=ints(-15, 15, 3),
+    modes=st.lists(st.sampled_from([0, 1, 3]), min_size=5, max_size=5), huge=ints(0, 2**63 - 1, 3),
+)  # fmt: skip
+def test_packed_streams_lie_as_one_big_integer(
+    channels: list[int], angles: list[int], switches: list[int], levels: list[int], modes: list[int], huge: list[int]
+) -> None:
+    values = {
+        "channels": channels,
+        "angles": [n / 100 for n in angles],
+        "switches": [bool(n) for n in switches],
+        "levels": levels,
+        "modes": ["ab?c"[n] for n in modes],
+        "huge": huge,
+    }
+    expected = low_first(channels, 11) + bytes(2) + high_first(angles, 13) + low_first(switches, 1)
+    expected += high_first([magnitude(n, 5) for n in levels], 5) + low_first(modes, 2) + high_first(huge, 63)
+    assert payload_of("streams", values) == expected
+    message = received("streams", expected)
+    assert message.fields == values
+    assert message.violations == []
+
+
+@given(
+    s8=st.integers(-127, 127), s16=st.integers(-(2**15) + 1, 2**15 - 1), s24=ints(-(2**23) + 1, 2**23 - 1, 2),
+    s64=st.integers(-(2**63) + 1, 2**63 - 1), scaled=st.integers(-(10**6), 10**6), u40=st.integers(0, 2**40 - 1),
+    i40=st.integers(-(2**39), 2**39 - 1), u48=st.integers(0, 2**48 - 1), i56=st.integers(-(2**55), 2**55 - 1),
+)  # fmt: skip
+def test_sign_and_amount_and_odd_widths_lie_as_integers_packed_by_hand(
+    s8: int, s16: int, s24: list[int], s64: int, scaled: int, u40: int, i40: int, u48: int, i56: int
+) -> None:
+    values = {"s8": s8, "s16": s16, "s24": s24, "s64": s64, "scaled": scaled / 1000}
+    values |= {"u40": u40, "i40": i40, "u48": u48 / 1000, "i56": i56}
+    expected = bytes([magnitude(s8, 8)]) + magnitude(s16, 16).to_bytes(2, "big")
+    expected += b"".join(magnitude(n, 24).to_bytes(3, "little") for n in s24) + magnitude(s64, 64).to_bytes(8, "little")
+    expected += (
+        magnitude(scaled, 32).to_bytes(4, "big") + u40.to_bytes(5, "little") + i40.to_bytes(5, "big", signed=True)
+    )
+    expected += u48.to_bytes(6, "big") + i56.to_bytes(7, "little", signed=True)
+    assert payload_of("magnitudes", values) == expected
+    assert received("magnitudes", expected).fields == values
+
+
+def test_minus_zero_is_zero() -> None:
+    payload = bytes([0x80]) + bytes(SHAPES.model.message("magnitudes").min_payload - 1)
+    assert received("magnitudes", payload).fields["s8"] == 0
+
+
+# ---- structs, groups, counted strings
+
+
+def point(x: int, y: int) -> bytes:
+    return struct.pack("<h", x) + struct.pack(">h", y)
+
+
+SCAN = {
+    "origin": {"at": {"x": 1.0, "y": -2.0}, "mode": "moving"},
+    "points": [{"x": 0.001, "y": 0.002}, {"x": -0.003}],
+    "echoes": [0x0102, 0x0304],
+    "corners": [{"pose": {"at": {"x": 0.0}}, "far": 1.5}, {"pose": {"at": {"x": 0.0}}, "far": -1.0}],
+    "name": "né",
+    "own": {"raw": b"\x09\x08"},
+    "legs": [{"steps": [{"size": -1, "on": {"it": True}}]}, {"steps": []}],
+}
+SCAN_BYTES = b"".join(
+    (
+        b"\x02", point(1000, -2000), b"\x01", point(1, 2), point(-3, 0), b"\x01\x02\x03\x04", b"\x03\x00",
+        point(0, 0), b"\x00", struct.pack("<f", 1.5), point(0, 0), b"\x00", struct.pack("<f", -1.0), "né".encode(),
+        b"\x07\x02\x09\x08", b"\x01\xff\x01", b"\x00",
+    )
+)  # fmt: skip
+
+
+def test_structs_and_groups_lie_as_packed_by_hand() -> None:
+    assert payload_of("scan", SCAN) == SCAN_BYTES
+    message = received("scan", SCAN_BYTES)
+    assert message.violations == []
+    assert message.fields["points"] == [{"x": 0.001, "y": 0.002}, {"x": -0.003, "y": 0.0}]
+    assert message.fields["own"] == {"a": 7, "counted": 2, "raw": b"\x09\x08"}
+    assert message.fields["legs"][0] == {"many": 1, "steps": [{"size": -1, "on": {"it": True}}]}
+    assert (message.fields["n"], message.fields["name"], message.fields["echoes"]) == (2, "né", [0x0102, 0x0304])
+    assert payload_of("scan", message.fields) == SCAN_BYTES
+
+
+def test_what_is_left_out_takes_its_default() -> None:
+    payload = payload_of("defaults", {})
+    assert payload == struct.pack("<3h2f", 1, -2, 3, 0.5, 0.5) + b"\x01\x01\x01\x00\x09\x01\x02\x00\x09\x07\x08"
+    assert received("defaults", payload).fields["place"] == {"x": 9}
+    assert payload_of("samples", {}) == b"\x05\x00\x00\x00"
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"points": [{"x": 1}, {"x": 31}]}, "scan.points[1].x = 31 m is outside -30 ... 30 m"),
+        ({"points": [{"y": 1}, {"x": 1}]}, "scan.points[0] needs x, which has no default"),
+        ({"points": [{"x": 1, "z": 1}]}, "scan.points[0] has no field 'z'; it has x, y"),
+        ({"points": [5]}, "scan.points[0] is 5 (int); expected a dict of x, y"),
+        ({"points": {"x": 1}}, "scan.points is {'x': 1} (dict); expected a list of at most 5"),
+        ({"points": [{"x": 0}] * 6}, "scan.points has 6 elements; expected at most 5"),
+        ({"points": [{"x": 0}]}, "scan.n is 1, and scan.echoes, which it counts, has 2 elements"),
+        ({"n": 3}, "scan.n is 3, and scan.points, which it counts, has 2 elements; leave n out, it is counted"),
+        ({"n": 300}, "scan.n = 300 does not fit its 8-bit wire type, which holds 0 ... 255"),
+        ({"corners": []}, "scan.corners has 0 elements; expected 2"),
+        ({"name": "0123456789"}, "scan.name has 10 bytes; it holds at most 9"),
+        ({"own": {"raw": "x"}}, "scan.own.raw is 'x' (str); expected bytes"),
+        ({"own": 3}, "scan.own is 3 (int); expected a dict of a, counted, raw"),
+        ({"legs": [{"steps": [{"size": 1, "on": {"it": 2}}]}]}, "scan.legs[0].steps[0].on.it is 2 (int); expected"),
+    ],
+)  # fmt: skip
+def test_wrong_value_within_a_struct_is_refused_with_its_path(change: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(MessageError) as caught:
+        SHAPES.encode("scan", SCAN | change)
+    assert sentence in str(caught.value)
+
+
+def changed(at: int, value: int) -> bytes:
+    return SCAN_BYTES[:at] + bytes([value]) + SCAN_BYTES[at + 1 :]
+
+
+@pytest.mark.parametrize(
+    ("payload", "sentence"),
+    [
+        (changed(0, 200), "scan.n tells 200 elements, and scan.points has at most 5"),
+        (SCAN_BYTES[:28], "scan.n tells 2 elements, and scan.points has 0 in this payload"),
+        (changed(18, 200), "scan.name_size tells 200 bytes, and scan.name has at most 9"),
+        (changed(len(SCAN_BYTES) - 4, 3), "scan.legs[0].many tells 3 elements, and scan.legs[0].steps has 1 in this"),
+        (changed(5, 7), "scan.origin.mode is 7, which is no enumerator"),
+        (changed(7, 0x7F), "scan.points[0].x = 32.513 m is outside -30 ... 30 m"),
+        (changed(len(SCAN_BYTES) - 1, 9), "scan.legs[1].many tells 9 elements"),
+    ],
+    ids=range(7),
+)
+def test_payload_that_contradicts_itself_is_delivered_with_its_violation(payload: bytes, sentence: str) -> None:
+    message = received("scan", payload)
+    assert [text for text in message.violations if sentence in text]
+    assert set(message.fields) >= set(SCAN)
+
+
+def test_columns_have_dotted_names_and_lists_where_elements_vary() -> None:
+    source = random.Random(5)
+    frames = [SHAPES.encode("scan", random_values(SHAPES.model.message("scan"), source)) for _ in range(200)]
+    frames += [SHAPES.encode("bits", random_values(SHAPES.model.message("bits"), source)) for _ in range(50)]
+    stream = b"".join(frames)
+    messages = SHAPES.decoder("mcu").feed(stream)
+    columns = SHAPES.decode_columns(stream, "mcu")
+    rows = [m.fields for m in messages if m.name == "scan"]
+    scan = columns["scan"]
+    assert scan["origin.at.x"].tolist() == [row["origin"]["at"]["x"] for row in rows]
+    assert scan["own.a"].tolist() == [row["own"]["a"] for row in rows]  # behind what varies
+    assert scan["own.raw"] == [row["own"]["raw"] for row in rows]
+    assert scan["n"].tolist() == [row["n"] for row in rows]
+    for name in ("points", "echoes", "corners", "name", "legs"):
+        assert scan[name] == [row[name] for row in rows]
+    bits = [m.fields for m in messages if m.name == "bits"]
+    assert columns["bits"]["low.gain"].tolist() == [row["low"]["gain"] for row in bits]
+    assert columns["bits"]["much.a"].tolist() == [row["much"]["a"] for row in bits]
+    assert columns["bits"]["high.amount"].dtype == "int8"
+
+
+def test_columns_of_packed_streams_have_a_row_for_each_message() -> None:
+    source = random.Random(6)
+    frames = [SHAPES.encode("streams", random_values(SHAPES.model.message("streams"), source)) for _ in range(20)]
+    table = SHAPES.decode_columns(b"".join(frames), "mcu")["streams"]
+    fields = [m.fields for m in SHAPES.decoder("mcu").feed(b"".join(frames))]
+    assert table["channels"].shape == (20, 16)
+    assert table["channels"].tolist() == [f["channels"] for f in fields]
+    assert table["angles"].tolist() == [f["angles"] for f in fields]
+    assert table["switches"].tolist() == [f["switches"] for f in fields]
+    assert "gap" not in table
+
+
+# ---- the generated C++
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Reads lines of an index and a payload; answers with violations and the payload written again."""
+    folder = tmp_path_factory.mktemp("fields")
+    generate_cpp(SHAPES.model, folder)
+    cases = "\n".join(
+        f"    case {index}: answer<shapes::{struct_name}>(bytes); break;"
+        for index, struct_name in enumerate(struct_names(SHAPES.model).values())
+    )
+    (folder / "main.cpp").write_text(
+        """
+        #include <cstdio>
+        #include <iostream>
+        #include <memory>
+        #include <sstream>
+        #include <string>
+        #include <vector>
+        #include "shapes.hpp"
+        template <class Message> void answer(const std::vector<std::uint8_t>& bytes) {
+          Message message;
+          const std::unique_ptr<std::uint8_t[]> exact(new std::uint8_t[bytes.size()]);  // so that overruns are seen
+          std::copy(bytes.begin(), bytes.end(), exact.get());
+          if (!decode(exact.get(), bytes.size(), message)) { std::puts("refused"); return; }
+          std::vector<std::uint8_t> out(payload_bytes(message), 0xEE);
+          const bool written = write_payload(message, out.data());
+          std::printf("%u ", static_cast<unsigned>(violations(message)));
+          for (const std::uint8_t byte : out) std::printf("%02x", byte);
+          std::puts(written ? "" : "-");
+        }
+        int main() {
+          std::string line;
+          while (std::getline(std::cin, line)) {
+            std::istringstream words(line);
+            int index = 0;
+            std::string hex;
+            words >> index >> hex;
+            std::vector<std::uint8_t> bytes;
+            for (std::size_t i = 0; i + 1 < hex.size(); i += 2) {
+              bytes.push_back(static_cast<std::uint8_t>(std::stoi(hex.substr(i, 2), nullptr, 16)));
+            }
+            switch (index) {
+        """
+        + cases
+        + "\n    }\n  }\n}\n",
+        encoding="utf-8",
+    )
+    made = folder / "fields"
+    sanitize = ["-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-tree-pta"]
+    command = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", *sanitize, f"-I{folder}"]
+    command += [str(folder / "main.cpp"), "-o", str(made)]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    return made
+
+
+def answers(program: Path, payloads: list[tuple[int, bytes]]) -> list[str]:
+    text = "".join(f"{index} {payload.hex()}\n" for index, payload in payloads)
+    done = subprocess.run([str(program)], input=text, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def test_generated_code_writes_what_the_engine_writes(program: Path) -> None:
+    source = random.Random(7)
+    messages = SHAPES.model.messages
+    payloads = [
+        (index, payload_of(message.name, random_values(message, source)))
+        for index, message in enumerate(messages)
+        for _ in range(200)
+    ]
+    assert answers(program, payloads) == [f"0 {payload.hex()}" for _, payload in payloads]
+
+
+def damaged(payload: bytes, source: random.Random) -> bytes:
+    """One byte changed, some cut off or some put on; or nothing that a sender would send."""
+    kind = source.randrange(4)
+    if kind == 0 and payload:
+        at = source.randrange(len(payload))
+        return payload[:at] + bytes([source.choice([0, 1, 2, 3, 5, 255, source.randrange(256)])]) + payload[at + 1 :]
+    if kind == 1:
+        return payload[: source.randrange(len(payload) + 1)]
+    if kind == 2:
+        return payload + source.randbytes(source.randrange(5))
+    return source.randbytes(len(payload))
+
+
+def test_generated_code_and_engine_judge_any_payload_alike(program: Path) -> None:
+    source = random.Random(8)
+    messages = SHAPES.model.messages
+    payloads = []
+    while len(payloads) < 4000:
+        index = source.randrange(len(messages))
+        message = messages[index]
+        payload = damaged(payload_of(message.name, random_values(message, source)), source)
+        if len(payload) >= message.min_payload:
+            payloads.append((index, payload))
+    refused = passed = 0
+    for (index, payload), answer in zip(payloads, answers(program, payloads), strict=True):
+        name = messages[index].name
+        message = received(name, payload)
+        judged = [text for text in message.violations if not any(mark in text for mark in ONLY_IN_PYTHON)]
+        contradicts = any(" tells " in text for text in judged)
+        assert (answer == "refused") == contradicts, (name, payload.hex(), judged)
+        if contradicts:
+            refused += 1
+            continue
+        violations, _, written = answer.partition(" ")
+        assert (violations != "0") == bool(judged), (name, payload.hex(), judged)
+        if not message.violations:
+            passed += 1
+            assert written == payload_of(name, message.fields).hex(), (name, payload.hex())
+    assert refused > 100
+    assert passed > 500
