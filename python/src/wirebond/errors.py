@@ -36,6 +36,14 @@ class ProtocolFileError(WirebondError):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
+class HeaderFileError(WirebondError):
+    """A C header cannot be imported. ``problems`` holds the reasons, at least one."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems: tuple[Problem, ...] = tuple(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
 class UsageError(WirebondError, ValueError):
     """The program asked for something that the protocol or the call does not have."""
 

@@ -14,7 +14,7 @@ import typer
 from rich.markup import escape
 
 from wirebond.cli.output import console, errors, fail
-from wirebond.errors import LinkDownError, PortError, ProtocolFileError, UsageError, WirebondError
+from wirebond.errors import HeaderFileError, LinkDownError, PortError, ProtocolFileError, UsageError, WirebondError
 
 EXIT_INPUT, EXIT_USAGE, EXIT_PORT = 1, 2, 3
 
@@ -145,6 +145,39 @@ def gen(
 
 
 @app.command()
+def doc(
+    file: ProtocolFile,
+    out: Annotated[Path | None, typer.Option(help="File to write to; without it: stdout.")] = None,
+) -> None:
+    """Write the protocol's own document in Markdown, for people who write the other end without Wirebond."""
+    from wirebond.cli.files import write_document
+
+    write_document(file, out)
+
+
+@app.command()
+def new(
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="The file to write; it must not exist.")],
+    template: Annotated[str, typer.Option(help="native (recommended), fixed or length.")] = "native",
+) -> None:
+    """Write a commented first protocol file."""
+    from wirebond.cli.files import write_first_file
+
+    write_first_file(path, template)
+
+
+@app.command(name="import")
+def import_header(
+    header: Annotated[Path, typer.Argument(metavar="HEADER.h", help="A C header with packed structs and enums.")],
+    out: Annotated[Path | None, typer.Option(help="File to write to; it must not exist. Without it: stdout.")] = None,
+) -> None:
+    """Write a first protocol file from a C header's structs, with comments on what the header cannot tell."""
+    from wirebond.cli.files import import_structs
+
+    import_structs(header, out)
+
+
+@app.command()
 def demo(seconds: Seconds = None) -> None:
     """Drive a simulated rover over a tty and watch the link, until Ctrl-C."""
     from wirebond.cli.demo import run_demo
@@ -176,7 +209,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     """
     try:
         app(args=arguments)
-    except ProtocolFileError as error:
+    except (ProtocolFileError, HeaderFileError) as error:
         for problem in error.problems:
             errors.print(escape(str(problem)))
         sys.exit(EXIT_INPUT)

@@ -34,9 +34,15 @@ def number_type(letter: str, size: int, order: ByteOrder) -> str:
 
 
 def field_type(field: Field) -> str:
-    """``i16``, ``f32``, ``text``: the word behind ``type:``."""
-    letter = _LETTERS.get(field.kind)
-    return field.kind.value if letter is None else number_type(letter, field.size, field.order)
+    """``i16``, ``u11``, ``f32``, ``text``: the word behind ``type:``; of a struct the name of its type."""
+    if field.kind == FieldKind.STRUCT:
+        return field.type_name or "struct"
+    if field.kind == FieldKind.BITS:
+        return f"bits of {number_type('u', field.size, field.order)}"
+    letter = "s" if field.sign_magnitude else _LETTERS.get(field.kind)
+    if letter is None:
+        return field.kind.value
+    return f"{letter}{field.bits}" if field.bits else number_type(letter, field.size, field.order)
 
 
 def range_text(parts: tuple[Part, ...], first: int, last: int) -> str:

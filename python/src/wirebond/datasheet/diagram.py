@@ -1,0 +1,55 @@
+"""The frame as a drawing in characters: its parts side by side, and under them what each check covers."""
+
+from __future__ import annotations
+
+from wirebond.explain.judge import hex_of
+from wirebond.protocol.model import Frame, Part, PartKind, PayloadRule
+
+_STUFFINGS = {"cobs": "COBS", "escape": "escapes"}
+
+
+def diagram(frame: Frame, longest_payload: int) -> list[str]:
+    parts = frame.parts
+    columns = [_column(part, longest_payload) for part in parts]
+    widths = [max(len(line) for line in column) + 2 for column in columns]
+    rule = "+" + "+".join("-" * width for width in widths) + "+"
+    lines = [rule]
+    for row in range(3):
+        lines.append("|" + "|".join(f" {c[row]:<{w - 1}}" for c, w in zip(columns, widths, strict=True)) + "|")
+    lines.append(rule)
+    starts = [1 + sum(widths[:i]) + i for i in range(len(parts))]
+    for part in parts:
+        if part.kind == PartKind.CHECK:
+            first, end = starts[part.first], starts[part.last] + widths[part.last]
+            span = "<" + "-" * (end - first - 2) + ">"
+            lines.append(" " * first + span + f"  covered by {part.name}")
+    around = _around(frame)
+    return [*lines, "", f"on the wire:  {around}"] if around else lines
+
+
+def _around(frame: Frame) -> str:
+    inside = "these parts"
+    if frame.stuffing != "none":
+        inside = f"{_STUFFINGS.get(frame.stuffing, frame.stuffing)}( {inside} )"
+    if frame.ends_by_silence:
+        return f"silence  {inside}  silence"
+    if frame.delimiter is None:
+        return ""
+    opening = "" if frame.opening is None else f"{frame.opening:02X}  "
+    return f"{opening}{inside}  {frame.delimiter:02X}"
+
+
+def _column(part: Part, longest_payload: int) -> tuple[str, str, str]:
+    """Name, content, size."""
+    name = f"{part.name} ?" if part.condition is not None else part.name
+    if part.kind == PartKind.PAYLOAD:
+        size = str(part.fixed_payload) if part.payload == PayloadRule.FIXED else f"0..{longest_payload}"
+        return name, "fields", f"{size} bytes"
+    content = hex_of(part.value)
+    if part.by_sender or part.alternatives:
+        content = " / ".join(hex_of(value) for value in part.alternatives or [v for _, v in part.by_sender])
+    if part.kind == PartKind.RESERVED:
+        content = hex_of(bytes(min(part.size, 4))) + (" .." if part.size > 4 else "")
+    if part.kind == PartKind.CHECK and part.algorithm is not None:
+        content = part.algorithm.name
+    return name, content, f"{part.size} byte{'s' * (part.size != 1)}"

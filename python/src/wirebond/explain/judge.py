@@ -1,0 +1,451 @@
+"""One candidate against its format's rules, in the order in which the decoder applies them. No stream, no sentences.
+
+Written from the model's parts alone, without the engine's plan of offsets: tests let both judge the same bytes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import lru_cache
+
+from wirebond.checksum import checksum
+from wirebond.protocol.model import (
+    BitRole,
+    ByteOrder,
+    Condition,
+    End,
+    Frame,
+    LengthCounts,
+    Message,
+    Part,
+    PartKind,
+    PayloadRule,
+    Protocol,
+)
+from wirebond.protocol.plan import Variant, variants
+
+CONSTANTS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
+
+
+class Outcome(StrEnum):
+    FRAME = "frame"
+    INCOMPLETE = "incomplete"  # nothing is wrong yet, and more bytes must come
+    REFUSED = "refused"
+
+
+class Question(StrEnum):
+    """What a rule asks."""
+
+    CONSTANT = "constant"
+    LENGTH = "length"
+    MESSAGE = "message"
+    SIZE = "size"
+    CHECK = "check"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One rule that was applied. ``part`` indexes the judgement's parts; None: the frame as a whole."""
+
+    question: Question
+    part: int | None
+    holds: bool
+    expected: str
+    found: str
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """``cause`` is the decoder's word where the outcome is no frame. ``extent``: the frame's size; or so many of
+    the candidate's bytes the refusal was about; or so many are needed to go on. ``parts``: those that are there, of a
+    format whose frames differ. ``payload`` is its place in the frame, where its size is known."""
+
+    outcome: Outcome
+    cause: str
+    extent: int
+    parts: tuple[Part, ...]
+    rules: tuple[Rule, ...]
+    id: int | None = None
+    message: Message | None = None  # with this id, even where the payload does not fit it
+    payload: tuple[int, int] | None = None
+
+    @property
+    def is_frame(self) -> bool:
+        return self.outcome == Outcome.FRAME
+
+    @property
+    def failed(self) -> Rule | None:
+        return next((rule for rule in self.rules if not rule.holds), None)
+
+    @property
+    def payload_size(self) -> int | None:
+        return None if self.payload is None else self.payload[1] - self.payload[0]
+
+    @property
+    def seed(self) -> int:
+        return self.message.seed or 0 if self.message is not None else 0
+
+    @property
+    def trims_zeros(self) -> bool:
+        return self.parts[payload_index(self.parts)].trims_zeros
+
+    @property
+    def delivered_as(self) -> str:
+        """The message's name, or "unknown": no such id, or a payload too short for it."""
+        message = self.message
+        long_enough = message is not None and (self.trims_zeros or (self.payload_size or 0) >= message.min_payload)
+        return message.name if message is not None and long_enough else "unknown"
+
+    def payload_of(self, data: bytes) -> bytes:
+        """The payload in the frame's bytes, with the zeros that were not sent."""
+        start, stop = self.payload or (0, 0)
+        payload = data[start:stop]
+        return payload.ljust(self.message.min_payload, b"\0") if self.message and self.trims_zeros else payload
+
+
+def hex_of(data: bytes) -> str:
+    return data.hex(" ").upper()
+
+
+def read_number(part: Part, data: bytes) -> int:
+    return int.from_bytes(data, "big" if part.order == ByteOrder.BIG else "little")
+
+
+def payload_index(parts: tuple[Part, ...]) -> int:
+    return next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
+
+
+def index_with(parts: tuple[Part, ...], kind: PartKind, role: BitRole) -> int | None:
+    """The part of this kind, or the one with such a run of bits."""
+    found = (i for i, p in enumerate(parts) if p.kind == kind or any(run.role == role for run in p.bits))
+    return next(found, None)
+
+
+def length_index(parts: tuple[Part, ...]) -> int | None:
+    return index_with(parts, PartKind.LENGTH, BitRole.LENGTH)
+
+
+def id_index(parts: tuple[Part, ...]) -> int | None:
+    return index_with(parts, PartKind.ID, BitRole.ID)
+
+
+def id_text(parts: tuple[Part, ...], number: int) -> str:
+    """With as many digits as the id has on the wire."""
+    index = id_index(parts)
+    return f"0x{number:0{2 * parts[index].size if index is not None else 2}X}"
+
+
+def run_value(part: Part, number: int, role: BitRole) -> int:
+    """What a number part means as this: itself, or its run of bits."""
+    run = next((run for run in part.bits if run.role == role), None)
+    return number if run is None else number >> run.shift & run.mask
+
+
+def spans(parts: tuple[Part, ...], payload_size: int) -> list[tuple[int, int]]:
+    """Where each part begins and ends."""
+    found = []
+    at = 0
+    for part in parts:
+        size = payload_size if part.kind == PartKind.PAYLOAD else part.size
+        found.append((at, at + size))
+        at += size
+    return found
+
+
+def counted_beside_payload(parts: tuple[Part, ...], index: int) -> int:
+    """Bytes that the length part at ``index`` counts besides the payload, its offset included."""
+    part = parts[index]
+    follows = sum(p.size for p in parts[index + 1 :])
+    return (
+        part.length_offset
+        + {
+            LengthCounts.PAYLOAD: 0,
+            LengthCounts.REST: follows,
+            LengthCounts.SELF_AND_REST: part.size + follows,
+            LengthCounts.FRAME: sum(p.size for p in parts),
+        }[part.counts]
+    )
+
+
+def check_value(part: Part, covered: bytes, seed: int) -> bytes:
+    """What a check part holds on the wire when it covers these bytes."""
+    assert part.algorithm is not None
+    size = part.size // 2 if part.as_hex else part.size
+    value = checksum(part.algorithm, covered + bytes([seed]) if part.seeded else covered) >> part.shift
+    value &= (1 << 8 * size) - 1
+    if part.as_hex:
+        return f"{value:0{part.size}X}".encode()
+    return value.to_bytes(size, "big" if part.order == ByteOrder.BIG else "little")
+
+
+def same_check(part: Part, expected: bytes, found: bytes) -> bool:
+    """Hex digits may be of either case."""
+    return found.upper() == expected if part.as_hex else found == expected
+
+
+def shown_check(part: Part, value: bytes) -> str:
+    return value.decode("ascii", errors="replace") if part.as_hex else hex_of(value)
+
+
+class _FormsOf:
+    """A frame and a sender as a key that compares by identity: a frame's parts are long to compare."""
+
+    __slots__ = ("frame", "sender")
+
+    def __init__(self, frame: Frame, sender: End | None) -> None:
+        self.frame, self.sender = frame, sender
+
+    def __hash__(self) -> int:
+        return hash((id(self.frame), self.sender))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _FormsOf) and other.frame is self.frame and other.sender == self.sender
+
+
+@lru_cache(maxsize=256)
+def _forms(key: _FormsOf) -> list[Variant]:
+    return variants(key.frame.parts, key.sender)
+
+
+def forms(protocol: Protocol, sender: End | None) -> list[Variant]:
+    """The forms that a frame can have, by magic and by the header's bits; most formats have one."""
+    return _forms(_FormsOf(protocol.frame, sender))
+
+
+def fixed_bits(part: Part, conditions: tuple[tuple[Condition, bool], ...]) -> tuple[int, int]:
+    """Mask and value of the bits of a number part that cannot vary in this form."""
+    mask = value = 0
+    for run in part.bits:
+        if run.role == BitRole.CONSTANT:
+            mask |= run.mask << run.shift
+            value |= run.value << run.shift
+    for condition, truth in conditions:
+        runs = [(run.name, run.shift) for run in part.bits] or [(part.name, 0)]
+        for name, shift in runs:
+            if name == condition.field:
+                mask |= 1 << shift + condition.bit
+                value |= int(truth) << shift + condition.bit
+    return mask, value
+
+
+def judge(protocol: Protocol, data: bytes, sender: End | None, *, whole: bool = False) -> Judgement:
+    """The verdict on the candidate that begins with ``data``. ``whole``: its size is known to be ``len(data)``.
+
+    Of several forms the first that holds; else the refusal of the one that got furthest. Pure; work is one pass over
+    at most one frame for each form.
+    """
+    best: Judgement | None = None
+    for form in forms(protocol, sender):
+        found = _Judge(protocol, form, data, sender, whole).verdict()
+        if found.is_frame:
+            return found
+        if best is None or _is_nearer(found, best):
+            best = found
+    assert best is not None, "every format has a form"
+    return best
+
+
+def _is_nearer(found: Judgement, best: Judgement) -> bool:
+    waits, best_waits = found.outcome == Outcome.INCOMPLETE, best.outcome == Outcome.INCOMPLETE
+    if waits:
+        return not best_waits or found.extent < best.extent
+    return not best_waits and found.extent > best.extent
+
+
+class _Decided(Exception):  # noqa: N818  (an outcome, not an error)
+    def __init__(self, outcome: Outcome, cause: str, size: int) -> None:
+        self.outcome, self.cause, self.size = outcome, cause, size
+
+
+@dataclass
+class _Judge:
+    protocol: Protocol
+    form: Variant
+    data: bytes
+    sender: End | None
+    whole: bool
+    rules: list[Rule] = field(default_factory=list)
+    id: int | None = None
+    message: Message | None = None
+    payload: tuple[int, int] | None = None
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return self.form.parts
+
+    def verdict(self) -> Judgement:
+        try:
+            decided = _Decided(Outcome.FRAME, "", self._go_through())
+        except _Decided as outcome:
+            decided = outcome
+        return Judgement(
+            decided.outcome,
+            decided.cause,
+            decided.size,
+            self.parts,
+            tuple(self.rules),
+            self.id,
+            self.message,
+            self.payload,
+        )
+
+    def _go_through(self) -> int:
+        """The frame's size, or _Decided."""
+        parts = self.parts
+        at = payload_index(parts)
+        before = spans(parts[:at], 0)
+        prefix = before[-1][1] if before else 0
+        for index, (start, _) in enumerate(before):
+            self._constant(index, start, extent=1)
+        self._need(prefix)
+        where = id_index(parts)
+        early_id = where is not None and where < at
+        if early_id:
+            self._read_id(before)
+        size = self._payload_size(prefix)
+        self.payload = prefix, prefix + size
+        if early_id:
+            self._message_fits(size, prefix)
+        for index in self._checks(header=True):
+            self._check(index, before, "header_check_mismatch", prefix)
+
+        places = spans(parts, size)
+        total = places[-1][1]
+        self._whole_frame(total)
+        for index in range(at + 1, len(parts)):
+            self._constant(index, places[index][0], extent=total)
+        if not early_id:
+            self._read_id(places)
+            self._message_fits(size, total)
+        for index in self._checks(header=False):
+            self._check(index, places, "check_mismatch", total)
+        return total
+
+    def _rule(
+        self, question: Question, part: int | None, holds: bool, expected: str, found: str, cause: str, extent: int
+    ) -> None:
+        self.rules.append(Rule(question, part, holds, expected, found))
+        if not holds:
+            raise _Decided(Outcome.REFUSED, cause, extent)
+
+    def _need(self, size: int) -> None:
+        if len(self.data) < size:
+            have = len(self.data)
+            self.rules.append(Rule(Question.SIZE, None, False, f"at least {size} bytes", f"{have} bytes"))
+            if self.whole:
+                raise _Decided(Outcome.REFUSED, "length_out_of_range", have)
+            raise _Decided(Outcome.INCOMPLETE, "incomplete", size)
+
+    def _constant(self, index: int, start: int, extent: int) -> None:
+        """Bytes, or bits, that cannot vary: each as soon as its byte is there."""
+        part = self.parts[index]
+        mask, value = fixed_bits(part, self.form.bits)
+        if part.kind in CONSTANTS:
+            wanted, masks = part.value, b"\xff" * part.size
+        elif mask:
+            order = "big" if part.order == ByteOrder.BIG else "little"
+            wanted, masks = (n.to_bytes(part.size, "big" if order == "big" else "little") for n in (value, mask))
+        else:
+            return
+        found = self.data[start : start + part.size]
+        for place, (byte, bits) in enumerate(zip(wanted, masks, strict=True)):
+            if bits and place >= len(found):
+                self._need(start + place + 1)
+            if bits and found[place] & bits != byte:
+                expected, got = self._constant_texts(part, mask, value, found)
+                self._rule(Question.CONSTANT, index, False, expected, got, "constant_mismatch", extent)
+        expected, got = self._constant_texts(part, mask, value, found)
+        self.rules.append(Rule(Question.CONSTANT, index, True, expected, got))
+
+    def _constant_texts(self, part: Part, mask: int, value: int, found: bytes) -> tuple[str, str]:
+        if part.kind in CONSTANTS:
+            return hex_of(part.value), hex_of(found)
+        digits = 2 * part.size
+        number = read_number(part, found)
+        return f"0x{value:0{digits}X} in the bits 0x{mask:0{digits}X}", f"0x{number & mask:0{digits}X}"
+
+    def _read_id(self, places: list[tuple[int, int]]) -> None:
+        index = id_index(self.parts)
+        self.id = 0
+        if index is not None:
+            part = self.parts[index]
+            start, stop = places[index]
+            self.id = run_value(part, read_number(part, self.data[start:stop]), BitRole.ID)
+        fitting = (m for m in self.protocol.messages if m.id == self.id and m.sent_by(self.sender))
+        self.message = next(fitting, None)
+
+    def _payload_size(self, prefix: int) -> int:
+        parts = self.parts
+        payload = parts[payload_index(parts)]
+        most = self.protocol.frame.max_payload
+        outside = sum(part.size for part in parts)
+        have = len(self.data)
+        if payload.payload == PayloadRule.FIXED:
+            return payload.fixed_payload
+        if payload.payload == PayloadRule.REST:
+            size, expected = have - outside, f"{outside} to {outside + most} bytes"
+            self._rule(Question.SIZE, None, 0 <= size <= most, expected, f"{have} bytes", "length_out_of_range", have)
+            return size
+        if payload.payload == PayloadRule.BY_ID:
+            self._known_message(prefix)
+            assert self.message is not None
+            return self.message.max_payload
+        index = length_index(parts)
+        assert index is not None, "the loader lets no frame pass that is by_length and has no length"
+        part = parts[index]
+        start, stop = spans(parts, 0)[index]
+        number = run_value(part, read_number(part, self.data[start:stop]), BitRole.LENGTH)
+        beside = counted_beside_payload(parts, index)
+        size = number * part.length_unit - beside
+        expected = f"{max(0, beside)} to {(most + beside) // part.length_unit}"
+        holds = 0 <= size <= most
+        self._rule(Question.LENGTH, index, holds, expected, str(number), "length_out_of_range", prefix)
+        return size
+
+    def _known_message(self, extent: int) -> None:
+        index = id_index(self.parts)
+        found = id_text(self.parts, self.id or 0) if index is not None else "no id"
+        expected = "the id of a known message"
+        self._rule(Question.MESSAGE, index, self.message is not None, expected, found, "unknown_message", extent)
+
+    def _message_fits(self, size: int, extent: int) -> None:
+        frame = self.protocol.frame
+        if frame.deliver_unknown:
+            return
+        payload = self.parts[payload_index(self.parts)]
+        if payload.payload != PayloadRule.BY_ID:  # there it was asked before, to know the payload's size
+            self._known_message(extent)
+        message = self.message
+        assert message is not None
+        if payload.payload in (PayloadRule.BY_LENGTH, PayloadRule.REST):
+            least = 0 if payload.trims_zeros else message.min_payload
+            fits = least <= size <= message.max_payload
+            most = f" to {message.max_payload}" if message.max_payload != least else ""
+            expected = f"{least}{most} payload bytes for {message.name}"
+            self._rule(Question.MESSAGE, id_index(self.parts), fits, expected, str(size), "unknown_message", extent)
+
+    def _whole_frame(self, total: int) -> None:
+        have = len(self.data)
+        if self.whole:
+            expected, found = f"{total} bytes", f"{have} bytes"
+            self._rule(Question.SIZE, None, have == total, expected, found, "length_out_of_range", have)
+        else:
+            self._need(total)
+
+    def _checks(self, *, header: bool) -> list[int]:
+        at = payload_index(self.parts)
+        return [
+            index
+            for index, part in enumerate(self.parts)
+            if part.kind == PartKind.CHECK and (index < at and part.last < at) == header
+        ]
+
+    def _check(self, index: int, places: list[tuple[int, int]], cause: str, extent: int) -> None:
+        part = self.parts[index]
+        start, stop = places[index]
+        seed = self.message.seed or 0 if self.message is not None else 0
+        expected = check_value(part, self.data[places[part.first][0] : places[part.last][1]], seed)
+        found = self.data[start:stop]
+        shown = shown_check(part, expected), shown_check(part, found)
+        self._rule(Question.CHECK, index, same_check(part, expected, found), *shown, cause, extent)

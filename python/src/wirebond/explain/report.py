@@ -1,0 +1,98 @@
+"""What an explanation consists of: plain values, for a terminal, JSON or a document. Nothing is worked out here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+
+class State(StrEnum):
+    """Of one row: does what stands there hold?"""
+
+    GOOD = "good"  # a rule was applied and holds
+    WRONG = "wrong"  # this is where the frame was refused, or a field breaks its rule
+    NAMED = "named"  # no rule concerns it, or none was reached
+
+
+@dataclass(frozen=True)
+class Row:
+    """A run of bytes and its name. ``level`` 0: a part of the frame, or what lies around it; 1: a field; 2: a field
+    of that, and so on. A value among the bits of a number has no bytes of its own: they stand in the row before.
+
+    ``data`` is what the wire bytes are after unstuffing; equal to ``wire`` where nothing is stuffed.
+    """
+
+    name: str
+    level: int
+    offset: int  # of the first wire byte, in all that was given
+    wire: bytes
+    data: bytes
+    meaning: str
+    state: State
+
+
+@dataclass(frozen=True)
+class Applied:
+    """One rule of the format, as applied."""
+
+    rule: str
+    expected: str
+    found: str
+    holds: bool
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A nearest explanation that was tried and fits. ``chance``: that one of the ``tried`` variants of its kind would
+    fit bytes that have nothing to do with it; None where nothing had to be guessed."""
+
+    what: str
+    remedy: str
+    reading: str  # what the bytes then say; empty where they still say nothing
+    tried: int
+    chance: float | None
+    others: int = 0  # further variants of the same kind that fit as well
+
+
+class Kind(StrEnum):
+    FRAME = "frame"
+    REFUSED = "refused"
+    NOISE = "noise"  # nothing in it begins a frame
+    FILL = "fill"  # delimiters between frames
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Bytes with one fate. ``cause``: the decoder's word for what became of the candidate at its start; empty for
+    frames and fill. Later bytes may carry other causes: ``Explanation.discarded_bytes`` counts each by its own."""
+
+    kind: Kind
+    offset: int
+    wire: bytes
+    cause: str
+    summary: str
+    rows: tuple[Row, ...] = ()
+    rules: tuple[Applied, ...] = ()
+    message: str = ""  # frames: its message, or "unknown"
+    values: dict[str, Any] = field(default_factory=dict)
+    faults: tuple[str, ...] = ()  # field rules that are broken; the frame is delivered all the same
+    guesses: tuple[Guess, ...] = ()
+    repaired: str = ""  # what the frame says if only its check values are wrong
+    tried: int = 0  # variants, in the search for guesses
+    searched_all: bool = True  # False: the search was cut short
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Every byte that was given, in order, in exactly one stretch."""
+
+    protocol: str
+    sender: str | None
+    stretches: tuple[Stretch, ...]
+    discarded_bytes: dict[str, int]
+    rejected_candidates: dict[str, int]
+
+    @property
+    def frames(self) -> tuple[Stretch, ...]:
+        return tuple(stretch for stretch in self.stretches if stretch.kind == Kind.FRAME)

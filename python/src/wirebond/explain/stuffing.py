@@ -1,0 +1,145 @@
+"""Undoing a format's byte stuffing, so that every frame byte knows its place on the wire, and doing it again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from wirebond.protocol.model import Escapes, Frame
+
+
+@dataclass(frozen=True)
+class Unstuffed:
+    """``places[i]``: where in the block the frame's byte i begins and ends. ``added``: bytes that stand for none."""
+
+    block: bytes
+    data: bytes
+    places: tuple[tuple[int, int], ...]
+    added: tuple[tuple[int, str], ...]  # place in the block, meaning
+
+
+@dataclass(frozen=True)
+class Impossible:
+    """Why no sender can have made this block."""
+
+    at: int  # place in the block
+    reason: str
+
+
+def plain(block: bytes) -> Unstuffed:
+    return Unstuffed(block, block, tuple((i, i + 1) for i in range(len(block))), ())
+
+
+def unstuff(frame: Frame, block: bytes) -> Unstuffed | Impossible:
+    """``block``: the bytes between two delimiters."""
+    return _known(frame.stuffing)[0](frame, block)
+
+
+def stuff(frame: Frame, data: bytes) -> bytes:
+    return _known(frame.stuffing)[1](frame, data)
+
+
+def overhead(frame: Frame, size: int) -> int:
+    """Most bytes that stuffing adds to ``size`` bytes."""
+    return _known(frame.stuffing)[2](size)
+
+
+def _uncobs(_: Frame, block: bytes) -> Unstuffed | Impossible:
+    """A code says how far it is to the next code. Each code but the first, and but those behind 0xFF, stands where
+    the frame has a zero."""
+    data = bytearray()
+    places: list[tuple[int, int]] = []
+    added: list[tuple[int, str]] = []
+    at = 0
+    zero_here = False
+    while at < len(block):
+        code = block[at]
+        if code == 0:
+            return Impossible(at, "a zero, which COBS leaves nowhere within a frame")
+        if at + code > len(block):
+            return Impossible(at, f"the COBS code {code:02X} points {at + code - len(block)} past the frame's end")
+        if zero_here:
+            data.append(0)
+            places.append((at, at + 1))
+        else:
+            added.append((at, _code_meaning(code, at + code == len(block))))
+        data += block[at + 1 : at + code]
+        places += ((place, place + 1) for place in range(at + 1, at + code))
+        zero_here = code != 0xFF
+        at += code
+    return Unstuffed(block, bytes(data), tuple(places), tuple(added))
+
+
+def _code_meaning(code: int, is_last: bool) -> str:
+    if is_last:
+        return "COBS code: no zero up to the end"
+    return "COBS code: 254 bytes without a zero follow" if code == 0xFF else f"COBS code: a zero stands {code} bytes on"
+
+
+def _cobs(_: Frame, data: bytes) -> bytes:
+    out = bytearray()
+    for run in data.split(b"\0"):
+        rest = run
+        while len(rest) >= 254:
+            out += b"\xff" + rest[:254]
+            rest = rest[254:]
+        out += bytes([len(rest) + 1]) + rest
+    full_at_the_end = len(data) >= 254 and out[-1] == 1 and data[-1] != 0
+    return bytes(out[:-1]) if full_at_the_end else bytes(out)
+
+
+def _rule(frame: Frame) -> Escapes:
+    assert frame.escapes is not None, "stuffing by escapes has its rule"
+    return frame.escapes
+
+
+def _unescape(frame: Frame, block: bytes) -> Unstuffed | Impossible:
+    rule = _rule(frame)
+    meant = {code: byte for byte, code in rule.pairs}
+    data = bytearray()
+    places: list[tuple[int, int]] = []
+    at = 0
+    while at < len(block):
+        if block[at] != rule.escape:
+            data.append(block[at])
+            places.append((at, at + 1))
+            at += 1
+            continue
+        if at + 1 == len(block):
+            return Impossible(at, f"the escape {rule.escape:02X} stands at the frame's end")
+        code = block[at + 1]
+        byte = code ^ rule.exclusive_or if rule.exclusive_or else meant.get(code)
+        if byte is None:
+            return Impossible(at + 1, f"{code:02X} means nothing behind the escape {rule.escape:02X}")
+        data.append(byte)
+        places.append((at, at + 2))
+        at += 2
+    return Unstuffed(block, bytes(data), tuple(places), ())
+
+
+def _escape(frame: Frame, data: bytes) -> bytes:
+    rule = _rule(frame)
+    codes = dict(rule.pairs)
+    out = bytearray()
+    for byte in data:
+        if byte in codes:
+            out += bytes([rule.escape, byte ^ rule.exclusive_or if rule.exclusive_or else codes[byte]])
+        else:
+            out.append(byte)
+    return bytes(out)
+
+
+_Entry = tuple[Callable[[Frame, bytes], Unstuffed | Impossible], Callable[[Frame, bytes], bytes], Callable[[int], int]]
+
+# One entry for each stuffing in the model: undo, do, most bytes added.
+_STUFFINGS: dict[str, _Entry] = {
+    "none": (lambda _, block: plain(block), lambda _, data: data, lambda _: 0),
+    "cobs": (_uncobs, _cobs, lambda size: 1 + size // 254),
+    "escape": (_unescape, _escape, lambda size: size),
+}
+
+
+def _known(stuffing: str) -> _Entry:
+    if stuffing not in _STUFFINGS:
+        raise NotImplementedError(f"stuffing.py has no entry for '{stuffing}'")
+    return _STUFFINGS[stuffing]

@@ -1,0 +1,184 @@
+"""Guesses at format and sender: what the length counts, byte orders, constants, unknown messages, the other end."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+from wirebond.explain.judge import Judgement, counted_beside_payload, hex_of, id_text, length_index, payload_index
+from wirebond.explain.tries.variant import (
+    Case,
+    Tries,
+    Variant,
+    constants_as_found,
+    spelled,
+    with_frame,
+    with_part,
+)
+from wirebond.protocol.messages import receiver_of, spoken
+from wirebond.protocol.model import ByteOrder, End, LengthCounts, Message, Part, PartKind, PayloadRule, Protocol
+from wirebond.protocol.spelling import bytes_text
+
+_COUNTS = {
+    LengthCounts.PAYLOAD: "the payload alone",
+    LengthCounts.REST: "all that follows it",
+    LengthCounts.SELF_AND_REST: "itself and all that follows",
+    LengthCounts.FRAME: "the whole frame",
+}
+_OFFSETS = (0, 1, -1, 2, -2, 3, -3, 4, -4)
+_NUMBERS = (PartKind.LENGTH, PartKind.ID, PartKind.CHECK, PartKind.FIELD, PartKind.SEQUENCE, PartKind.BITS)
+
+
+def _swapped(order: ByteOrder) -> ByteOrder:
+    return ByteOrder.LITTLE if order == ByteOrder.BIG else ByteOrder.BIG
+
+
+def other_sender(case: Case) -> Tries:
+    """The same bytes from the other end, or from either."""
+    if case.sender is None:
+        return
+    other = receiver_of(case.sender)
+
+    what = f"this is a frame that the {spoken(other)} sends, not the {spoken(case.sender)}"
+
+    def remedy(judgement: Judgement) -> str:
+        name = judgement.delivered_as
+        mend = f", or mend the `sender:` of {name} in the file" if name != "unknown" else ""
+        return f"say `--sender {other.value}`{mend}"
+
+    yield Variant(case.protocol, case.block, other, what, remedy)
+
+
+def unknown_message(case: Case) -> Tries:
+    """A whole frame of a message, or of a payload size, that the file does not have."""
+    judgement = case.judgement
+    if judgement is None:
+        return
+    frame, rule = case.protocol.frame, case.parts[payload_index(case.parts)]
+    protocols = []
+    if not frame.deliver_unknown:
+        protocols.append(with_frame(case.protocol, replace(frame, deliver_unknown=True)))
+    longest = 0xFFFF if rule.payload in (PayloadRule.BY_LENGTH, PayloadRule.REST) else frame.max_payload
+    if longest > frame.max_payload:
+        protocols.append(with_frame(case.protocol, replace(frame, deliver_unknown=True, max_payload=longest)))
+    if rule.payload == PayloadRule.BY_ID:
+        size = len(case.data) - sum(part.size for part in case.parts)
+        if size >= 0:
+            fixed = replace(rule, payload=PayloadRule.FIXED, fixed_payload=size)
+            relaxed = with_part(case.protocol, case.parts, payload_index(case.parts), fixed)
+            protocols.append(with_frame(relaxed, replace(relaxed.frame, deliver_unknown=True)))
+
+    def what(found: Judgement) -> str:
+        size = 0 if found.payload is None else found.payload[1] - found.payload[0]
+        bytes_there = f"{size} payload byte{'s' * (size != 1)}"
+        if found.message is None:
+            whose = "" if case.sender is None else f" of the {spoken(case.sender)}"
+            return f"everything holds, but no message{whose} has the id {_id(case, found)} ({bytes_there})"
+        message = found.message
+        least, most = message.min_payload, message.max_payload
+        wanted = str(least) if least == most else f"{least} to {most}"
+        return f"everything holds, but {message.name} has {wanted} payload bytes, and here are {size}"
+
+    def remedy(found: Judgement) -> str:
+        if found.message is not None:
+            return f"compare the fields of {found.message.name} with what the sender packs"
+        sender = "" if case.sender is None else f" and `sender: {case.sender.value}`"
+        number = f" with `id: {_id(case, found)}`{sender}" if case.judgement is not None else ""
+        return f"add a message{number} to the file"
+
+    for protocol in protocols:
+        yield Variant(protocol, case.block, case.sender, what, remedy)
+
+
+def _id(case: Case, judgement: Judgement) -> str:
+    return id_text(case.parts, judgement.id or 0)
+
+
+def lengths(case: Case) -> Tries:
+    """Another meaning of the length, in either byte order, and what is usually forgotten or counted twice."""
+    index = length_index(case.parts)
+    if index is None:
+        return
+    own = case.parts[index]
+    orders = [own.order, _swapped(own.order)] if own.size > 1 else [own.order]
+    tried = {(own.order, counted_beside_payload(case.parts, index))}
+    for offset, counts, order in itertools.product(_OFFSETS, LengthCounts, orders):
+        part = replace(own, counts=counts, order=order, length_offset=offset)
+        changed = (*case.parts[:index], part, *case.parts[index + 1 :])
+        meaning = order, counted_beside_payload(changed, index)
+        if meaning not in tried:
+            tried.add(meaning)
+            yield _with_length(case, index, part)
+
+
+def _with_length(case: Case, index: int, part: Part) -> Variant:
+    own = case.parts[index]
+    protocol = with_part(case.protocol, case.parts, index, part)
+    changes = []
+    if part.order != own.order:
+        changes.append(f"is {part.order.value}-endian")
+    if (part.counts, part.length_offset) != (own.counts, own.length_offset):
+        more = f", {part.length_offset:+d}" if part.length_offset else ""
+        changes.append(f"counts {_COUNTS[part.counts]}{more}")
+    what = f"everything holds if the {own.name} {' and '.join(changes)}"
+    return Variant(protocol, case.block, case.sender, what, f"write {spelled(protocol, part.name)}")
+
+
+def other_byte_order(case: Case) -> Tries:
+    """All numbers of the frame the other way round; and the id alone."""
+    swapped = [
+        replace(part, order=_swapped(part.order)) if part.kind in _NUMBERS and part.size > 1 else part
+        for part in case.protocol.frame.parts
+    ]
+    whole = case.protocol.frame.parts
+    changed = [part.name for part, old in zip(swapped, whole, strict=True) if part != old]
+    if not changed:
+        return
+    order = next(part.order for part, old in zip(swapped, whole, strict=True) if part != old)
+    protocol = with_frame(case.protocol, replace(case.protocol.frame, parts=tuple(swapped)))
+    messages = tuple(_with_order(message, order) for message in protocol.messages)
+    what = f"everything holds if {' and '.join(changed)} {'is' if len(changed) == 1 else 'are'} {order}-endian"
+    remedy = f"write `byte_order: {order.value}` at the top of the file"
+    yield Variant(replace(protocol, messages=messages), case.block, case.sender, what, remedy)
+
+
+def _with_order(message: Message, order: ByteOrder) -> Message:
+    """As the file's `byte_order` would have it: for the fields too."""
+    return replace(message, fields=tuple(replace(field, order=order) for field in message.fields))
+
+
+def other_constants(case: Case) -> Tries:
+    """All constants as they stand there."""
+    changed = constants_as_found(case)
+    if changed is None:
+        return
+    parts = zip(case.protocol.frame.parts, changed.protocol.frame.parts, strict=True)
+    pairs = [(old, new) for old, new in parts if old != new]
+    texts = (f"the {old.name} is {hex_of(new.value)} instead of {hex_of(old.value)}" for old, new in pairs)
+    what = f"everything holds but that {' and '.join(texts)}"
+    remedy = "write " + " and ".join(f"`- {new.kind.value}: {bytes_text(new.value)}`" for _, new in pairs)
+    yield Variant(changed.protocol, case.block, case.sender, what, remedy)
+
+
+def other_protocols(case: Case) -> Tries:
+    """The bytes as they stand, by the other protocol files at hand."""
+    for peer in case.peers:
+        ours, theirs = case.protocol.frame, peer.frame
+        same_cut = (ours.delimiter, ours.opening, ours.ends_by_silence) == (
+            theirs.delimiter,
+            theirs.opening,
+            theirs.ends_by_silence,
+        )
+        if same_cut:  # else the bytes were cut at other places
+            for sender in (End.HOST, End.MCU) if case.sender is None else (case.sender,):
+                yield _of_peer(case, peer, sender)
+
+
+def _of_peer(case: Case, peer: Protocol, sender: End) -> Variant:
+    return Variant(
+        peer,
+        case.block,
+        sender,
+        f"this is a frame of the protocol {peer.name}, from the {spoken(sender)}",
+        f"take the file {peer.path}",
+    )

@@ -1,0 +1,173 @@
+"""A guess at what went wrong, and how it is put to the test: by the same judge, never by a rule of thumb."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from wirebond.explain.judge import CONSTANTS, Judgement, Question, judge
+from wirebond.explain.stuffing import Impossible, unstuff
+from wirebond.explain.values import read_fields, values_text
+from wirebond.protocol.model import End, Frame, Part, PartKind, Protocol
+from wirebond.protocol.spelling import part_text
+
+
+@dataclass(frozen=True)
+class Case:
+    """Bytes that were refused, from the candidate's first byte on; between delimiters, where the format has them.
+
+    ``preface`` says what has been assumed already.
+    """
+
+    protocol: Protocol
+    block: bytes
+    sender: End | None
+    peers: Sequence[Protocol] = ()
+    offset: int = 0  # of the block's first byte, in all that was given
+    preface: str = ""
+
+    @cached_property
+    def judgement(self) -> Judgement | None:
+        """None where the stuffing cannot be undone."""
+        found = look(self.protocol, self.block, self.sender)
+        return None if found is None else found[0]
+
+    @cached_property
+    def data(self) -> bytes:
+        """The frame's bytes, unstuffed; empty where they cannot be."""
+        found = look(self.protocol, self.block, self.sender)
+        return b"" if found is None else found[1]
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Those that are there, of a format whose frames differ."""
+        return self.protocol.frame.parts if self.judgement is None else self.judgement.parts
+
+    @property
+    def failed_check(self) -> int | None:
+        """Index of the check part that does not hold, where all before it does."""
+        rule = None if self.judgement is None else self.judgement.failed
+        return rule.part if rule is not None and rule.question == Question.CHECK else None
+
+
+# A text, or how to make it once it is known what the bytes then are.
+Text = str | Callable[[Judgement], str]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """``what`` and ``remedy`` are sentences without a capital and a stop."""
+
+    protocol: Protocol
+    block: bytes
+    sender: End | None
+    what: Text
+    remedy: Text = ""
+
+
+# None: a variant that was tried and could be excluded without the judge.
+Tries = Iterator[Variant | None]
+
+
+def look(protocol: Protocol, block: bytes, sender: End | None) -> tuple[Judgement, bytes] | None:
+    """The judgement on a block and its unstuffed bytes; None where the stuffing cannot be undone."""
+    frame = protocol.frame
+    if frame.delimiter is None and not frame.ends_by_silence:
+        return judge(protocol, block, sender), block
+    content = unstuff(frame, block)
+    if isinstance(content, Impossible):
+        return None
+    return judge(protocol, content.data, sender, whole=True), content.data
+
+
+def test(variant: Variant) -> tuple[Judgement, bytes] | None:
+    """The frame that the variant makes of the bytes, or None.
+
+    Bytes behind the frame are taken only where its checks carry the proof: else any bytes would hold some frame.
+    """
+    found = look(variant.protocol, variant.block, variant.sender)
+    if found is None or not found[0].is_frame:
+        return None
+    judgement, data = found
+    if judgement.extent != len(data) and evidence(judgement) < 256:
+        return None
+    return judgement, data
+
+
+def evidence(judgement: Judgement, before: Judgement | None = None) -> int:
+    """How many values the frame's checks together can take: the reciprocal of a chance hit.
+
+    Checks that held ``before`` the variant prove nothing for it and do not count.
+    """
+    held = {rule.part for rule in (before.rules if before is not None else ()) if rule.holds}
+    product = 1
+    for index, part in enumerate(judgement.parts):
+        if part.kind == PartKind.CHECK and index not in held:
+            covered = sum(p.size for p in judgement.parts[part.first : part.last]) + (judgement.payload_size or 0)
+            product *= distinct_values(part, covered)
+    return product
+
+
+def distinct_values(part: Part, covered: int) -> int:
+    """How many values a check can take over so many bytes: the high byte of a short sum takes few."""
+    values = 1 << 8 * (part.size // 2 if part.as_hex else part.size)
+    if part.algorithm is not None and part.algorithm.kind == "sum":
+        values = min(values, (255 * max(covered, 1) >> part.shift) + 1)
+    return values
+
+
+def reading(judgement: Judgement, data: bytes) -> str:
+    """``velocity: linear 0.5 m/s, angular 0 rad/s``; empty where the file has no message for the frame."""
+    if judgement.delivered_as == "unknown" or judgement.message is None or judgement.payload is None:
+        return ""
+    values = values_text(read_fields(judgement.message, judgement.payload_of(data)))
+    return f"{judgement.message.name}: {values}" if values else judgement.message.name
+
+
+def with_frame(protocol: Protocol, frame: Frame) -> Protocol:
+    return replace(protocol, frame=frame)
+
+
+def with_part(protocol: Protocol, parts: tuple[Part, ...], index: int, part: Part) -> Protocol:
+    """The protocol with another part in place of ``parts[index]``; ``parts`` are those of one form of the frame."""
+    whole = protocol.frame.parts
+    places = {known.name: place for place, known in enumerate(whole)}
+    if part.kind == PartKind.CHECK:
+        part = replace(part, first=places[parts[part.first].name], last=places[parts[part.last].name])
+    if part.kind == PartKind.MAGIC:
+        part = replace(part, alternatives=(), by_sender=())
+    at = places[parts[index].name]
+    return with_frame(protocol, replace(protocol.frame, parts=(*whole[:at], part, *whole[at + 1 :])))
+
+
+def spelled(protocol: Protocol, name: str) -> str:
+    """The line of the `frame` section for the part of this name."""
+    parts = protocol.frame.parts
+    return f"`- {part_text(parts, next(i for i, part in enumerate(parts) if part.name == name))}`"
+
+
+def constants_as_found(case: Case) -> Case | None:
+    """The case with every constant taken for what stands in its place; None where that changes nothing, or where the
+    frame's size stays unknown."""
+    protocol, assumed = case.protocol, []
+    for _ in case.parts:  # each round lays one more part open
+        found = look(protocol, case.block, case.sender)
+        if found is None:
+            return None
+        judgement, _ = found
+        rule = judgement.failed
+        if rule is None or rule.question != Question.CONSTANT or rule.part is None:
+            break
+        part = judgement.parts[rule.part]
+        if part.kind not in CONSTANTS:
+            return None
+        value = bytes.fromhex(rule.found)
+        if len(value) != part.size:
+            return None
+        assumed.append((part.name, value))
+        protocol = with_part(protocol, judgement.parts, rule.part, replace(part, value=value))
+    if not assumed:
+        return None
+    names = " and ".join(f"{value.hex(' ').upper()} as {name}" for name, value in assumed)
+    return replace(case, protocol=protocol, preface=f"with {names}, ")
