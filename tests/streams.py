@@ -37,12 +37,10 @@ def _element(described: Field, source: random.Random) -> Any:
     bits = 8 * described.size
     least, most = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if described.kind == FieldKind.SIGNED else (0, 2**bits - 1)
     wire = source.choice([least, most, 0, source.randint(least, most)])
-    if not described.is_scaled:
-        return wire
-    value = float(wire * described.scale + described.offset)
+    value = float(wire * described.scale + described.offset) if described.is_scaled else wire
     if described.minimum is not None and described.maximum is not None:
-        return min(max(value, described.minimum), described.maximum)
-    return value
+        value = min(max(value, described.minimum), described.maximum)
+    return value if described.is_scaled else int(value)
 
 
 def random_frame(codec: Codec, source: random.Random) -> bytes:
