@@ -78,7 +78,7 @@ def test_damaged_frames_are_refused_where_the_other_side_refuses_them(name: str,
             bad = damaged(frame, source)
             messages = decoded(codec, bad, case.sender)
             accepted = oracle.decode(bad, case.sender) is not None
-            assert any(m.raw == bad for m in messages) == accepted
+            assert not accepted or [m.raw for m in messages] == [bad]
             for message in messages:  # damage can leave, or make, another frame
                 assert is_for_newer_peers(codec, message) or oracle.decode(message.raw, case.sender) is not None
             refused += not accepted
