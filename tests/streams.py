@@ -56,12 +56,10 @@ def _element(described: Field, source: random.Random) -> Any:
     least, most = (-half, half - 1) if described.kind == FieldKind.SIGNED else (0, 2 * half - 1)
     least += described.sign_magnitude
     wire = source.choice([least, most, 0, source.randint(least, most)])
-    if not described.is_scaled:
-        return wire
-    value = float(wire * described.scale + described.offset)
+    value = float(wire * described.scale + described.offset) if described.is_scaled else wire
     if described.minimum is not None and described.maximum is not None:
-        return min(max(value, described.minimum), described.maximum)
-    return value
+        value = min(max(value, described.minimum), described.maximum)
+    return value if described.is_scaled else int(value)
 
 
 def random_frame(codec: Codec, source: random.Random) -> bytes:

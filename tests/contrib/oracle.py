@@ -1,0 +1,84 @@
+"""What an oracle is: another implementation of a format, which writes frames from numbers and reads them back."""
+
+from __future__ import annotations
+
+import random
+import struct
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+from tests.streams import random_values
+from wirebond.protocol.model import End, Field, FieldKind, Message
+
+#: Numbers as they are on the wire, texts as bytes without padding, in the order of the message's fields.
+Wire = list[Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One message to send: by name, with its numbers on the wire, and its frame's own fields."""
+
+    message: str
+    sender: End
+    wire: Wire
+    header: dict[str, int] = field(default_factory=dict)
+
+
+class Oracle(ABC):
+    """Adapts one library. Knows nothing about how Wirebond reads or writes."""
+
+    def values(self, message: Message, source: random.Random) -> dict[str, Any]:
+        """Random values that the library can carry; the file's own rules are kept already."""
+        return random_values(message, source)
+
+    def header(self, message: Message, source: random.Random) -> dict[str, int]:
+        """Random values of the frame's own fields."""
+        return {}
+
+    def encode(self, case: Case) -> bytes | None:
+        """The frame; None where the library does not write this message."""
+        return None
+
+    @abstractmethod
+    def decode(self, frame: bytes, sender: End) -> Case | None:
+        """What exactly these bytes say; None where the library refuses them, or finds something shorter in them."""
+
+    def reads(self, case: Case) -> bool:
+        """Whether the library can read this message at all."""
+        return True
+
+
+def to_wire(described: Field, value: Any) -> Any:
+    """A value as it lies on the wire, worked out here and not by the engine."""
+    if isinstance(value, list) and described.count is not None:
+        return [to_wire(described, element) for element in value]
+    if described.kind == FieldKind.TEXT:
+        return value.encode()
+    if described.kind == FieldKind.BYTES:
+        return value
+    if described.enum:
+        return dict(described.enum)[value]
+    if described.flags:
+        return sum(1 << bit for name, bit in described.flags if name in value)
+    if described.kind == FieldKind.FLOAT:
+        return struct.unpack("<f", struct.pack("<f", value))[0] if described.size == 4 else value
+    if described.is_scaled:
+        return round((Fraction(value) - described.offset) / described.scale)
+    return int(value)
+
+
+def from_wire(described: Field, wire: Any) -> Any:
+    """The value that a number on the wire stands for: the inverse of ``to_wire``."""
+    if isinstance(wire, list):
+        return [from_wire(described, element) for element in wire]
+    if described.kind == FieldKind.TEXT:
+        return wire.decode()
+    if described.enum:
+        return next(name for name, number in described.enum if number == wire)
+    if described.flags:
+        return [name for name, bit in described.flags if wire >> bit & 1]
+    if described.is_scaled:
+        return float(wire * described.scale + described.offset)
+    return bool(wire) if described.kind == FieldKind.BOOL else wire

@@ -1,0 +1,92 @@
+"""Dynamixel protocol 1.0 against ROBOTIS' own dynamixel_sdk, on a port that is two byte strings."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+from dynamixel_sdk import COMM_SUCCESS, Protocol1PacketHandler
+
+from tests.contrib.oracle import Case, Oracle
+from wirebond.protocol.model import End, Message
+
+_INSTRUCTIONS = {1: "ping", 2: "read", 3: "write", 4: "write_later", 5: "action", 6: "factory_reset"}
+
+
+class _Port:
+    """What the library calls a port handler."""
+
+    def __init__(self, received: bytes = b"") -> None:
+        self.received = received
+        self.sent = b""
+        self.is_using = False
+
+    def clearPort(self) -> None:  # noqa: N802
+        pass
+
+    def writePort(self, packet: list[int]) -> int:  # noqa: N802
+        self.sent += bytes(packet)
+        return len(packet)
+
+    def readPort(self, size: int) -> bytes:  # noqa: N802
+        piece, self.received = self.received[: max(size, 0)], self.received[max(size, 0) :]
+        return piece
+
+    def setPacketTimeout(self, size: int) -> None:  # noqa: N802
+        pass
+
+    def isPacketTimeout(self) -> bool:  # noqa: N802
+        return not self.received
+
+
+class Dynamixel1(Oracle):
+    def __init__(self) -> None:
+        self._handler = Protocol1PacketHandler()
+
+    def header(self, message: Message, source: random.Random) -> dict[str, int]:
+        return {"servo": 254 if message.name == "sync_write" else source.randrange(253)}
+
+    def values(self, message: Message, source: random.Random) -> dict[str, Any]:
+        values = super().values(message, source)
+        if message.name == "sync_write":  # the library's limit is 250 bytes, so is the file's; it wants whole servos
+            values["size"] = source.randrange(1, 8)
+            values["data"] = source.randbytes((values["size"] + 1) * source.randrange(1, 18))
+        return values
+
+    def encode(self, case: Case) -> bytes | None:
+        port, servo, wire = _Port(), case.header["servo"], case.wire
+        handler = self._handler
+        if case.message == "ping":
+            handler.ping(port, servo)
+        elif case.message == "read":
+            handler.readTx(port, servo, *wire)
+        elif case.message == "write":
+            handler.writeTxOnly(port, servo, wire[0], len(wire[1]), wire[1])
+        elif case.message == "write_later":
+            handler.regWriteTxOnly(port, servo, wire[0], len(wire[1]), wire[1])
+        elif case.message == "action":
+            handler.action(port, servo)
+        elif case.message == "factory_reset":
+            handler.factoryReset(port, servo)
+        elif case.message == "sync_write":
+            handler.syncWriteTxOnly(port, wire[0], wire[1], wire[2], len(wire[2]))
+        else:
+            return None  # the library is the host's end
+        return port.sent
+
+    def reads(self, case: Case) -> bool:
+        return case.message != "sync_write"  # the library takes the instruction's place for error flags, 0x7F at most
+
+    def decode(self, frame: bytes, sender: End) -> Case | None:
+        port = _Port(frame)
+        packet, result = self._handler.rxPacket(port)
+        if result != COMM_SUCCESS or bytes(packet) != frame:
+            return None
+        code, parameters = packet[4], bytes(packet[5:-1])
+        header = {"servo": packet[2]}
+        if sender == End.MCU:
+            return Case("status" if code == 0 else "unknown", sender, [parameters], header)
+        name = _INSTRUCTIONS.get(code, "unknown")
+        if name in ("write", "write_later"):
+            return Case(name, sender, [parameters[0], parameters[1:]], header)
+        return Case(name, sender, list(parameters), header)

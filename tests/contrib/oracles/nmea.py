@@ -1,0 +1,41 @@
+"""NMEA 0183 against pynmea2."""
+
+from __future__ import annotations
+
+import random
+import string
+from typing import Any
+
+import pynmea2
+
+from tests.contrib.oracle import Case, Oracle
+from wirebond.protocol.model import End, Message
+
+_TALKERS = ("GP", "GN", "GL", "II", "SD")
+_FORMATTERS = ("GGA", "RMC", "GLL", "VTG", "HDT", "DPT", "ZDA", "GSA")
+_CHARACTERS = string.ascii_letters + string.digits + ".-+ "
+
+
+class Nmea(Oracle):
+    def values(self, message: Message, source: random.Random) -> dict[str, Any]:
+        words = ["".join(source.choices(_CHARACTERS, k=source.randrange(8))) for _ in range(source.randrange(1, 9))]
+        return {
+            "formatter": source.choice(_TALKERS) + source.choice(_FORMATTERS),
+            "values": "".join(f",{word}" for word in words),
+        }
+
+    def encode(self, case: Case) -> bytes | None:
+        formatter, values = (text.decode() for text in case.wire)
+        kind = getattr(pynmea2, formatter[2:])
+        sentence: pynmea2.NMEASentence = kind(formatter[:2], formatter[2:], values.split(",")[1:])
+        return sentence.render(newline=True).encode()
+
+    def decode(self, frame: bytes, sender: End) -> Case | None:
+        if frame[:1] != b"$" or frame[-5:-4] != b"*" or frame[-2:] != b"\r\n" or frame.count(b"\n") != 1:
+            return None  # the library reads lines, and takes sentences with less
+        try:
+            sentence = pynmea2.parse(frame.decode("ascii"), check=True)
+        except (ValueError, AttributeError):
+            return None
+        values = "".join(f",{word}" for word in sentence.data)
+        return Case("sentence", sender, [sentence.identifier().rstrip(",").encode(), values.encode()])

@@ -1,0 +1,40 @@
+"""Blue Robotics' Ping against their own bluerobotics-ping."""
+
+from __future__ import annotations
+
+import random
+
+from brping import PingMessage, PingParser, definitions
+
+from tests.contrib.oracle import Case, Oracle
+from wirebond.protocol.model import End, Message
+
+_MESSAGES = {"ack": 1, "nack": 2, "general_request": 6, "set_ping_interval": 1004, "distance": 1212}
+_NAMES = {number: name for name, number in _MESSAGES.items()}
+_KNOWN = {number: definitions.payload_dict_all[number] for number in _NAMES}
+
+
+class PingSonar(Oracle):
+    def header(self, message: Message, source: random.Random) -> dict[str, int]:
+        return {"source": source.randrange(256), "destination": source.randrange(256)}
+
+    def encode(self, case: Case) -> bytes | None:
+        if case.message == "nack":
+            return None  # the library reads its text and cannot write it
+        message = PingMessage(_MESSAGES[case.message])
+        message.src_device_id, message.dst_device_id = case.header["source"], case.header["destination"]
+        for name, value in zip(message.payload_field_names, case.wire, strict=True):
+            setattr(message, name, value)
+        return bytes(message.pack_msg_data())
+
+    def decode(self, frame: bytes, sender: End) -> Case | None:
+        parser = PingParser(_KNOWN)
+        found = None
+        for index, byte in enumerate(frame):
+            if parser.parse_byte(byte) == PingParser.NEW_MESSAGE and index == len(frame) - 1:
+                found = parser.rx_msg
+        if found is None or bytes(found.msg_data) != frame or found.message_id not in _NAMES:
+            return None
+        wire = [getattr(found, name, b"") for name in found.payload_field_names]  # an empty text is left out
+        header = {"source": found.src_device_id, "destination": found.dst_device_id}
+        return Case(_NAMES[found.message_id], sender, wire, header)
