@@ -11,7 +11,7 @@ import pytest
 from wirebond.c_header import import_header
 from wirebond.codec import Codec
 from wirebond.protocol import Protocol, loads
-from wirebond.protocol.model import End, FieldKind
+from wirebond.protocol.model import End, Field, FieldKind
 
 HEADER = """\
 // Robot link
@@ -100,13 +100,24 @@ def test_members_lie_where_a_c_compiler_puts_them(tmp_path: Path) -> None:
         size, *numbers = map(int, line.split())
         message = protocol.message(STRUCTS[c_name])
         assert message.max_payload == size, c_name
-        places = []
-        at = 0
-        for field in message.fields:
-            if not field.name.startswith("padding"):
-                places.append((at, field.max_wire_bytes))
-            at += field.max_wire_bytes
+        places, end = _places(message.fields, 0)
+        assert end == size
         assert places == list(zip(numbers[::2], numbers[1::2], strict=True)), c_name
+
+
+def _places(fields: tuple[Field, ...], at: int) -> tuple[list[tuple[int, int]], int]:
+    """Offset and size of each member that is no struct, in wire order; and the offset behind the last."""
+    found = []
+    for field in fields:
+        if field.kind == FieldKind.STRUCT:
+            for _ in range(field.count or 1):
+                inner, at = _places(field.fields, at)
+                found += inner
+            continue
+        if field.kind != FieldKind.PADDING:
+            found.append((at, field.max_wire_bytes))
+        at += field.max_wire_bytes
+    return found, at
 
 
 def test_types_arrays_enums_and_comments_come_along(tmp_path: Path) -> None:
@@ -123,7 +134,15 @@ def test_types_arrays_enums_and_comments_come_along(tmp_path: Path) -> None:
     assert (fields["mode"].size, fields["color"].size) == (4, 1)
     assert (fields["speed"].kind, fields["speed"].count) == (FieldKind.SIGNED, 4)
     assert (fields["grid"].count, fields["name"].kind, fields["name"].max_wire_bytes) == (6, FieldKind.TEXT, 8)
-    assert list(fields)[:4] == ["id", "pose_x", "pose_y", "pose_heading"]
+    assert list(fields)[:3] == ["id", "pose", "mode"]
+    assert [(f.name, f.kind) for f in fields["pose"].fields] == [
+        ("x", FieldKind.SIGNED),
+        ("y", FieldKind.SIGNED),
+        ("heading", FieldKind.FLOAT),
+    ]
+    assert (fields["pose"].kind, fields["pose"].type_name) == (FieldKind.STRUCT, "pose")
+    inner = next(f for f in protocol.message("loose").fields if f.name == "inner")
+    assert (inner.count, [f.name for f in inner.fields]) == (2, ["p", "padding", "q"])
 
 
 def test_ids_and_senders_are_taken_from_names_or_said_to_be_unknown(tmp_path: Path) -> None:
@@ -211,6 +230,6 @@ def test_the_compilers_own_preprocessor_gives_the_same(tmp_path: Path) -> None:
 def test_the_imported_file_encodes_as_the_struct_lies_in_memory(tmp_path: Path) -> None:
     _, protocol = imported(tmp_path)
     codec = Codec(protocol)
-    frame = codec.encode("outer", a=1, t_a=2, t_b=0x01020304)
+    frame = codec.encode("outer", a=1, t={"a": 2, "b": 0x01020304})
     (message,) = codec.decoder("host").feed(frame)
     assert message.payload == struct.pack("<BBxI", 1, 2, 0x01020304)

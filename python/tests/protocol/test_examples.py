@@ -111,7 +111,11 @@ def test_examples_do_not_change_the_hash() -> None:
         ("message: drive, fields: {speed: 0}, bytes: [AA]", "[AA]", "a list is not a frame; write its bytes"),
         ("message: drive, fields: {speed: {a: 1}}, bytes: AA", "{a:", "a mapping is not possible here"),
         ("message: state, fields: {" + STATE.replace("hot", "cold") + "}, bytes: AA", "[cold", "`cold` is not a flag"),
-        ("message: state, fields: {" + STATE.replace("2.5", "2, 3") + "}, bytes: AA", "[1", "3 elements do not fit `gains`; it has 2"),
+        (
+            "message: state, fields: {" + STATE.replace("2.5", "2, 3") + "}, bytes: AA",
+            "[1",
+            "3 elements do not fit `gains`; it has 2",
+        ),
         ("message: state, fields: {" + STATE.replace("FF", "FG") + "}, bytes: AA", "01 FG", "`blob` is a byte string"),
         ("message: state, fields: {" + STATE.replace("FF", "FF 02") + "}, bytes: AA", "01 FF 02", "3 bytes are given"),
         ("message: state, fields: {" + STATE.replace("left", "leftmost") + "}, bytes: AA", "leftmost", "has 8 bytes"),

@@ -250,7 +250,7 @@ class _Reader:
             raise _Unreadable("it holds something that is no member")
         name = node.name or ""
         if node.bitsize is not None:
-            raise _Unreadable(f"{name or 'a member'} is a bit-field, which has no place of its own in bytes")
+            raise _Unreadable(f"{name or 'a member'} is a bit-field, whose bits each compiler places; write them as `bits:`")
         counts: list[int] = []
         inner = node.type
         while isinstance(inner, c_ast.ArrayDecl):

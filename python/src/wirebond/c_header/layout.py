@@ -1,8 +1,7 @@
-"""Where a struct's members lie in bytes, and the flat fields that a message makes of them."""
+"""Where a struct's members lie in bytes, and the fields that a message makes of them."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -13,23 +12,20 @@ from wirebond.protocol.model import FieldKind
 MAX_FIELDS = 512
 
 
-class TooMany(Exception):  # noqa: N818  (it ends one struct, and is told in the result)
-    """The struct makes more fields than a message should have."""
-
-
 @dataclass(frozen=True)
 class Leaf:
     """One field. ``count``: its elements; None for a single value. ``rest``: it takes what is left of the payload.
 
-    ``path`` is empty for padding.
+    ``name`` is empty for padding. ``struct`` is what a field of kind STRUCT holds.
     """
 
-    path: tuple[str, ...]
+    name: str
     kind: FieldKind
     size: int
     count: int | None = None
     rest: bool = False
     enum: Enum | None = None
+    struct: Struct | None = None
     line: int = 0
     notes: tuple[str, ...] = ()
 
@@ -51,12 +47,23 @@ def struct_size(struct: Struct) -> int:
     return end + -end % alignment(struct)
 
 
+@cache
+def number_of_fields(struct: Struct) -> int:
+    """Of the message that it makes, those of the structs in it counted each time."""
+    return sum(number_of_fields(m.type) if isinstance(m.type, Struct) else 1 for m in struct.members)
+
+
 def fields_of(struct: Struct) -> list[Leaf]:
-    """The struct's bytes as fields, padding included. :raises TooMany: more than MAX_FIELDS."""
-    leaves = list(itertools.islice(_leaves(struct, ()), MAX_FIELDS + 1))
-    if len(leaves) > MAX_FIELDS:
-        raise TooMany
-    return leaves
+    """The struct's bytes as fields, padding included."""
+    leaves = []
+    at = 0
+    for member, start, size in _placed(struct):
+        if start > at:
+            leaves.append(_padding(start - at))
+        at = start + size
+        leaves.append(_leaf(member))
+    end = struct_size(struct)
+    return [*leaves, _padding(end - at)] if end > at else leaves
 
 
 def _placed(struct: Struct) -> Iterator[tuple[Member, int, int]]:
@@ -73,31 +80,12 @@ def _placed(struct: Struct) -> Iterator[tuple[Member, int, int]]:
         at += size
 
 
-def _leaves(struct: Struct, path: tuple[str, ...]) -> Iterator[Leaf]:
-    at = 0
-    for member, start, size in _placed(struct):
-        if start > at:
-            yield _padding(start - at)
-        at = start + size
-        here = (*path, member.name) if member.name else path
-        if isinstance(member.type, Struct):
-            if not member.counts:
-                yield from _leaves(member.type, here)
-                continue
-            for index in itertools.product(*(range(count) for count in member.counts)):
-                yield from _leaves(member.type, (*here, *map(str, index)))
-        else:
-            yield _leaf(member, member.type, here)
-    end = struct_size(struct)
-    if end > at:
-        yield _padding(end - at)
-
-
 def _padding(size: int) -> Leaf:
-    return Leaf((), FieldKind.BYTES, size)
+    return Leaf("", FieldKind.PADDING, size)
 
 
-def _leaf(member: Member, of: Scalar | Enum, path: tuple[str, ...]) -> Leaf:
+def _leaf(member: Member) -> Leaf:
+    of = member.type
     notes = []
     count: int | None = None
     if member.counts:
@@ -106,11 +94,14 @@ def _leaf(member: Member, of: Scalar | Enum, path: tuple[str, ...]) -> Leaf:
             count *= dimension
     if len(member.counts) > 1:
         notes.append(f"{' x '.join(map(str, member.counts))}, row by row")
+    if isinstance(of, Struct):
+        size = struct_size(of)
+        return Leaf(member.name, FieldKind.STRUCT, size, count, struct=of, line=member.line, notes=tuple(notes))
     if isinstance(of, Enum):
         if of.size == 4:
             notes.append("an enum takes 4 bytes here; with -fshort-enums it takes fewer")
         kind = FieldKind.SIGNED if of.signed else FieldKind.UNSIGNED
-        return Leaf(path, kind, of.size, count, False, of, member.line, tuple(notes))
+        return Leaf(member.name, kind, of.size, count, enum=of, line=member.line, notes=tuple(notes))
     if of.word in UNSURE:
         notes.append(f"`{of.word}`: {UNSURE[of.word]}")
     kind = of.kind
@@ -119,4 +110,4 @@ def _leaf(member: Member, of: Scalar | Enum, path: tuple[str, ...]) -> Leaf:
     rest = member.counts == (0,)
     if rest and of.size == 1 and kind == FieldKind.UNSIGNED:
         kind = FieldKind.BYTES
-    return Leaf(path, kind, of.size, count, rest, None, member.line, tuple(notes))
+    return Leaf(member.name, kind, of.size, count, rest, line=member.line, notes=tuple(notes))

@@ -60,8 +60,12 @@ def _message(codec: Codec, message: Message) -> list[str]:
     text = ", ".join(facts)
     lines += [text[:1].upper() + text[1:] + ".", ""]
     lines += _fields(codec.model, message)
+    named: list[list[str]] = []
     for field in _all(message.fields):
-        lines += _names(field)
+        names = _names(field)
+        if names not in named:  # a type of the file may occur several times
+            named.append(names)
+            lines += names
     return lines + examples_of(codec, message)
 
 
@@ -83,7 +87,7 @@ def _rows(fields: tuple[Field, ...], at: int | None, level: int) -> tuple[list[t
     what repeats they count from its first element. Also the offset behind the last field."""
     rows: list[tuple[str, ...]] = []
     for field in fields:
-        offset = "" if at is None or field.size == 0 == field.min_wire_bytes and field.bits else str(at)
+        offset = "" if at is None else str(at)
         least, most = field.min_wire_bytes, field.max_wire_bytes
         size = "" if least == most == 0 else str(least) if least == most else f"{least} to {most}"
         name = "- " * level + field.name

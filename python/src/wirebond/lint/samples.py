@@ -50,24 +50,40 @@ def _frame(codec: Codec, message: Message, generator: random.Random) -> bytes:
 
 def random_values(message: Message, generator: random.Random) -> dict[str, Any]:
     """Valid values for every field, over the whole range that each can carry."""
-    return {field.name: _value(field, generator) for field in message.fields}
+    return _struct(message.fields, generator)
 
 
-def _value(field: Field, generator: random.Random) -> Any:
+def _struct(fields: tuple[Field, ...], generator: random.Random) -> dict[str, Any]:
+    """A count is drawn once for all that it counts, and left out: it is counted."""
+    counting = {field.counted_by for field in fields if field.counted_by}
+    most = {name: min(f.max_count or f.max_size for f in fields if f.counted_by == name) for name in counting}
+    counts = {name: generator.randint(0, limit) for name, limit in most.items()}
+    return {
+        field.name: _value(field, counts.get(field.counted_by), generator)
+        for field in fields
+        if field.kind != FieldKind.PADDING and field.name not in counting
+    }
+
+
+def _value(field: Field, counted: int | None, generator: random.Random) -> Any:
     if field.kind == FieldKind.TEXT:
-        return "".join(generator.choices(_LETTERS, k=generator.randint(0, field.max_wire_bytes)))
+        size = generator.randint(0, field.max_wire_bytes) if counted is None else counted
+        return "".join(generator.choices(_LETTERS, k=size))
     if field.kind == FieldKind.BYTES:
         size = generator.randint(0, field.max_size) if field.is_variable else field.size
-        return generator.randbytes(size)
-    if field.flags:
-        chosen = [name for name, _ in field.flags if generator.random() < 0.5]
-        return [chosen] * field.count if field.count is not None else chosen
-    if field.count is not None:
-        return [_element(field, generator) for _ in range(field.count)]
+        return generator.randbytes(size if counted is None else counted)
+    if field.is_list and counted is None:
+        counted = generator.randint(0, field.max_count)
+    if field.is_list or field.count is not None:
+        return [_element(field, generator) for _ in range(field.count or counted or 0)]
     return _element(field, generator)
 
 
 def _element(field: Field, generator: random.Random) -> Any:
+    if field.fields:
+        return _struct(field.fields, generator)
+    if field.flags:
+        return [name for name, _ in field.flags if generator.random() < 0.5]
     if field.kind == FieldKind.BOOL:
         return generator.random() < 0.5
     if field.enum:
