@@ -250,7 +250,9 @@ class _Reader:
             raise _Unreadable("it holds something that is no member")
         name = node.name or ""
         if node.bitsize is not None:
-            raise _Unreadable(f"{name or 'a member'} is a bit-field, whose bits each compiler places; write them as `bits:`")
+            raise _Unreadable(
+                f"{name or 'a member'} is a bit-field, whose bits each compiler places; write them as `bits:`"
+            )
         counts: list[int] = []
         inner = node.type
         while isinstance(inner, c_ast.ArrayDecl):
