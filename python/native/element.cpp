@@ -3,6 +3,7 @@
 
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -116,9 +117,21 @@ std::uint64_t integer_bits(const FieldTable& field, nb::handle value, const Path
   return number;
 }
 
+/// The whole number nearest to an SI value; halves go away from zero, as in the generated code.
+double to_wire(const FieldTable& field, double si) {
+  return std::round((si - field.offset) * field.denominator / field.numerator);
+}
+
+/// Is a scaled number between what the bounds themselves become on the wire? A legal bound may round past itself.
+bool in_wire_range(const FieldTable& field, double wire) {
+  const double one = to_wire(field, field.minimum);
+  const double other = to_wire(field, field.maximum);
+  return wire >= std::min(one, other) && wire <= std::max(one, other);
+}
+
 std::uint64_t scaled_bits(const FieldTable& field, nb::handle value, const Path& path) {
   const double si = number_from(field, value, path);
-  const double wire = std::nearbyint((si - field.offset) * field.denominator / field.numerator);
+  const double wire = to_wire(field, si);
   const Limits limits = limits_of(field);
   // As doubles both 2^64 - 1 and 2^63 - 1 round up to a number that does not fit.
   const double beyond = std::ldexp(1.0, field.width - (field.kind == FieldKind::signed_integer ? 1 : 0));
@@ -243,6 +256,7 @@ nb::object decode_element(const FieldTable& field, std::uint64_t raw) {
 
 std::string fault_of(const FieldTable& field, std::uint64_t raw) {
   double si = 0;
+  double wire_number = 0;
   switch (field.kind) {
     case FieldKind::boolean: return raw <= 1 ? "" : " is " + std::to_string(raw) + ", a bool is 0 or 1";
     case FieldKind::floating: {
@@ -255,7 +269,8 @@ std::string fault_of(const FieldTable& field, std::uint64_t raw) {
       const std::int64_t wire = signed_of(field, raw);
       if (field.has_enum && !enumerator(field, static_cast<std::uint64_t>(wire)).is_valid())
         return " is " + std::to_string(wire) + ", which is no enumerator";
-      si = to_si(field, static_cast<double>(wire));
+      wire_number = static_cast<double>(wire);
+      si = to_si(field, wire_number);
       break;
     }
     default: {
@@ -265,10 +280,12 @@ std::string fault_of(const FieldTable& field, std::uint64_t raw) {
       std::uint64_t rest = field.has_flags ? raw : 0;
       for (const auto& flag : field.flags) rest &= ~(std::uint64_t{1} << flag.second);
       if (rest != 0) return " has unnamed bits set: " + std::to_string(rest);
-      si = to_si(field, static_cast<double>(raw));
+      wire_number = static_cast<double>(raw);
+      si = to_si(field, wire_number);
     }
   }
   if (!field.has_range || (si >= field.minimum && si <= field.maximum)) return "";
+  if (field.scaled && field.kind != FieldKind::floating && in_wire_range(field, wire_number)) return "";
   return " = " + with_unit(number_text(si), field) + " is outside " + range_text(field);
 }
 

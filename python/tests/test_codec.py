@@ -107,6 +107,32 @@ def test_received_field_outside_its_rules_is_delivered_with_its_violation() -> N
     assert message.violations == ["motors.left = 1.5 is outside -1 ... 1"]
 
 
+COARSE = """
+wirebond: 1
+protocol: coarse
+frame: [{magic: 0xAA}, {id: u8}, {payload: 1}, {check: xor8}]
+messages:
+  m: {id: 1, sender: mcu, fields: {x: {type: i8, scale: 0.3, range: [-1.7, 1.7]}}}
+"""
+
+
+def test_legal_bound_that_rounds_past_itself_is_no_violation() -> None:
+    proto = wirebond.Codec(loads(COARSE))
+    (message,) = proto.decoder("mcu").feed(proto.encode("m", x=1.7))
+    assert message.fields["x"] == pytest.approx(1.8)
+    assert message.violations == []
+    frame = bytearray(proto.encode("m", x=1.7))
+    frame[2], frame[3] = frame[2] + 1, frame[3] ^ frame[2] ^ (frame[2] + 1)
+    (message,) = proto.decoder("mcu").feed(frame)
+    assert message.violations == ["m.x = 2.1 is outside -1.7 ... 1.7"]
+
+
+def test_halves_round_away_from_zero_as_in_generated_code() -> None:
+    for value, wire in ((0.0005, 1), (0.0015, 2), (0.0025, 3), (-0.0005, -1)):
+        frame = DIFFDRIVE.encode("velocity", linear=value, angular=0)
+        assert struct.unpack("<h", frame[3:5]) == (wire,)
+
+
 def test_received_nan_is_delivered_with_its_violation() -> None:
     values = {"idx": 0, "p": 1.0, "i": 2.0, "d": 3.0}
     frame = bytearray(PID.encode("pid", values))
