@@ -109,7 +109,7 @@ def test_examples_do_not_change_the_hash() -> None:
         ("message: drive, fields: {speed: 0}, bytes: 10", "10}", "`10` is read as a number; put the bytes in quotes"),
         ("message: drive, fields: {speed: 0}, bytes: AA 5", "AA 5", "`AA 5` is not a frame; write its bytes"),
         ("message: drive, fields: {speed: 0}, bytes: [AA]", "[AA]", "a list is not a frame; write its bytes"),
-        ("message: drive, fields: {speed: {a: 1}}, bytes: AA", "{a:", "a mapping is not possible here"),
+        ("message: drive, fields: {speed: {a: 1}}, bytes: AA", "{a:", "`speed` is one value; write it without { and }"),
         ("message: state, fields: {" + STATE.replace("hot", "cold") + "}, bytes: AA", "[cold", "`cold` is not a flag"),
         (
             "message: state, fields: {" + STATE.replace("2.5", "2, 3") + "}, bytes: AA",
@@ -139,3 +139,52 @@ def test_long_text_that_is_no_frame_is_refused_at_once() -> None:
 def test_a_frame_too_long_for_an_example_is_refused() -> None:
     with pytest.raises(ProtocolFileError, match="5000 bytes are too many"):
         loads(with_example(f'message: drive, fields: {{speed: 0}}, bytes: "{"AA" * 5000}"'))
+
+
+SHAPES = """\
+wirebond: 1
+protocol: rover
+frame: [magic: 0xAA, length: u8, id: u8, payload: by_length, check: xor8]
+types: {point: {x: {type: i8}, y: {type: i8, default: 0}}}
+messages:
+  scan:
+    id: 1
+    sender: mcu
+    fields:
+      n:      {type: u8}
+      status: {bits: {type: u8, fields: {mode: {type: u3}, armed: {type: bool}}}}
+      gap:    {type: padding, size: 1}
+      points: {group: {count: n, max: 3, fields: point}}
+examples:
+  - {message: scan, fields: {status: {mode: 5, armed: true}, points: [{x: 1, y: 2}, {x: -1}]}, bytes: "AA 07"}
+"""
+
+
+def test_an_example_holds_values_within_structs() -> None:
+    (example,) = loads(SHAPES).examples
+    assert dict(example.values) == {
+        "status": {"mode": 5, "armed": True},
+        "points": ({"x": 1, "y": 2}, {"x": -1}),
+    }
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "at", "sentence"),
+    [
+        ("{x: -1}", "{y: 3}", "{y: 3}", "the example leaves `x` of `points` open; add for example `x: 0`"),
+        ("{x: -1}", "{x: 200}", "200", "200 does not fit `x`, which takes values from -128 to 127"),
+        ("{x: -1}", "{x: 0, z: 1}", "z: 1", "`points` has no field `z`; possible: x, y"),
+        ("{x: -1}", "5", "5]", "`points` has fields; write a mapping of x, y"),
+        ("{mode: 5, armed: true}", "3", "3, points", "`status` has fields; write a mapping of mode, armed"),
+        ("mode: 5", "mode: {}", "{}, armed", "`mode` is one value; write it without { and }"),
+        ("[{x: 1, y: 2}, {x: -1}]", "{x: 1}", "{x: 1}", "`points` has at most 3 elements; write a list"),
+        ("status: {mode", "gap: 0, status: {mode", "gap: 0", "`scan` has no field `gap`"),
+    ],
+)
+def test_wrong_values_within_structs_are_told_at_their_place(old: str, new: str, at: str, sentence: str) -> None:
+    text = SHAPES.replace(old, new)
+    line = text.count("\n", 0, text.rindex(at)) + 1
+    column = text.rindex(at) - text.rfind("\n", 0, text.rindex(at))
+    with pytest.raises(ProtocolFileError) as caught:
+        loads(text, "f")
+    assert [p for p in str(caught.value).split("\n") if p.startswith(f"f:{line}:{column}: ") and sentence in p]

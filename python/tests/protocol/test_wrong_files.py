@@ -533,11 +533,7 @@ NESTED = [
     ("number: {type: u8}", "number: {type: @s8le}", "`s8le` has no byte order to choose; write `s8`"),
     ("number: {type: u8}", "number: {type: s8, enum: {low: @-128}}", "-128 does not fit s8 (from -127 to 127)"),
     # bit fields
-    (
-        "{type: u8, fields: {mode: {type: u3}",
-        "{type: @u8, fields: {mode: {type: u9}",
-        "these fields need 10 bits, and u8",
-    ),
+    ("{type: u8, fields: {mode: {type: u3}", "{type: @u8, fields: {mode: {type: u9}", "these fields need 10 bits"),
     ("type: u3}", "type: @u3be}", "`u3be` is not a type of a bit field; possible: u1 to u64"),
     ("type: u3}", "type: @f32}", "`f32` is not a type of a bit field"),
     ("type: u3}", "type: u3, @bits: 3}", "`bits` is not a key of a bit field"),

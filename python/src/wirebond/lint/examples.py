@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from wirebond.codec import Codec, Message
@@ -22,11 +23,18 @@ _MOST_BYTES = 4  # differing bytes that a sentence lists
 def judge(codec: Codec, places: Places) -> list[Finding]:
     found = []
     for index, example in enumerate(codec.model.examples):
-        values = {name: list(v) if isinstance(v, tuple) else v for name, v in example.values}
+        values = {name: _plain(value) for name, value in example.values}
         wrong = _compare(codec, example, values)
         if wrong is not None:
             found.append(_finding(example, wrong, places.at("examples", index, "bytes")))
     return found
+
+
+def _plain(value: Any) -> Any:
+    """Lists and dicts, as decoding gives them."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return {name: _plain(item) for name, item in value.items()} if isinstance(value, Mapping) else value
 
 
 def _finding(example: Example, wrong: tuple[str, str, str], place: Place) -> Finding:
@@ -137,6 +145,8 @@ def _different_values(message: Message, wanted: dict[str, Any]) -> tuple[str, An
 
 
 def _same(wanted: Any, got: Any) -> bool:
+    if isinstance(wanted, dict) and isinstance(got, dict):
+        return all(_same(value, got[name]) for name, value in wanted.items())
     if isinstance(wanted, list) and isinstance(got, list):
         if any(isinstance(item, str) for item in wanted + got):
             return sorted(map(str, wanted)) == sorted(map(str, got))  # flags, in any order

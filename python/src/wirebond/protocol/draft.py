@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from wirebond.protocol.document import Mapping
 from wirebond.protocol.messages import Messages
-from wirebond.protocol.model import BitRole, Escapes, Field, Frame, LengthCounts, Part, PartKind, PayloadRule
+from wirebond.protocol.model import BitRole, Escapes, Field, FieldKind, Frame, LengthCounts, Part, PartKind, PayloadRule
 from wirebond.protocol.problems import Place, Problems
 
 STRONG_CHECK_BITS = 16  # from here on a frame of unknown id is taken for a newer peer's, not for noise
@@ -115,18 +115,10 @@ def check_sizes(draft: Draft, messages: Messages, max_payload: int | None, probl
             continue
         if limit is not None and message.max_payload > limit:
             problems.add(entry.place, f"`{entry.name}` has up to {message.max_payload} payload bytes; {limit_of}")
-        field = next((one for one in message.fields if _needs_size(one, rule)), None)
+        field = next((one for one in message.fields if _needs_size(one, draft.payload)), None)
         fields = entry.node.get("fields")
         if field is not None and isinstance(fields, Mapping):
-            problems.add(
-                fields.key_place(field.name),
-                f"`{field.name}` reaches to the payload's end, and this frame does not tell where "
-                "that is; write `size` "
-                "for `max`, or take a frame with a length"
-                if field.reaches_end
-                else f"`{field.name}` varies in size, and with `payload: by_id` every message has one size; "
-                "take a frame with a length",
-            )
+            problems.add(fields.key_place(field.name), _varying(field, draft.payload))
     if max_payload is None:
         return draft.payload.fixed_payload if rule == PayloadRule.FIXED else largest
     if rule == PayloadRule.FIXED and max_payload != draft.payload.fixed_payload:
@@ -143,9 +135,29 @@ def check_sizes(draft: Draft, messages: Messages, max_payload: int | None, probl
     return max_payload
 
 
-def _needs_size(field: Field, rule: PayloadRule) -> bool:
+def _needs_size(field: Field, payload: Part) -> bool:
     """Can this field not be read without the payload's size, which the frame does not tell?"""
-    return (rule == PayloadRule.BY_ID and field.is_variable) or (rule == PayloadRule.FIXED and field.reaches_end)
+    if payload.payload == PayloadRule.BY_ID:
+        return field.is_variable
+    if payload.trims_zeros:  # of a text alone no zeros are missed
+        return field.is_variable and not (field.kind == FieldKind.TEXT and field.reaches_end)
+    return payload.payload == PayloadRule.FIXED and field.reaches_end
+
+
+def _varying(field: Field, payload: Part) -> str:
+    if payload.trims_zeros:
+        return (
+            f"`{field.name}` varies in size, and with `trim_zeros` zeros at its end would be lost; give it a fixed size"
+        )
+    if field.reaches_end:
+        return (
+            f"`{field.name}` reaches to the payload's end, and this frame does not tell where that is; write `size` "
+            "for `max`, or take a frame with a length"
+        )
+    return (
+        f"`{field.name}` varies in size, and with `payload: by_id` every message has one size; take a frame with a "
+        "length"
+    )
 
 
 def _limit(draft: Draft, max_payload: int | None) -> tuple[str, int | None]:

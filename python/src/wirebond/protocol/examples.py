@@ -7,16 +7,13 @@ from fractions import Fraction
 
 from wirebond.protocol.document import Mapping, Node, Sequence
 from wirebond.protocol.draft import Draft
-from wirebond.protocol.field_values import fit_value
+from wirebond.protocol.field_values import fit_element, settled
 from wirebond.protocol.grammar import ExampleSyntax
 from wirebond.protocol.messages import Messages, spoken
-from wirebond.protocol.model import End, Example, ExampleScalar, Field, FieldKind, Message, Part, PartKind
+from wirebond.protocol.model import End, Example, ExampleValue, Field, FieldKind, Message, Part, PartKind
 from wirebond.protocol.plan import header_names
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.syntax import readable
-
-_Given = Fraction | bool | str
-_Value = ExampleScalar | tuple[ExampleScalar, ...]
 
 
 def read_examples(
@@ -41,10 +38,13 @@ def read_examples(
         if message is None:
             continue
         sender = _sender(syntax.sender, message, item, problems)
-        values = _values(syntax.fields, message, item, problems)
+        given = item.get("fields")
+        values = _values(syntax.fields, message.name, message.fields, given, item.value_place("fields"), problems)
         good_header = draft is None or _is_header(syntax.header, draft, item, problems)
         if sender is not None and values is not None and good_header:
-            found.append(Example(message.name, sender, values, syntax.bytes, tuple(syntax.header.items())))
+            found.append(
+                Example(message.name, sender, tuple(values.items()), syntax.bytes, tuple(syntax.header.items()))
+            )
     return tuple(found)
 
 
@@ -86,46 +86,73 @@ def _header_widths(part: Part) -> list[tuple[str, int]]:
 
 
 def _values(
-    given: dict[str, _Given | list[_Given]], message: Message, node: Mapping, problems: Problems
-) -> tuple[tuple[str, _Value], ...] | None:
-    fields = {field.name: field for field in message.fields}
-    places = node.get("fields")
-    missing = [field.name for field in message.fields if field.name not in given and field.default is None]
+    given: object, owner: str, fields: tuple[Field, ...], node: Node | None, place: Place, problems: Problems
+) -> dict[str, ExampleValue] | None:
+    """Values of fields that stand beside each other; None after reporting what is wrong."""
+    if not isinstance(given, dict) or (given and not isinstance(node, Mapping)):
+        names = ", ".join(field.name for field in fields if field.kind != FieldKind.PADDING)
+        problems.add(place, f"`{owner}` has fields; write a mapping of {names}")
+        return None
+    known = {field.name: field for field in fields if field.kind != FieldKind.PADDING}
+    missing = [name for name in known if name not in given and name not in settled(fields)]
     if missing:
         problems.add(
-            node.value_place("fields"),
-            f"the example leaves `{missing[0]}` of `{message.name}` open; add for example `{missing[0]}: 0`",
+            place,
+            f"the example leaves `{missing[0]}` of `{owner}` open; add for example `{missing[0]}: 0`",
         )
-    values: list[tuple[str, _Value]] = []
+    values: dict[str, ExampleValue] = {}
     wrong = bool(missing)
     for name, wanted in given.items():
-        assert isinstance(places, Mapping), "fields were given"
-        if name not in fields:
-            there = suggestion(name, fields) if fields else "it has no fields at all"
-            problems.add(places.key_place(name), f"`{message.name}` has no field `{name}`; {there}")
+        assert isinstance(node, Mapping), "fields were given"
+        if name not in known:
+            there = suggestion(name, known) if known else "it has no fields at all"
+            problems.add(node.key_place(name), f"`{owner}` has no field `{name}`; {there}")
             wrong = True
             continue
-        value = _value(fields[name], wanted, places.value_place(name), problems)
+        value = _value(known[name], wanted, node.get(name), node.value_place(name), problems)
         if value is None:
             wrong = True
         else:
-            values.append((name, value))
-    return None if wrong else tuple(values)
+            values[name] = value
+    return None if wrong else values
 
 
-def _value(field: Field, wanted: _Given | list[_Given], place: Place, problems: Problems) -> _Value | None:
+def _value(field: Field, wanted: object, node: Node | None, place: Place, problems: Problems) -> ExampleValue | None:
     """The value as ``encode`` takes it; None after reporting what is wrong."""
+    if field.count is None and not field.is_list:
+        return _element(field, wanted, node, place, problems)
+    most = field.count or field.max_count
+    fits = isinstance(wanted, list) and (len(wanted) <= most if field.is_list else len(wanted) == most)
+    if not isinstance(wanted, list) or not isinstance(node, Sequence) or not fits:
+        amount = (
+            f"at most {most} elements; write a list" if field.is_list else f"{most} elements; write a list of as many"
+        )
+        problems.add(place, f"`{field.name}` has {amount}, such as [0, 0]")
+        return None
+    elements = [_element(field, item, one, one.place, problems) for item, one in zip(wanted, node.items, strict=True)]
+    good = tuple(element for element in elements if element is not None)
+    return good if len(good) == len(elements) else None
+
+
+def _element(field: Field, wanted: object, node: Node | None, place: Place, problems: Problems) -> ExampleValue | None:
+    if field.fields:
+        return _values(wanted, field.name, field.fields, node, place, problems)
     value, fault = _fitted(field, wanted)
     if value is None:
         problems.add(place, fault)
     return value
 
 
-def _fitted(field: Field, wanted: _Given | list[_Given]) -> tuple[_Value | None, str]:
-    return _byte_string(field, wanted) if field.kind == FieldKind.BYTES else fit_value(field, wanted)
+def _fitted(field: Field, wanted: object) -> tuple[ExampleValue | None, str]:
+    if field.kind == FieldKind.BYTES:
+        return _byte_string(field, wanted)
+    if isinstance(wanted, dict):
+        return None, f"`{field.name}` is one value; write it without {{ and }}"
+    assert isinstance(wanted, Fraction | bool | str | list), "the grammar gives no others"
+    return fit_element(field, wanted)
 
 
-def _byte_string(field: Field, wanted: _Given | list[_Given]) -> tuple[_Value | None, str]:
+def _byte_string(field: Field, wanted: object) -> tuple[ExampleValue | None, str]:
     if not isinstance(wanted, str) or not re.fullmatch(r"( *[0-9a-fA-F]{2})* *", wanted):
         return None, f'`{field.name}` is a byte string; write two hex digits a byte in quotes: "01 FF"'
     value = bytes.fromhex(wanted)

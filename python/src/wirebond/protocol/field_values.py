@@ -49,11 +49,11 @@ def fit_value(field: Field, value: Given) -> _Fitted:
     if field.kind in (FieldKind.STRUCT, FieldKind.BITS, FieldKind.PADDING):
         return None, f"`{field.name}` has no value of its own; give those of its fields, or leave it out"
     if field.count is None and not field.is_list:
-        return _fit_one(field, value)
+        return fit_element(field, value)
     if not isinstance(value, list) or (field.flags and all(isinstance(item, str) for item in value)):
         if field.count is None:
             return None, f"`{field.name}` has a varying number of elements; write a list, such as []"
-        fitted, fault = _fit_one(field, value)
+        fitted, fault = fit_element(field, value)
         return (None, fault) if fault else ((fitted,) * field.count, "")  # type: ignore[return-value]
     most = field.count or field.max_count
     if len(value) > most or (field.count is not None and len(value) != most):
@@ -61,14 +61,15 @@ def fit_value(field: Field, value: Given) -> _Fitted:
         return None, f"{len(value)} elements do not fit `{field.name}`; {wanted}"
     found: list[_Single] = []
     for item in value:
-        one, fault = _fit_one(field, item)
+        one, fault = fit_element(field, item)
         if fault or not isinstance(one, float | int | str):
             return None, fault
         found.append(one)
     return tuple(found), ""
 
 
-def _fit_one(field: Field, value: Given) -> _Fitted:
+def fit_element(field: Field, value: Given) -> _Fitted:
+    """As `fit_value`, for one element of an array or a value that is none."""
     if isinstance(value, list):
         return _fit_flags(field, value)
     if field.kind == FieldKind.BOOL:
@@ -142,3 +143,15 @@ def _fit_number(field: Field, value: Fraction) -> tuple[float | int | None, str]
             )
         return int(value), ""
     return float(value), ""
+
+
+def has_default(field: Field) -> bool:
+    """Is its value settled where nobody gives one?"""
+    if field.fields and not field.is_list:
+        return all(has_default(member) for member in field.fields)
+    return field.default is not None or field.is_list or field.kind == FieldKind.PADDING
+
+
+def settled(fields: tuple[Field, ...]) -> set[str]:
+    """Names of the fields, among these that stand beside each other, that may be left out."""
+    return {field.name for field in fields if has_default(field)} | {field.counted_by for field in fields} - {""}

@@ -5,9 +5,11 @@ Nothing here reads a file, and nothing here knows how a frame is found or laid o
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from fractions import Fraction
+from typing import Union
 
 
 class End(StrEnum):
@@ -331,6 +333,8 @@ class EmergencyStop:
 
 
 ExampleScalar = float | int | bool | str | bytes
+# An array is a tuple, a struct a mapping.
+ExampleValue = Union[ExampleScalar, tuple["ExampleValue", ...], Mapping[str, "ExampleValue"]]  # noqa: UP007  (recursive)
 
 
 @dataclass(frozen=True)
@@ -342,7 +346,7 @@ class Example:
 
     message: str
     sender: End
-    values: tuple[tuple[str, ExampleScalar | tuple[ExampleScalar, ...]], ...]
+    values: tuple[tuple[str, ExampleValue], ...]
     frame: bytes
     header: tuple[tuple[str, int], ...] = ()  # named header fields that differ from their defaults
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from wirebond.protocol.document import Mapping, Node, Sequence
-from wirebond.protocol.field_values import fit_value
+from wirebond.protocol.field_values import fit_value, settled
 from wirebond.protocol.grammar import DeadlineSyntax, EmergencyStopSyntax, Services
 from wirebond.protocol.messages import Entry, Messages, receiver_of, spoken
 from wirebond.protocol.model import Deadline, EmergencyStop, End, Field, FieldKind, Recover, Service
@@ -87,8 +87,8 @@ def read_emergency_stop(node: Node | None, messages: Messages, problems: Problem
         return None
     given = syntax.__pydantic_extra__ or {}
     fields = {field.name: field for field in entry.complete.fields}
-    settled = {f.name for f in fields.values() if _has_default(f)} | {f.counted_by for f in fields.values()}
-    unfit = [name for name, field in fields.items() if name not in settled and not _can_be_given(field)]
+    may_stay_out = settled(entry.complete.fields)
+    unfit = [name for name, field in fields.items() if name not in may_stay_out and not _can_be_given(field)]
     if unfit:
         problems.add(
             place,
@@ -96,7 +96,7 @@ def read_emergency_stop(node: Node | None, messages: Messages, problems: Problem
             "give the others defaults",
         )
         return None
-    missing = [name for name in fields if name not in given and name not in settled]
+    missing = [name for name in fields if name not in given and name not in may_stay_out]
     if "message" in missing:
         problems.add(place, f"`{syntax.message}` has a field `message`, and that key is taken here; rename the field")
     elif missing:
@@ -122,13 +122,6 @@ def read_emergency_stop(node: Node | None, messages: Messages, problems: Problem
 
 def _can_be_given(field: Field) -> bool:
     return field.count is None and not field.is_list and not field.fields and field.kind not in _VALUELESS
-
-
-def _has_default(field: Field) -> bool:
-    """Is its value settled where nobody gives one?"""
-    if field.fields and not field.is_list:
-        return all(_has_default(member) for member in field.fields)
-    return field.default is not None or field.is_list or field.kind == FieldKind.PADDING
 
 
 def _listed(names: list[str]) -> str:

@@ -223,14 +223,18 @@ def _frame_bytes(value: object) -> bytes:
     return found
 
 
-def _example_value(value: object) -> ExampleOwnValue:
-    return [_own_value(item) for item in value] if isinstance(value, list) else _own_value(value)
+def _example_value(value: object) -> Any:
+    """A value, or lists and mappings of such; the reader bounds how deep."""
+    if isinstance(value, list):
+        return [_example_value(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _example_value(item) for key, item in value.items()}
+    return _own_value(value)
 
 
-ExampleOwnValue = Fraction | bool | str | list[Fraction | bool | str]
 ExampleValue = Annotated[
-    ExampleOwnValue,
-    PlainValidator(_example_value, json_schema_input_type=float | bool | str | list[float | bool | str]),
+    Any,
+    PlainValidator(_example_value, json_schema_input_type=float | bool | str | list[Any] | dict[str, Any]),
 ]
 FrameBytes = Annotated[
     bytes,
