@@ -122,12 +122,12 @@ def _value(field: Field, wanted: object, node: Node | None, place: Place, proble
     if field.count is None and not field.is_list:
         return _element(field, wanted, node, place, problems)
     most = field.count or field.max_count
-    fits = isinstance(wanted, list) and (len(wanted) <= most if field.is_list else len(wanted) == most)
-    if not isinstance(wanted, list) or not isinstance(node, Sequence) or not fits:
-        amount = (
-            f"at most {most} elements; write a list" if field.is_list else f"{most} elements; write a list of as many"
-        )
-        problems.add(place, f"`{field.name}` has {amount}, such as [0, 0]")
+    amount = f"at most {most}" if field.is_list else str(most)
+    if not isinstance(wanted, list) or not isinstance(node, Sequence):
+        problems.add(place, f"`{field.name}` has {amount} elements; write a list, such as [0, 0]")
+        return None
+    if len(wanted) > most or (len(wanted) < most and not field.is_list):
+        problems.add(place, f"{len(wanted)} elements do not fit `{field.name}`; it has {amount}")
         return None
     elements = [_element(field, item, one, one.place, problems) for item, one in zip(wanted, node.items, strict=True)]
     good = tuple(element for element in elements if element is not None)
