@@ -94,12 +94,23 @@ nb::object column_of(const Column& column, const Rows& rows, std::size_t stride,
   const std::size_t count = rows.offsets.size();
   std::vector<T> out;
   out.reserve(count * field.count);
-  const std::uint8_t* row = rows.payloads.data() + column.at;
-  for (std::size_t i = 0; i < count; ++i, row += stride) {
-    const std::uint8_t* const at = column.moves ? column.places[i] : row;
-    for (std::uint32_t element = 0; element < field.count; ++element) {
-      out.push_back(static_cast<T>(value(load_raw(field, at, element))));
+  const auto each_row = [&](auto load) {  // a loop for each way to load, so that none asks for every element
+    const std::uint8_t* row = rows.payloads.data() + column.at;
+    for (std::size_t i = 0; i < count; ++i, row += stride) {
+      const std::uint8_t* const at = column.moves ? column.places[i] : row;
+      for (std::uint32_t element = 0; element < field.count; ++element) {
+        out.push_back(static_cast<T>(value(load(at, element))));
+      }
     }
+  };
+  if (field.repeat == Repeat::packed) {
+    each_row([&](const std::uint8_t* at, std::size_t element) { return load_packed_raw(field, at, element); });
+  } else if (field.width == 8 * field.size) {
+    each_row([size = field.size, order = field.order](const std::uint8_t* at, std::size_t element) {
+      return load_bytes(at + element * size, size, order);
+    });
+  } else {
+    each_row([&](const std::uint8_t* at, std::size_t element) { return load_plain_raw(field, at, element); });
   }
   return make_array(std::move(out), count, &field);
 }

@@ -22,10 +22,17 @@ struct Path {
   std::string text() const;
 };
 
+inline std::uint64_t load_plain_raw(const FieldTable& field, const std::uint8_t* at, std::size_t index) {
+  return (load_bytes(at + index * field.size, field.size, field.order) >> field.shift) & low_bits(field.width);
+}
+
+inline std::uint64_t load_packed_raw(const FieldTable& field, const std::uint8_t* at, std::size_t index) {
+  return load_bits(at, index * field.width, field.width, field.bit_order);
+}
+
 /// The bits of element `index`, at the bottom. `at` is where the field begins.
 inline std::uint64_t load_raw(const FieldTable& field, const std::uint8_t* at, std::size_t index) {
-  if (field.repeat == Repeat::packed) return load_bits(at, index * field.width, field.width, field.bit_order);
-  return (load_bytes(at + index * field.size, field.size, field.order) >> field.shift) & low_bits(field.width);
+  return field.repeat == Repeat::packed ? load_packed_raw(field, at, index) : load_plain_raw(field, at, index);
 }
 
 /// Pair of `load_raw`, into bytes that are zero but for what other fields have in them.
