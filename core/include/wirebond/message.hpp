@@ -56,6 +56,20 @@ struct HasClamp : std::false_type {};
 template <class Message>
 struct HasClamp<Message, std::void_t<decltype(clamp(std::declval<Message&>()))>> : std::true_type {};
 
+/// Decode a payload; zeros that were trimmed from its end are put back.
+template <class Message>
+bool read_payload(const Frame& frame, Message& message) {
+  constexpr std::size_t least = Message::Info::min_payload_bytes;
+  if constexpr (least > 0) {
+    if (frame.payload_size < least) {
+      std::array<std::uint8_t, least> whole{};
+      std::memcpy(whole.data(), frame.payload, frame.payload_size);
+      return decode(whole.data(), whole.size(), message);
+    }
+  }
+  return decode(frame.payload, frame.payload_size, message);
+}
+
 }  // namespace detail
 
 /// Decode the frame's payload, apply the field rules, and call `handler.on(const Message&)` if it has that.
@@ -63,15 +77,7 @@ struct HasClamp<Message, std::void_t<decltype(clamp(std::declval<Message&>()))>>
 template <class Message, class Handler>
 bool hand_over(const Frame& frame, Handler& handler, Violations& counts) {
   Message message;
-  bool sound;
-  if (frame.payload_size < Message::Info::min_payload_bytes) {  // its zeros were trimmed: put them back
-    std::array<std::uint8_t, Message::Info::min_payload_bytes> whole{};
-    std::memcpy(whole.data(), frame.payload, frame.payload_size);
-    sound = decode(whole.data(), whole.size(), message);
-  } else {
-    sound = decode(frame.payload, frame.payload_size, message);
-  }
-  if (!sound) {  // the deframer has seen to the payload's least size
+  if (!detail::read_payload(frame, message)) {  // the deframer has seen to the payload's least size
     counts.count(Violation::wrong_count);
     return false;
   }
