@@ -15,7 +15,7 @@ from wirebond.protocol.plan import ids_collide
 
 FORMATS = {path.stem: path for folder in (PROTOCOLS, ROOT / "tests" / "formats") for path in folder.glob("*.yaml")}
 FORMATS |= {f"contrib-{path.stem}": path for path in (PROTOCOLS / "contrib").glob("*.yaml")}
-STREAMS = 25  # a format and sender
+STREAMS = 12  # a format and sender
 
 
 def stream_for(proto: Codec, source: random.Random) -> bytes:
