@@ -19,7 +19,11 @@ from wirebond.protocol.model import End, FieldKind, PartKind
 from wirebond.protocol.model import Message as MessageModel
 
 NAMES = ["diffdrive", "enterprize", "pid_tuner", "pid_tuner_listing", "native"]
-FORMATS = {path.stem: path for folder in (PROTOCOLS, ROOT / "tests" / "formats") for path in folder.glob("*.yaml")}
+FORMATS = {
+    path.stem: path
+    for folder in (PROTOCOLS, PROTOCOLS / "contrib", ROOT / "tests" / "formats")
+    for path in folder.glob("*.yaml")
+}
 
 VALUES = [*(PROTOCOLS / f"{name}.yaml" for name in NAMES), ROOT / "python" / "tests" / "codegen" / "every_shape.yaml"]
 

@@ -45,7 +45,8 @@ def explain_bytes(path: Path, hex_text: str, sender: str | None, as_json: bool) 
 
 def _peers(path: Path, own: Protocol) -> list[Protocol]:
     """The protocols beside this file, and those that come with the package."""
-    files = {file.resolve() for folder in _peer_folders(path) for file in sorted(folder.glob("*.yaml"))}
+    folders = (path.parent, paths.protocols())
+    files = {file.resolve() for folder in folders for file in folder.glob("*.yaml")}
     files.discard(path.resolve())
     found = []
     for file in sorted(files)[:_MOST_PEERS]:
