@@ -82,7 +82,7 @@ struct FixedSize {
     return format;
   }
   static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
-    return wirebond::sum_update(CheckKind::exclusive_or, 8, reg, bytes, size);
+    return wirebond::sum_update({CheckKind::exclusive_or, 8}, reg, bytes, size);
   }
 };
 
@@ -109,7 +109,7 @@ struct WeakSum {
     return format;
   }
   static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
-    return wirebond::sum_update(CheckKind::sum, 16, reg, bytes, size);
+    return wirebond::sum_update({CheckKind::sum, 16}, reg, bytes, size);
   }
 };
 
@@ -185,8 +185,8 @@ struct Constant {
 /// The run-time source over the very same value.
 template <class Format>
 wirebond::RuntimeSource run_time() {
-  static const wirebond::CrcTables tables(Constant<Format>::value);
-  return {Constant<Format>::value, tables, Format::rows.data(), Format::rows.size()};
+  static const wirebond::RuntimeTables tables(Constant<Format>::value, Format::rows.data(), Format::rows.size());
+  return wirebond::RuntimeSource(tables);
 }
 
 using Bytes = std::vector<std::uint8_t>;

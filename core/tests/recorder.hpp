@@ -28,7 +28,7 @@ template <class Source, class Counter = std::uint32_t>
 class Recorder {
  public:
   explicit Recorder(const Source& source, Counter idle_us = 20'000)
-      : workspace_(wirebond::workspace_bytes(source.format())), deframer_(source, workspace_.data(), idle_us) {}
+      : workspace_(wirebond::workspace_bytes(source)), deframer_(source, workspace_.data(), idle_us) {}
 
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;

@@ -186,7 +186,7 @@ TEST_CASE("ten thousand start bytes in a row leave less than one frame pending")
 
 TEST_CASE("frames of a chunk that begins with one are handed out in place") {
   const Constant<HeaderChecked> source;
-  Bytes workspace(wirebond::workspace_bytes(source.format()));
+  Bytes workspace(wirebond::workspace_bytes(source));
   wirebond::StreamDeframer<Constant<HeaderChecked>> deframer(source, workspace.data(), 20'000);
   const Bytes frame = frame_of(source, 0xA1, {1, 2, 3, 4});
   const Bytes chunk = frame + frame;
@@ -204,8 +204,8 @@ TEST_CASE("two layouts are told apart by their constants") {
   format.layouts[1].constants[0].value = 0x7C;
   format.layouts[1].payload_size = PayloadSize::fixed;
   format.layouts[1].fixed_payload = 1;
-  const wirebond::CrcTables tables(format);
-  Recorder<wirebond::RuntimeSource> recorder({format, tables, rows.data(), rows.size()});
+  const wirebond::RuntimeTables tables(format, rows.data(), rows.size());
+  Recorder<wirebond::RuntimeSource> recorder{wirebond::RuntimeSource(tables)};
   recorder.feed({0x00, 0x7A, 0x01, 0x02, 0xFF, 0xFF, 0x02, 0x7B, 0x7C, 0x01, 0x55, 0x10, 0x00, 0x7B, 0x7C, 0x01});
   recorder.give_up();
   REQUIRE(recorder.frames().size() == 2);

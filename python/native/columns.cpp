@@ -189,7 +189,7 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, co
   const BufferView view(capture);
   std::vector<Rows> tables(protocol->messages().size());
   Rows unknown;
-  std::vector<std::uint8_t> workspace(workspace_bytes(format.format()));
+  std::vector<std::uint8_t> workspace(workspace_bytes(format.source()));
   HostDeframer deframer(format.source(), workspace.data(), 0);
   const auto sink = [&](const Frame& frame) {
     if (frame.message < 0) {

@@ -128,7 +128,7 @@ Decoder::Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<
                  double idle_seconds)
     : protocol_(std::move(protocol)),
       format_(std::move(format)),
-      workspace_(workspace_bytes(format_->format())),
+      workspace_(workspace_bytes(format_->source())),
       deframer_(format_->source(), workspace_.data(), static_cast<std::uint64_t>(std::ceil(idle_seconds * 1e6))),
       counts_(protocol_->messages().size(), 0) {}
 

@@ -76,7 +76,7 @@ Link::Link(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const 
     : protocol_(std::move(protocol)),
       format_(std::move(receive)),
       options_(std::move(options)),
-      workspace_(workspace_bytes(format_->format())),
+      workspace_(workspace_bytes(format_->source())),
       deframer_(format_->source(), workspace_.data(), to_us(options_.idle_seconds)),
       counts_(protocol_->messages().size(), 0),
       deadline_rules_(deadlines) {

@@ -156,7 +156,7 @@ FormatTable::FormatTable(nb::handle plan) {
          {nb::cast<std::int16_t>(message.attr("index")), nb::cast<std::uint16_t>(message.attr("min_payload")),
           nb::cast<std::uint16_t>(message.attr("max_payload")), nb::cast<std::uint8_t>(message.attr("seed"))}});
   }
-  tables_ = std::make_unique<CrcTables>(format_);
+  tables_ = std::make_unique<RuntimeTables>(format_, rows_.data(), rows_.size());
 }
 
 }  // namespace wirebond::engine

@@ -50,14 +50,14 @@ class FormatTable {
   FormatTable& operator=(const FormatTable&) = delete;
 
   const FrameFormat& format() const { return format_; }
-  RuntimeSource source() const { return {format_, *tables_, rows_.data(), rows_.size()}; }
+  RuntimeSource source() const { return RuntimeSource(*tables_); }
   /// Names of a layout's header fields, in its order.
   const std::vector<nb::object>& header_names(std::size_t layout) const { return header_names_[layout]; }
   std::size_t index_of(const Layout* layout) const { return static_cast<std::size_t>(layout - format_.layouts.data()); }
 
  private:
   FrameFormat format_;
-  std::unique_ptr<CrcTables> tables_;
+  std::unique_ptr<RuntimeTables> tables_;
   std::vector<MessageRow> rows_;
   std::array<std::vector<nb::object>, max_layouts> header_names_;
 };

@@ -10,9 +10,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 # Standard headers that a freestanding-style core may use: no heap, threads, streams, files or clocks.
+# The last two are the compilers' own, for instructions of hosts.
 CORE_STANDARD = {
     "algorithm", "array", "atomic", "cmath", "cstddef", "cstdint", "cstring", "limits", "string_view",
-    "type_traits", "utility",
+    "type_traits", "utility", "immintrin.h", "arm_neon.h",
 }  # fmt: skip
 
 # C++: folder -> (folders whose headers it may include by quotes, standard headers it may use; None: any)

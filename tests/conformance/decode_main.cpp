@@ -31,8 +31,8 @@ using Source = Sender;
 Source make_source() {
 #if RUN_TIME
   static const wirebond::FrameFormat format = Sender{}.format();  // the very value that the constant source folds
-  static const wirebond::CrcTables tables(format);
-  return {format, tables, message_rows.data(), message_rows.size()};
+  static const wirebond::RuntimeTables tables(format, message_rows.data(), message_rows.size());
+  return Source(tables);
 #else
   return {};
 #endif
@@ -53,7 +53,7 @@ struct Printer {
 
 int decode(std::FILE* file, std::size_t chunk, unsigned seed) {
   const Source source = make_source();
-  std::vector<std::uint8_t> workspace(wirebond::workspace_bytes(source.format()));
+  std::vector<std::uint8_t> workspace(wirebond::workspace_bytes(source));
   wirebond::StreamDeframer<Source, std::uint64_t> deframer(source, workspace.data(), Sender::idle_us);
   std::mt19937 random(seed);
   Printer printer;

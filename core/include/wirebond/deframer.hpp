@@ -29,6 +29,16 @@ struct ByteAccount {
   }
 };
 
+namespace detail {
+
+/// What the head of a waiting candidate told, where the format is read at run time; nothing where it is a constant.
+template <class Source, bool IsConstant = Source::is_constant>
+struct WaitingHead {};
+template <class Source>
+struct WaitingHead<Source, false> : Source::Shortcut::Head {};
+
+}  // namespace detail
+
 /// The deframer proper works on a *window*: contiguous bytes, the first of them the first that is not settled yet.
 /// `consume` says how many it settled; the caller presents the rest again, at the front, with more bytes behind it.
 /// A window of max_wire_bytes + n bytes always settles more than n. One thread or interrupt at a time.
@@ -41,7 +51,30 @@ class Deframer {
   /// `give_up`: no more bytes will come for the candidate at the end; its bytes are rescanned and all are settled.
   /// `sink(const Frame&)` is called for each frame, in order.
   template <class Sink>
-  std::size_t consume(const std::uint8_t* window, std::size_t size, bool give_up, Sink&& sink) {
+  WIREBOND_INLINE std::size_t consume(const std::uint8_t* window, std::size_t size, bool give_up, Sink&& sink) {
+    if constexpr (Source::is_constant) {
+      return consume_by_rules(window, size, give_up, sink);
+    } else {
+      if (size < needed_ && !give_up) return 0;  // already judged: so many bytes decide
+      std::size_t at = 0;
+      while (true) {
+        const bool waits = take_straight(window, size, at, sink);
+        if (at == size || (waits && !give_up)) return at;
+        const std::size_t settled = consume_by_rules(window + at, size - at, give_up, sink);
+        at += settled;
+        if (settled == 0 || at == size || source_.format().framing != Framing::by_start) return at;
+      }
+    }
+  }
+
+  /// Bytes that decide the candidate at the window's front; 0: not known.
+  std::size_t needed() const { return needed_; }
+  const ByteAccount<Counter>& account() const { return account_; }
+  const Source& source() const { return source_; }
+
+ private:
+  template <class Sink>
+  std::size_t consume_by_rules(const std::uint8_t* window, std::size_t size, bool give_up, Sink& sink) {
     switch (source_.format().framing) {
       case Framing::delimited: return consume_delimited(window, size, give_up, sink);
       case Framing::bracketed: return consume_bracketed(window, size, give_up, sink);
@@ -50,10 +83,6 @@ class Deframer {
     }
   }
 
-  const ByteAccount<Counter>& account() const { return account_; }
-  const Source& source() const { return source_; }
-
- private:
   // ---- frames found by their start ------------------------------------------------------------------------------
 
   template <class Sink>
@@ -74,6 +103,7 @@ class Deframer {
       if (verdict.outcome == Outcome::need_more) {
         if (!give_up) {
           needed_ = verdict.bytes;
+          waiting_ = {};
           break;
         }
         verdict = {Outcome::reject, Cause::incomplete, available};
@@ -87,21 +117,58 @@ class Deframer {
         discard(1);  // recover before trust: the next candidate may begin one byte later
         at += 1;
       }
+      if constexpr (!Source::is_constant) break;  // the next one may be good again: the straight way
     }
     return at;
   }
 
+  /// Frames as long as they follow each other without a fault; settles `at` bytes with them. True: the next one has a
+  /// good head and must wait.
+  template <class Sink>
+  WIREBOND_INLINE bool take_straight(const std::uint8_t* window, std::size_t size, std::size_t& at, Sink& sink) {
+    const auto& shortcut = source_.shortcut();
+    const std::size_t least = shortcut.least_by_start();
+    const std::uint8_t* candidate = window + at;
+    const std::uint8_t* const end = window + size;
+    bool waits = false;
+    const auto take = [&](const auto& head) WIREBOND_INLINE_LAMBDA {
+      Frame frame;
+      if (!shortcut.rest_holds(candidate, head, frame)) return false;
+      needed_ = 0;
+      deliver(frame, candidate, head.size, sink);
+      candidate += head.size;
+      return true;
+    };
+    if (needed_ != 0 && waiting_.size == needed_ && !take(waiting_)) return false;
+    while (static_cast<std::size_t>(end - candidate) >= least) {
+      const std::size_t available = static_cast<std::size_t>(end - candidate);
+      typename Source::Shortcut::Head head;
+      if (!shortcut.head_holds(source_, candidate, available, false, head)) break;
+      waits = available < head.size;
+      if (waits) {
+        needed_ = head.size;
+        static_cast<typename Source::Shortcut::Head&>(waiting_) = head;
+        break;
+      }
+      if (!take(head)) break;
+    }
+    at = static_cast<std::size_t>(candidate - window);
+    const std::size_t left = static_cast<std::size_t>(end - candidate);
+    return waits || (left != 0 && shortcut.waits(candidate, left));
+  }
+
   WIREBOND_INLINE std::size_t find_start(const std::uint8_t* bytes, std::size_t size) const {
-    const FrameFormat& format = source_.format();
-    const Layout& layout = format.layouts[0];
-    const bool one_start = format.layout_count == 1 && layout.prefix_constants != 0 &&
-                           layout.constants[0].at.offset == 0 && layout.constants[0].mask == 0xFF;
-    if (!one_start) {
+    int start;
+    if constexpr (Source::is_constant) {
+      start = one_start(source_.format());
+    } else {
+      start = source_.start();
+    }
+    if (start < 0) {
       std::size_t i = 0;
       while (i < size && !may_start(bytes[i])) ++i;
       return i;
     }
-    const std::uint8_t start = layout.constants[0].value;
     if (bytes[0] == start) return 0;
     if constexpr (Source::is_constant) {
       std::size_t i = 1;
@@ -298,6 +365,14 @@ class Deframer {
       bytes = scratch_;
       unstuffed = static_cast<std::size_t>(result);
     }
+    if constexpr (!Source::is_constant) {
+      typename Source::Shortcut::Head head;
+      const auto& shortcut = source_.shortcut();
+      if (unstuffed >= shortcut.least() && shortcut.head_holds(source_, bytes, unstuffed, true, head) &&
+          shortcut.rest_holds(bytes, head, frame)) {
+        return {Outcome::frame, Cause::no_start, unstuffed};
+      }
+    }
     Verdict verdict = examine(source_, bytes, unstuffed, true, frame);
     if (verdict.outcome == Outcome::need_more) verdict = {Outcome::reject, Cause::length_out_of_range, unstuffed};
     return verdict;
@@ -345,14 +420,15 @@ class Deframer {
 
   WIREBOND_INLINE void settle(std::size_t size) {
     settled_ += static_cast<Counter>(size);
-    blamed_ = size < blamed_ ? blamed_ - size : 0;
+    if (blamed_ != 0) blamed_ = size < blamed_ ? blamed_ - size : 0;
   }
 
   Source source_;
   std::uint8_t* scratch_;
-  std::size_t needed_ = 0;    ///< by start: the candidate at the window's front was judged; so many bytes decide
-  std::size_t searched_ = 0;  ///< delimited: so many bytes of the window hold no closing delimiter
-  std::size_t blamed_ = 0;    ///< so many bytes from here on belong to a candidate that failed
+  std::size_t needed_ = 0;  ///< by start: the candidate at the window's front was judged; so many bytes decide
+  detail::WaitingHead<Source> waiting_;  ///< by start: of what waits for needed_ bytes
+  std::size_t searched_ = 0;             ///< delimited: so many bytes of the window hold no closing delimiter
+  std::size_t blamed_ = 0;               ///< so many bytes from here on belong to a candidate that failed
   Cause blame_ = Cause::no_start;
   bool overlong_ = false;  ///< inside a block that is longer than any frame
   Counter settled_ = 0;

@@ -86,10 +86,9 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
   std::uint64_t registers[max_checks] = {};
   detail::every<unroll, max_checks>(0, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const CheckRule& rule = layout.checks[i];
-    const CheckAlgorithm& algorithm = format.algorithms[rule.algorithm];
     const std::size_t covered = i < layout.header_checks ? layout.prefix : size;
     std::size_t from = rule.from.in(covered);
-    std::uint64_t reg = check_begin(algorithm);
+    std::uint64_t reg = detail::begin_of(source, rule.algorithm);
     if (rule.continues >= 0) {
       const std::size_t earlier = static_cast<std::size_t>(rule.continues);
       reg = registers[earlier];
@@ -101,7 +100,8 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
       const std::uint8_t seed = source.message(id).seed;
       reg = source.check_update(rule.algorithm, reg, &seed, 1);
     }
-    const std::uint64_t value = (check_end(algorithm, reg) >> rule.shift) & detail::mask_of(8u * rule.bytes);
+    const std::uint64_t value =
+        (detail::end_of(source, rule.algorithm, reg) >> rule.shift) & detail::mask_of(8u * rule.bytes);
     std::uint8_t* const at = frame + rule.at.in(covered);
     if (rule.as_hex) {
       detail::write_hex(at, value, rule.bytes);

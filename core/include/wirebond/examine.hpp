@@ -66,7 +66,6 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std
                                  const std::uint8_t* frame, std::size_t frame_size, std::uint8_t seed,
                                  std::uint64_t* registers) {
   const CheckRule& rule = layout.checks[index];
-  const CheckAlgorithm& algorithm = source.format().algorithms[rule.algorithm];
   std::size_t from = rule.from.in(frame_size);
   const std::size_t to = rule.to.in(frame_size);
   std::uint64_t reg;
@@ -74,12 +73,12 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std
     reg = registers[rule.continues];
     from = layout.checks[static_cast<std::size_t>(rule.continues)].to.in(frame_size);
   } else {
-    reg = check_begin(algorithm);
+    reg = begin_of(source, rule.algorithm);
   }
   reg = source.check_update(rule.algorithm, reg, frame + from, to - from);
   registers[index] = reg;
   if (rule.seeded) reg = source.check_update(rule.algorithm, reg, &seed, 1);
-  const std::uint64_t expected = (check_end(algorithm, reg) >> rule.shift) & mask_of(8u * rule.bytes);
+  const std::uint64_t expected = (end_of(source, rule.algorithm, reg) >> rule.shift) & mask_of(8u * rule.bytes);
   const std::uint8_t* const at = frame + rule.at.in(frame_size);
   std::uint64_t found;
   if (rule.as_hex) return read_hex(at, rule.bytes, found) && expected == found;
@@ -93,15 +92,36 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std
   return expected == found;
 }
 
-/// The rules of one layout over `available` bytes at `candidate`, in the order in which they can first be decided.
+/// What the bytes before the payload tell.
+struct Head {
+  MessageShape shape{};
+  std::uint32_t id = 0;
+  std::size_t payload = 0;              ///< its size
+  std::size_t size = 0;                 ///< of the whole frame
+  std::uint64_t registers[max_checks];  ///< of the checks that were run; others are never read
+};
+
+/// Whether a payload of this size may be the message's.
+WIREBOND_INLINE bool fits(const Layout& layout, const MessageShape& shape, std::size_t payload) {
+  const bool size_is_free = layout.payload_size == PayloadSize::by_length || layout.payload_size == PayloadSize::rest;
+  const bool long_enough = layout.trims_zeros || payload >= shape.min_payload;
+  return shape.known() && (!size_is_free || (long_enough && payload <= shape.max_payload));
+}
+
+WIREBOND_INLINE bool id_comes_early(const Layout& layout) {
+  return layout.id.present() && !layout.id.at.from_end &&
+         layout.id.at.offset + layout.id.bytes <= static_cast<std::int32_t>(layout.prefix);
+}
+
+/// The rules that the prefix decides, each as soon as its bytes are there. Outcome::frame: they hold.
 /// `whole`: the candidate's size is known to be `available` (it lay between delimiters).
 template <class Source>
-WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layout, const std::uint8_t* candidate,
-                                       std::size_t available, bool whole, Frame& frame) {
+WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout, const std::uint8_t* candidate,
+                                     std::size_t available, bool whole, Head& head) {
   constexpr bool unroll = Source::is_constant;
   const FrameFormat& format = source.format();
 
-  // Constants of the prefix, each as soon as its byte is there.
+  // Constants first.
   std::size_t need = 0;
   bool mismatch = false;
   every<unroll, max_constants>(0, layout.prefix_constants, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
@@ -119,12 +139,10 @@ WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layou
   if (available < layout.prefix) return {Outcome::need_more, Cause::incomplete, layout.prefix};
 
   // The id where it comes early, and the payload's size.
-  const bool id_early = layout.id.present() && !layout.id.at.from_end &&
-                        layout.id.at.offset + layout.id.bytes <= static_cast<std::int32_t>(layout.prefix);
-  MessageShape shape;
+  const bool id_early = id_comes_early(layout);
   if (id_early) {
-    frame.id = read_number(layout.id, candidate, 0);
-    shape = source.message(frame.id);
+    head.id = read_number(layout.id, candidate, 0);
+    head.shape = source.message(head.id);
   }
   std::size_t payload = layout.fixed_payload;
   const std::size_t outside = static_cast<std::size_t>(layout.prefix) + layout.suffix;
@@ -136,33 +154,49 @@ WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layou
     }
     payload = static_cast<std::size_t>(size);
   } else if (layout.payload_size == PayloadSize::by_id) {
-    if (!shape.known()) return {Outcome::reject, Cause::unknown_message, layout.prefix};
-    payload = shape.max_payload;
+    if (!head.shape.known()) return {Outcome::reject, Cause::unknown_message, layout.prefix};
+    payload = head.shape.max_payload;
   } else if (layout.payload_size == PayloadSize::rest) {
     if (available < outside || available - outside > format.max_payload) {
       return {Outcome::reject, Cause::length_out_of_range, available};
     }
     payload = available - outside;
   }
-  const bool size_is_free = layout.payload_size == PayloadSize::by_length || layout.payload_size == PayloadSize::rest;
-  const auto fits = [&]() WIREBOND_INLINE_LAMBDA {
-    const bool long_enough = layout.trims_zeros || payload >= shape.min_payload;
-    return shape.known() && (!size_is_free || (long_enough && payload <= shape.max_payload));
-  };
-  if (id_early && !format.deliver_unknown && !fits()) {
+  if (id_early && !format.deliver_unknown && !fits(layout, head.shape, payload)) {
     return {Outcome::reject, Cause::unknown_message, layout.prefix};
   }
 
   // Checks of the header, before its length makes anybody wait.
-  std::uint64_t registers[max_checks] = {};
   const bool header_holds =
       every<unroll, max_checks>(0, layout.header_checks, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, layout, i, candidate, layout.prefix, shape.seed, registers);
+        return check_holds(source, layout, i, candidate, layout.prefix, head.shape.seed, head.registers);
       });
   if (!header_holds) return {Outcome::reject, Cause::header_check_mismatch, layout.prefix};
 
-  const std::size_t size = outside + payload;
-  if (whole && available != size) return {Outcome::reject, Cause::length_out_of_range, available};
+  head.payload = payload;
+  head.size = outside + payload;
+  if (whole && available != head.size) return {Outcome::reject, Cause::length_out_of_range, available};
+  return {Outcome::frame, Cause::no_start, head.size};
+}
+
+WIREBOND_INLINE void fill(Frame& frame, const Layout& layout, const std::uint8_t* candidate, const MessageShape& shape,
+                          std::uint32_t id, std::size_t payload, std::size_t size) {
+  frame.payload = candidate + layout.prefix;
+  frame.payload_size = payload;
+  frame.bytes = candidate;
+  frame.size = size;
+  frame.layout = &layout;
+  frame.id = id;
+  const bool long_enough = layout.trims_zeros || payload >= shape.min_payload;
+  frame.message = shape.known() && long_enough ? shape.index : std::int16_t{-1};
+}
+
+/// The rules that need the whole frame, after examine_head.
+template <class Source>
+WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout, const std::uint8_t* candidate,
+                                     std::size_t available, Head& head, Frame& frame) {
+  constexpr bool unroll = Source::is_constant;
+  const std::size_t size = head.size;
   if (available < size) return {Outcome::need_more, Cause::incomplete, size};
 
   // Constants of the suffix are cheaper than a check over the whole frame.
@@ -172,29 +206,31 @@ WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layou
         return (candidate[constant.at.in(size)] & constant.mask) == constant.value;
       });
   if (!tail_holds) return {Outcome::reject, Cause::constant_mismatch, size};
-  if (layout.id.present() && !id_early) {
-    frame.id = read_number(layout.id, candidate, size);
-    shape = source.message(frame.id);
-  } else if (!layout.id.present()) {
-    frame.id = 0;
-    shape = source.message(0);
+  if (!id_comes_early(layout)) {
+    head.id = layout.id.present() ? read_number(layout.id, candidate, size) : 0;
+    head.shape = source.message(head.id);
+    if (!source.format().deliver_unknown && !fits(layout, head.shape, head.payload)) {
+      return {Outcome::reject, Cause::unknown_message, size};
+    }
   }
-  if (!id_early && !format.deliver_unknown && !fits()) return {Outcome::reject, Cause::unknown_message, size};
-
   const bool checks_hold =
       every<unroll, max_checks>(layout.header_checks, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, layout, i, candidate, size, shape.seed, registers);
+        return check_holds(source, layout, i, candidate, size, head.shape.seed, head.registers);
       });
   if (!checks_hold) return {Outcome::reject, Cause::check_mismatch, size};
 
-  frame.payload = candidate + layout.prefix;
-  frame.payload_size = payload;
-  const bool long_enough = layout.trims_zeros || payload >= shape.min_payload;
-  frame.message = shape.known() && long_enough ? shape.index : std::int16_t{-1};
-  frame.layout = &layout;
-  frame.bytes = candidate;
-  frame.size = size;
+  fill(frame, layout, candidate, head.shape, head.id, head.payload, size);
   return {Outcome::frame, Cause::no_start, size};
+}
+
+/// The rules of one layout over `available` bytes at `candidate`, in the order in which they can first be decided.
+template <class Source>
+WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layout, const std::uint8_t* candidate,
+                                       std::size_t available, bool whole, Frame& frame) {
+  Head head;
+  const Verdict verdict = examine_head(source, layout, candidate, available, whole, head);
+  if (verdict.outcome != Outcome::frame) return verdict;
+  return examine_rest(source, layout, candidate, available, head, frame);
 }
 
 }  // namespace detail

@@ -184,9 +184,12 @@ WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std:
   return frame + delimiter_bytes(format) + stuffing_overhead(format, frame);
 }
 
-/// Memory that a StreamDeframer asks for: bytes carried from call to call, and room to unstuff one frame.
-WIREBOND_INLINE constexpr std::size_t workspace_bytes(const FrameFormat& format) {
-  return 2 * max_wire_bytes(format) + (format.stuffing == Stuffing::none ? 0 : max_wire_bytes(format));
+/// The byte that every frame begins with; -1: there are several layouts, or it is not wholly constant.
+WIREBOND_INLINE constexpr int one_start(const FrameFormat& format) {
+  const Layout& layout = format.layouts[0];
+  const bool is_one = format.layout_count == 1 && layout.prefix_constants != 0 && layout.constants[0].at.offset == 0 &&
+                      layout.constants[0].mask == 0xFF;
+  return is_one ? layout.constants[0].value : -1;
 }
 
 // A *source* says where the format comes from. The algorithms are templates over it:
@@ -196,6 +199,11 @@ WIREBOND_INLINE constexpr std::size_t workspace_bytes(const FrameFormat& format)
 //     const FrameFormat& format() const;
 //     MessageShape message(std::uint32_t id) const;
 //     std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t*, std::size_t) const;
+//     // where it is no constant: the good case (shortcut.hpp), and what check_begin and check_end give
+//     using Shortcut; const Shortcut& shortcut() const;
+//     int start() const;  // one_start(format())
+//     std::uint64_t check_begin_of(unsigned algorithm) const;
+//     std::uint64_t check_end_of(unsigned algorithm, std::uint64_t reg) const;
 //   };
 //
 // Generated code holds a constant source for each sender; runtime_source.hpp is the other one.
@@ -218,6 +226,26 @@ WIREBOND_INLINE bool every(std::size_t begin, std::size_t end, Fn&& fn) {
       if (!fn(i)) return false;
     }
     return true;
+  }
+}
+
+/// Register before the first byte.
+template <class Source>
+WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm) {
+  if constexpr (Source::is_constant) {
+    return check_begin(source.format().algorithms[algorithm]);
+  } else {
+    return source.check_begin_of(algorithm);
+  }
+}
+
+/// The check's value, out of the register after the last byte.
+template <class Source>
+WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, std::uint64_t reg) {
+  if constexpr (Source::is_constant) {
+    return check_end(source.format().algorithms[algorithm], reg);
+  } else {
+    return source.check_end_of(algorithm, reg);
   }
 }
 

@@ -69,7 +69,7 @@ class Receiver {
     }
   };
 
-  static constexpr std::size_t workspace_size = workspace_bytes(Source{}.format());
+  static constexpr std::size_t workspace_size = workspace_bytes(Source{});
 
   std::array<std::uint8_t, workspace_size> workspace_{};
   StreamDeframer<Source, Counter> deframer_;

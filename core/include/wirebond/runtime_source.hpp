@@ -5,24 +5,11 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/fast_crc.hpp"
 #include "wirebond/format.hpp"
+#include "wirebond/shortcut.hpp"
 
 namespace wirebond {
-
-/// Byte tables for the format's CRCs, made once when the format is known.
-struct CrcTables {
-  std::array<std::array<std::uint64_t, 256>, max_algorithms> by_algorithm{};
-
-  explicit CrcTables(const FrameFormat& format) {
-    for (std::size_t i = 0; i < format.algorithm_count; ++i) {
-      const CheckAlgorithm& a = format.algorithms[i];
-      if (a.kind != CheckKind::crc) continue;
-      for (unsigned index = 0; index < 256; ++index) {
-        by_algorithm[i][index] = detail::crc_table_entry(index, a.width_bits, a.poly, a.reflect_in);
-      }
-    }
-  }
-};
 
 /// One row of the message table, sorted by id.
 struct MessageRow {
@@ -30,17 +17,34 @@ struct MessageRow {
   MessageShape shape{};
 };
 
-/// Points at a format, its tables and its messages; the caller keeps them alive. Copies are cheap.
-class RuntimeSource {
+/// What is worked out once when a format is known. Points at the format and the rows: the caller keeps them alive.
+/// Immutable after construction: any thread.
+class RuntimeTables {
  public:
-  static constexpr bool is_constant = false;
+  RuntimeTables(const FrameFormat& format, const MessageRow* rows, std::size_t row_count,
+                CrcMethod method = CrcMethod::automatic)
+      : format_(&format), start_(one_start(format)), rows_(rows), row_count_(row_count) {
+    for (std::size_t i = 0; i < format.algorithm_count; ++i) {
+      const CheckAlgorithm& a = format.algorithms[i];
+      if (a.kind == CheckKind::crc) crcs_[i] = FastCrc(a, method);
+      begins_[i] = check_begin(a);
+      ends_plainly_[i] = !a.negate && (a.kind != CheckKind::crc || a.reflect_in == a.reflect_out);
+    }
+    for (std::size_t i = 0; i < row_count; ++i) {
+      if (rows[i].id < low_ids_.size()) low_ids_[rows[i].id] = rows[i].shape;
+    }
+    shortcut_ = Shortcut(format, crcs_);
+  }
 
-  RuntimeSource(const FrameFormat& format, const CrcTables& tables, const MessageRow* rows, std::size_t row_count)
-      : format_(&format), tables_(&tables), rows_(rows), row_count_(row_count) {}
+  RuntimeTables(const RuntimeTables&) = delete;  // the shortcut points into them
+  RuntimeTables& operator=(const RuntimeTables&) = delete;
 
   const FrameFormat& format() const { return *format_; }
+  const Shortcut& shortcut() const { return shortcut_; }
+  int start() const { return start_; }
 
-  MessageShape message(std::uint32_t id) const {
+  const MessageShape& message(std::uint32_t id) const {
+    if (id < low_ids_.size()) return low_ids_[id];
     std::size_t low = 0;
     std::size_t high = row_count_;
     while (low < high) {
@@ -51,27 +55,59 @@ class RuntimeSource {
         high = middle;
       }
     }
-    return low < row_count_ && rows_[low].id == id ? rows_[low].shape : MessageShape{};
+    return low < row_count_ && rows_[low].id == id ? rows_[low].shape : unknown_;
   }
+
+  std::uint64_t check_begin_of(unsigned index) const { return begins_[index]; }
 
   std::uint64_t check_update(unsigned index, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
     const CheckAlgorithm& a = format_->algorithms[index];
     if (a.kind != CheckKind::crc) return sum_update(a, reg, bytes, size);
-    const std::array<std::uint64_t, 256>& table = tables_->by_algorithm[index];
-    if (a.reflect_in) {
-      for (std::size_t i = 0; i < size; ++i) reg = (reg >> 8) ^ table[(reg ^ bytes[i]) & 0xFFu];
-      return reg;
-    }
-    const unsigned top = a.width_bits - 8u;
-    for (std::size_t i = 0; i < size; ++i) reg = (reg << 8) ^ table[((reg >> top) ^ bytes[i]) & 0xFFu];
-    return reg & detail::mask_of(a.width_bits);
+    return crcs_[index].update(reg, bytes, size);
+  }
+
+  std::uint64_t check_end_of(unsigned index, std::uint64_t reg) const {
+    const CheckAlgorithm& a = format_->algorithms[index];
+    return ends_plainly_[index] ? reg ^ a.xor_out : check_end(a, reg);
   }
 
  private:
   const FrameFormat* format_;
-  const CrcTables* tables_;
+  int start_;
   const MessageRow* rows_;
   std::size_t row_count_;
+  std::array<std::uint64_t, max_algorithms> begins_{};
+  std::array<bool, max_algorithms> ends_plainly_{};
+  MessageShape unknown_{};
+  std::array<MessageShape, 256> low_ids_{};
+  std::array<FastCrc, max_algorithms> crcs_{};
+  Shortcut shortcut_{};
+};
+
+/// Points at tables; the caller keeps them alive. Copies are cheap.
+class RuntimeSource {
+ public:
+  static constexpr bool is_constant = false;
+  using Shortcut = wirebond::Shortcut;
+
+  explicit RuntimeSource(const RuntimeTables& tables) : format_(&tables.format()), tables_(&tables) {}
+
+  const FrameFormat& format() const { return *format_; }
+  const Shortcut& shortcut() const { return tables_->shortcut(); }
+  int start() const { return tables_->start(); }
+  MessageShape message(std::uint32_t id) const { return tables_->message(id); }
+  const MessageShape& message_of(std::uint32_t id) const { return tables_->message(id); }
+  std::uint64_t check_begin_of(unsigned algorithm) const { return tables_->check_begin_of(algorithm); }
+  std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
+    return tables_->check_update(algorithm, reg, bytes, size);
+  }
+  std::uint64_t check_end_of(unsigned algorithm, std::uint64_t reg) const {
+    return tables_->check_end_of(algorithm, reg);
+  }
+
+ private:
+  const FrameFormat* format_;
+  const RuntimeTables* tables_;
 };
 
 }  // namespace wirebond

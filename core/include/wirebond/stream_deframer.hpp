@@ -9,19 +9,31 @@
 
 namespace wirebond {
 
-/// Chunks in, frames out. Never allocates; what begins in one chunk and ends in another is joined in the workspace,
-/// other frames are handed out where the chunk holds them.
+/// Chunks of at most so many bytes are joined with what was carried; larger ones are looked at where they lie, but for
+/// the seam. A microcontroller joins seams only: memory is dear there, and frames are handed out in place.
+template <class Source>
+constexpr std::size_t joined_chunk = Source::is_constant ? 0 : 512;
+
+/// Memory that a StreamDeframer asks for: bytes carried from call to call, and room to unstuff one frame.
+template <class Source>
+WIREBOND_INLINE constexpr std::size_t workspace_bytes(const Source& source) {
+  const FrameFormat& format = source.format();
+  const std::size_t scratch = format.stuffing == Stuffing::none ? 0 : max_wire_bytes(format);
+  return 2 * max_wire_bytes(format) + 2 * joined_chunk<Source> + scratch;
+}
+
+/// Chunks in, frames out. Never allocates.
 /// One thread or interrupt at a time. `Counter` also carries time, in microseconds, and may wrap.
 template <class Source, class Counter = std::uint32_t>
 class StreamDeframer {
  public:
-  /// `workspace`: workspace_bytes(format) bytes that outlive this object. `idle_us`: the silence after which an
+  /// `workspace`: workspace_bytes(source) bytes that outlive this object. `idle_us`: the silence after which an
   /// incomplete candidate is given up.
   StreamDeframer(const Source& source, std::uint8_t* workspace, Counter idle_us)
-      : carry_(workspace),
-        capacity_(2 * max_wire_bytes(source.format())),
+      : buffer_(workspace),
+        capacity_(2 * max_wire_bytes(source.format()) + 2 * joined_chunk<Source>),
         idle_us_(idle_us),
-        deframer_(source, workspace + 2 * max_wire_bytes(source.format())) {}
+        deframer_(source, workspace + capacity_) {}
 
   /// Bytes that were read at `now_us`. Work per byte is bounded whatever they are.
   template <class Sink>
@@ -31,27 +43,34 @@ class StreamDeframer {
     if (deframer_.source().format().framing == Framing::silence) idle(now_us, sink);
     fed_ += static_cast<Counter>(size);
     last_byte_us_ = now_us;
+    const bool joins = size <= joined_chunk<Source>;
     while (size != 0) {
-      if (carried_ == 0) {
+      if (carried_ == 0 && !joins) {
         const std::size_t done = deframer_.consume(bytes, size, false, sink);
-        carried_ = size - done;
-        std::memcpy(carry_, bytes + done, carried_);  // less than one frame
+        carry(bytes + done, size - done);  // less than one frame
         return;
       }
-      const std::size_t room = capacity_ - carried_;
+      std::size_t room = capacity_ - begin_ - carried_;
+      if (room < size && begin_ != 0) {
+        std::memmove(buffer_, buffer_ + begin_, carried_);
+        begin_ = 0;
+        room = capacity_ - carried_;
+      }
+      const std::size_t needed = deframer_.needed();  // no more than that: what follows is handed out where it lies
+      if (!joins && needed > carried_ && needed - carried_ < room) room = needed - carried_;
       const std::size_t taken = size < room ? size : room;
-      std::memcpy(carry_ + carried_, bytes, taken);
-      const std::size_t done = deframer_.consume(carry_, carried_ + taken, false, sink);
-      if (done >= carried_) {  // past the seam: go on in the caller's bytes
+      std::memcpy(buffer_ + begin_ + carried_, bytes, taken);
+      const std::size_t done = deframer_.consume(buffer_ + begin_, carried_ + taken, false, sink);
+      if (!joins && done >= carried_) {  // past the seam: go on in the caller's bytes
         bytes += done - carried_;
         size -= done - carried_;
-        carried_ = 0;
-      } else {
-        bytes += taken;
-        size -= taken;
-        carried_ += taken - done;
-        if (done != 0) std::memmove(carry_, carry_ + done, carried_);  // else a byte at a time would move a frame each
+        begin_ = carried_ = 0;
+        continue;
       }
+      bytes += taken;
+      size -= taken;
+      carried_ += taken - done;
+      begin_ = carried_ == 0 ? 0 : begin_ + done;
     }
   }
 
@@ -67,8 +86,8 @@ class StreamDeframer {
   template <class Sink>
   void give_up(Sink&& sink) {
     if (carried_ == 0 && deframer_.source().format().framing != Framing::silence) return;
-    deframer_.consume(carry_, carried_, true, sink);
-    carried_ = 0;
+    deframer_.consume(buffer_ + begin_, carried_, true, sink);
+    begin_ = carried_ = 0;
   }
 
   const ByteAccount<Counter>& account() const { return deframer_.account(); }
@@ -77,9 +96,16 @@ class StreamDeframer {
   Counter idle_us() const { return idle_us_; }
 
  private:
-  std::uint8_t* carry_;
+  void carry(const std::uint8_t* bytes, std::size_t size) {
+    std::memcpy(buffer_, bytes, size);
+    begin_ = 0;
+    carried_ = size;
+  }
+
+  std::uint8_t* buffer_;
   std::size_t capacity_;
-  std::size_t carried_ = 0;
+  std::size_t begin_ = 0;    ///< of what is carried, in the buffer
+  std::size_t carried_ = 0;  ///< bytes that are not settled yet
   Counter idle_us_;
   Counter last_byte_us_ = 0;
   Counter fed_ = 0;
