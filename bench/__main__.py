@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable
 
-from bench import collateral, work_per_byte
+from bench import collateral, frame_cost, work_per_byte
 from bench.figures import LATEST, ROOT, Figure, keep, show
 
 BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
@@ -18,6 +18,7 @@ BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
         "Frames lost on a perfect line, at every chunk size from 1 to 4096",
         collateral.measure_clean,
     ),
+    "frame_cost": ("What a frame of 48 or 45 bytes costs the run-time engine (enterprize)", frame_cost.measure),
     "work_per_byte": ("Instructions per received byte, worst input (enterprize)", work_per_byte.measure),
 }
 

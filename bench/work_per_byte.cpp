@@ -4,8 +4,7 @@
 #include <iterator>
 #include <vector>
 
-#include "enterprize.hpp"
-#include "wirebond/runtime_source.hpp"
+#include "run_time_enterprize.hpp"
 #include "wirebond/stream_deframer.hpp"
 
 int main(int argument_count, char** arguments) {
@@ -15,18 +14,9 @@ int main(int argument_count, char** arguments) {
   }
   std::ifstream file(arguments[1], std::ios::binary);
   const std::vector<char> bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  // A copy behind a pointer that the compiler cannot see through: the format is a value, not a constant.
-  static wirebond::FrameFormat format = enterprize::FromMcu{}.format();
-  wirebond::FrameFormat* volatile hidden = &format;
-  const wirebond::CrcTables tables(*hidden);
-  std::vector<wirebond::MessageRow> rows;
-  for (std::uint32_t id = 0; id < 256; ++id) {
-    const wirebond::MessageShape shape = enterprize::FromMcu{}.message(id);
-    if (shape.known()) rows.push_back({id, shape});
-  }
-  std::vector<std::uint8_t> workspace(wirebond::workspace_bytes(*hidden));
-  wirebond::StreamDeframer<wirebond::RuntimeSource, std::uint64_t> deframer(
-      wirebond::RuntimeSource(*hidden, tables, rows.data(), rows.size()), workspace.data(), 20000);
+  const bench::RunTimeEnterprize format;
+  std::vector<std::uint8_t> workspace(wirebond::workspace_bytes(format.source()));
+  wirebond::StreamDeframer<wirebond::RuntimeSource, std::uint64_t> deframer(format.source(), workspace.data(), 20000);
   std::uint64_t frames = 0;
   for (std::size_t at = 0; at < bytes.size(); at += 64) {
     const std::size_t size = bytes.size() - at < 64 ? bytes.size() - at : 64;

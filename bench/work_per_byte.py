@@ -6,19 +6,14 @@ time) in 64-byte chunks; the figure is the difference of two runs of different l
 
 from __future__ import annotations
 
-import re
-import subprocess
 from pathlib import Path
 
 import numpy as np
 
-import wirebond
-from bench.collateral import PROTOCOL, SEED, START
-from bench.figures import ROOT, Figure
-from wirebond import paths
-from wirebond.codegen import generate_cpp
+from bench.collateral import SEED, START
+from bench.figures import Figure
+from bench.native import build, instructions
 
-BUILD = ROOT / "build" / "bench"
 SHORT, LONG = 50_000, 150_000  # bytes
 GOAL = 400
 
@@ -55,40 +50,17 @@ INPUTS = {
 }
 
 
-def build() -> Path:
-    generated = BUILD / "generated"
-    generate_cpp(wirebond.load(PROTOCOL).model, generated)
-    program = BUILD / "work_per_byte"
-    source = Path(__file__).with_name("work_per_byte.cpp")
-    command = [
-        "c++",
-        "-std=c++17",
-        "-O2",
-        f"-I{generated}",
-        f"-I{paths.core_include()}",
-        str(source),
-        "-o",
-        str(program),
-    ]
-    subprocess.run(command, check=True)
-    return program
-
-
-def instructions(program: Path, stream: bytes) -> int:
-    path = BUILD / "stream.bin"
+def per_run(program: Path, stream: bytes) -> int:
+    path = program.with_name("stream.bin")
     path.write_bytes(stream)
-    command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", str(program), str(path)]
-    result = subprocess.run(command, capture_output=True, text=True, check=True)
-    counted = re.search(r"Collected : (\d+)", result.stderr)
-    assert counted is not None, result.stderr
-    return int(counted.group(1))
+    return instructions([str(program), str(path)])
 
 
 def measure() -> list[Figure]:
-    program = build()
+    program = build("work_per_byte")
     worst = 0.0
     for name, make in INPUTS.items():
-        per_byte = (instructions(program, make(LONG)) - instructions(program, make(SHORT))) / (LONG - SHORT)
+        per_byte = (per_run(program, make(LONG)) - per_run(program, make(SHORT))) / (LONG - SHORT)
         print(f"{name}: {per_byte:.1f} instructions per byte")
         worst = max(worst, per_byte)
     return [Figure("worst_ir_per_byte", worst, "instructions", GOAL, "make bench ONLY=work_per_byte")]

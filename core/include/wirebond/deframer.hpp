@@ -134,12 +134,14 @@ class Deframer {
     const auto take = [&](const auto& head) WIREBOND_INLINE_LAMBDA {
       Frame frame;
       if (!shortcut.rest_holds(candidate, head, frame)) return false;
-      needed_ = 0;
       deliver(frame, candidate, head.size, sink);
       candidate += head.size;
       return true;
     };
-    if (needed_ != 0 && waiting_.size == needed_ && !take(waiting_)) return false;
+    if (needed_ != 0) {
+      if (waiting_.size == needed_ && !take(waiting_)) return false;
+      needed_ = 0;
+    }
     while (static_cast<std::size_t>(end - candidate) >= least) {
       const std::size_t available = static_cast<std::size_t>(end - candidate);
       typename Source::Shortcut::Head head;

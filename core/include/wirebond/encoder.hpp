@@ -50,6 +50,10 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
                                  std::size_t payload_size, std::size_t layout_index = 0,
                                  const std::uint32_t* header = nullptr) {
   constexpr bool unroll = Source::is_constant;
+  if constexpr (!Source::is_constant) {
+    const std::size_t size = layout_index == 0 ? source.shortcut().seal(buffer, capacity, id, payload_size) : 0;
+    if (size != 0) return size;
+  }
   const FrameFormat& format = source.format();
   const Layout& layout = format.layouts[layout_index];
   const std::size_t lead = payload_lead(source, layout_index);

@@ -180,15 +180,15 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout,
 }
 
 WIREBOND_INLINE void fill(Frame& frame, const Layout& layout, const std::uint8_t* candidate, const MessageShape& shape,
-                          std::uint32_t id, std::size_t payload, std::size_t size) {
+                          std::uint32_t id, std::size_t payload, std::size_t size, bool trims_zeros) {
   frame.payload = candidate + layout.prefix;
   frame.payload_size = payload;
   frame.bytes = candidate;
   frame.size = size;
   frame.layout = &layout;
   frame.id = id;
-  const bool long_enough = layout.trims_zeros || payload >= shape.min_payload;
-  frame.message = shape.known() && long_enough ? shape.index : std::int16_t{-1};
+  const bool long_enough = trims_zeros || payload >= shape.min_payload;
+  frame.message = long_enough ? shape.index : std::int16_t{-1};
 }
 
 /// The rules that need the whole frame, after examine_head.
@@ -219,7 +219,7 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout,
       });
   if (!checks_hold) return {Outcome::reject, Cause::check_mismatch, size};
 
-  fill(frame, layout, candidate, head.shape, head.id, head.payload, size);
+  fill(frame, layout, candidate, head.shape, head.id, head.payload, size, layout.trims_zeros);
   return {Outcome::frame, Cause::no_start, size};
 }
 

@@ -1,5 +1,5 @@
 // CRCs of parameters known only at run time, as fast as the processor allows: carry-less multiplication where it has
-// one, else tables of which eight bytes pass at once. For hosts; a microcontroller's CRC is check.hpp's.
+// one, else tables through which sixteen bytes pass at once. For hosts; a microcontroller's CRC is check.hpp's.
 #pragma once
 
 #include <array>
@@ -22,7 +22,7 @@ namespace wirebond {
 /// How a CRC is computed. All give the same register.
 enum class CrcMethod : std::uint8_t {
   byte_table,  ///< one look-up a byte
-  slicing,     ///< eight look-ups for eight bytes, independent of each other; registers of up to 32 bits
+  slicing,     ///< sixteen look-ups for sixteen bytes, independent of each other; registers of up to 32 bits
   carry_less,  ///< a multiplication for eight bytes; registers of up to 32 bits
   automatic,   ///< the fastest that this processor has
 };
@@ -86,6 +86,8 @@ class FastCrc {
   }
 
  private:
+  using Slice = std::array<std::uint32_t, 256>;
+  using Slices = std::array<Slice, 16>;
   using UpdateWord = std::uint64_t (*)(const FastCrc&, std::uint64_t);
   using Update = std::uint64_t (*)(const FastCrc&, std::uint64_t, const std::uint8_t*, std::size_t);
   static constexpr std::size_t shortest_product = 16;  ///< below, a few look-ups are quicker
@@ -121,7 +123,7 @@ class FastCrc {
 
   /// Two bytes at a time: processors take either of the lowest two out of a register without a shift.
   WIREBOND_INLINE static std::uint64_t word_by_slices(const FastCrc& crc, std::uint64_t word) {
-    const std::array<std::array<std::uint32_t, 256>, 8>& t = crc.slices_;
+    const Slices& t = crc.slices_;
     std::uint32_t reg = t[7][word & 0xFFu] ^ t[6][(word >> 8) & 0xFFu];
     next_two(word);
     reg ^= t[5][word & 0xFFu] ^ t[4][(word >> 8) & 0xFFu];
@@ -138,15 +140,36 @@ class FastCrc {
 #endif
   }
 
+  /// Indexed as the bytes lie in memory.
+  template <bool Reflected>
+  WIREBOND_INLINE static std::uint32_t four_bytes(const Slice* t, std::uint32_t reg, const std::uint8_t* bytes) {
+    std::uint64_t word = load<std::uint32_t>(bytes) ^ (Reflected ? reg : __builtin_bswap32(reg));
+    reg = t[3][word & 0xFFu] ^ t[2][(word >> 8) & 0xFFu];
+    next_two(word);
+    return reg ^ t[1][word & 0xFFu] ^ t[0][(word >> 8) & 0xFFu];
+  }
+
   template <bool Reflected>
   static std::uint64_t by_slices(const FastCrc& crc, std::uint64_t reg64, const std::uint8_t* bytes, std::size_t size) {
-    const std::array<std::array<std::uint32_t, 256>, 8>& t = crc.slices_;
+    const Slices& t = crc.slices_;
     const unsigned spare = Reflected ? 0 : 32u - crc.width_;
     std::uint32_t reg = static_cast<std::uint32_t>(reg64 << spare);
-    for (; size >= 8; bytes += 8, size -= 8) {  // indexed as the bytes lie in memory
-      const std::uint64_t word = load<std::uint64_t>(bytes) ^ (Reflected ? reg : __builtin_bswap32(reg));
-      reg = static_cast<std::uint32_t>(word_by_slices(crc, word));
+    for (; size >= 16; bytes += 16, size -= 16) {  // only the first four bytes meet the register
+      std::uint32_t next = t[11][bytes[4]] ^ t[10][bytes[5]] ^ t[9][bytes[6]] ^ t[8][bytes[7]];
+      next ^= t[7][bytes[8]] ^ t[6][bytes[9]] ^ t[5][bytes[10]] ^ t[4][bytes[11]];
+      next ^= t[3][bytes[12]] ^ t[2][bytes[13]] ^ t[1][bytes[14]] ^ t[0][bytes[15]];
+      reg = next ^ four_bytes<Reflected>(&t[12], reg, bytes);
     }
+    if ((size & 8) != 0) {
+      const std::uint32_t next = t[3][bytes[4]] ^ t[2][bytes[5]] ^ t[1][bytes[6]] ^ t[0][bytes[7]];
+      reg = next ^ four_bytes<Reflected>(&t[4], reg, bytes);
+      bytes += 8;
+    }
+    if ((size & 4) != 0) {
+      reg = four_bytes<Reflected>(&t[0], reg, bytes);
+      bytes += 4;
+    }
+    size &= 3;
     for (; size != 0; ++bytes, --size) {
       reg = Reflected ? (reg >> 8) ^ t[0][(reg ^ *bytes) & 0xFFu] : (reg << 8) ^ t[0][(reg >> 24) ^ *bytes];
     }
@@ -271,24 +294,24 @@ class FastCrc {
   template <bool Reflected>
   WIREBOND_CARRYLESS WIREBOND_INLINE static std::uint64_t sum_of_products(const FastCrc& crc, std::uint64_t reg,
                                                                           const std::uint8_t* bytes, std::size_t size) {
-    const std::size_t words = size / 8;
-    const std::uint64_t* factor = crc.factors_.data() + (word_count - words);
+    // A word and its factor lie equally far from the ends of the bytes and of the factors.
     const std::uint8_t* const end = bytes + size;
-    const unsigned odd = static_cast<unsigned>(size % 8) * 8;  // bits of a first, incomplete word
+    const std::uint64_t* const last = crc.factors_.data() + word_count + 1;
+    std::ptrdiff_t left = -static_cast<std::ptrdiff_t>(size / 8);  // words, counted up to 0
+    const unsigned odd = static_cast<unsigned>(size % 8) * 8;      // bits of a first, incomplete word
     Product sum{};
     if (odd != 0) {
       const std::uint64_t first = read<Reflected>(bytes) ^ reg;
-      sum = multiply_first(Reflected ? first << (64 - odd) : first >> (64 - odd), factor);
+      sum = multiply_first(Reflected ? first << (64 - odd) : first >> (64 - odd), last + left - 1);
       reg = Reflected ? reg >> odd : reg << odd;
-      bytes += size % 8;
     }
-    sum = add(sum, multiply_first(read<Reflected>(bytes) ^ reg, ++factor));
-    bytes += 8;
-    if (words % 2 == 0) {
-      sum = add(sum, multiply_first(read<Reflected>(bytes), ++factor));
-      bytes += 8;
+    sum = add(sum, multiply_first(read<Reflected>(end + 8 * left) ^ reg, last + left));
+    ++left;
+    if (left % 2 != 0) {
+      sum = add(sum, multiply_first(read<Reflected>(end + 8 * left), last + left));
+      ++left;
     }
-    for (++factor; bytes != end; bytes += 16, factor += 2) sum = add(sum, multiply_pair<Reflected>(bytes, factor));
+    for (; left != 0; left += 2) sum = add(sum, multiply_pair<Reflected>(end + 8 * left, last + left));
     return remainder<Reflected>(crc, sum);
   }
 
@@ -328,7 +351,7 @@ class FastCrc {
   std::array<std::uint64_t, 2>
       division_{};  ///< x^128 by P', and P', both without their leading one where not reflected
   std::array<std::uint64_t, word_count + 2> factors_{};  ///< K_32 to K_0, and one that is loaded but never used
-  std::array<std::array<std::uint32_t, 256>, 8> slices_{};
+  Slices slices_{};
   std::array<std::uint64_t, 256> wide_{};
 };
 

@@ -202,6 +202,7 @@ WIREBOND_INLINE constexpr int one_start(const FrameFormat& format) {
 //     // where it is no constant: the good case (shortcut.hpp), and what check_begin and check_end give
 //     using Shortcut; const Shortcut& shortcut() const;
 //     int start() const;  // one_start(format())
+//     bool ends_by_silence() const;  // framing is Framing::silence
 //     std::uint64_t check_begin_of(unsigned algorithm) const;
 //     std::uint64_t check_end_of(unsigned algorithm, std::uint64_t reg) const;
 //   };

@@ -90,9 +90,11 @@ class RuntimeSource {
   static constexpr bool is_constant = false;
   using Shortcut = wirebond::Shortcut;
 
-  explicit RuntimeSource(const RuntimeTables& tables) : format_(&tables.format()), tables_(&tables) {}
+  explicit RuntimeSource(const RuntimeTables& tables)
+      : format_(&tables.format()), tables_(&tables), ends_by_silence_(format_->framing == Framing::silence) {}
 
   const FrameFormat& format() const { return *format_; }
+  bool ends_by_silence() const { return ends_by_silence_; }
   const Shortcut& shortcut() const { return tables_->shortcut(); }
   int start() const { return tables_->start(); }
   MessageShape message(std::uint32_t id) const { return tables_->message(id); }
@@ -108,6 +110,7 @@ class RuntimeSource {
  private:
   const FrameFormat* format_;
   const RuntimeTables* tables_;
+  bool ends_by_silence_;
 };
 
 }  // namespace wirebond

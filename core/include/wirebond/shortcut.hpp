@@ -27,6 +27,10 @@ class Shortcut {
     const bool applies = format.layout_count == 1 && read_head(format, layout) && read_checks(format, layout, crcs);
     least_ = !applies ? SIZE_MAX : outside_ > sizeof(std::uint64_t) ? outside_ : sizeof(std::uint64_t);
     if (format.framing == Framing::by_start) least_by_start_ = least_;
+    seals_ = applies && format.framing == Framing::by_start && layout.payload_size == PayloadSize::by_length &&
+             layout.length_unit == 1 && layout.header_count == 0 && !has_late_constants_ && layout.prefix <= 8 &&
+             layout.suffix == layout.checks[layout.check_count - 1u].bytes;
+    if (seals_ && layout.prefix < 8) behind_prefix_ = ~std::uint64_t{0} << (8 * layout.prefix);
     if (applies && layout.prefix_constants == 1 && constant_bits_ == 0xFF) waiting_ = layout.prefix;
   }
 
@@ -60,12 +64,8 @@ class Shortcut {
     head.shape = &source.message_of(head.id);
     const auto units = static_cast<std::int64_t>(length_.of(word));
     head.payload = static_cast<std::size_t>(units * length_unit_ + length_bias_);
-    if (size_is_elsewhere_) {
-      if (payload_size_ == PayloadSize::by_id && !head.shape->known()) return false;
-      head.payload = payload_size_ == PayloadSize::by_id ? head.shape->max_payload : available - outside_;
-    }
+    if (is_special_ && !special_size_holds(available, head)) return false;
     if (head.payload > max_payload_) return false;  // also where the length is too small
-    if (!deliver_unknown_ && !detail::fits(*layout_, *head.shape, head.payload)) return false;
     head.size = head.payload + outside_;
     if (whole && head.size != available) return false;
     if (header_check_ != nullptr && header_check_->update_word(first << header_shift_) != header_residue_) return false;
@@ -83,11 +83,51 @@ class Shortcut {
     }
     if (frame_check_->update(frame_begin_, candidate + frame_from_, size - frame_outside_) != frame_residue_)
       return false;
-    detail::fill(frame, *layout_, candidate, *head.shape, head.id, head.payload, size);
+    detail::fill(frame, *layout_, candidate, *head.shape, head.id, head.payload, size, false);
     return true;
   }
 
+  /// What seal would make of `payload` bytes at buffer + prefix, in the format's first layout with default header
+  /// fields; 0: it is for seal to make, or to refuse.
+  WIREBOND_INLINE std::size_t seal(std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
+                                   std::size_t payload) const {
+    const std::size_t size = payload + outside_;
+    if (!seals_ || payload > max_payload_ || size < sizeof(std::uint64_t) || size > capacity) return 0;
+    const std::uint64_t units = static_cast<std::uint64_t>(payload) - static_cast<std::uint64_t>(length_bias_);
+    const std::uint64_t numbers =
+        (static_cast<std::uint64_t>(id & id_.mask) << id_.shift) | ((units & length_.mask) << length_.shift);
+    const std::uint64_t payload_bits = load<std::uint64_t>(buffer) & behind_prefix_;
+    store(buffer, payload_bits | constants_ | (swaps_ ? __builtin_bswap64(numbers) : numbers));
+    if (header_check_ != nullptr) {
+      write_check(*header_check_, header_begin_, buffer, 0, layout_->checks[0].at.in(0), header_xor_out_,
+                  layout_->checks[0]);
+    }
+    const CheckRule& rule = layout_->checks[layout_->check_count - 1u];
+    write_check(*frame_check_, frame_begin_, buffer, frame_from_, rule.at.in(size), frame_xor_out_, rule);
+    return size;
+  }
+
  private:
+  /// Payloads whose size is not in the length, and messages that must be known.
+  bool special_size_holds(std::size_t available, Head& head) const {
+    if (payload_size_ == PayloadSize::by_id && !head.shape->known()) return false;
+    if (payload_size_ == PayloadSize::by_id) head.payload = head.shape->max_payload;
+    if (payload_size_ == PayloadSize::rest) head.payload = available - outside_;
+    return deliver_unknown_ || detail::fits(*layout_, *head.shape, head.payload);
+  }
+
+  WIREBOND_INLINE static void write_check(const FastCrc& crc, std::uint64_t begin, std::uint8_t* frame,
+                                          std::size_t from, std::size_t to, std::uint64_t xor_out,
+                                          const CheckRule& rule) {
+    const std::uint64_t value = crc.update(begin, frame + from, to - from) ^ xor_out;
+    if (rule.bytes == 2) {
+      const auto half = static_cast<std::uint16_t>(value);
+      store(frame + to, rule.order == ByteOrder::little ? half : __builtin_bswap16(half));
+    } else {
+      store_bytes(frame + to, value, rule.bytes, rule.order);
+    }
+  }
+
   /// (first eight bytes, in the numbers' order) >> shift, masked.
   struct WordNumber {
     std::uint8_t shift = 0;
@@ -115,7 +155,7 @@ class Shortcut {
   }
 
   bool read_head(const FrameFormat& format, const Layout& layout) {
-    if (layout.id.present() && !detail::id_comes_early(layout)) return false;
+    if (layout.trims_zeros || (layout.id.present() && !detail::id_comes_early(layout))) return false;
     if (!read_numbers(layout)) return false;
     for (std::size_t i = 0; i < layout.prefix_constants; ++i) {
       const Constant& constant = layout.constants[i];
@@ -126,7 +166,6 @@ class Shortcut {
     }
     layout_ = &layout;
     payload_size_ = layout.payload_size;
-    size_is_elsewhere_ = layout.payload_size == PayloadSize::by_id || layout.payload_size == PayloadSize::rest;
     length_unit_ = layout.length_unit;
     length_bias_ = layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : layout.length_bias;
     if (layout.payload_size != PayloadSize::by_length) length_ = {};
@@ -134,6 +173,8 @@ class Shortcut {
     max_payload_ = is_bounded ? format.max_payload : SIZE_MAX;
     outside_ = static_cast<std::size_t>(layout.prefix) + layout.suffix;
     deliver_unknown_ = format.deliver_unknown;
+    is_special_ =
+        !deliver_unknown_ || layout.payload_size == PayloadSize::by_id || layout.payload_size == PayloadSize::rest;
     has_late_constants_ = layout.constant_count != layout.prefix_constants;
     return true;
   }
@@ -149,6 +190,7 @@ class Shortcut {
     if (!check.at.from_end) return false;
     frame_check_ = &crcs[check.algorithm];
     frame_begin_ = check_begin(algorithm);
+    frame_xor_out_ = algorithm.xor_out & detail::mask_of(algorithm.width_bits);
     frame_residue_ = residue_of(algorithm, *frame_check_);
     frame_from_ = static_cast<std::size_t>(check.from.offset);
     if (has_header_check) {
@@ -158,6 +200,8 @@ class Shortcut {
       if (earlier.at.from_end || earlier.from.offset != 0 || end > 8 || of_header.width_bits > 32) return false;
       header_check_ = &crcs[earlier.algorithm];
       header_shift_ = static_cast<unsigned>(8 * (8 - end));
+      header_begin_ = check_begin(of_header);
+      header_xor_out_ = of_header.xor_out & detail::mask_of(of_header.width_bits);
       const std::uint64_t residue = residue_of(of_header, *header_check_);
       header_residue_ = header_check_->word_residue(check_begin(of_header), residue, end);
       if (check.continues == 0) {
@@ -195,13 +239,18 @@ class Shortcut {
   PayloadSize payload_size_ = PayloadSize::fixed;
   bool deliver_unknown_ = false;
   bool has_late_constants_ = false;
-  bool size_is_elsewhere_ = false;  ///< of the payload: neither in the length nor fixed
+  bool is_special_ = false;  ///< special_size_holds has something to say
   std::int64_t length_unit_ = 1;
   std::int64_t length_bias_ = 0;  ///< a fixed size, where there is no length
   std::size_t max_payload_ = 0;
   std::size_t outside_ = 0;
   std::size_t least_ = SIZE_MAX;
   std::size_t least_by_start_ = SIZE_MAX;
+  bool seals_ = false;
+  std::uint64_t behind_prefix_ = 0;  ///< of the first eight bytes, those of the payload
+  std::uint64_t header_begin_ = 0;
+  std::uint64_t header_xor_out_ = 0;
+  std::uint64_t frame_xor_out_ = 0;
   std::size_t waiting_ = 0;                ///< bytes of the prefix, where `waits` may say anything
   const FastCrc* header_check_ = nullptr;  ///< null: there is none
   std::uint64_t header_residue_ = 0;

@@ -40,37 +40,12 @@ class StreamDeframer {
   void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Sink&& sink) {
     if (size == 0) return;
     // Where silence ends a frame, what came before this pause is one.
-    if (deframer_.source().format().framing == Framing::silence) idle(now_us, sink);
-    fed_ += static_cast<Counter>(size);
+    if (ends_by_silence()) idle(now_us, sink);
     last_byte_us_ = now_us;
-    const bool joins = size <= joined_chunk<Source>;
-    while (size != 0) {
-      if (carried_ == 0 && !joins) {
-        const std::size_t done = deframer_.consume(bytes, size, false, sink);
-        carry(bytes + done, size - done);  // less than one frame
-        return;
-      }
-      std::size_t room = capacity_ - begin_ - carried_;
-      if (room < size && begin_ != 0) {
-        std::memmove(buffer_, buffer_ + begin_, carried_);
-        begin_ = 0;
-        room = capacity_ - carried_;
-      }
-      const std::size_t needed = deframer_.needed();  // no more than that: what follows is handed out where it lies
-      if (!joins && needed > carried_ && needed - carried_ < room) room = needed - carried_;
-      const std::size_t taken = size < room ? size : room;
-      std::memcpy(buffer_ + begin_ + carried_, bytes, taken);
-      const std::size_t done = deframer_.consume(buffer_ + begin_, carried_ + taken, false, sink);
-      if (!joins && done >= carried_) {  // past the seam: go on in the caller's bytes
-        bytes += done - carried_;
-        size -= done - carried_;
-        begin_ = carried_ = 0;
-        continue;
-      }
-      bytes += taken;
-      size -= taken;
-      carried_ += taken - done;
-      begin_ = carried_ == 0 ? 0 : begin_ + done;
+    if (size <= joined_chunk<Source>) {
+      feed_joined(bytes, size, sink);
+    } else {
+      feed_in_place(bytes, size, sink);
     }
   }
 
@@ -85,21 +60,70 @@ class StreamDeframer {
   /// No byte will ever follow (end of a capture, port closed): settle everything.
   template <class Sink>
   void give_up(Sink&& sink) {
-    if (carried_ == 0 && deframer_.source().format().framing != Framing::silence) return;
+    if (carried_ == 0 && !ends_by_silence()) return;
     deframer_.consume(buffer_ + begin_, carried_, true, sink);
     begin_ = carried_ = 0;
   }
 
   const ByteAccount<Counter>& account() const { return deframer_.account(); }
-  Counter bytes() const { return fed_; }            ///< all that were fed
-  std::size_t pending() const { return carried_; }  ///< of these, not settled yet
+  Counter bytes() const { return account().settled() + static_cast<Counter>(carried_); }  ///< all that were fed
+  std::size_t pending() const { return carried_; }                                        ///< of these, not settled yet
   Counter idle_us() const { return idle_us_; }
 
  private:
-  void carry(const std::uint8_t* bytes, std::size_t size) {
-    std::memcpy(buffer_, bytes, size);
+  WIREBOND_INLINE bool ends_by_silence() const {
+    if constexpr (Source::is_constant) {
+      return deframer_.source().format().framing == Framing::silence;
+    } else {
+      return deframer_.source().ends_by_silence();
+    }
+  }
+
+  template <class Sink>
+  WIREBOND_INLINE void feed_joined(const std::uint8_t* bytes, std::size_t size, Sink& sink) {
+    if (capacity_ - begin_ - carried_ < size) settle_down();  // then there is room: less than one frame is carried
+    std::uint8_t* const window = buffer_ + begin_;
+    std::memcpy(window + carried_, bytes, size);
+    const std::size_t available = carried_ + size;
+    const std::size_t done = deframer_.consume(window, available, false, sink);
+    carried_ = available - done;
+    begin_ = carried_ == 0 ? 0 : begin_ + done;
+  }
+
+  template <class Sink>
+  WIREBOND_INLINE void feed_in_place(const std::uint8_t* bytes, std::size_t size, Sink& sink) {
+    while (size != 0) {
+      if (carried_ == 0) {
+        const std::size_t done = deframer_.consume(bytes, size, false, sink);
+        begin_ = 0;
+        carried_ = size - done;  // less than one frame
+        std::memcpy(buffer_, bytes + done, carried_);
+        return;
+      }
+      if (begin_ != 0) settle_down();
+      const std::size_t needed = deframer_.needed();  // no more than that: what follows is handed out where it lies
+      const std::size_t room = needed > carried_ && needed <= capacity_ ? needed - carried_ : capacity_ - carried_;
+      const std::size_t taken = size < room ? size : room;
+      std::memcpy(buffer_ + carried_, bytes, taken);
+      const std::size_t done = deframer_.consume(buffer_, carried_ + taken, false, sink);
+      if (done >= carried_) {  // past the seam: go on in the caller's bytes
+        bytes += done - carried_;
+        size -= done - carried_;
+        carried_ = 0;
+      } else {
+        bytes += taken;
+        size -= taken;
+        carried_ += taken - done;
+        if (done != 0)
+          std::memmove(buffer_, buffer_ + done, carried_);  // else a byte at a time would move a frame each
+      }
+    }
+  }
+
+  /// Move what is carried to the buffer's front.
+  void settle_down() {
+    std::memmove(buffer_, buffer_ + begin_, carried_);
     begin_ = 0;
-    carried_ = size;
   }
 
   std::uint8_t* buffer_;
@@ -108,7 +132,6 @@ class StreamDeframer {
   std::size_t carried_ = 0;  ///< bytes that are not settled yet
   Counter idle_us_;
   Counter last_byte_us_ = 0;
-  Counter fed_ = 0;
   Deframer<Source, Counter> deframer_;
 };
 
