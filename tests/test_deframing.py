@@ -5,10 +5,13 @@ from __future__ import annotations
 import random
 import resource
 
+import numpy as np
 import pytest
 
 from tests.shared import account_closes, codec
-from tests.streams import random_frame
+from tests.streams import hard_stream, random_frame
+from wirebond import UsageError
+from wirebond.protocol.model import End
 
 IDLE = 0.020  # seconds: the default of these protocols
 MEGABYTE = 1_000_000
@@ -202,3 +205,44 @@ def test_feeding_something_that_is_no_bytes_is_a_type_error(wrong: object) -> No
 def test_time_that_is_no_time_is_refused(wrong: float) -> None:
     with pytest.raises(ValueError, match="finite number of seconds"):
         codec("diffdrive").decoder("mcu").feed(b"", t=wrong)
+
+
+PARALLEL = ["enterprize", "native", "diffdrive", "pid_tuner"]
+
+
+@pytest.mark.parametrize("name", PARALLEL)
+def test_a_capture_is_decoded_alike_by_any_number_of_threads(name: str) -> None:
+    proto = codec(name)
+    source = random.Random(name)
+    sender = End.MCU
+    pieces = [hard_stream(proto, source, pieces=400) for _ in range(12)]
+    capture = b"".join(source.choice(pieces) + source.randbytes(source.choice([0, 0, 3, 5000])) for _ in range(60))
+    capture = capture[:900_001]
+    assert len(capture) > 300_000  # else it is not worth a second thread
+    alone = proto.decode_columns(capture, sender, threads=1)
+    for threads in (2, 3, 4):
+        together = proto.decode_columns(capture, sender, threads=threads)
+        assert together.stats == alone.stats
+        assert account_closes(together.stats)
+        assert together.keys() == alone.keys()
+        for message, table in alone.items():
+            assert np.array_equal(together[message].offset, table.offset)
+            for field, column in table.items():
+                np.testing.assert_array_equal(together[message][field], column)
+
+
+def test_progress_of_a_large_capture_is_told_and_may_stop_it() -> None:
+    proto = codec("enterprize")
+    capture = proto.encode("chassis_cmd", x_vel=1, y_vel=2, w_vel=3) * 400_000
+    told: list[tuple[int, int]] = []
+    proto.decode_columns(capture, "host", progress=lambda done, size: told.append((done, size)))
+    assert all(done <= size == len(capture) for done, size in told)
+    assert told == sorted(told)
+
+    def stop(done: int, size: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        proto.decode_columns(capture * 4, "host", progress=stop)
+    with pytest.raises(UsageError, match="threads is 0; expected 1 or more"):
+        proto.decode_columns(capture, "host", threads=0)

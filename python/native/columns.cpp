@@ -4,9 +4,13 @@
 #include <nanobind/ndarray.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
+#include <exception>
+#include <thread>
 #include <vector>
 
+#include "capture.hpp"
 #include "decoder.hpp"
 #include "fields.hpp"
 
@@ -14,15 +18,7 @@ namespace wirebond::engine {
 
 namespace {
 
-/// Payloads of one message, packed one behind the other.
-struct Rows {
-  std::vector<std::uint64_t> offsets;
-  std::vector<std::uint32_t> ids;      ///< unknown frames only
-  std::vector<std::uint8_t> payloads;  ///< min_payload bytes a row; whole payloads where their size varies
-  std::vector<std::size_t> ends;       ///< of the payloads, where their size varies
-
-  std::size_t begin_of(std::size_t row) const { return row == 0 ? 0 : ends[row - 1]; }
-};
+constexpr std::size_t watched_size = std::size_t{1} << 18;  // bytes; less is done before anybody wants to know
 
 /// One column: a field that is no structure, or one that repeats.
 struct Column {
@@ -182,37 +178,58 @@ nb::dict columns_of(const MessageTable& message, const Rows& rows) {
   return out;
 }
 
+/// Decode without the GIL; now and then take it for `progress(done, size)` and for Ctrl-C.
+Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format, const BufferView& view,
+                       unsigned threads, nb::handle progress) {
+  std::atomic<std::uint64_t> done{0};
+  std::atomic<bool> cancelled{false};
+  std::atomic<bool> ready{false};
+  Capture capture;
+  std::exception_ptr fault;
+  std::thread work([&] {
+    try {
+      capture = decode_capture(protocol, format, view.data(), view.size(), threads, done, cancelled);
+    } catch (...) {
+      fault = std::current_exception();
+    }
+    ready = true;
+  });
+  bool interrupted = false;
+  while (!ready) {
+    {
+      const nb::gil_scoped_release release;
+      for (int i = 0; i < 100 && !ready; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    if (interrupted) continue;
+    interrupted = PyErr_CheckSignals() != 0;
+    if (!interrupted && !progress.is_none()) {
+      const nb::object told =
+          nb::steal(PyObject_CallFunction(progress.ptr(), "KK", done.load(), std::uint64_t{view.size()}));
+      interrupted = !told.is_valid();
+    }
+    cancelled = interrupted;
+  }
+  work.join();
+  if (interrupted) throw nb::python_error();
+  if (fault) std::rethrow_exception(fault);
+  return capture;
+}
+
 }  // namespace
 
 nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, const FormatTable& format,
-                        nb::handle capture) {
-  const BufferView view(capture);
-  std::vector<Rows> tables(protocol->messages().size());
-  Rows unknown;
-  std::vector<std::uint8_t> workspace(workspace_bytes(format.source()));
-  HostDeframer deframer(format.source(), workspace.data(), 0);
-  const auto sink = [&](const Frame& frame) {
-    if (frame.message < 0) {
-      unknown.offsets.push_back(frame.offset);
-      unknown.ids.push_back(frame.id);
-      return;
-    }
-    const auto index = static_cast<std::size_t>(frame.message);
-    const MessageTable& message = protocol->messages()[index];
-    Rows& rows = tables[index];
-    rows.offsets.push_back(frame.offset);
-    const std::size_t sent = frame.payload_size;
-    const bool varies = message.max_payload != message.min_payload;
-    const std::size_t kept = varies ? std::max(sent, message.min_payload) : message.min_payload;
-    rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + std::min(sent, kept));
-    if (sent < kept) rows.payloads.insert(rows.payloads.end(), kept - sent, 0);  // zeros that were trimmed
-    if (varies) rows.ends.push_back(rows.payloads.size());
-  };
-  {
+                        nb::handle bytes, unsigned threads, nb::handle progress) {
+  const BufferView view(bytes);
+  Capture capture;
+  if (view.size() < watched_size) {
     const nb::gil_scoped_release release;  // the capture is held by its buffer view
-    deframer.feed(view.data(), view.size(), 0, sink);
-    deframer.give_up(sink);
+    std::atomic<std::uint64_t> done{0};
+    capture = decode_capture(*protocol, format, view.data(), view.size(), 1, done, false);
+  } else {
+    capture = decode_watched(*protocol, format, view, threads, progress);
   }
+  std::vector<Rows>& tables = capture.messages;
+  Rows& unknown = capture.unknown;
 
   std::vector<std::uint64_t> counts;
   nb::dict messages;
@@ -239,7 +256,7 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, co
   }
   nb::dict out;
   out["messages"] = messages;
-  out["stats"] = account_dict(deframer, *protocol, counts);
+  out["stats"] = account_dict(capture.account, view.size(), 0, *protocol, counts);
   return out;
 }
 

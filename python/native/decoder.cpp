@@ -98,9 +98,8 @@ nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& 
   return out;
 }
 
-nb::dict account_dict(const HostDeframer& deframer, const ProtocolTable& protocol,
-                      const std::vector<std::uint64_t>& counts) {
-  const ByteAccount<std::uint64_t>& account = deframer.account();
+nb::dict account_dict(const ByteAccount<std::uint64_t>& account, std::uint64_t bytes, std::uint64_t pending,
+                      const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts) {
   nb::dict discarded;
   nb::dict rejected;
   for (std::size_t i = 0; i < cause_count; ++i) {
@@ -112,12 +111,12 @@ nb::dict account_dict(const HostDeframer& deframer, const ProtocolTable& protoco
     if (counts[i] != 0) messages[protocol.messages()[i].key] = counts[i];
   }
   nb::dict out;
-  out["bytes"] = deframer.bytes();
+  out["bytes"] = bytes;
   out["frames"] = account.frames;
   out["unknown_frames"] = account.unknown_frames;
   out["frame_bytes"] = account.frame_bytes;
   out["fill_bytes"] = account.fill_bytes;
-  out["pending_bytes"] = deframer.pending();
+  out["pending_bytes"] = pending;
   out["discarded_bytes"] = discarded;
   out["rejected_candidates"] = rejected;
   out["messages"] = messages;

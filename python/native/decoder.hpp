@@ -73,8 +73,8 @@ using HostDeframer = StreamDeframer<RuntimeSource, std::uint64_t>;
 
 /// Statistics as a dict: bytes, frames, frame_bytes, unknown_frames, fill_bytes, pending_bytes, discarded_bytes and
 /// rejected_candidates by cause, messages by name.
-nb::dict account_dict(const HostDeframer& deframer, const ProtocolTable& protocol,
-                      const std::vector<std::uint64_t>& counts);
+nb::dict account_dict(const ByteAccount<std::uint64_t>& account, std::uint64_t bytes, std::uint64_t pending,
+                      const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts);
 
 /// A format with its deframer. One thread at a time.
 class Decoder {
@@ -85,7 +85,9 @@ class Decoder {
   nb::list feed(nb::handle bytes, double time);
   nb::list idle(double time);
   nb::list finish();
-  nb::dict stats() const { return account_dict(deframer_, *protocol_, counts_); }
+  nb::dict stats() const {
+    return account_dict(deframer_.account(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_);
+  }
 
  private:
   std::uint64_t microseconds(double time);

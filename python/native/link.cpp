@@ -189,7 +189,7 @@ nb::dict Link::stats() {
   send["replaced"] = account_.replaced;
   send["expired"] = account_.expired;
   send["aborted"] = account_.aborted;
-  nb::dict out = account_dict(deframer_, *protocol_, counts_);
+  nb::dict out = account_dict(deframer_.account(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_);
   out["send"] = send;
   out["dropped_messages"] = dropped_messages_;
   out["reconnects"] = reconnects_;

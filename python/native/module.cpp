@@ -79,6 +79,7 @@ NB_MODULE(_engine, m) {
       .def("stats", &Decoder::stats);
 
   m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "layout"_a, "header"_a);
-  m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none());
+  m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
+        "progress"_a.none());
   bind_link(m);
 }

@@ -69,6 +69,8 @@ class Deframer {
 
   /// Bytes that decide the candidate at the window's front; 0: not known.
   std::size_t needed() const { return needed_; }
+  /// Behind a frame: whether what comes depends on the bytes that follow alone.
+  bool owes_nothing() const { return blamed_ == 0 && !overlong_; }
   const ByteAccount<Counter>& account() const { return account_; }
   const Source& source() const { return source_; }
 

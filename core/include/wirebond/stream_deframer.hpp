@@ -65,6 +65,7 @@ class StreamDeframer {
     begin_ = carried_ = 0;
   }
 
+  bool owes_nothing() const { return deframer_.owes_nothing(); }  ///< see Deframer
   const ByteAccount<Counter>& account() const { return deframer_.account(); }
   Counter bytes() const { return account().settled() + static_cast<Counter>(carried_); }  ///< all that were fed
   std::size_t pending() const { return carried_; }                                        ///< of these, not settled yet

@@ -1,5 +1,6 @@
 """Types of the compiled engine."""
 
+from collections.abc import Callable
 from typing import Any
 
 class ProtocolTable:
@@ -68,4 +69,10 @@ def encode(
     layout: int,
     header: list[int],
 ) -> bytes: ...
-def decode_columns(protocol: ProtocolTable, format: FormatTable, capture: object) -> dict[str, Any]: ...
+def decode_columns(
+    protocol: ProtocolTable,
+    format: FormatTable,
+    capture: object,
+    threads: int,
+    progress: Callable[[int, int], object] | None,
+) -> dict[str, Any]: ...

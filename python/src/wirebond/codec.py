@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Message = _engine.Message
 Buffer = bytes | bytearray | memoryview
+_MOST_THREADS = 64
 
 
 @dataclass(frozen=True)
@@ -187,13 +188,27 @@ class Codec:
         """
         return Decoder(_engine.Decoder(self._table, self.format_for(self.sender_for(sender)), self.model.idle_seconds))
 
-    def decode_columns(self, capture: Buffer, sender: str | None = None) -> Columns:
+    def decode_columns(
+        self,
+        capture: Buffer,
+        sender: str | None = None,
+        *,
+        threads: int | None = None,
+        progress: Callable[[int, int], object] | None = None,
+    ) -> Columns:
         """A whole capture at once, without a Python object per message.
+
+        ``threads`` share a large capture (by default as many as the machine has cores); the result does not depend on
+        them. ``progress(done, size)``, both in bytes, is called some ten times a second meanwhile.
 
         Scaled fields are float64 in SI units; other numbers keep their wire type; enums and flags stay integers;
         arrays have shape (rows, count); text and bytes are lists. The capture's end settles an incomplete frame.
         """
-        result = _engine.decode_columns(self._table, self.format_for(self.sender_for(sender)), capture)
+        if threads is not None and threads < 1:
+            raise UsageError(f"threads is {threads}; expected 1 or more, or None for as many as there are cores")
+        threads = min(threads or os.cpu_count() or 1, _MOST_THREADS)
+        form = self.format_for(self.sender_for(sender))
+        result = _engine.decode_columns(self._table, form, capture, threads, progress)
         tables = {name: Table(**table) for name, table in result["messages"].items()}
         return Columns(tables, Stats(**result["stats"]))
 

@@ -1,0 +1,201 @@
+// A whole capture to rows of payloads, over several cores. No Python here.
+#include "capture.hpp"
+
+#include <algorithm>
+#include <memory>
+#include <thread>
+
+namespace wirebond::engine {
+
+namespace {
+
+using Account = ByteAccount<std::uint64_t>;
+
+constexpr std::size_t step = std::size_t{1} << 18;        // bytes between looks at `cancelled`
+constexpr std::size_t least_part = std::size_t{1} << 16;  // bytes that are worth a thread
+constexpr std::size_t landmarks_kept = 4096;              // a part that two decoders see differently for longer is rare
+
+std::size_t row_bytes(const MessageTable& message) {
+  return message.max_payload != message.min_payload ? 0 : message.min_payload;
+}
+
+/// A place behind a frame from where on the future depends on the bytes alone, and what had been found until there.
+struct Landmark {
+  std::uint64_t at = 0;  ///< in the capture
+  Account account;
+  std::vector<std::size_t> rows;  ///< by message, and unknown ones last
+};
+
+/// Decodes one part of a capture, from its begin as if nothing came before.
+class Part {
+ public:
+  Part(const ProtocolTable& protocol, const FormatTable& format, std::uint64_t begin)
+      : protocol_(protocol),
+        begin_(begin),
+        at_(begin),
+        workspace_(workspace_bytes(format.source())),
+        deframer_(format.source(), workspace_.data(), ~std::uint64_t{0}) {  // bytes of a capture carry no time
+    found_.messages.resize(protocol.messages().size());
+  }
+
+  /// Decode up to `end`, and note the first landmarks on the way.
+  void run(const std::uint8_t* bytes, std::uint64_t end, std::atomic<std::uint64_t>& done,
+           const std::atomic<bool>& cancelled) {
+    while (at_ < end && !cancelled) {
+      const std::uint64_t size = std::min<std::uint64_t>(step, end - at_);
+      deframer_.feed(bytes + at_, size, 0, [this](const Frame& frame) {
+        take(frame);
+        if (landmarks_.size() < landmarks_kept && deframer_.owes_nothing()) landmarks_.push_back(here());
+      });
+      at_ += size;
+      done += size;
+    }
+  }
+
+  /// Go on behind the part's end until a landmark of `next` is reached; null when `end` comes first.
+  const Landmark* run_into(const Part& next, const std::uint8_t* bytes, std::uint64_t end,
+                           const std::atomic<bool>& cancelled) {
+    const Landmark* met = nullptr;
+    const auto sink = [&](const Frame& frame) {
+      if (met != nullptr) return;
+      take(frame);
+      if (!deframer_.owes_nothing()) return;
+      met = next.landmark_at(begin_ + deframer_.account().settled());
+      if (met != nullptr) met_ = deframer_.account();
+    };
+    while (at_ < end && met == nullptr && !cancelled) {
+      const std::uint64_t size = std::min<std::uint64_t>(meeting_step, end - at_);
+      deframer_.feed(bytes + at_, size, 0, sink);
+      at_ += size;
+    }
+    return met;
+  }
+
+  void finish() {
+    deframer_.give_up([this](const Frame& frame) { take(frame); });
+  }
+
+  /// Everything that was found here until the next part was met, or to the end.
+  const Capture& found() const { return found_; }
+  const Account& account(bool until_met) const { return until_met ? met_ : deframer_.account(); }
+
+ private:
+  static constexpr std::uint64_t meeting_step = 4096;
+
+  void take(const Frame& frame) {
+    const std::uint64_t offset = begin_ + frame.offset;
+    if (frame.message < 0) {
+      found_.unknown.offsets.push_back(offset);
+      found_.unknown.ids.push_back(frame.id);
+      return;
+    }
+    const auto index = static_cast<std::size_t>(frame.message);
+    const MessageTable& message = protocol_.messages()[index];
+    Rows& rows = found_.messages[index];
+    rows.offsets.push_back(offset);
+    const std::size_t sent = frame.payload_size;
+    const bool varies = row_bytes(message) == 0;
+    const std::size_t kept = varies ? std::max(sent, message.min_payload) : message.min_payload;
+    rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + std::min(sent, kept));
+    if (sent < kept) rows.payloads.insert(rows.payloads.end(), kept - sent, 0);  // zeros that were trimmed
+    if (varies) rows.ends.push_back(rows.payloads.size());
+  }
+
+  Landmark here() const {
+    Landmark mark{begin_ + deframer_.account().settled(), deframer_.account(), {}};
+    for (const Rows& rows : found_.messages) mark.rows.push_back(rows.offsets.size());
+    mark.rows.push_back(found_.unknown.offsets.size());
+    return mark;
+  }
+
+  const Landmark* landmark_at(std::uint64_t at) const {
+    const auto found = std::lower_bound(landmarks_.begin(), landmarks_.end(), at,
+                                        [](const Landmark& mark, std::uint64_t place) { return mark.at < place; });
+    return found != landmarks_.end() && found->at == at ? &*found : nullptr;
+  }
+
+  const ProtocolTable& protocol_;
+  std::uint64_t begin_;
+  std::uint64_t at_;
+  std::vector<std::uint8_t> workspace_;
+  StreamDeframer<RuntimeSource, std::uint64_t> deframer_;
+  Capture found_;
+  std::vector<Landmark> landmarks_;
+  Account met_{};
+};
+
+/// sum += later - earlier, in every bucket.
+void add(Account& sum, const Account& later, const Account& earlier) {
+  sum.frame_bytes += later.frame_bytes - earlier.frame_bytes;
+  sum.fill_bytes += later.fill_bytes - earlier.fill_bytes;
+  sum.frames += later.frames - earlier.frames;
+  sum.unknown_frames += later.unknown_frames - earlier.unknown_frames;
+  for (std::size_t i = 0; i < cause_count; ++i) {
+    sum.discarded_bytes[i] += later.discarded_bytes[i] - earlier.discarded_bytes[i];
+    sum.rejected_candidates[i] += later.rejected_candidates[i] - earlier.rejected_candidates[i];
+  }
+}
+
+void append(Capture& whole, const Part& part, const Landmark& from, const ProtocolTable& protocol, bool until_met) {
+  for (std::size_t i = 0; i < whole.messages.size(); ++i) {
+    whole.messages[i].append(part.found().messages[i], from.rows[i], row_bytes(protocol.messages()[i]));
+  }
+  whole.unknown.append(part.found().unknown, from.rows.back(), 0);
+  add(whole.account, part.account(until_met), from.account);
+}
+
+}  // namespace
+
+void Rows::append(const Rows& other, std::size_t first, std::size_t row_bytes) {
+  if (offsets.empty() && first == 0) {
+    *this = other;
+    return;
+  }
+  const auto from = static_cast<std::ptrdiff_t>(first);
+  offsets.insert(offsets.end(), other.offsets.begin() + from, other.offsets.end());
+  if (!other.ids.empty()) ids.insert(ids.end(), other.ids.begin() + from, other.ids.end());
+  const std::size_t skipped = row_bytes != 0 || other.ends.empty() ? first * row_bytes : other.begin_of(first);
+  for (std::size_t row = first; row < other.ends.size(); ++row) {
+    ends.push_back(payloads.size() + other.ends[row] - skipped);
+  }
+  payloads.insert(payloads.end(), other.payloads.begin() + static_cast<std::ptrdiff_t>(skipped), other.payloads.end());
+}
+
+Capture decode_capture(const ProtocolTable& protocol, const FormatTable& format, const std::uint8_t* bytes,
+                       std::size_t size, unsigned threads, std::atomic<std::uint64_t>& done,
+                       const std::atomic<bool>& cancelled) {
+  // Where silence ends a frame, a capture is one block.
+  const bool divides = format.format().framing != Framing::silence;
+  const std::size_t most = divides ? size / least_part : 0;
+  const std::size_t count = std::max<std::size_t>(1, std::min<std::size_t>(threads, most));
+  std::vector<std::unique_ptr<Part>> parts;
+  std::vector<std::uint64_t> ends;
+  for (std::size_t i = 0; i < count; ++i) {
+    parts.push_back(std::make_unique<Part>(protocol, format, size * i / count));
+    ends.push_back(size * (i + 1) / count);
+  }
+  std::vector<std::thread> others;
+  for (std::size_t i = 1; i < count; ++i) {
+    others.emplace_back([&, i] { parts[i]->run(bytes, ends[i], done, cancelled); });
+  }
+  parts[0]->run(bytes, ends[0], done, cancelled);
+  for (std::thread& other : others) other.join();
+
+  Capture whole;
+  whole.messages.resize(protocol.messages().size());
+  Landmark from;
+  from.rows.assign(protocol.messages().size() + 1, 0);
+  std::size_t current = 0;
+  for (std::size_t next = 1; next < count && !cancelled; ++next) {  // a part that is never met is decoded again
+    const Landmark* const met = parts[current]->run_into(*parts[next], bytes, ends[next], cancelled);
+    if (met == nullptr) continue;
+    append(whole, *parts[current], from, protocol, true);
+    from = *met;
+    current = next;
+  }
+  parts[current]->finish();
+  append(whole, *parts[current], from, protocol, false);
+  return whole;
+}
+
+}  // namespace wirebond::engine
