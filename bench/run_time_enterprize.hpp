@@ -12,7 +12,9 @@ namespace bench {
 class RunTimeEnterprize {
  public:
   explicit RunTimeEnterprize(wirebond::CrcMethod method = wirebond::CrcMethod::automatic)
-      : format_(enterprize::FromMcu{}.format()), rows_(known()), tables_(*hidden(), rows_.data(), rows_.size(), method) {}
+      : format_(enterprize::FromMcu{}.format()),
+        rows_(known()),
+        tables_(*hidden(), rows_.data(), rows_.size(), method) {}
 
   wirebond::RuntimeSource source() const { return wirebond::RuntimeSource(tables_); }
 
