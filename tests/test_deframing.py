@@ -8,9 +8,9 @@ import resource
 import numpy as np
 import pytest
 
-from tests.shared import account_closes, codec
+from tests.shared import ROOT, account_closes, codec
 from tests.streams import hard_stream, random_frame
-from wirebond import UsageError
+from wirebond import UsageError, load
 from wirebond.protocol.model import End
 
 IDLE = 0.020  # seconds: the default of these protocols
@@ -246,3 +246,30 @@ def test_progress_of_a_large_capture_is_told_and_may_stop_it() -> None:
         proto.decode_columns(capture * 4, "host", progress=stop)
     with pytest.raises(UsageError, match="threads is 0; expected 1 or more"):
         proto.decode_columns(capture, "host", threads=0)
+
+
+def test_the_block_behind_one_that_was_too_long_is_a_block_of_its_own() -> None:
+    """Where silence ends a frame. What came before is thrown away at once, so that nothing is left to give up."""
+    proto = load(ROOT / "tests" / "formats" / "modbus_rtu.yaml")
+    frame = proto.encode("write_register", {"number": 1, "value": 2})
+    decoder = proto.decoder("host")
+    assert decoder.feed(bytes(74), t=1.0) == []
+    assert decoder.idle(t=1.1) == []
+    assert decoder.feed(frame, t=1.1) == []
+    assert [m.raw for m in decoder.idle(t=1.2)] == [frame]
+
+
+@pytest.mark.parametrize("chunk", [1, 5, 1000])
+def test_what_is_missing_is_not_taken_from_an_earlier_frame(chunk: int) -> None:
+    """The rest of a frame that was given up may still lie in memory, where the frame before left it."""
+    proto = codec("enterprize")
+    frame = proto.encode("field_msg", FIELD_MSG)
+    for cut in range(1, len(frame)):
+        decoder = proto.decoder("mcu")
+        found = [m for at in range(0, len(frame), chunk) for m in decoder.feed(frame[at : at + chunk], t=1.0)]
+        assert [m.raw for m in found] == [frame]
+        assert decoder.feed(frame[:cut], t=1.0) == []
+        assert decoder.idle(t=2.0) == []
+        assert decoder.stats.pending_bytes == 0
+        assert account_closes(decoder.stats)
+        assert [m.raw for m in decoder.feed(frame, t=3.0)] == [frame]

@@ -176,6 +176,15 @@ std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTab
   std::copy(payload.begin(), payload.end(), buffer.begin() + static_cast<std::ptrdiff_t>(lead));
   const std::size_t size =
       seal(source, buffer.data(), buffer.size(), message.id, payload.size(), layout, header.data());
+  if (size == 0 && payload.empty()) {
+    throw_message_error(message.name + " is empty, and so is its frame: no receiver could tell that from no frame");
+  }
+  if (size == 0 && payload.size() <= format.format().max_payload) {
+    const Layout& form = format.format().layouts[layout];
+    throw_message_error("payload of " + message.name + " has " + std::to_string(payload.size()) +
+                        " bytes, which the frame's length cannot tell: it counts by " +
+                        std::to_string(form.length_unit));
+  }
   if (size == 0) {
     throw_message_error("payload of " + message.name + " has " + std::to_string(payload.size()) +
                         " bytes; this frame carries at most " + std::to_string(format.format().max_payload));

@@ -8,7 +8,9 @@
 #include <limits>
 #include <type_traits>
 
-#if defined(__GNUC__)
+// Given from outside, `inline` and nothing make builds with instrumentation small.
+#if defined(WIREBOND_INLINE) && defined(WIREBOND_INLINE_LAMBDA)
+#elif defined(__GNUC__)
 #define WIREBOND_INLINE inline __attribute__((always_inline))
 #define WIREBOND_INLINE_LAMBDA __attribute__((always_inline))
 #else

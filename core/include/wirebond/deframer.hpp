@@ -55,14 +55,18 @@ class Deframer {
     if constexpr (Source::is_constant) {
       return consume_by_rules(window, size, give_up, sink);
     } else {
-      if (size < needed_ && !give_up) return 0;  // already judged: so many bytes decide
+      if (source_.format().framing != Framing::by_start) return consume_by_rules(window, size, give_up, sink);
+      if (size < needed_) {  // already judged: so many bytes decide
+        if (!give_up) return 0;
+        needed_ = 0;  // they will not come: the straight way must not look for them
+      }
       std::size_t at = 0;
       while (true) {
         const bool waits = take_straight(window, size, at, sink);
         if (at == size || (waits && !give_up)) return at;
         const std::size_t settled = consume_by_rules(window + at, size - at, give_up, sink);
         at += settled;
-        if (settled == 0 || at == size || source_.format().framing != Framing::by_start) return at;
+        if (settled == 0 || at == size) return at;
       }
     }
   }

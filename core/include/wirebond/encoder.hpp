@@ -43,7 +43,9 @@ inline std::size_t enclose(const FrameFormat& format, std::uint8_t* buffer, std:
 
 /// Finish the frame for message `id` whose `payload_size` bytes lie at buffer + payload_lead. Formats with a fixed
 /// payload are padded with zeros. `header` holds a value for each header field of the layout; null: their defaults.
-/// Returns the size on the wire, 0 when the frame does not fit `capacity` or the format.
+/// Returns the size on the wire, 0 when the frame does not fit `capacity` or the format (a length that counts by words
+/// cannot tell every size), or has no byte at all:
+/// without brackets or a code byte of COBS nobody can tell that from fill, or from silence.
 /// Any thread or interrupt; no allocation.
 template <class Source>
 WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
@@ -67,7 +69,10 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
   }
   const std::size_t size = layout.prefix + payload + layout.suffix;
   const std::size_t on_wire = size + stuffing_overhead(format, size) + delimiter_bytes(format);
-  if (payload_size > payload || payload > format.max_payload || on_wire > capacity) return 0;
+  const bool is_nothing = size == 0 && format.framing != Framing::bracketed && format.stuffing != Stuffing::cobs;
+  if (payload_size > payload || payload > format.max_payload || on_wire > capacity || is_nothing) return 0;
+  const std::int64_t counted = static_cast<std::int64_t>(payload) - layout.length_bias;
+  if (layout.length.present() && (counted < 0 || counted % layout.length_unit != 0)) return 0;
 
   std::memset(frame, 0, layout.prefix);
   std::memset(frame + layout.prefix + payload_size, 0, payload - payload_size + layout.suffix);
@@ -82,8 +87,7 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
     return true;
   });
   if (layout.length.present()) {
-    const std::int64_t length = (static_cast<std::int64_t>(payload) - layout.length_bias) / layout.length_unit;
-    detail::write_number(layout.length, frame, size, static_cast<std::uint32_t>(length));
+    detail::write_number(layout.length, frame, size, static_cast<std::uint32_t>(counted / layout.length_unit));
   }
   if (layout.id.present()) detail::write_number(layout.id, frame, size, id);
 

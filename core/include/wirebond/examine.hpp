@@ -143,6 +143,8 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout,
   if (id_early) {
     head.id = read_number(layout.id, candidate, 0);
     head.shape = source.message(head.id);
+  } else if (!layout.id.present()) {  // one message, known before its seed is counted
+    head.shape = source.message(0);
   }
   std::size_t payload = layout.fixed_payload;
   const std::size_t outside = static_cast<std::size_t>(layout.prefix) + layout.suffix;

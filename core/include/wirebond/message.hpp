@@ -34,7 +34,7 @@ WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, s
   if (wire_bytes(source.format(), payload) > capacity) return Status::too_small;
   if (!write_payload(message, out + payload_lead(source))) return Status::out_of_range;
   size = seal(source, out, capacity, Message::Info::id, payload);
-  return Status::ok;
+  return size != 0 ? Status::ok : Status::out_of_range;
 }
 
 namespace detail {

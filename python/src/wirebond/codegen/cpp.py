@@ -62,7 +62,7 @@ def cpp_header(protocol: Protocol) -> str:
         idle_us=round(protocol.idle_seconds * 1e6),
         types=_type_views(protocol),
         messages=_message_views(protocol),
-        formats=[(end.value, _format_lines(plan)) for end, plan in plans.items()],
+        formats=[(end.value, format_lines(plan)) for end, plan in plans.items()],
         updates=[_update(a, i) for i, a in enumerate(plans[End.HOST].algorithms)],
         sources=[_source_view(protocol, end, plans[end]) for end in (End.HOST, End.MCU)],
         actions=list(dict.fromkeys(d.then for d in protocol.deadlines)),
@@ -202,7 +202,7 @@ def _id_literal(protocol: Protocol, value: int) -> str:
 # ---- the frame format -------------------------------------------------------------------------------------------
 
 
-def _format_lines(plan: Plan) -> list[str]:
+def format_lines(plan: Plan) -> list[str]:
     """Assignments that fill a ``wirebond::FrameFormat`` named ``format``."""
     lines = [
         f"format.framing = wirebond::Framing::{plan.framing};",

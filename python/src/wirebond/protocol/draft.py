@@ -7,7 +7,19 @@ from dataclasses import dataclass
 
 from wirebond.protocol.document import Mapping
 from wirebond.protocol.messages import Messages
-from wirebond.protocol.model import BitRole, Escapes, Field, FieldKind, Frame, LengthCounts, Part, PartKind, PayloadRule
+from wirebond.protocol.model import (
+    BitRole,
+    Escapes,
+    Field,
+    FieldKind,
+    Frame,
+    LengthCounts,
+    Message,
+    Part,
+    PartKind,
+    PayloadRule,
+)
+from wirebond.protocol.plan import layouts
 from wirebond.protocol.problems import Place, Problems
 
 STRONG_CHECK_BITS = 16  # from here on a frame of unknown id is taken for a newer peer's, not for noise
@@ -72,12 +84,6 @@ class Draft:
         part, bits = found
         return int(2**bits - 1) * part.length_unit - self._beside(part) - part.length_offset
 
-    @property
-    def shortest_by_length(self) -> int | None:
-        """The shortest payload whose length number is not negative; None without a length."""
-        part = self.length_part
-        return None if part is None else max(0, -self._beside(part) - part.length_offset)
-
     def _beside(self, length: Part) -> int:
         """What the length counts beside the payload, in bytes."""
         index = self.parts.index(length)
@@ -115,6 +121,9 @@ def check_sizes(draft: Draft, messages: Messages, max_payload: int | None, probl
             continue
         if limit is not None and message.max_payload > limit:
             problems.add(entry.place, f"`{entry.name}` has up to {message.max_payload} payload bytes; {limit_of}")
+        untold = _size_untold(draft, message)
+        if untold:
+            problems.add(entry.place, f"`{entry.name}` has {message.max_payload} payload bytes; {untold}")
         field = next((one for one in message.fields if _needs_size(one, draft.payload)), None)
         fields = entry.node.get("fields")
         if field is not None and isinstance(fields, Mapping):
@@ -133,6 +142,21 @@ def check_sizes(draft: Draft, messages: Messages, max_payload: int | None, probl
             f"the frame's length can tell {longest} payload bytes at most; write no more, or widen it",
         )
     return max_payload
+
+
+def _size_untold(draft: Draft, message: Message) -> str:
+    """Why a length that counts by words cannot tell the size of a message of one size; empty if it can."""
+    length = draft.length_part
+    if length is None or length.length_unit == 1 or message.min_payload != message.max_payload:
+        return ""
+    form = layouts(draft.parts, message.sender)[0]
+    over = (message.max_payload - form.length_bias) % form.length_unit
+    if not over:
+        return ""
+    return (
+        f"the frame's length counts by {form.length_unit} and cannot tell them; add "
+        f"`{{type: padding, size: {form.length_unit - over}}}`"
+    )
 
 
 def _needs_size(field: Field, payload: Part) -> bool:

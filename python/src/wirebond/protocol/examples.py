@@ -73,7 +73,9 @@ def _is_header(given: dict[str, int], draft: Draft, node: Mapping, problems: Pro
             good = False
         elif not 0 <= value < 2 ** widths[name]:
             limit = 2 ** widths[name] - 1
-            problems.add(places.value_place(name), f"{value} does not fit `{name}`, which takes 0 to {limit}")
+            problems.add(
+                places.value_place(name), f"{value} does not fit `{name}`, which takes 0 to {limit}; take one of these"
+            )
             good = False
     return good
 
@@ -157,5 +159,8 @@ def _byte_string(field: Field, wanted: object) -> tuple[ExampleValue | None, str
         return None, f'`{field.name}` is a byte string; write two hex digits a byte in quotes: "01 FF"'
     value = bytes.fromhex(wanted)
     if len(value) > field.max_wire_bytes:
-        return None, f"{len(value)} bytes are given, and `{field.name}` has room for {field.max_wire_bytes}"
+        return (
+            None,
+            f"{len(value)} bytes are given, and `{field.name}` has room for {field.max_wire_bytes}; give no more",
+        )
     return value, ""

@@ -78,7 +78,7 @@ def fit_element(field: Field, value: Given) -> _Fitted:
         if not isinstance(value, str):
             return None, f"`{field.name}` is a text; put the value in quotes"
         size, room = len(value.encode()), field.max_wire_bytes
-        fault = f"the text has {size} bytes, and `{field.name}` has room for {room}"
+        fault = f"the text has {size} bytes, and `{field.name}` has room for {room}; shorten it"
         return (value, "") if size <= room else (None, fault)
     if field.kind == FieldKind.BYTES:
         return _fit_bytes(field, value)
@@ -123,7 +123,7 @@ def _fit_number(field: Field, value: Fraction) -> tuple[float | int | None, str]
         value = min(max(value, lowest), highest) if float(value) in (field.minimum, field.maximum) else value
     if not lowest <= value <= highest:
         limits = f"from {number_text(lowest)} to {number_text(highest)}"
-        return None, f"{number_text(value)} does not fit `{field.name}`, which takes values {limits}"
+        return None, f"{number_text(value)} does not fit `{field.name}`, which takes values {limits}; take one of them"
     if field.kind in INTEGERS and not field.is_scaled:
         if value.denominator != 1:
             return (

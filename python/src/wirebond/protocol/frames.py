@@ -316,7 +316,9 @@ class _FrameReader:
         widths = {p.name: 8 * p.size for p in parts if p.kind in (PartKind.FIELD, PartKind.SEQUENCE)}
         widths |= {r.name: r.width for p in parts for r in p.bits if r.role in (BitRole.FIELD, BitRole.SEQUENCE)}
         magics = {m for p in parts for m in (p.alternatives or (p.value,)) if p.kind == PartKind.MAGIC}
-        for part, node in zip(parts, nodes, strict=True):
+        places = {name: index for index, part in enumerate(parts) for name in plan.header_names(part)}
+        payload_index = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
+        for index, (part, node) in enumerate(zip(parts, nodes, strict=True)):
             condition = part.condition
             if condition is None:
                 continue
@@ -329,6 +331,11 @@ class _FrameReader:
                 self._wrong(at, f"the header has no field `{condition.field}`; {suggestion(condition.field, widths)}")
             elif condition.field and condition.bit >= widths[condition.field]:
                 self._wrong(at, f"`{condition.field}` has {widths[condition.field]} bits; take a lower one")
+            elif condition.field and places[condition.field] > min(index, payload_index):
+                self._wrong(
+                    at,
+                    f"`{condition.field}` must stand in the header, before what it decides about; move it forward",
+                )
         if not self._good:
             return
         for variant in plan.variants(tuple(parts), None):
@@ -425,12 +432,26 @@ class _FrameReader:
                 place,
                 "nothing tells this frame from other bytes; add `- magic: 0xAA` in front or a check behind",
             )
-        longest, shortest = draft.longest_by_length, draft.shortest_by_length
-        if longest is None or shortest is None:
+        forms = plan.layouts(parts, None)
+        constants = max(len(form.constants) for form in forms)
+        if constants > plan.MAX_CONSTANTS:
+            self._wrong(
+                place,
+                f"the frame has {constants} constant bytes, those of bits and of conditions counted; "
+                f"at most {plan.MAX_CONSTANTS} are possible",
+            )
+        self._check_seeds(draft)
+        longest, length = draft.longest_by_length, draft.length_part
+        if longest is None or length is None:
             return
-        length = draft.length_part
-        assert length is not None
         at = draft.places[parts.index(length)]
+        shortest = max(form.length_bias for form in forms)  # of the form with the fewest parts beside the payload
+        if length.length_unit > 1 and draft.payload.trims_zeros:
+            self._wrong(
+                draft.places[draft.payload_index],
+                f"with `trim_zeros` a payload may end at any byte, and this length counts by {length.length_unit}; "
+                "remove one of the two",
+            )
         if longest < 0:
             self._wrong(at, "the length counts more than it can tell, even for an empty payload; take a wider type")
         elif shortest > 0:
@@ -438,6 +459,20 @@ class _FrameReader:
                 at,
                 f"with this offset a payload under {shortest} bytes would have a negative length; take a greater one",
             )
+
+    def _check_seeds(self, draft: Draft) -> None:
+        """A check of the header alone is judged before the bytes behind the payload are there."""
+        payload_index = draft.payload_index
+        id_index = _holder(list(draft.parts), PartKind.ID, BitRole.ID)
+        if id_index is None or id_index < payload_index:
+            return
+        for index, part in enumerate(draft.parts):
+            if part.seeded and index < payload_index and part.last < payload_index:
+                self._wrong(
+                    draft.places[index],
+                    "this check counts the message's seed, and the id that tells the message stands behind the "
+                    "payload; move the id before it, or this check behind it",
+                )
 
 
 def _holder(parts: list[Part], kind: PartKind, role: BitRole) -> int | None:

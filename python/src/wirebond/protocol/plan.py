@@ -133,10 +133,6 @@ class Plan:
 def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     """The plan for frames that ``sender`` sends; None: from either end (their ids must then differ)."""
     frame = protocol.frame
-    algorithms: list[Algorithm] = []
-    for part in frame.parts:
-        if part.algorithm is not None and part.algorithm not in algorithms:
-            algorithms.append(part.algorithm)
     rows = [
         MessageRow(m.id, index, m.min_payload, m.max_payload, m.seed or 0)
         for index, m in enumerate(protocol.messages)
@@ -151,10 +147,20 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         escapes=frame.escapes,
         deliver_unknown=frame.deliver_unknown,
         max_payload=frame.max_payload,
-        layouts=tuple(_layout(variant, algorithms) for variant in variants(frame.parts, sender)),
-        algorithms=tuple(algorithms),
+        layouts=layouts(frame.parts, sender),
+        algorithms=tuple(_algorithms(frame.parts)),
         messages=tuple(sorted(rows, key=lambda row: row.id)),
     )
+
+
+def layouts(parts: tuple[Part, ...], sender: End | None) -> tuple[Layout, ...]:
+    """Every form that a frame of this sender can take, as offsets; in the order of ``variants``."""
+    algorithms = _algorithms(parts)
+    return tuple(_layout(variant, algorithms) for variant in variants(parts, sender))
+
+
+def _algorithms(parts: tuple[Part, ...]) -> list[Algorithm]:
+    return list(dict.fromkeys(part.algorithm for part in parts if part.algorithm is not None))
 
 
 def _framing(protocol: Protocol) -> str:

@@ -1,0 +1,437 @@
+// Fuzz target: the stream deframer with a run-time format, real ones and drawn ones, over streams made of frames,
+// damaged frames and anything. README.md says what must hold.
+#include <fuzzer/FuzzedDataProvider.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <vector>
+
+#include "describe.hpp"
+#include "described.hpp"
+#include "drawn_format.hpp"
+#include "expect.hpp"
+#include "wirebond/encoder.hpp"
+#include "wirebond/runtime_source.hpp"
+#include "wirebond/stream_deframer.hpp"
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+/// The run-time source, counting what it is asked: the deframer's work. `straight`: with the shortcut for good frames.
+class CountingSource {
+ public:
+  static constexpr bool is_constant = false;
+  CountingSource(const wirebond::RuntimeSource& source, bool straight, std::uint64_t* work)
+      : source_(source), shortcut_(straight ? &source.shortcut() : &no_shortcut), work_(work) {}
+  const wirebond::FrameFormat& format() const {
+    *work_ += 1;
+    return source_.format();
+  }
+  const wirebond::Shortcut& shortcut() const { return *shortcut_; }
+  int start() const { return source_.start(); }
+  wirebond::MessageShape message(std::uint32_t id) const {
+    *work_ += 1;
+    return source_.message(id);
+  }
+  const wirebond::MessageShape& message_of(std::uint32_t id) const {  // the shortcut's: a check may follow
+    *work_ += wirebond::max_frame_bytes(source_.format());
+    return source_.message_of(id);
+  }
+  std::uint64_t check_begin_of(unsigned algorithm) const { return source_.check_begin_of(algorithm); }
+  std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
+    *work_ += size;
+    return source_.check_update(algorithm, reg, bytes, size);
+  }
+  std::uint64_t check_end_of(unsigned algorithm, std::uint64_t reg) const {
+    return source_.check_end_of(algorithm, reg);
+  }
+
+ private:
+  static inline const wirebond::Shortcut no_shortcut{};
+  wirebond::RuntimeSource source_;
+  const wirebond::Shortcut* shortcut_;
+  std::uint64_t* work_;
+};
+
+/// Work that one byte or one call may cost, whatever the input. A candidate is judged when its prefix is there and
+/// again when all of it is, for each layout, and when it is given up.
+std::uint64_t work_bound(const wirebond::FrameFormat& format) {
+  std::uint64_t one_pass = 8 + wirebond::max_frame_bytes(format);
+  for (std::size_t i = 0; i < format.layout_count; ++i) {
+    one_pass += 4 + format.layouts[i].check_count * (wirebond::max_frame_bytes(format) + 4);
+  }
+  const std::uint64_t judged = wirebond::max_constants + 2u * format.layout_count + 2u;
+  return 8 + judged * one_pass;
+}
+
+struct Found {
+  std::uint64_t offset;
+  std::uint32_t id;
+  int message;
+  std::size_t layout;
+  Bytes wire;
+  Bytes payload;
+  Bytes unstuffed;
+  std::vector<std::uint32_t> header;
+
+  bool operator==(const Found& other) const {
+    return offset == other.offset && id == other.id && message == other.message && layout == other.layout &&
+           wire == other.wire && payload == other.payload && header == other.header;
+  }
+};
+
+/// A deframer under observation: what it delivers is kept, and its account is checked after every call.
+template <class Counter>
+class Observed {
+ public:
+  Observed(const wirebond::RuntimeSource& source, Counter start_us, Counter idle_us, bool straight = true)
+      : format_(source.format()),
+        workspace_(new std::uint8_t[wirebond::workspace_bytes(CountingSource(source, straight, &work_))]),
+        now_us_(start_us),
+        deframer_(CountingSource(source, straight, &work_), workspace_.get(), idle_us) {}
+  Observed(const Observed&) = delete;
+  Observed& operator=(const Observed&) = delete;
+
+  void feed(const std::uint8_t* bytes, std::size_t size) {
+    const std::unique_ptr<std::uint8_t[]> copy(new std::uint8_t[size]);  // of this size, so that overruns are seen
+    std::copy(bytes, bytes + size, copy.get());
+    fed_.insert(fed_.end(), bytes, bytes + size);
+    deframer_.feed(copy.get(), size, now_us_, sink_);
+    after_call();
+  }
+
+  void pass(Counter time_us) {
+    now_us_ = static_cast<Counter>(now_us_ + time_us);
+    deframer_.idle(now_us_, sink_);
+    after_call();
+  }
+
+  void give_up() {
+    deframer_.give_up(sink_);
+    after_call();
+    EXPECT(deframer_.pending() == 0, "all bytes are settled when no byte will follow");
+  }
+
+  const std::vector<Found>& frames() const { return frames_; }
+  const wirebond::ByteAccount<Counter>& account() const { return deframer_.account(); }
+  std::size_t pending() const { return deframer_.pending(); }
+
+ private:
+  void take(const wirebond::Frame& frame) {
+    const wirebond::Layout* const layouts = format_.layouts.data();
+    EXPECT(frame.layout >= layouts && frame.layout < layouts + format_.layout_count, "a frame has one of the layouts");
+    Found found{frame.offset,
+                frame.id,
+                frame.message,
+                static_cast<std::size_t>(frame.layout - layouts),
+                Bytes(frame.wire, frame.wire + frame.wire_size),
+                Bytes(frame.payload, frame.payload + frame.payload_size),
+                Bytes(frame.bytes, frame.bytes + frame.size),
+                {}};
+    for (std::size_t i = 0; i < frame.layout->header_count; ++i) {
+      found.header.push_back(wirebond::detail::read_number(frame.layout->header[i].number, frame.bytes, frame.size));
+    }
+    EXPECT(found.offset >= settled_, "frames are delivered in order and do not overlap");
+    settled_ = found.offset + found.wire.size();
+    EXPECT(settled_ <= fed_.size(), "a frame lies within the bytes that were fed");
+    EXPECT(std::equal(found.wire.begin(), found.wire.end(), fed_.begin() + static_cast<std::ptrdiff_t>(found.offset)),
+           "a frame's wire bytes are those of the stream at its offset");
+    frame_bytes_ += found.wire.size();
+    unknown_ += found.message < 0 ? 1 : 0;
+    frames_.push_back(std::move(found));
+  }
+
+  void after_call() {
+    ++calls_;
+    const auto& account = deframer_.account();
+    EXPECT(deframer_.bytes() == static_cast<Counter>(fed_.size()), "every byte that was fed is counted");
+    EXPECT(deframer_.bytes() == static_cast<Counter>(account.settled() + deframer_.pending()),
+           "every byte lies in exactly one bucket");
+    EXPECT(deframer_.pending() <= wirebond::max_wire_bytes(format_), "at most one frame is held back");
+    EXPECT(account.frames == frames_.size() && account.unknown_frames == unknown_, "every frame is counted");
+    EXPECT(account.frame_bytes == frame_bytes_, "frame_bytes are the bytes of the delivered frames");
+    EXPECT(work_ <= (fed_.size() + calls_) * work_bound(format_), "work per byte is bounded");
+  }
+
+  struct Sink {
+    Observed& observed;
+    void operator()(const wirebond::Frame& frame) { observed.take(frame); }
+  };
+
+  const wirebond::FrameFormat& format_;
+  std::uint64_t work_ = 0;
+  std::unique_ptr<std::uint8_t[]> workspace_;
+  Counter now_us_;
+  std::uint64_t calls_ = 0;
+  std::uint64_t settled_ = 0;
+  std::uint64_t frame_bytes_ = 0;
+  std::uint64_t unknown_ = 0;
+  Bytes fed_;
+  std::vector<Found> frames_;
+  Sink sink_{*this};
+  wirebond::StreamDeframer<CountingSource, Counter> deframer_;
+};
+
+template <class One, class Other>
+void expect_same(const Observed<One>& one, const Observed<Other>& other) {
+  EXPECT(one.frames() == other.frames(), "neither chunking nor the straight way changes a frame");
+  EXPECT(one.account().fill_bytes == other.account().fill_bytes,
+         "neither chunking nor the straight way changes a fill");
+  for (std::size_t cause = 0; cause < wirebond::cause_count; ++cause) {
+    EXPECT(one.account().discarded_bytes[cause] == other.account().discarded_bytes[cause],
+           "neither chunking nor the straight way changes a discard");
+    EXPECT(one.account().rejected_candidates[cause] == other.account().rejected_candidates[cause],
+           "neither chunking nor the straight way changes a rejection");
+  }
+}
+
+// ---- streams ------------------------------------------------------------------------------------------------------
+
+struct Stream {
+  struct Piece {
+    std::size_t begin;
+    std::size_t end;
+    bool is_intact;  // a frame that the encoder made, untouched
+  };
+  Bytes bytes;
+  std::vector<Piece> pieces;
+};
+
+constexpr std::size_t longest_stream = 6000;
+
+/// A header field's value with the bits that tell this layout from others as they must be.
+std::uint32_t of_layout(const wirebond::Layout& layout, const wirebond::Number& number, std::uint32_t value,
+                        std::size_t frame_size) {
+  Bytes frame(frame_size, 0);
+  wirebond::detail::write_number(number, frame.data(), frame_size, value);
+  for (std::size_t i = 0; i < layout.constant_count; ++i) {
+    const wirebond::Constant& constant = layout.constants[i];
+    std::uint8_t& byte = frame[constant.at.in(frame_size)];
+    byte = static_cast<std::uint8_t>((byte & ~constant.mask) | constant.value);
+  }
+  return wirebond::detail::read_number(number, frame.data(), frame_size);
+}
+
+/// A frame of one of the messages; empty where its form cannot carry what was drawn.
+Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebond::MessageRow>& rows,
+                 FuzzedDataProvider& input) {
+  if (rows.empty()) return {};
+  const wirebond::FrameFormat& format = source.format();
+  const wirebond::MessageRow& row = rows[input.ConsumeIntegralInRange<std::size_t>(0, rows.size() - 1)];
+  const std::size_t number =
+      input.ConsumeBool() ? input.ConsumeIntegralInRange<std::size_t>(0, format.layout_count - 1u) : 0;
+  const wirebond::Layout& layout = format.layouts[number];
+  const std::size_t size = input.ConsumeIntegralInRange<std::size_t>(row.shape.min_payload, row.shape.max_payload);
+  if (layout.length.present()) {  // sizes that the length cannot tell are the loader's to refuse
+    const std::int64_t counted = static_cast<std::int64_t>(size) - layout.length_bias;
+    if (counted < 0 || counted % layout.length_unit != 0) return {};
+    if (counted / layout.length_unit > static_cast<std::int64_t>(layout.length.mask)) return {};
+  }
+  std::vector<std::uint32_t> header;
+  for (std::size_t i = 0; i < layout.header_count; ++i) {
+    const std::uint32_t mask = layout.header[i].number.mask;
+    const std::uint32_t drawn =
+        input.ConsumeBool() ? input.ConsumeIntegral<std::uint32_t>() & mask : layout.header[i].default_value;
+    header.push_back(of_layout(layout, layout.header[i].number, drawn, layout.prefix + size + layout.suffix));
+  }
+  const Bytes payload = input.ConsumeBytes<std::uint8_t>(size);
+  const std::size_t room =
+      wirebond::max_wire_bytes(format) + wirebond::payload_lead(source, number) + wirebond::max_frame_bytes(format);
+  const std::unique_ptr<std::uint8_t[]> buffer(new std::uint8_t[room]());
+  std::copy(payload.begin(), payload.end(), buffer.get() + wirebond::payload_lead(source, number));
+  const std::size_t wire =
+      wirebond::seal(source, buffer.get(), wirebond::max_wire_bytes(format), row.id, size, number, header.data());
+  EXPECT(wire <= wirebond::max_wire_bytes(format), "a frame has the bytes that were set aside for it");
+  const bool is_empty = size == 0 && layout.prefix + layout.suffix + layout.fixed_payload == 0 &&
+                        format.framing != wirebond::Framing::bracketed && format.stuffing != wirebond::Stuffing::cobs;
+  EXPECT((wire == 0) == is_empty, "a payload that fits is sealed, if there is anything to seal");
+  return Bytes(buffer.get(), buffer.get() + wire);
+}
+
+Stream draw_stream(const wirebond::RuntimeSource& source, const std::vector<wirebond::MessageRow>& rows,
+                   FuzzedDataProvider& input) {
+  Stream stream;
+  const wirebond::FrameFormat& format = source.format();
+  const bool marked = wirebond::delimiter_bytes(format) != 0;
+  const std::uint8_t start = marked ? format.opening : format.layouts[0].constants[0].value;
+  while (input.remaining_bytes() > 0 && stream.bytes.size() < longest_stream) {
+    Bytes piece;
+    bool is_intact = false;
+    switch (input.ConsumeIntegralInRange(0, 7)) {
+      case 0: piece = input.ConsumeBytes<std::uint8_t>(input.ConsumeIntegralInRange<std::size_t>(0, 64)); break;
+      case 1: piece = Bytes(input.ConsumeIntegralInRange<std::size_t>(1, 300), start); break;
+      case 2:  // damaged
+        piece = draw_frame(source, rows, input);
+        if (!piece.empty()) {
+          const std::size_t at = input.ConsumeIntegralInRange<std::size_t>(0, piece.size() - 1);
+          piece[at] = static_cast<std::uint8_t>(piece[at] ^ (1u << input.ConsumeIntegralInRange(0, 7)));
+        }
+        break;
+      case 3:  // cut off
+        piece = draw_frame(source, rows, input);
+        if (!piece.empty()) piece.resize(input.ConsumeIntegralInRange<std::size_t>(0, piece.size() - 1));
+        break;
+      default:
+        piece = draw_frame(source, rows, input);
+        is_intact = !piece.empty();
+        break;
+    }
+    stream.pieces.push_back({stream.bytes.size(), stream.bytes.size() + piece.size(), is_intact});
+    stream.bytes.insert(stream.bytes.end(), piece.begin(), piece.end());
+  }
+  return stream;
+}
+
+/// Where nothing is stuffed, a payload or a reserved byte may be a delimiter, and then ends the frame too early.
+bool holds_delimiter(const wirebond::FrameFormat& format, const std::uint8_t* wire, std::size_t size) {
+  if (wirebond::delimiter_bytes(format) == 0) return false;
+  const std::size_t opening = format.sends_opening ? 1 : 0;
+  return std::any_of(wire + opening, wire + size - 1,
+                     [&](std::uint8_t byte) { return byte == format.closing || byte == format.opening; });
+}
+
+/// Guarantee 1: a frame whose bytes arrive whole is delivered, unless a delivered one overlaps it.
+void expect_intact_frames(const wirebond::FrameFormat& format, const Stream& stream, const std::vector<Found>& frames) {
+  const bool marked = wirebond::delimiter_bytes(format) != 0;
+  for (const Stream::Piece& piece : stream.pieces) {
+    if (!piece.is_intact) continue;
+    std::size_t begin = piece.begin;
+    if (marked) {
+      const bool opened = format.sends_opening || begin == 0 || stream.bytes[begin - 1] == format.closing;
+      if (!opened) continue;  // what lies before it belongs to the same block
+      if (holds_delimiter(format, stream.bytes.data() + piece.begin, piece.end - piece.begin)) continue;
+      // Neighbours may share a delimiter.
+      if (format.framing == wirebond::Framing::delimited && format.sends_opening) begin += 1;
+    }
+    const bool found = std::any_of(frames.begin(), frames.end(), [&](const Found& frame) {
+      return frame.offset < piece.end && frame.offset + frame.wire.size() > begin;
+    });
+    EXPECT(found, "no intact frame is lost");
+  }
+}
+
+/// What was delivered passes once more by itself, and so does what the encoder makes of it.
+void expect_itself(const wirebond::RuntimeSource& source, const Found& found) {
+  const wirebond::FrameFormat& format = source.format();
+  const wirebond::Layout& layout = format.layouts[found.layout];
+  wirebond::Frame frame;
+  const bool whole = format.framing != wirebond::Framing::by_start;
+  const wirebond::Verdict verdict =
+      wirebond::examine(source, found.unstuffed.data(), found.unstuffed.size(), whole, frame);
+  EXPECT(verdict.outcome == wirebond::Outcome::frame && verdict.bytes == found.unstuffed.size(),
+         "a delivered frame passes its own examination");
+
+  const std::size_t lead = wirebond::payload_lead(source, found.layout);
+  const std::size_t room = wirebond::max_wire_bytes(format);
+  const std::unique_ptr<std::uint8_t[]> buffer(new std::uint8_t[room]());
+  std::copy(found.payload.begin(), found.payload.end(), buffer.get() + lead);
+  const std::size_t wire =
+      wirebond::seal(source, buffer.get(), room, found.id, found.payload.size(), found.layout, found.header.data());
+  EXPECT(wire != 0, "a delivered frame can be encoded");
+  if (holds_delimiter(format, buffer.get(), wire)) return;
+  Observed<std::uint32_t> again(source, 0, 1000);
+  again.feed(buffer.get(), wire);
+  again.give_up();
+  EXPECT(again.frames().size() == 1, "what is encoded is one frame");
+  const Found& other = again.frames()[0];
+  Bytes payload = found.payload;
+  while (layout.trims_zeros && payload.size() > 1 && payload.back() == 0) payload.pop_back();
+  EXPECT(other.payload == payload && other.id == found.id && other.message == found.message &&
+             other.header == found.header && other.layout == found.layout && other.wire.size() == wire,
+         "a frame that is encoded again is the same frame");
+}
+
+/// What the target is at, for the report of a finding.
+struct Case {
+  const fuzz::Described* described = nullptr;
+  Stream stream;
+};
+Case now;
+
+void print_case() {
+  fuzz::print_format(now.described->format);
+  for (const wirebond::MessageRow& row : now.described->rows) {
+    std::fprintf(stderr, " message %d: id 0x%X, %u to %u bytes, seed %u\n", row.shape.index, row.id,
+                 row.shape.min_payload, row.shape.max_payload, row.shape.seed);
+  }
+  for (const Stream::Piece& piece : now.stream.pieces) {
+    fuzz::print_bytes(piece.is_intact ? " frame" : " bytes", now.stream.bytes.data() + piece.begin,
+                      piece.end - piece.begin);
+  }
+}
+
+void fuzz_one(const fuzz::Described& described, FuzzedDataProvider& input) {
+  now = {&described, {}};
+  fuzz::describe = print_case;
+  const wirebond::FrameFormat& format = described.format;
+  const wirebond::RuntimeTables tables(format, described.rows.data(), described.rows.size());
+  const wirebond::RuntimeTables simple_tables(format, described.rows.data(), described.rows.size(),
+                                              wirebond::CrcMethod::byte_table);
+  const wirebond::RuntimeSource source(tables);
+  constexpr std::uint32_t idle_us = 20'000;
+  const std::uint32_t start_us = input.ConsumeIntegral<std::uint32_t>();
+  const unsigned chunk_seed = input.ConsumeIntegral<std::uint16_t>();
+  now.stream = draw_stream(source, described.rows, input);
+  const Stream& stream = now.stream;
+
+  // Sizes of chunks from a recurrence (Numerical Recipes' constants), so that the fuzzer's bytes make the stream.
+  std::uint32_t state = chunk_seed;
+  const auto next = [&state](std::uint32_t below) {
+    state = state * 1664525u + 1013904223u;
+    return (state >> 8) % below;
+  };
+  static constexpr std::uint32_t spreads[] = {1, 2, 9, 64, 700};
+  const std::uint32_t spread = spreads[chunk_seed % 5];
+
+  // By the rules alone, and each CRC a byte at a time: what all others must agree with.
+  Observed<std::uint32_t> whole(wirebond::RuntimeSource(simple_tables), 0, idle_us, false);
+  Observed<std::uint32_t> at_once(source, 0, idle_us);
+  Observed<std::uint32_t> pieces(source, start_us, idle_us);  // a clock that wraps
+  Observed<std::uint32_t> paused(source, start_us, idle_us);
+  if (!stream.bytes.empty()) {
+    whole.feed(stream.bytes.data(), stream.bytes.size());
+    at_once.feed(stream.bytes.data(), stream.bytes.size());
+  }
+  for (std::size_t at = 0; at < stream.bytes.size();) {
+    const std::size_t size = std::min<std::size_t>(1 + next(spread), stream.bytes.size() - at);
+    pieces.feed(stream.bytes.data() + at, size);
+    pieces.pass(next(idle_us));  // shorter than `idle`: nothing may be given up
+    paused.feed(stream.bytes.data() + at, size);
+    paused.pass(next(8) == 0 ? idle_us + next(1000) : next(idle_us));
+    at += size;
+  }
+  whole.give_up();
+  at_once.give_up();
+  pieces.give_up();
+  paused.give_up();
+  if (format.framing == wirebond::Framing::silence) {
+    Observed<std::uint32_t> blocks(source, start_us, idle_us);
+    for (const Stream::Piece& piece : stream.pieces) {
+      if (piece.begin == piece.end) continue;
+      blocks.feed(stream.bytes.data() + piece.begin, piece.end - piece.begin);
+      blocks.pass(idle_us);
+    }
+    expect_intact_frames(format, stream, blocks.frames());
+    for (const Found& found : blocks.frames()) expect_itself(source, found);
+  } else {
+    expect_intact_frames(format, stream, whole.frames());
+  }
+  expect_same(whole, at_once);
+  expect_same(whole, pieces);
+  for (const Found& found : whole.frames()) expect_itself(source, found);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  FuzzedDataProvider input(data, size);
+  static const std::vector<fuzz::Described> real = fuzz::real_formats();
+  const std::size_t choice = input.ConsumeIntegralInRange<std::size_t>(0, 2 * real.size() - 1);
+  fuzz_one(choice < real.size() ? real[choice] : fuzz::FormatDrawer(input).draw(), input);
+  return 0;
+}

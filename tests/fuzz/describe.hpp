@@ -1,0 +1,72 @@
+// A format and bytes as text, for the report of a finding.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+
+#include "wirebond/format.hpp"
+
+namespace fuzz {
+
+inline void print_position(const char* name, const wirebond::Position& at) {
+  std::fprintf(stderr, " %s %s%d", name, at.from_end ? "end" : "", at.offset);
+}
+
+inline void print_number(const char* name, const wirebond::Number& number) {
+  if (!number.present()) return;
+  std::fprintf(stderr, "  %s:", name);
+  print_position("at", number.at);
+  std::fprintf(stderr, " bytes %u %s >> %u & 0x%X\n", number.bytes,
+               number.order == wirebond::ByteOrder::little ? "little" : "big", number.shift, number.mask);
+}
+
+inline void print_layout(const wirebond::Layout& layout) {
+  static constexpr const char* rules[] = {"by_length", "fixed", "by_id", "rest"};
+  std::fprintf(stderr, " layout: prefix %u suffix %u payload %s unit %u bias %d fixed %u%s\n", layout.prefix,
+               layout.suffix, rules[static_cast<int>(layout.payload_size)], layout.length_unit, layout.length_bias,
+               layout.fixed_payload, layout.trims_zeros ? " trims zeros" : "");
+  for (std::size_t i = 0; i < layout.constant_count; ++i) {
+    std::fprintf(stderr, "  constant:");
+    print_position("at", layout.constants[i].at);
+    std::fprintf(stderr, " mask %02X value %02X\n", layout.constants[i].mask, layout.constants[i].value);
+  }
+  print_number("length", layout.length);
+  print_number("id", layout.id);
+  for (std::size_t i = 0; i < layout.header_count; ++i) print_number("header field", layout.header[i].number);
+  for (std::size_t i = 0; i < layout.check_count; ++i) {
+    const wirebond::CheckRule& rule = layout.checks[i];
+    std::fprintf(stderr, "  check of algorithm %u%s:", rule.algorithm, i < layout.header_checks ? " (header)" : "");
+    print_position("over", rule.from);
+    print_position("to", rule.to);
+    print_position("at", rule.at);
+    std::fprintf(stderr, " bytes %u shift %u%s%s continues %d\n", rule.bytes, rule.shift, rule.seeded ? " seeded" : "",
+                 rule.as_hex ? " as hex" : "", rule.continues);
+  }
+}
+
+inline void print_format(const wirebond::FrameFormat& format) {
+  static constexpr const char* framings[] = {"by_start", "delimited", "bracketed", "silence"};
+  static constexpr const char* stuffings[] = {"none", "cobs", "escape"};
+  std::fprintf(stderr,
+               "format: %s, stuffing %s, delimiters %02X %02X%s, escape %02X xor %02X, max_payload %u, unknown %s\n",
+               framings[static_cast<int>(format.framing)], stuffings[static_cast<int>(format.stuffing)], format.opening,
+               format.closing, format.sends_opening ? "" : " (closing alone)", format.escapes.escape,
+               format.escapes.exclusive_or, format.max_payload, format.deliver_unknown ? "deliver" : "reject");
+  for (std::size_t i = 0; i < format.algorithm_count; ++i) {
+    const wirebond::CheckAlgorithm& algorithm = format.algorithms[i];
+    std::fprintf(stderr, " algorithm %zu: kind %d width %u poly %llX init %llX refin %d refout %d xorout %llX\n", i,
+                 static_cast<int>(algorithm.kind), algorithm.width_bits,
+                 static_cast<unsigned long long>(algorithm.poly), static_cast<unsigned long long>(algorithm.init),
+                 algorithm.reflect_in, algorithm.reflect_out, static_cast<unsigned long long>(algorithm.xor_out));
+  }
+  for (std::size_t i = 0; i < format.layout_count; ++i) print_layout(format.layouts[i]);
+}
+
+inline void print_bytes(const char* name, const std::uint8_t* bytes, std::size_t size) {
+  std::fprintf(stderr, "%s (%zu bytes):", name, size);
+  for (std::size_t i = 0; i < size; ++i) std::fprintf(stderr, " %02X", bytes[i]);
+  std::fprintf(stderr, "\n");
+}
+
+}  // namespace fuzz

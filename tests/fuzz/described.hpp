@@ -1,0 +1,20 @@
+// A frame format with its messages, as data, and where those of the protocol files are to be had.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "wirebond/format.hpp"
+#include "wirebond/runtime_source.hpp"
+
+namespace fuzz {
+
+struct Described {
+  wirebond::FrameFormat format;
+  std::vector<wirebond::MessageRow> rows;  ///< by rising id
+};
+
+/// One for each protocol file and sender, in a fixed order. Defined in a source file that emit.py writes.
+std::vector<Described> real_formats();
+
+}  // namespace fuzz

@@ -1,0 +1,117 @@
+"""Headers that the C++ targets are compiled from, made from protocol files. Nothing generated is committed."""
+
+from __future__ import annotations
+
+import zlib
+from fractions import Fraction
+from pathlib import Path
+
+from tests.fuzz.files import SHAPES
+from tests.shared import PROTOCOLS, ROOT
+from wirebond.codegen.cpp import cpp_header, format_lines, struct_names
+from wirebond.codegen.names import namespace
+from wirebond.protocol import load
+from wirebond.protocol.model import End, Field, Protocol
+from wirebond.protocol.plan import plan_for
+
+FILES = sorted(
+    [*PROTOCOLS.glob("*.yaml"), *PROTOCOLS.glob("contrib/*.yaml"), *(ROOT / "tests" / "formats").glob("*.yaml")]
+)
+# Together they have every shape of field, and numbers of every type.
+FIELD_FILES = [SHAPES / "every_shape.yaml", SHAPES / "every_type.yaml"]
+
+
+def write_sources(target: str, folder: Path) -> list[Path]:
+    """All that this target needs beside what is committed; the source files of it that are compiled by themselves."""
+    if target == "fields":
+        _write_messages(folder)
+        return []
+    source = folder / "real_formats.cpp"
+    source.write_text(_real_formats(), encoding="utf-8")
+    return [source]
+
+
+def _real_formats() -> str:
+    """The source file that defines ``fuzz::real_formats``: for each of ``FILES`` and sender its format and messages."""
+    blocks = []
+    for path in FILES:
+        protocol = load(path)
+        for end in (End.HOST, End.MCU):
+            if any(message.sent_by(end) for message in protocol.messages):
+                blocks.append(_block(f"{path.stem} from {end.value}", protocol, end))
+    return "\n".join(
+        [
+            "// The frame formats of the protocol files.",
+            '#include "described.hpp"',
+            "std::vector<fuzz::Described> fuzz::real_formats() {",
+            "  std::vector<Described> all;",
+            *blocks,
+            "  return all;",
+            "}",
+            "",
+        ]
+    )
+
+
+def _block(name: str, protocol: Protocol, end: End) -> str:
+    plan = plan_for(protocol, end)
+    rows = [f"{{{r.id}U, {{{r.index}, {r.min_payload}, {r.max_payload}, {r.seed}}}}}" for r in plan.messages]
+    lines = [
+        f"{{  // {name}",
+        "  wirebond::FrameFormat format{};",
+        *(f"  {line}" for line in format_lines(plan)),
+        f"  all.push_back({{format, {{{', '.join(rows)}}}}});",
+        "}",
+    ]
+    return "\n".join("  " + line for line in lines)
+
+
+def bound_rounds_past(field: Field) -> bool:
+    """Does a bound of the field, or of one within it, become a wire number that stands for a value outside the range?
+
+    Such a value is received, for its bound may be sent, and cannot be sent itself.
+    """
+    if any(map(bound_rounds_past, field.fields)):
+        return True
+    if not field.is_scaled or field.minimum is None or field.maximum is None:
+        return False
+    bounds = (Fraction(str(bound)) for bound in (field.minimum, field.maximum))
+    return any(((bound - field.offset) / field.scale).denominator != 1 for bound in bounds)
+
+
+def _write_messages(folder: Path) -> None:
+    """``messages.hpp``, the list of all generated messages with a key each, and the generated headers beside it."""
+    includes, entries = [], []
+    for path in FIELD_FILES:
+        protocol = load(path)
+        (folder / f"{protocol.name}.hpp").write_text(cpp_header(protocol), encoding="utf-8")
+        includes.append(f'#include "{protocol.name}.hpp"')
+        structs = struct_names(protocol)
+        space = namespace(protocol.name)
+        for message in protocol.messages:
+            source = "FromMcu" if message.sender == End.MCU else "FromHost"
+            rounds = "true" if any(map(bound_rounds_past, message.fields)) else "false"
+            check = f"check<{space}::{structs[message.name]}, {space}::{source}, {rounds}>"
+            name = f"{protocol.name}.{message.name}"
+            entries.append((zlib.crc32(name.encode()) & 0xFFFF, f'"{name}", {check}'))
+    lines = [f"    {{{key}, {entry}}}," for key, entry in sorted(entries)]
+    text = [
+        "// Every message of the protocol files, by rising key.",
+        "#pragma once",
+        "#include <array>",
+        *includes,
+        "namespace fuzz {",
+        "template <class Message, class Source, bool BoundRoundsPast>",
+        "void check(const std::uint8_t* payload, std::size_t size);",
+        "struct Entry {",
+        "  std::uint16_t key;",
+        "  const char* name;",
+        "  void (*check)(const std::uint8_t*, std::size_t);",
+        "};",
+        f"inline constexpr std::array<Entry, {len(lines)}> messages = {{{{",
+        *lines,
+        "}};",
+        "}  // namespace fuzz",
+        "",
+    ]
+    (folder / "messages.hpp").write_text("\n".join(text), encoding="utf-8")
