@@ -117,7 +117,10 @@ def replay(target: str, inputs: list[Path]) -> str:
 
 
 def keep(target: str, work: Path) -> tuple[int, int]:
-    """Put the smallest set of inputs that reaches what all reach into the kept corpus; its size before and after."""
+    """Put the smallest set of inputs that reaches what all reach into the kept corpus; its size before and after.
+
+    What begins with ``finding-`` stays.
+    """
     command, environment = command_for(target)
     kept = CORPUS / target
     before = len(list(kept.iterdir()))
@@ -130,8 +133,10 @@ def keep(target: str, work: Path) -> tuple[int, int]:
         errors="replace", check=False, cwd=ROOT, env=os.environ | environment,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
-    shutil.rmtree(kept)
-    shutil.copytree(fresh, kept)
+    for path in kept.iterdir():
+        if not path.name.startswith("finding-"):
+            path.unlink()
+    shutil.copytree(fresh, kept, dirs_exist_ok=True)
     return before, len(list(kept.iterdir()))
 
 

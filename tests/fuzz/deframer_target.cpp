@@ -23,37 +23,31 @@ namespace {
 using Bytes = std::vector<std::uint8_t>;
 
 /// The run-time source, counting what it is asked: the deframer's work. `straight`: with the shortcut for good frames.
-class CountingSource {
+/// The deframer is a template over its source, so that these functions hide the inherited ones.
+class CountingSource : public wirebond::RuntimeSource {
  public:
-  static constexpr bool is_constant = false;
   CountingSource(const wirebond::RuntimeSource& source, bool straight, std::uint64_t* work)
-      : source_(source), shortcut_(straight ? &source.shortcut() : &no_shortcut), work_(work) {}
+      : RuntimeSource(source), shortcut_(straight ? &source.shortcut() : &no_shortcut), work_(work) {}
   const wirebond::FrameFormat& format() const {
     *work_ += 1;
-    return source_.format();
+    return RuntimeSource::format();
   }
   const wirebond::Shortcut& shortcut() const { return *shortcut_; }
-  int start() const { return source_.start(); }
   wirebond::MessageShape message(std::uint32_t id) const {
     *work_ += 1;
-    return source_.message(id);
+    return RuntimeSource::message(id);
   }
   const wirebond::MessageShape& message_of(std::uint32_t id) const {  // the shortcut's: a check may follow
-    *work_ += wirebond::max_frame_bytes(source_.format());
-    return source_.message_of(id);
+    *work_ += wirebond::max_frame_bytes(RuntimeSource::format());
+    return RuntimeSource::message_of(id);
   }
-  std::uint64_t check_begin_of(unsigned algorithm) const { return source_.check_begin_of(algorithm); }
   std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
     *work_ += size;
-    return source_.check_update(algorithm, reg, bytes, size);
-  }
-  std::uint64_t check_end_of(unsigned algorithm, std::uint64_t reg) const {
-    return source_.check_end_of(algorithm, reg);
+    return RuntimeSource::check_update(algorithm, reg, bytes, size);
   }
 
  private:
   static inline const wirebond::Shortcut no_shortcut{};
-  wirebond::RuntimeSource source_;
   const wirebond::Shortcut* shortcut_;
   std::uint64_t* work_;
 };
