@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from wirebond.protocol.model import (
@@ -53,8 +53,9 @@ class _Incomplete(Exception):  # noqa: N818
     pass
 
 
-def decode(protocol: Protocol, stream: bytes, sender: End | None = None) -> Result:
-    """Everything in ``stream``, as if nothing ever followed it."""
+def decode(protocol: Protocol, stream: bytes, sender: End | None = None, request: str | None = None) -> Result:
+    """Everything in ``stream``, as if nothing ever followed it. ``request`` went out before it."""
+    protocol = replace(protocol, messages=_meant(protocol, sender, request))
     frame = protocol.frame
     if frame.ends_by_silence:
         return _decode_block(protocol, stream, sender)
@@ -63,6 +64,20 @@ def decode(protocol: Protocol, stream: bytes, sender: End | None = None) -> Resu
     if frame.opening in (None, frame.delimiter):
         return _decode_delimited(protocol, stream, sender)
     return _decode_bracketed(protocol, stream, sender)
+
+
+def _meant(protocol: Protocol, sender: End | None, request: str | None) -> tuple[Message, ...]:
+    """Without replies that share an id and were not asked for; the one that was goes before all others."""
+    replies = {m.name: m.reply for m in protocol.messages if m.reply}
+    sent = [m for m in protocol.messages if m.sent_by(sender)]
+    meant = []
+    for message in sent:
+        shares = any(m.id == message.id and m is not message for m in sent)
+        if not shares or message.name not in replies.values():
+            meant.append(message)
+        elif message.name == replies.get(request or ""):
+            meant.insert(0, message)
+    return tuple(meant)
 
 
 def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Result:

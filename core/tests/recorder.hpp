@@ -46,6 +46,8 @@ class Recorder {
     }
   }
 
+  void expect(std::int16_t index) { deframer_.expect(index); }
+
   void idle(Counter now_us) {
     deframer_.idle(now_us, sink_);
     check_account();

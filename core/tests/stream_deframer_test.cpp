@@ -214,6 +214,28 @@ TEST_CASE("two layouts are told apart by their constants") {
   CHECK(recorder.frames()[1].offset == 8);
 }
 
+TEST_CASE("of messages that share an id the expected one is meant, and without a request the one that needs none") {
+  static constexpr std::array<MessageRow, 4> rows = {
+      {{0x01, {2, 3, 3}, true}, {0x01, {1, 2, 2}, true}, {0x01, {0, 1, 1}}, {0x0300, {3, 1, 1}, true}}};
+  const FrameFormat format = WeakSum::make();
+  const wirebond::RuntimeTables tables(format, rows.data(), rows.size());
+  const wirebond::RuntimeSource source(tables);
+  Recorder<wirebond::RuntimeSource> recorder{source};
+  const std::vector<Bytes> payloads = {{1}, {1, 2}, {1, 2, 3}};
+  for (std::int16_t expected : {-1, 1, 2, 7, -1}) {
+    recorder.expect(expected);
+    const std::size_t before = recorder.frames().size();
+    for (const Bytes& payload : payloads) recorder.feed(frame_of(source, 0x01, payload));
+    recorder.give_up();
+    const int meant = expected == 1 || expected == 2 ? expected : 0;
+    REQUIRE(recorder.frames().size() == before + 1);
+    CHECK(recorder.frames().back().message == meant);
+    CHECK(recorder.frames().back().payload == payloads[static_cast<std::size_t>(meant)]);
+  }
+  CHECK(tables.message(0x0300, 3).index == 3);
+  CHECK(tables.message(0x0300, -1).index == -1);
+}
+
 // ---- frames between delimiters -----------------------------------------------------------------------------------
 
 TEST_CASE("delimiters between frames are fill, a shared one belongs to the frame it ends") {

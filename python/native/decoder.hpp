@@ -83,6 +83,7 @@ class Decoder {
           double idle_seconds);
 
   nb::list feed(nb::handle bytes, double time);
+  void expect(std::int16_t message) { deframer_.expect(message); }
   nb::list idle(double time);
   nb::list finish();
   nb::dict stats() const {

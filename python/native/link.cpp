@@ -118,7 +118,7 @@ void Link::wake() const {
 
 // ---- what programs call ----------------------------------------------------------------------------------------
 
-int Link::send(nb::bytes frame, bool urgent) {
+int Link::send(nb::bytes frame, bool urgent, std::int16_t reply) {
   std::vector<std::uint8_t> bytes = bytes_of(frame);
   const nb::gil_scoped_release release;
   {
@@ -128,14 +128,15 @@ int Link::send(nb::bytes frame, bool urgent) {
       account_.refused_down += 1;
       return 1;
     }
-    if (!enqueue(std::move(bytes), -1, urgent)) return 2;
+    if (!enqueue({std::move(bytes), -1, reply}, urgent)) return 2;
     write_some();
   }
   wake();
   return 0;
 }
 
-void Link::set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, double period, double hold) {
+void Link::set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, double period, double hold,
+                        std::int16_t reply) {
   std::vector<std::uint8_t> bytes = bytes_of(frame);
   std::vector<std::uint8_t> safe_bytes = bytes_of(safe);
   {
@@ -144,7 +145,7 @@ void Link::set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, do
     auto entry =
         std::find_if(repeated_.begin(), repeated_.end(), [&](const Repeated& r) { return r.message == message; });
     if (entry == repeated_.end()) {
-      repeated_.push_back({message, {}, {}, Periodic<std::uint64_t>(to_us(period), now), 0});
+      repeated_.push_back({message, {}, {}, Periodic<std::uint64_t>(to_us(period), now), 0, reply});
       entry = repeated_.end() - 1;
     }
     entry->frame = std::move(bytes);
@@ -304,28 +305,29 @@ void Link::publish(Arrivals&& arrivals) {
   arrived_.notify_all();
 }
 
-bool Link::enqueue(std::vector<std::uint8_t> bytes, int repeated, bool urgent) {
-  if (repeated >= 0) {  // an older value of the same message that has not begun to leave is worth nothing now
+bool Link::enqueue(Outgoing outgoing, bool urgent) {
+  const std::size_t size = outgoing.bytes.size();
+  if (outgoing.repeated >= 0) {  // an older value of the message that has not begun to leave is worth nothing now
     for (std::size_t i = written_of_first_ != 0 ? 1 : 0; i < queue_.size(); ++i) {
-      if (queue_[i].repeated != repeated) continue;
-      queued_bytes_ += bytes.size();
+      if (queue_[i].repeated != outgoing.repeated) continue;
+      queued_bytes_ += size;
       queued_bytes_ -= queue_[i].bytes.size();
-      queue_[i].bytes = std::move(bytes);
+      queue_[i] = std::move(outgoing);
       account_.accepted += 1;
       account_.replaced += 1;
       return true;
     }
   }
-  if (!urgent && queued_bytes_ + bytes.size() > max_queued_bytes) {
+  if (!urgent && queued_bytes_ + size > max_queued_bytes) {
     account_.refused_full += 1;
     return false;
   }
   account_.accepted += 1;
-  queued_bytes_ += bytes.size();
+  queued_bytes_ += size;
   if (urgent) {  // behind the frame that is leaving already, before all others
-    queue_.insert(queue_.begin() + (written_of_first_ != 0 ? 1 : 0), {std::move(bytes), repeated});
+    queue_.insert(queue_.begin() + (written_of_first_ != 0 ? 1 : 0), std::move(outgoing));
   } else {
-    queue_.push_back({std::move(bytes), repeated});
+    queue_.push_back(std::move(outgoing));
   }
   return true;
 }
@@ -333,6 +335,8 @@ bool Link::enqueue(std::vector<std::uint8_t> bytes, int repeated, bool urgent) {
 void Link::write_some() {
   while (!queue_.empty()) {
     const std::vector<std::uint8_t>& first = queue_.front().bytes;
+    // Before its first byte leaves: no answer can come earlier. Messages without a reply change nothing.
+    if (written_of_first_ == 0 && queue_.front().reply >= 0) deframer_.expect(queue_.front().reply);
     const ssize_t done = ::write(port_.get(), first.data() + written_of_first_, first.size() - written_of_first_);
     if (done < 0) {
       if (errno != EAGAIN && errno != EINTR) go_down();
@@ -359,7 +363,7 @@ void Link::run_repeated(std::uint64_t now_us) {
         if (!port_.is_open()) {
           account_.refused_down += 1;
         } else {
-          static_cast<void>(enqueue(std::move(bytes), static_cast<int>(entry.message), false));
+          static_cast<void>(enqueue({std::move(bytes), static_cast<int>(entry.message), entry.reply}, false));
         }
       }
     }
@@ -379,6 +383,7 @@ void Link::run_deadlines(std::uint64_t now_us) {
 
 void Link::go_down() {
   port_.reset();
+  deframer_.expect(-1);  // what was asked is not answered any more
   for (std::size_t i = 0; i < queue_.size(); ++i) {
     (i == 0 && written_of_first_ != 0 ? account_.aborted : account_.expired) += 1;
   }
@@ -424,9 +429,9 @@ void bind_link(nb::module_& m) {
           },
           nb::arg("protocol"), nb::arg("receive"), nb::arg("path"), nb::arg("baud"), nb::arg("data_bits"),
           nb::arg("parity"), nb::arg("stop_bits"), nb::arg("idle_seconds"), nb::arg("deadlines"))
-      .def("send", &Link::send, nb::arg("frame"), nb::arg("urgent"))
+      .def("send", &Link::send, nb::arg("frame"), nb::arg("urgent"), nb::arg("reply"))
       .def("set_repeated", &Link::set_repeated, nb::arg("message"), nb::arg("frame"), nb::arg("safe"),
-           nb::arg("period"), nb::arg("hold"))
+           nb::arg("period"), nb::arg("hold"), nb::arg("reply"))
       .def("stop_repeated", &Link::stop_repeated, nb::arg("message"))
       .def("receive", &Link::receive, nb::arg("timeout"))
       .def("stats", &Link::stats)

@@ -40,11 +40,13 @@ class Link {
   Link& operator=(const Link&) = delete;
 
   /// Hand over one whole frame. 0: accepted; 1: the link is down; 2: the queue is full. `urgent`: it goes before all
-  /// that waits, and a full queue does not refuse it.
-  int send(nb::bytes frame, bool urgent);
+  /// that waits, and a full queue does not refuse it. `reply`: index of the message that answers it; -1: none.
+  int send(nb::bytes frame, bool urgent, std::int16_t reply);
 
-  /// Repeat `frame` every `period`, until `hold` seconds after this call; then `safe` once, if not empty.
-  void set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, double period, double hold);
+  /// Repeat `frame` every `period`, until `hold` seconds after this call; then `safe` once, if not empty. `reply` as
+  /// for `send`.
+  void set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, double period, double hold,
+                    std::int16_t reply);
   void stop_repeated(std::size_t message);
 
   /// Messages that came in since the last call; waits up to `timeout` seconds for the first one.
@@ -66,7 +68,8 @@ class Link {
   };
   struct Outgoing {
     std::vector<std::uint8_t> bytes;
-    int repeated = -1;  ///< message index of a repeated frame: only the newest waits
+    int repeated = -1;        ///< message index of a repeated frame: only the newest waits
+    std::int16_t reply = -1;  ///< index of the message that answers it
   };
   struct Repeated {
     std::size_t message = 0;
@@ -74,6 +77,7 @@ class Link {
     std::vector<std::uint8_t> safe;
     Periodic<std::uint64_t> rhythm{1, 0};
     std::uint64_t lease_end_us = 0;
+    std::int16_t reply = -1;
   };
   struct SendAccount {
     std::uint64_t offered = 0;
@@ -92,7 +96,7 @@ class Link {
   void read_some();
   void take(const Frame& frame, std::uint64_t now_us, Arrivals& arrivals);
   void publish(Arrivals&& arrivals);
-  bool enqueue(std::vector<std::uint8_t> bytes, int repeated, bool urgent);
+  bool enqueue(Outgoing outgoing, bool urgent);
   void write_some();
   void run_repeated(std::uint64_t now_us);
   void run_deadlines(std::uint64_t now_us);

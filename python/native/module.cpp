@@ -74,6 +74,7 @@ NB_MODULE(_engine, m) {
              double idle_seconds) { new (self) Decoder(std::move(protocol), std::move(format), idle_seconds); },
           "protocol"_a, "format"_a, "idle_seconds"_a)
       .def("feed", &Decoder::feed, "bytes"_a.none(), "t"_a)
+      .def("expect", &Decoder::expect, "message"_a)
       .def("idle", &Decoder::idle, "t"_a)
       .def("finish", &Decoder::finish)
       .def("stats", &Decoder::stats);

@@ -154,7 +154,8 @@ FormatTable::FormatTable(nb::handle plan) {
     rows_.push_back(
         {nb::cast<std::uint32_t>(message.attr("id")),
          {nb::cast<std::int16_t>(message.attr("index")), nb::cast<std::uint16_t>(message.attr("min_payload")),
-          nb::cast<std::uint16_t>(message.attr("max_payload")), nb::cast<std::uint8_t>(message.attr("seed"))}});
+          nb::cast<std::uint16_t>(message.attr("max_payload")), nb::cast<std::uint8_t>(message.attr("seed"))},
+         nb::cast<bool>(message.attr("only_expected"))});
   }
   tables_ = std::make_unique<RuntimeTables>(format_, rows_.data(), rows_.size());
 }

@@ -73,11 +73,12 @@ class Result:
     account: dict[str, int]  # bytes, frames, …, discarded.<cause>, rejected.<cause>
 
 
-def decode(program: Path, stream: Path, chunk: int, seed: int = 1) -> Result:
-    """Run a program of ``build_decoder`` over a file. AssertionError with its words when it fails."""
+def decode(program: Path, stream: Path, chunk: int, seed: int = 1, expected: int = -1) -> Result:
+    """Run a program of ``build_decoder`` over a file. AssertionError with its words when it fails. ``expected``: index
+    of the reply that was asked for."""
     frames = []
     account = {}
-    for line in _run([str(program), str(stream), str(chunk), str(seed)]).splitlines():
+    for line in _run([str(program), str(stream), str(chunk), str(seed), str(expected)]).splitlines():
         word, *values = line.split()
         if word == "frame":
             offset, wire, message_id, index = values
@@ -89,7 +90,11 @@ def decode(program: Path, stream: Path, chunk: int, seed: int = 1) -> Result:
 
 def _rows(protocol: Protocol, sender: End) -> str:
     rows = plan_for(protocol, sender).messages
-    lines = [f"    {{{row.id}U, {{{row.index}, {row.min_payload}, {row.max_payload}, {row.seed}}}}}," for row in rows]
+    flag = {False: "false", True: "true"}
+    lines = [
+        f"    {{{r.id}U, {{{r.index}, {r.min_payload}, {r.max_payload}, {r.seed}}}, {flag[r.only_expected]}}},"
+        for r in rows
+    ]
     return "\n".join(
         [
             "#pragma once",

@@ -1,7 +1,8 @@
 // Decodes a file with one protocol's core deframer and prints every frame and where each byte went. For tests that
 // compare this with the engine and with a slow reference; build.py compiles it.
 //
-//   decode FILE CHUNK [SEED]     CHUNK bytes at a time; 0: sizes of 1 to 300 by SEED
+//   decode FILE CHUNK [SEED [EXPECTED]]     CHUNK bytes at a time; 0: sizes of 1 to 300 by SEED. EXPECTED: index of the
+//                                           reply that a request asked for before
 //
 // Lines: `frame OFFSET WIRE_HEX ID MESSAGE_INDEX` for each frame, then `NAME VALUE` for the account.
 //
@@ -51,10 +52,11 @@ struct Printer {
   }
 };
 
-int decode(std::FILE* file, std::size_t chunk, unsigned seed) {
+int decode(std::FILE* file, std::size_t chunk, unsigned seed, std::int16_t expected) {
   const Source source = make_source();
   std::vector<std::uint8_t> workspace(wirebond::workspace_bytes(source));
   wirebond::StreamDeframer<Source, std::uint64_t> deframer(source, workspace.data(), Sender::idle_us);
+  deframer.expect(expected);
   std::mt19937 random(seed);
   Printer printer;
   while (true) {
@@ -90,8 +92,8 @@ int decode(std::FILE* file, std::size_t chunk, unsigned seed) {
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count < 3 || count > 4) {
-    std::fprintf(stderr, "usage: %s FILE CHUNK [SEED]\n", arguments[0]);
+  if (count < 3 || count > 5) {
+    std::fprintf(stderr, "usage: %s FILE CHUNK [SEED [EXPECTED]]\n", arguments[0]);
     return 2;
   }
   std::FILE* const file = std::fopen(arguments[1], "rb");
@@ -100,8 +102,9 @@ int main(int count, char** arguments) {
     return 2;
   }
   const std::size_t chunk = std::strtoul(arguments[2], nullptr, 10);
-  const unsigned seed = count == 4 ? static_cast<unsigned>(std::strtoul(arguments[3], nullptr, 10)) : 1;
-  const int result = decode(file, chunk, seed);
+  const unsigned seed = count >= 4 ? static_cast<unsigned>(std::strtoul(arguments[3], nullptr, 10)) : 1;
+  const auto expected = static_cast<std::int16_t>(count == 5 ? std::strtol(arguments[4], nullptr, 10) : -1);
+  const int result = decode(file, chunk, seed, expected);
   std::fclose(file);
   return result;
 }

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.shared import PROTOCOLS, account_closes, codec
+from tests.shared import PROTOCOLS, ROOT, account_closes, codec
 from wirebond import LinkDownError, MessageError, PortError, UsageError
 from wirebond.sim.pty_port import PtyPort
 
@@ -250,3 +250,20 @@ class TestPortThatCannotBeOpened:
     def test_impossible_baud_is_refused(self, port: PtyPort, baud: int) -> None:
         with pytest.raises(UsageError, match="expected 1 to 100000000 bits per second"):
             wirebond.open(codec("diffdrive"), port.path, baud=baud)
+
+
+def test_a_link_knows_its_replies_from_what_it_sends(port: PtyPort) -> None:
+    proto = wirebond.load(ROOT / "tests" / "formats" / "by_request.yaml")
+    with wirebond.open(proto, port.path) as link:
+        for request, reply, values in (
+            ("read_speed", "speed", {"speed": 0.25}),
+            ("read_state", "state", {"battery": 11.5, "faults": 1, "uptime": 7}),
+        ):
+            link.send(request)
+            expected = proto.encode(request)
+            assert read_until(port, len(expected)) == expected
+            link.send("drive", speed=0.1)  # no request: what was asked stays
+            assert read_until(port, len(proto.encode("drive", speed=0.1)))
+            port.write(proto.encode(reply, values))
+            (message,) = receive(link, 1)
+            assert (message.name, message.fields) == (reply, values)

@@ -71,6 +71,14 @@ class Deframer {
     }
   }
 
+  /// From here on the message `index` is what is meant where several share its id; -1: none of them. What waits to be
+  /// settled is judged by that, too.
+  void expect(std::int16_t index) {
+    source_.expect(index);
+    needed_ = 0;
+    waiting_ = {};
+  }
+
   /// Bytes that decide the candidate at the window's front; 0: not known.
   std::size_t needed() const { return needed_; }
   /// Behind a frame: whether what comes depends on the bytes that follow alone.

@@ -108,9 +108,11 @@ WIREBOND_INLINE bool fits(const Layout& layout, const MessageShape& shape, std::
   return shape.known() && (!size_is_free || (long_enough && payload <= shape.max_payload));
 }
 
+/// Whether the message is known before its payload. Where the payload's size is the message's own and there is no id,
+/// it is that of id 0: the only one, or the one that is expected.
 WIREBOND_INLINE bool id_comes_early(const Layout& layout) {
-  return layout.id.present() && !layout.id.at.from_end &&
-         layout.id.at.offset + layout.id.bytes <= static_cast<std::int32_t>(layout.prefix);
+  if (!layout.id.present()) return layout.payload_size == PayloadSize::by_id;
+  return !layout.id.at.from_end && layout.id.at.offset + layout.id.bytes <= static_cast<std::int32_t>(layout.prefix);
 }
 
 /// The rules that the prefix decides, each as soon as its bytes are there. Outcome::frame: they hold.
@@ -141,7 +143,7 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout,
   // The id where it comes early, and the payload's size.
   const bool id_early = id_comes_early(layout);
   if (id_early) {
-    head.id = read_number(layout.id, candidate, 0);
+    head.id = layout.id.present() ? read_number(layout.id, candidate, 0) : 0;
     head.shape = source.message(head.id);
   } else if (!layout.id.present()) {  // one message, known before its seed is counted
     head.shape = source.message(0);

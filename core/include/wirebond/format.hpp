@@ -46,7 +46,7 @@ struct Number {
 enum class PayloadSize : std::uint8_t {
   by_length,  ///< payload bytes = length number * unit + bias
   fixed,      ///< always `fixed_payload` bytes
-  by_id,      ///< the message's own size
+  by_id,      ///< the message's own size; where there is no id, of the one message or the expected one
   rest,       ///< what lies between the delimiters
 };
 
@@ -198,6 +198,7 @@ WIREBOND_INLINE constexpr int one_start(const FrameFormat& format) {
 //     static constexpr bool is_constant;               // true: loops over parts unroll and fold
 //     const FrameFormat& format() const;
 //     MessageShape message(std::uint32_t id) const;
+//     void expect(std::int16_t index);  // message() answers so from here on, where several messages share an id
 //     std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t*, std::size_t) const;
 //     // where it is no constant: the good case (shortcut.hpp), and what check_begin and check_end give
 //     using Shortcut; const Shortcut& shortcut() const;

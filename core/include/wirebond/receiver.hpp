@@ -46,6 +46,14 @@ class Receiver {
     deframer_.idle(now_us, Sink<Handler, Watch>{*this, handler, deadlines, now_us});
   }
 
+  /// A `Request` goes out: of messages that share an id, its reply is meant from here on. Call it before the request's
+  /// bytes leave. Needed only where the protocol has replies that nothing but their request tells apart.
+  template <class Request>
+  void expect() {
+    static_assert(Request::Info::reply >= 0, "this message has no `reply` in the protocol file");
+    deframer_.expect(Request::Info::reply);
+  }
+
   const ByteAccount<Counter>& account() const { return deframer_.account(); }
   const Violations& violations() const { return violations_; }
   Counter bytes() const { return deframer_.bytes(); }          ///< all that were fed

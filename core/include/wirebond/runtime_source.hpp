@@ -11,10 +11,11 @@
 
 namespace wirebond {
 
-/// One row of the message table, sorted by id.
+/// One row of the message table. It is sorted by id, and of one id those that are `only_expected` come first.
 struct MessageRow {
   std::uint32_t id = 0;
   MessageShape shape{};
+  bool only_expected = false;  ///< shares its id: it is meant where it is expected, and only there
 };
 
 /// What is worked out once when a format is known. Points at the format and the rows: the caller keeps them alive.
@@ -31,9 +32,10 @@ class RuntimeTables {
       ends_plainly_[i] = !a.negate && (a.kind != CheckKind::crc || a.reflect_in == a.reflect_out);
     }
     for (std::size_t i = 0; i < row_count; ++i) {
+      has_expected_ = has_expected_ || rows[i].only_expected;
       if (rows[i].id < low_ids_.size()) low_ids_[rows[i].id] = rows[i].shape;
     }
-    shortcut_ = Shortcut(format, crcs_);
+    if (!has_expected_) shortcut_ = Shortcut(format, crcs_);  // it asks for messages by their id alone
   }
 
   RuntimeTables(const RuntimeTables&) = delete;  // the shortcut points into them
@@ -43,19 +45,20 @@ class RuntimeTables {
   const Shortcut& shortcut() const { return shortcut_; }
   int start() const { return start_; }
 
+  /// What the id means where no id is shared.
   const MessageShape& message(std::uint32_t id) const {
     if (id < low_ids_.size()) return low_ids_[id];
-    std::size_t low = 0;
-    std::size_t high = row_count_;
-    while (low < high) {
-      const std::size_t middle = low + (high - low) / 2;
-      if (rows_[middle].id < id) {
-        low = middle + 1;
-      } else {
-        high = middle;
-      }
+    const std::size_t row = first_row(id);
+    return row < row_count_ && rows_[row].id == id ? rows_[row].shape : unknown_;
+  }
+
+  /// What the id means while the message `expected` is expected (-1: none).
+  const MessageShape& message(std::uint32_t id, std::int16_t expected) const {
+    if (!has_expected_) return message(id);
+    for (std::size_t row = first_row(id); row < row_count_ && rows_[row].id == id; ++row) {
+      if (!rows_[row].only_expected || rows_[row].shape.index == expected) return rows_[row].shape;
     }
-    return low < row_count_ && rows_[low].id == id ? rows_[low].shape : unknown_;
+    return unknown_;
   }
 
   std::uint64_t check_begin_of(unsigned index) const { return begins_[index]; }
@@ -72,10 +75,25 @@ class RuntimeTables {
   }
 
  private:
+  std::size_t first_row(std::uint32_t id) const {
+    std::size_t low = 0;
+    std::size_t high = row_count_;
+    while (low < high) {
+      const std::size_t middle = low + (high - low) / 2;
+      if (rows_[middle].id < id) {
+        low = middle + 1;
+      } else {
+        high = middle;
+      }
+    }
+    return low;
+  }
+
   const FrameFormat* format_;
   int start_;
   const MessageRow* rows_;
   std::size_t row_count_;
+  bool has_expected_ = false;
   std::array<std::uint64_t, max_algorithms> begins_{};
   std::array<bool, max_algorithms> ends_plainly_{};
   MessageShape unknown_{};
@@ -97,8 +115,10 @@ class RuntimeSource {
   bool ends_by_silence() const { return ends_by_silence_; }
   const Shortcut& shortcut() const { return tables_->shortcut(); }
   int start() const { return tables_->start(); }
-  MessageShape message(std::uint32_t id) const { return tables_->message(id); }
+  MessageShape message(std::uint32_t id) const { return tables_->message(id, expected_); }
+  /// For the shortcut, which does not apply where an id is shared.
   const MessageShape& message_of(std::uint32_t id) const { return tables_->message(id); }
+  void expect(std::int16_t index) { expected_ = index; }
   std::uint64_t check_begin_of(unsigned algorithm) const { return tables_->check_begin_of(algorithm); }
   std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
     return tables_->check_update(algorithm, reg, bytes, size);
@@ -111,6 +131,7 @@ class RuntimeSource {
   const FrameFormat* format_;
   const RuntimeTables* tables_;
   bool ends_by_silence_;
+  std::int16_t expected_ = -1;
 };
 
 }  // namespace wirebond

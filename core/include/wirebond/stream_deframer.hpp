@@ -49,6 +49,10 @@ class StreamDeframer {
     }
   }
 
+  /// A request has gone out: of messages that share an id, its reply `index` is meant from here on, until the next
+  /// call. -1: none of them. No effect on other ids. Where silence ends a frame, take what came before (`idle`) first.
+  void expect(std::int16_t index) { deframer_.expect(index); }
+
   /// A read that began at `now_us` found nothing. Gives up an incomplete candidate when the silence has lasted
   /// `idle_us`; its bytes are rescanned, which may free frames behind a false start.
   template <class Sink>

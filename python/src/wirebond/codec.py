@@ -56,12 +56,25 @@ class Decoder:
     Use it from one thread at a time.
     """
 
-    def __init__(self, engine: _engine.Decoder) -> None:
+    def __init__(self, engine: _engine.Decoder, codec: Codec) -> None:
         self._engine = engine
+        self._codec = codec
 
     def feed(self, data: Buffer, t: float = 0.0) -> list[Message]:
         """Messages that ``data``, read at time ``t``, completes. Any bytes are fine; what is no frame is counted."""
         return self._engine.feed(data, t)
+
+    def expect(self, request: str | None) -> None:
+        """``request`` goes out: where several messages share an id (or have none), its reply is meant from here on,
+        until the next call. None: no reply is expected. Bytes that are pending are judged by it, too; where silence
+        ends a frame, call ``idle`` first. A ``Link`` does this for what it sends.
+
+        :raises UsageError: the protocol has no such message, or it has no ``reply``.
+        """
+        index = -1
+        if request is not None:
+            index = self._codec.index_of(self._codec.reply_to(request))
+        self._engine.expect(index)
 
     def idle(self, t: float) -> list[Message]:
         """A read that began at ``t`` found nothing. After the protocol's ``idle`` time an incomplete frame is given
@@ -186,7 +199,8 @@ class Codec:
 
         :raises UsageError: another sender, or ids that mean different messages in each direction.
         """
-        return Decoder(_engine.Decoder(self._table, self.format_for(self.sender_for(sender)), self.model.idle_seconds))
+        format_table = self.format_for(self.sender_for(sender))
+        return Decoder(_engine.Decoder(self._table, format_table, self.model.idle_seconds), self)
 
     def decode_columns(
         self,
@@ -225,6 +239,17 @@ class Codec:
 
     def index_of(self, message: str) -> int:
         return self._index[message]
+
+    def reply_to(self, request: str) -> str:
+        """The message that answers ``request``."""
+        index = self._index.get(request)
+        if index is None:
+            raise UsageError(f"{self.name} has no message {request!r}; it has {', '.join(self._index)}")
+        reply = self.model.messages[index].reply
+        if reply is None:
+            asking = ", ".join(m.name for m in self.model.messages if m.reply is not None) or "none"
+            raise UsageError(f"{request} has no `reply` in {self.name}; messages that have one: {asking}")
+        return reply
 
     def sender_for(self, sender: str | None) -> End | None:
         """Check a sender that a user named."""

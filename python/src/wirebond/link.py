@@ -124,7 +124,7 @@ class Link:
         safe = b""
         if stop is not None and stop.message == message:
             safe = self.codec.encode(message, dict(stop.values))
-        self._engine.set_repeated(self.codec.index_of(message), frame, safe, period, hold)
+        self._engine.set_repeated(self.codec.index_of(message), frame, safe, period, hold, self._reply_index(message))
 
     def unset(self, message: str) -> None:
         """Stop repeating, without a last value.
@@ -198,11 +198,15 @@ class Link:
         self.close()
 
     def _send(self, message: str, frame: bytes, urgent: bool) -> None:
-        answer = self._engine.send(frame, urgent)
+        answer = self._engine.send(frame, urgent, self._reply_index(message))
         if answer == 1:
             raise LinkDownError(f"{self.port} is not connected; {message} was not sent")
         if answer == 2:
             raise QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
+
+    def _reply_index(self, message: str) -> int:
+        reply = self.codec.model.message(message).reply
+        return -1 if reply is None else self.codec.index_of(reply)
 
     def _check_sender(self, message: str) -> None:
         known = {m.name: m for m in self.codec.model.messages}

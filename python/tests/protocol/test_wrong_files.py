@@ -274,7 +274,6 @@ FRAMES = [
         "needs a length; add a part such as `- length: u8` before it",
     ),
     ("id: u8, payload: @rest, check: crc-16/modbus", "needs delimiters"),
-    ("magic: 0x01, payload: @by_id", "needs an id; add a part such as `- id: u8` before it"),
     ("magic: 0x01, payload: by_id, @id: u8", "the id must stand before the payload whose size it tells"),
     ("magic: 0x01, id: u8, payload: by_length, @length: u8", "the length must stand before the payload"),
     ("magic: 0x01, id: u8, @length: u8, payload: 20", "this length tells nothing"),
@@ -450,7 +449,27 @@ ONE_MESSAGE = "wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages
             "",
             "magic: 0x01, payload: 2",
             "{sender: host}\n  two:\n    {sender: host}",
-            "8:3: without an `id` part the frame can carry one message from the host, which is `one` (line 6)",
+            "8:3: without an `id` part the frame can carry one message from the host, which is `one` (line 6); add "
+            "`- id: u8` to the frame, or name `two` as the `reply` of its request",
+        ),
+        (
+            "",
+            "magic: {host: 0x01, mcu: 0x02}, {id: u8, when: magic == 0x01}, payload: by_id",
+            "{id: 1, sender: host, reply: two}\n  two:\n    {id: 1, sender: mcu}",
+            "9:6: the frame of the MCU has no `id` part; remove this id",
+        ),
+        (
+            "",
+            "magic: {host: 0x01, mcu: 0x02}, {id: u8, when: magic == 0x01}, payload: by_id",
+            "{sender: host}",
+            "6:3: `one` needs an id, for the frame has one",
+        ),
+        (
+            "",
+            "magic: 0x01, id: u8, payload: 2, check: {type: crc-16/modbus, seed: message}",
+            "{id: 1, sender: mcu, seed: 1}\n  two:\n    {id: 1, sender: mcu, seed: 2}\n  ask:\n"
+            "    {id: 1, sender: host, reply: two}",
+            "8:3: `two` and `one` (line 6) share their id, so they need the same `seed`",
         ),
     ],
 )

@@ -69,10 +69,11 @@ def encode_message(path: Path, name: str, words: list[str], as_json: bool) -> No
         sys.stdout.write(hex_of(frame) + "\n")
 
 
-def decode_bytes(path: Path, source: str | None, sender: str | None, hex_text: str | None) -> int:
+def decode_bytes(path: Path, source: str | None, sender: str | None, hex_text: str | None, expect: str | None) -> int:
     if (source is None) == (hex_text is None):
         raise UsageError('give bytes one way: --hex "AA 55 …", the path of a capture, or - for stdin')
     decoder = load(path).decoder(sender)
+    decoder.expect(expect)
     chunks = iter([parse_hex(hex_text)]) if hex_text is not None else _chunks(source or "-")
     for chunk in chunks:
         for message in decoder.feed(chunk):

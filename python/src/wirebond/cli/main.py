@@ -74,11 +74,14 @@ def decode(
     path: Annotated[str | None, typer.Argument(metavar="[PATH|-]", help="A capture of raw bytes; - for stdin.")] = None,
     sender: Annotated[str | None, typer.Option(help="Whose bytes these are: mcu or host. Without it: either.")] = None,
     hex_text: Annotated[str | None, typer.Option("--hex", help='The bytes themselves, as "AA 55 …".')] = None,
+    expect: Annotated[
+        str | None, typer.Option(help="The request that these bytes answer, where replies share an id.")
+    ] = None,
 ) -> None:
     """Print a JSON line for each message; the account of all bytes goes to stderr. Exit 1 if no frame came out."""
     from wirebond.cli.commands import decode_bytes
 
-    raise typer.Exit(decode_bytes(file, path, sender, hex_text))
+    raise typer.Exit(decode_bytes(file, path, sender, hex_text, expect))
 
 
 @app.command()

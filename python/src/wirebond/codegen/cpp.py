@@ -28,7 +28,7 @@ from wirebond.codegen.cpp_struct import (
 from wirebond.paths import core_include
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import Algorithm, BitRole, End, Message, PartKind, PayloadRule, Protocol
-from wirebond.protocol.plan import Number, Plan, Position, plan_for
+from wirebond.protocol.plan import MessageRow, Number, Plan, Position, plan_for
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -111,6 +111,7 @@ class MessageView:
     max_payload: int
     max_frame: int
     every_us: int
+    reply: int  # index of the message that answers it, or -1
     types: list[list[str]]  # declared in it
     members: list[str]
     enums: list[tuple[str, list[str]]]
@@ -138,6 +139,7 @@ def _message_views(protocol: Protocol) -> list[MessageView]:
     payload = protocol.frame.part(PartKind.PAYLOAD)
     trims_zeros = payload is not None and payload.payload == PayloadRule.FIXED
     shapes = _shapes(protocol)[1]
+    indices = {m.name: i for i, m in enumerate(protocol.messages)}
     return [
         MessageView(
             struct=shapes[message.name].path,
@@ -152,6 +154,7 @@ def _message_views(protocol: Protocol) -> list[MessageView]:
             max_payload=message.max_payload,
             max_frame=protocol.max_wire_bytes(message.max_payload),
             every_us=round((message.every or 0) * 1e6),
+            reply=indices.get(message.reply or "", -1),
             types=type_blocks(shapes[message.name]),
             members=member_lines(shapes[message.name]),
             enums=known_enums(shapes[message.name]),
@@ -304,21 +307,23 @@ class SourceView:
     sender: str
     receiver: str
     shapes: tuple[tuple[str, str], ...]  # id, shape
+    expected: tuple[tuple[int, str, str], ...]  # index, id, shape of the messages that only their request tells
     structs: tuple[str, ...]
 
 
 def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
     structs = struct_names(protocol)
+
+    def shape(row: MessageRow) -> str:
+        return f"{{{row.index}, {row.min_payload}, {row.max_payload}{f', {row.seed}' if row.seed else ''}}}"
+
     return SourceView(
         struct="FromHost" if end == End.HOST else "FromMcu",
         sender="host" if end == End.HOST else "MCU",
         receiver="MCU" if end == End.HOST else "host",
-        shapes=tuple(
-            (
-                _id_literal(protocol, row.id),
-                f"{{{row.index}, {row.min_payload}, {row.max_payload}{f', {row.seed}' if row.seed else ''}}}",
-            )
-            for row in plan.messages
+        shapes=tuple((_id_literal(protocol, row.id), shape(row)) for row in plan.messages if not row.only_expected),
+        expected=tuple(
+            (row.index, _id_literal(protocol, row.id), shape(row)) for row in plan.messages if row.only_expected
         ),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
     )

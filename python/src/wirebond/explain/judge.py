@@ -23,7 +23,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Protocol,
 )
-from wirebond.protocol.plan import Variant, variants
+from wirebond.protocol.plan import Variant, told_by_request, variants
 
 CONSTANTS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 
@@ -372,7 +372,10 @@ class _Judge:
             part = self.parts[index]
             start, stop = places[index]
             self.id = run_value(part, read_number(part, self.data[start:stop]), BitRole.ID)
-        fitting = (m for m in self.protocol.messages if m.id == self.id and m.sent_by(self.sender))
+        # Of messages that share an id, those that only a request tells are not meant: no request is known here.
+        dependent = told_by_request(self.protocol.messages, self.sender)
+        sent = (m for m in self.protocol.messages if m.sent_by(self.sender) and m.name not in dependent)
+        fitting = (m for m in sent if m.id == self.id)
         self.message = next(fitting, None)
 
     def _payload_size(self, prefix: int) -> int:

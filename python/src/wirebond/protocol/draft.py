@@ -9,6 +9,7 @@ from wirebond.protocol.document import Mapping
 from wirebond.protocol.messages import Messages
 from wirebond.protocol.model import (
     BitRole,
+    End,
     Escapes,
     Field,
     FieldKind,
@@ -19,7 +20,7 @@ from wirebond.protocol.model import (
     PartKind,
     PayloadRule,
 )
-from wirebond.protocol.plan import layouts
+from wirebond.protocol.plan import layouts, variants
 from wirebond.protocol.problems import Place, Problems
 
 STRONG_CHECK_BITS = 16  # from here on a frame of unknown id is taken for a newer peer's, not for noise
@@ -69,6 +70,14 @@ class Draft:
     def id_bits(self) -> int:
         found = self._number(PartKind.ID, BitRole.ID)
         return 0 if found is None else found[1]
+
+    def has_id_from(self, end: End) -> bool:
+        """Whether frames of this end have an id: a part may stand in those of one magic only."""
+        return any(
+            part.kind == PartKind.ID or any(run.role == BitRole.ID for run in part.bits)
+            for variant in variants(self.parts, end)
+            for part in variant.parts
+        )
 
     @property
     def length_part(self) -> Part | None:

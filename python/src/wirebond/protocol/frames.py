@@ -315,7 +315,7 @@ class _FrameReader:
         """What a condition names must stand in the header, and the frame may have only so many forms."""
         widths = {p.name: 8 * p.size for p in parts if p.kind in (PartKind.FIELD, PartKind.SEQUENCE)}
         widths |= {r.name: r.width for p in parts for r in p.bits if r.role in (BitRole.FIELD, BitRole.SEQUENCE)}
-        magics = {m for p in parts for m in (p.alternatives or (p.value,)) if p.kind == PartKind.MAGIC}
+        magics = {m for p in parts if p.kind == PartKind.MAGIC for m in plan.magics(p, None)}
         places = {name: index for index, part in enumerate(parts) for name in plan.header_names(part)}
         payload_index = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
         for index, (part, node) in enumerate(zip(parts, nodes, strict=True)):
@@ -397,8 +397,6 @@ class _FrameReader:
             self._wrong(nodes[length].place, "this length tells nothing; write `payload: by_length`, or remove it")
         if rule == PayloadRule.BY_LENGTH and length is not None and length > payload_index:
             self._wrong(nodes[length].place, "the length must stand before the payload whose size it tells; move it")
-        if rule == PayloadRule.BY_ID and message_id is None:
-            self._wrong(at, "`payload: by_id` needs an id; add a part such as `- id: u8` before it")
         if rule == PayloadRule.BY_ID and message_id is not None and message_id > payload_index:
             self._wrong(nodes[message_id].place, "the id must stand before the payload whose size it tells; move it")
         if rule == PayloadRule.REST and envelope.delimiter is None and envelope.silence is None:

@@ -11,7 +11,7 @@ from wirebond.protocol.examples import read_examples
 from wirebond.protocol.frames import read_frame
 from wirebond.protocol.grammar import File, Link
 from wirebond.protocol.messages import check_ids, read_messages
-from wirebond.protocol.model import ByteOrder, LinkSettings, Protocol
+from wirebond.protocol.model import ByteOrder, End, LinkSettings, Protocol
 from wirebond.protocol.problems import Problems
 from wirebond.protocol.structs import Types
 from wirebond.protocol.syntax import check_syntax, readable
@@ -49,7 +49,8 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     examples = read_examples(root.get("examples"), messages, draft, problems)
     if draft is None:
         return None
-    check_ids(messages, draft.id_bits, problems)
+    with_id = {end for end in (End.HOST, End.MCU) if draft.has_id_from(end)}
+    check_ids(messages, draft.id_bits, with_id, problems)
     file = readable(File, root)
     if file is None:
         # The file's own limits may be what is wrong; the frame's hold all the same.

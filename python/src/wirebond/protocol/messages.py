@@ -109,25 +109,28 @@ def _check_replies(messages: Messages, problems: Problems) -> None:
                 )
 
 
-def check_ids(messages: Messages, id_bits: int, problems: Problems) -> None:
-    """``id_bits``: width of the frame's id; 0 where it has none."""
+def check_ids(messages: Messages, id_bits: int, with_id: set[End], problems: Problems) -> None:
+    """``id_bits``: width of the frame's id; 0 where it has none. ``with_id``: the ends whose frames have it."""
     taken: dict[tuple[End, int], Entry] = {}
+    replies = {entry.message.reply for entry in messages.values() if entry.message is not None}
     for entry in messages.values():
         message = entry.message
         if message is None:
             continue
         has_id = "id" in entry.node.entries
-        if id_bits and not has_id:
+        needs_id = any(message.sent_by(end) for end in with_id)
+        if needs_id and not has_id:
             problems.add(entry.place, f"`{entry.name}` needs an id, for the frame has one; add `id: 0x01`")
             continue
-        if not id_bits and has_id:
+        if not needs_id and has_id:
+            of = f" of the {spoken(message.sender)}" if id_bits else ""
             problems.add(
                 entry.node.key_place("id"),
-                "the frame has no `id` part; remove this id, or add `- id: u8` there",
+                f"the frame{of} has no `id` part; remove this id, or add `- id: u8` there",
             )
             continue
         limit = 2**id_bits - 1
-        if id_bits and message.id > limit:
+        if needs_id and message.id > limit:
             problems.add(
                 entry.node.value_place("id"),
                 f"id {message.id} does not fit the frame's id part, whose greatest is {limit}; take a smaller one",
@@ -138,17 +141,30 @@ def check_ids(messages: Messages, id_bits: int, problems: Problems) -> None:
             other = taken.setdefault((end, message.id), entry)
             if other is entry:
                 continue
+            if message.name in replies and message.seed != (other.message.seed if other.message else None):
+                problems.add(
+                    entry.place,
+                    f"`{entry.name}` and `{other.name}` (line {other.place.line}) share their id, so they need the "
+                    "same `seed`",
+                )
+                break
+            if message.name in replies:  # its request tells it
+                continue
+            if other.name in replies:  # and this one is what is meant without a request
+                taken[end, message.id] = entry
+                continue
             where = f"line {other.place.line}"
-            if id_bits:
+            if needs_id:
                 problems.add(
                     entry.node.value_place("id"),
                     f"the {spoken(end)} sends `{other.name}` ({where}) under id 0x{message.id:02X} already; "
-                    "take another id",
+                    f"take another id, or name `{entry.name}` as the `reply` of its request",
                 )
             else:
                 problems.add(
                     entry.place,
                     f"without an `id` part the frame can carry one message from the {spoken(end)}, which is "
-                    f"`{other.name}` ({where}); add `- id: u8` to the frame",
+                    f"`{other.name}` ({where}); add `- id: u8` to the frame, or name `{entry.name}` as the "
+                    "`reply` of its request",
                 )
             break

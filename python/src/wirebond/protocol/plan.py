@@ -6,6 +6,7 @@ The engine is filled from this plan and the generated C++ prints it, so that bot
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from dataclasses import dataclass, replace
 
 from wirebond.protocol.model import (
@@ -108,6 +109,7 @@ class MessageRow:
     min_payload: int
     max_payload: int
     seed: int
+    only_expected: bool  # shares its id with others of its sender: it is meant where its request has gone out
 
 
 @dataclass(frozen=True)
@@ -127,14 +129,15 @@ class Plan:
     max_payload: int
     layouts: tuple[Layout, ...]
     algorithms: tuple[Algorithm, ...]
-    messages: tuple[MessageRow, ...]  # by rising id
+    messages: tuple[MessageRow, ...]  # by rising id; of one id those that are only expected first
 
 
 def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     """The plan for frames that ``sender`` sends; None: from either end (their ids must then differ)."""
     frame = protocol.frame
+    dependent = told_by_request(protocol.messages, sender)
     rows = [
-        MessageRow(m.id, index, m.min_payload, m.max_payload, m.seed or 0)
+        MessageRow(m.id, index, m.min_payload, m.max_payload, m.seed or 0, m.name in dependent)
         for index, m in enumerate(protocol.messages)
         if m.sent_by(sender)
     ]
@@ -149,7 +152,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         max_payload=frame.max_payload,
         layouts=layouts(frame.parts, sender),
         algorithms=tuple(_algorithms(frame.parts)),
-        messages=tuple(sorted(rows, key=lambda row: row.id)),
+        messages=tuple(sorted(rows, key=lambda row: (row.id, not row.only_expected))),
     )
 
 
@@ -172,13 +175,21 @@ def _framing(protocol: Protocol) -> str:
     return "bracketed" if frame.opening not in (None, frame.delimiter) else "delimited"
 
 
+def told_by_request(messages: tuple[Message, ...], sender: End | None) -> set[str]:
+    """Names of the replies that share their id with another message of ``sender``: only their request tells them."""
+    replies = {m.reply for m in messages}
+    sent = [m for m in messages if m.sent_by(sender)]
+    uses = Counter(m.id for m in sent)
+    return {m.name for m in sent if uses[m.id] > 1 and m.name in replies}
+
+
 def ids_collide(protocol: Protocol) -> list[tuple[Message, Message]]:
     """Pairs of messages of different senders that share an id: such streams need ``sender`` to be told apart."""
     by_id: dict[int, Message] = {}
     pairs = []
     for message in protocol.messages:
         other = by_id.setdefault(message.id, message)
-        if other is not message:
+        if other.sender != message.sender:
             pairs.append((other, message))
     return pairs
 
@@ -225,8 +236,11 @@ def header_names(part: Part) -> list[str]:
 
 def _magics(parts: tuple[Part, ...], sender: End | None) -> list[bytes]:
     magic = next((p for p in parts if p.kind == PartKind.MAGIC), None)
-    if magic is None:
-        return [b""]
+    return [b""] if magic is None else magics(magic, sender)
+
+
+def magics(magic: Part, sender: End | None) -> list[bytes]:
+    """The values that a magic can have in frames of this sender, the one that is sent first."""
     if magic.by_sender:
         return list(dict.fromkeys(value for end, value in magic.by_sender if sender in (None, End.BOTH, end)))
     return list(magic.alternatives or (magic.value,))
