@@ -251,6 +251,10 @@ class Codec:
             raise UsageError(f"{request} has no `reply` in {self.name}; messages that have one: {asking}")
         return reply
 
+    def request_for(self, reply: str) -> str | None:
+        """The first message that ``reply`` answers."""
+        return next((m.name for m in self.model.messages if m.reply == reply), None)
+
     def sender_for(self, sender: str | None) -> End | None:
         """Check a sender that a user named."""
         if sender is None:

@@ -11,7 +11,7 @@ from wirebond.lint import check_strength, holdback, line_budget, noise, stuffing
 from wirebond.lint.damage import decode_blocks
 from wirebond.lint.frame_facts import senders, wire_bytes
 from wirebond.lint.places import Places
-from wirebond.lint.samples import pool
+from wirebond.lint.samples import asked, pool
 
 FORMATS = Path(__file__).parents[3] / "tests" / "formats"
 NAMES = sorted(path.stem for path in FORMATS.glob("*.yaml"))
@@ -24,7 +24,7 @@ def format_of(name: str) -> Codec:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_format_is_judged(name: str) -> None:
-    codec = format_of(name)
+    codec = asked(format_of(name))
     model = codec.model
     strength = check_strength.measure_strength(codec, SAMPLES, 1)
     assert strength.bit_errors.samples == SAMPLES  # few enough for frames that are decoded one by one

@@ -15,6 +15,7 @@ from wirebond.explain import Kind, explain
 from wirebond.explain.judge import hex_of
 from wirebond.protocol.field_values import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message
+from wirebond.protocol.plan import expecting
 
 
 def examples_of(codec: Codec, message: Message) -> list[str]:
@@ -51,7 +52,7 @@ def values_line(values: dict[str, Any]) -> str:
 def _example(codec: Codec, message: Message, values: dict[str, Any]) -> list[str]:
     frame = codec.encode(message.name, values)
     sender = End.HOST if message.sender == End.BOTH else message.sender
-    (stretch,) = explain(codec.model, frame, sender).stretches
+    (stretch,) = explain(expecting(codec.model, message.name), frame, sender).stretches
     assert (stretch.kind, stretch.message) == (Kind.FRAME, message.name), "the engine's frame is explained as itself"
     shown = values_line(values)
     stuffed = codec.model.frame.stuffing != "none"

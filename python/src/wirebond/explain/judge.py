@@ -300,7 +300,8 @@ class _Judge:
             self._constant(index, start, extent=1)
         self._need(prefix)
         where = id_index(parts)
-        early_id = where is not None and where < at
+        # Without an id the one message there is says how long a payload is that has its message's size.
+        early_id = where < at if where is not None else parts[at].payload == PayloadRule.BY_ID
         if early_id:
             self._read_id(before)
         size = self._payload_size(prefix)

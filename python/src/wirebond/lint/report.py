@@ -15,6 +15,7 @@ from wirebond.lint.holdback import HoldBack
 from wirebond.lint.line_budget import Budget
 from wirebond.lint.noise import Noise
 from wirebond.lint.places import Places
+from wirebond.lint.samples import asked
 from wirebond.lint.stuffing import InsertedZero
 from wirebond.lint.urgent_wait import UrgentWait
 
@@ -79,11 +80,12 @@ def check(
     loads = line_budget.scheduled_loads(model) if traffic is None else line_budget.parse_traffic(model, traffic)
     more = _THOROUGH if thorough else 1
     budgets = line_budget.budgets(model, loads)
-    strength = check_strength.measure_strength(codec, _SAMPLES * more, seed)
-    noises = [noise.measure_noise(codec, end, _NOISE_BYTES * more, seed) for end in senders(model)]
-    hold_backs = holdback.directions(codec, seed)
+    measured = asked(codec)
+    strength = check_strength.measure_strength(measured, _SAMPLES * more, seed)
+    noises = [noise.measure_noise(measured, end, _NOISE_BYTES * more, seed) for end in senders(model)]
+    hold_backs = holdback.directions(measured, seed)
     waits = [urgent.urgent_wait(budget) for budget in budgets]
-    zero = stuffing.measure_inserted_zero(codec, seed)
+    zero = stuffing.measure_inserted_zero(measured, seed)
     findings = [
         *examples.judge(codec, where),
         *line_budget.judge(model, budgets, where),

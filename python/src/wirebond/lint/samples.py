@@ -12,6 +12,7 @@ from wirebond.codec import Codec
 from wirebond.errors import MessageError
 from wirebond.protocol.field_values import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message
+from wirebond.protocol.plan import expecting, told_by_request
 
 _ATTEMPTS = 1000
 _LETTERS = string.ascii_letters + string.digits + " "
@@ -36,6 +37,16 @@ def pool(codec: Codec, sender: End, seed: int, frames_a_message: int = 256) -> P
         for _ in range(frames_a_message)
     )
     return Pool(codec, sender, frames) if frames else None
+
+
+def asked(codec: Codec) -> Codec:
+    """Where only a request tells what a reply is, as its receiver is that expects the longest reply of each end."""
+    model = codec.model
+    for end in (End.HOST, End.MCU):
+        while dependent := told_by_request(model.messages, end):
+            longest = max((m for m in model.messages if m.name in dependent), key=lambda m: m.max_payload)
+            model = expecting(model, longest.name)
+    return codec if model is codec.model else Codec(model)
 
 
 def _frame(codec: Codec, message: Message, generator: random.Random) -> bytes:

@@ -183,6 +183,19 @@ def told_by_request(messages: tuple[Message, ...], sender: End | None) -> set[st
     return {m.name for m in sent if uses[m.id] > 1 and m.name in replies}
 
 
+def expecting(protocol: Protocol, name: str) -> Protocol:
+    """The protocol as a receiver understands it that expects the reply ``name``: what shares its id is gone."""
+    reply = protocol.message(name)
+    if not any(name in told_by_request(protocol.messages, end) for end in (End.HOST, End.MCU)):
+        return protocol
+    hidden = {
+        m.name
+        for m in protocol.messages
+        if m is not reply and m.id == reply.id and any(m.sent_by(e) and reply.sent_by(e) for e in (End.HOST, End.MCU))
+    }
+    return replace(protocol, messages=tuple(m for m in protocol.messages if m.name not in hidden))
+
+
 def ids_collide(protocol: Protocol) -> list[tuple[Message, Message]]:
     """Pairs of messages of different senders that share an id: such streams need ``sender`` to be told apart."""
     by_id: dict[int, Message] = {}
