@@ -1,0 +1,49 @@
+"""A length whose width the magic chooses. Encoders take the first magic; the other frames are put together here."""
+
+from __future__ import annotations
+
+import random
+import zlib
+from pathlib import Path
+
+import pytest
+
+from tests.conformance.build import build_decoder, decode
+from tests.shared import ROOT
+from wirebond import load
+from wirebond.protocol.model import End
+
+PROTO = load(ROOT / "tests" / "formats" / "widths.yaml")
+
+
+def frame_of(magic: int, data: bytes) -> bytes:
+    length = {
+        0xC1: len(data).to_bytes(1, "big") if len(data) < 256 else b"",
+        0xC3: len(data).to_bytes(3, "big"),
+        0xC4: len(data).to_bytes(4, "little"),
+    }[magic]
+    covered = bytes([magic]) + length + bytes.fromhex("01020304") + data
+    return covered + zlib.crc32(covered).to_bytes(4, "little")
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 4096])
+def test_every_width_is_read_by_engine_and_generated_code(chunk: int, tmp_path: Path) -> None:
+    source = random.Random(chunk)
+    sizes = {0xC3: 400, 0xC4: 400, 0xC1: 255}
+    sent = [(magic, source.randbytes(source.randint(0, sizes[magic]))) for magic in (*sizes, *sizes, *sizes)]
+    frames = [frame_of(magic, data) for magic, data in sent]
+    assert PROTO.encode("block", data=sent[0][1]) == frames[0]
+    stream = b"\x00\xc4".join(frames) + bytes(410)  # so that the last false start is no frame for certain
+
+    decoder = PROTO.decoder("mcu")
+    pieces = [stream[at : at + chunk] for at in range(0, len(stream), chunk)]
+    messages = [m for piece in pieces for m in decoder.feed(piece)] + decoder.finish()
+    assert [(m.raw, m.fields["data"]) for m in messages] == [
+        (f, data) for f, (_, data) in zip(frames, sent, strict=True)
+    ]
+
+    file = tmp_path / "stream.bin"
+    file.write_bytes(stream)
+    found = decode(build_decoder(PROTO.model, End.MCU), file, chunk=chunk)
+    assert [f.wire for f in found.frames] == frames
+    assert found.account["unknown_frames"] == 0
