@@ -20,8 +20,8 @@ TESTS = [
     "tests/end_to_end/test_link.py",
     "python/tests/test_codec.py",
 ]
-# One measures memory, which the sanitizer itself takes; one forks; others run a program of their own.
-NOT_WITH_SANITIZERS = "ten_megabytes or permission or generated_code"
+# Two are too large for the sanitizers, one forks, others run a program of their own.
+NOT_WITH_SANITIZERS = "ten_megabytes or progress_of_a_large or permission or generated_code"
 
 
 def build() -> Path:
