@@ -222,7 +222,7 @@ TEST_CASE("of messages that share an id the expected one is meant, and without a
   const wirebond::RuntimeSource source(tables);
   Recorder<wirebond::RuntimeSource> recorder{source};
   const std::vector<Bytes> payloads = {{1}, {1, 2}, {1, 2, 3}};
-  for (std::int16_t expected : {-1, 1, 2, 7, -1}) {
+  for (const std::int16_t expected : std::initializer_list<std::int16_t>{-1, 1, 2, 7, -1}) {
     recorder.expect(expected);
     const std::size_t before = recorder.frames().size();
     for (const Bytes& payload : payloads) recorder.feed(frame_of(source, 0x01, payload));
