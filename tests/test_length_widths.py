@@ -9,11 +9,27 @@ from pathlib import Path
 import pytest
 
 from tests.conformance.build import build_decoder, decode
-from tests.shared import ROOT
-from wirebond import load
+from wirebond import Codec
+from wirebond.explain import Kind, explain
+from wirebond.protocol import loads
 from wirebond.protocol.model import End
 
-PROTO = load(ROOT / "tests" / "formats" / "widths.yaml")
+FILE = """\
+wirebond: 1
+protocol: widths
+frame:
+  - magic: {any: [0xC3, 0xC4, 0xC1]}
+  - {length: u24be, when: magic == 0xC3}
+  - {length: u32, when: magic == 0xC4}
+  - {length: u8, when: magic == 0xC1}
+  - id: u32be
+  - payload: by_length
+  - check: crc-32
+messages:
+  block: {id: 0x01020304, sender: mcu, fields: {data: {type: bytes, max: 400}}}
+  begin: {id: 0x81020304, sender: host, fields: {number: {type: u8}}}
+"""
+PROTO = Codec(loads(FILE))
 
 
 def frame_of(magic: int, data: bytes) -> bytes:
@@ -47,3 +63,11 @@ def test_every_width_is_read_by_engine_and_generated_code(chunk: int, tmp_path: 
     found = decode(build_decoder(PROTO.model, End.MCU), file, chunk=chunk)
     assert [f.wire for f in found.frames] == frames
     assert found.account["unknown_frames"] == 0
+
+
+def test_a_frame_of_another_magic_is_explained_with_the_length_of_its_form() -> None:
+    covered = bytes.fromhex("55 00 00 03 01 02 03 04") + b"abc"  # 0xC3 has a length of three bytes
+    frame = covered + zlib.crc32(covered).to_bytes(4, "little")
+    (stretch,) = explain(PROTO.model, frame, End.MCU).stretches
+    assert stretch.kind == Kind.NOISE
+    assert any("magic" in guess.what for guess in stretch.guesses), stretch.guesses

@@ -137,8 +137,16 @@ def with_part(protocol: Protocol, parts: tuple[Part, ...], index: int, part: Par
         part = replace(part, first=places[parts[part.first].name], last=places[parts[part.last].name])
     if part.kind == PartKind.MAGIC:
         part = replace(part, alternatives=(), by_sender=())
+        whole = tuple(_under(known, parts[index].value, part.value) for known in whole)
     at = places[parts[index].name]
     return with_frame(protocol, replace(protocol.frame, parts=(*whole[:at], part, *whole[at + 1 :])))
+
+
+def _under(part: Part, old: bytes, new: bytes) -> Part:
+    """A part that stands under the magic ``old`` stands under ``new`` instead: the form keeps its parts."""
+    if part.condition is None or not part.condition.magic or part.condition.magic != old:
+        return part
+    return replace(part, condition=replace(part.condition, magic=new))
 
 
 def spelled(protocol: Protocol, name: str) -> str:
