@@ -211,12 +211,21 @@ std::uint32_t of_layout(const wirebond::Layout& layout, const wirebond::Number& 
   return wirebond::detail::read_number(number, frame.data(), frame_size);
 }
 
-/// A frame of one of the messages; empty where its form cannot carry what was drawn.
+/// Of messages that share an id, the one that is expected; nothing is drawn where none is shared.
+std::int16_t draw_expected(const std::vector<wirebond::MessageRow>& rows, FuzzedDataProvider& input) {
+  const bool is_shared = std::any_of(rows.begin(), rows.end(), [](const auto& row) { return row.only_expected; });
+  if (!is_shared) return -1;
+  const wirebond::MessageRow& row = rows[input.ConsumeIntegralInRange<std::size_t>(0, rows.size() - 1)];
+  return row.only_expected ? row.shape.index : std::int16_t{-1};
+}
+
+/// A frame of one of the messages that are meant now; empty where its form cannot carry what was drawn.
 Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebond::MessageRow>& rows,
                  FuzzedDataProvider& input) {
   if (rows.empty()) return {};
   const wirebond::FrameFormat& format = source.format();
   const wirebond::MessageRow& row = rows[input.ConsumeIntegralInRange<std::size_t>(0, rows.size() - 1)];
+  if (source.message(row.id).index != row.shape.index) return {};  // its id means another one now
   const std::size_t number =
       input.ConsumeBool() ? input.ConsumeIntegralInRange<std::size_t>(0, format.layout_count - 1u) : 0;
   const wirebond::Layout& layout = format.layouts[number];
@@ -343,6 +352,7 @@ void expect_itself(const wirebond::RuntimeSource& source, const Found& found) {
 /// What the target is at, for the report of a finding.
 struct Case {
   const fuzz::Described* described = nullptr;
+  std::int16_t expected = -1;
   Stream stream;
 };
 Case now;
@@ -350,9 +360,11 @@ Case now;
 void print_case() {
   fuzz::print_format(now.described->format);
   for (const wirebond::MessageRow& row : now.described->rows) {
-    std::fprintf(stderr, " message %d: id 0x%X, %u to %u bytes, seed %u\n", row.shape.index, row.id,
-                 row.shape.min_payload, row.shape.max_payload, row.shape.seed);
+    std::fprintf(stderr, " message %d: id 0x%X, %u to %u bytes, seed %u%s\n", row.shape.index, row.id,
+                 row.shape.min_payload, row.shape.max_payload, row.shape.seed,
+                 row.only_expected ? ", only where it is expected" : "");
   }
+  std::fprintf(stderr, " expected: message %d\n", now.expected);
   for (const Stream::Piece& piece : now.stream.pieces) {
     fuzz::print_bytes(piece.is_intact ? " frame" : " bytes", now.stream.bytes.data() + piece.begin,
                       piece.end - piece.begin);
@@ -360,13 +372,17 @@ void print_case() {
 }
 
 void fuzz_one(const fuzz::Described& described, FuzzedDataProvider& input) {
-  now = {&described, {}};
+  now = {&described, -1, {}};
   fuzz::describe = print_case;
   const wirebond::FrameFormat& format = described.format;
   const wirebond::RuntimeTables tables(format, described.rows.data(), described.rows.size());
   const wirebond::RuntimeTables simple_tables(format, described.rows.data(), described.rows.size(),
                                               wirebond::CrcMethod::byte_table);
-  const wirebond::RuntimeSource source(tables);
+  wirebond::RuntimeSource source(tables);
+  wirebond::RuntimeSource simple_source(simple_tables);
+  now.expected = draw_expected(described.rows, input);
+  source.expect(now.expected);
+  simple_source.expect(now.expected);
   constexpr std::uint32_t idle_us = 20'000;
   const std::uint32_t start_us = input.ConsumeIntegral<std::uint32_t>();
   const unsigned chunk_seed = input.ConsumeIntegral<std::uint16_t>();
@@ -383,7 +399,7 @@ void fuzz_one(const fuzz::Described& described, FuzzedDataProvider& input) {
   const std::uint32_t spread = spreads[chunk_seed % 5];
 
   // By the rules alone, and each CRC a byte at a time: what all others must agree with.
-  Observed<std::uint32_t> whole(wirebond::RuntimeSource(simple_tables), 0, idle_us, false);
+  Observed<std::uint32_t> whole(simple_source, 0, idle_us, false);
   Observed<std::uint32_t> at_once(source, 0, idle_us);
   Observed<std::uint32_t> pieces(source, start_us, idle_us);  // a clock that wraps
   Observed<std::uint32_t> paused(source, start_us, idle_us);

@@ -11,7 +11,7 @@ namespace fuzz {
 
 struct Described {
   wirebond::FrameFormat format;
-  std::vector<wirebond::MessageRow> rows;  ///< by rising id
+  std::vector<wirebond::MessageRow> rows;  ///< in the order that `MessageRow` asks for
 };
 
 /// One for each protocol file and sender, in a fixed order. Defined in a source file that emit.py writes.

@@ -55,7 +55,10 @@ def _real_formats() -> str:
 
 def _block(name: str, protocol: Protocol, end: End) -> str:
     plan = plan_for(protocol, end)
-    rows = [f"{{{r.id}U, {{{r.index}, {r.min_payload}, {r.max_payload}, {r.seed}}}}}" for r in plan.messages]
+    rows = [
+        f"{{{r.id}U, {{{r.index}, {r.min_payload}, {r.max_payload}, {r.seed}}}, {str(r.only_expected).lower()}}}"
+        for r in plan.messages
+    ]
     lines = [
         f"{{  // {name}",
         "  wirebond::FrameFormat format{};",
