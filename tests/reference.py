@@ -82,9 +82,12 @@ def _meant(protocol: Protocol, sender: End | None, request: str | None) -> tuple
 
 def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
     result = Result()
+    payload_at = next(i for i, p in enumerate(protocol.frame.parts) if p.kind == PartKind.PAYLOAD)
+    header = _longest(protocol.frame.parts[:payload_at])
     blame_end, blame = 0, ""
     at = 0
     while at < len(stream):
+        failed = 1
         if _may_start(protocol, stream[at], sender):
             try:
                 size, message_id, name = _judge(protocol, stream[at:], sender, whole=False)
@@ -99,8 +102,11 @@ def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> R
             result.rejected_candidates[cause] += 1
             if at + extent > max(blame_end, at):
                 blame_end, blame = at + extent, cause
-        result.discarded_bytes[blame if at < blame_end else "no_start"] += 1
-        at += 1
+            if protocol.frame.is_strict and extent > header:
+                failed = extent
+        for place in range(at, at + failed):
+            result.discarded_bytes[blame if place < blame_end else "no_start"] += 1
+        at += failed
     return result
 
 
@@ -119,14 +125,14 @@ def _may_start(protocol: Protocol, byte: int, sender: End | None) -> bool:
 def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
     result = Result()
     assert protocol.frame.delimiter is not None
-    delimiter = bytes([protocol.frame.delimiter])
+    delimiter = protocol.frame.delimiter
     longest = _longest_on_wire(protocol)
     at = 0
     while at < len(stream):
-        opening = stream[at : at + 1] == delimiter
-        if opening and stream[at + 1 : at + 2] in (delimiter, b""):
-            result.fill_bytes += 1
-            at += 1
+        opening = len(delimiter) if stream.startswith(delimiter, at) else 0
+        if opening and (at + opening == len(stream) or stream.startswith(delimiter, at + opening)):
+            result.fill_bytes += opening
+            at += opening
             continue
         begin = at + opening
         end = stream.find(delimiter, begin)
@@ -141,37 +147,65 @@ def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> 
             result.discarded_bytes[outcome.cause] += end - at
             at = end
         else:
-            result.frames.append(Frame(at, stream[at : end + 1], message_id, name))
-            at = end + 1
+            result.frames.append(Frame(at, stream[at : end + len(delimiter)], message_id, name))
+            at = end + len(delimiter)
     return result
 
 
 def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
     result = Result()
     opening, closing = protocol.frame.opening, protocol.frame.delimiter
+    assert opening is not None and closing is not None
+    longest = _longest_on_wire(protocol)
+    blame_end, blame = 0, ""
     at = 0
     while at < len(stream):
-        if stream[at] != opening:
-            result.discarded_bytes["no_start"] += 1
-            at += 1
-            continue
-        end = next((i for i in range(at + 1, len(stream)) if stream[i] in (opening, closing)), None)
-        closed = end is not None and stream[end] == closing
-        end = len(stream) if end is None else end
-        try:
-            if end - at >= _longest_on_wire(protocol):
-                raise _Rejected("length_out_of_range", 0)
-            if not closed:
-                raise _Rejected("incomplete", 0)
-            end += 1
-            message_id, name = _judge_block(protocol, stream[at + 1 : end - 1], sender)
-        except _Rejected as outcome:
-            result.rejected_candidates[outcome.cause] += 1
-            result.discarded_bytes[outcome.cause] += end - at
-        else:
-            result.frames.append(Frame(at, stream[at:end], message_id, name))
-        at = end
+        failed = 1
+        if stream.startswith(opening, at):
+            candidate = stream[at : at + longest]
+            content, outcome = _bracketed_content(protocol, candidate, opening, closing)
+            end = len(opening) + len(content) + len(closing)
+            try:
+                if outcome == "incomplete" and len(candidate) == longest and len(opening) + len(content) == longest:
+                    outcome = "length_out_of_range"
+                if outcome:
+                    end -= len(closing) if outcome != "bad_stuffing" else 0
+                    raise _Rejected(outcome, 0)
+                message_id, name = _judge_block(protocol, content, sender)
+            except _Rejected as rejected:
+                result.rejected_candidates[rejected.cause] += 1
+                if at + end > max(blame_end, at):
+                    blame_end, blame = at + end, rejected.cause
+                failed = end if protocol.frame.is_strict else 1
+            else:
+                result.frames.append(Frame(at, stream[at : at + end], message_id, name))
+                at += end
+                continue
+        for place in range(at, at + failed):
+            result.discarded_bytes[blame if place < blame_end else "no_start"] += 1
+        at += failed
     return result
+
+
+def _bracketed_content(protocol: Protocol, candidate: bytes, opening: bytes, closing: bytes) -> tuple[bytes, str]:
+    """What lies behind the opening delimiter, and why it is no frame; "" where the closing delimiter ends it."""
+    escapes = protocol.frame.escapes
+    doubled = None
+    if escapes is not None and escapes.escape == opening[0]:
+        doubled = opening[0]
+    at = len(opening)
+    while at < len(candidate):
+        content = candidate[len(opening) : at]
+        if candidate[at : at + len(closing)] == closing:
+            return content, ""
+        if candidate[at : at + len(opening)] == opening:
+            return content, "incomplete"
+        if candidate[at] == doubled and at + 1 < len(candidate):
+            if candidate[at + 1] != doubled:
+                return content, "bad_stuffing"  # two bytes of no meaning, where the delimiter would be
+            at += 1
+        at += 1
+    return candidate[len(opening) :], "incomplete"
 
 
 def _decode_block(protocol: Protocol, block: bytes, sender: End | None) -> Result:
@@ -189,19 +223,25 @@ def _decode_block(protocol: Protocol, block: bytes, sender: End | None) -> Resul
 
 def _longest_frame(protocol: Protocol) -> int:
     """Of all forms of the frame the longest, before stuffing."""
+    return _longest(protocol.frame.parts) + protocol.frame.max_payload
+
+
+def _longest(parts: tuple[Part, ...]) -> int:
+    """So many bytes these parts have at most, whichever of them are there."""
     exclusive: dict[bytes, int] = {}
     always = 0
-    for part in protocol.frame.parts:
+    for part in parts:
         if part.condition is not None and part.condition.magic:
             exclusive[part.condition.magic] = exclusive.get(part.condition.magic, 0) + part.size
         else:
             always += part.size
-    return always + max(exclusive.values(), default=0) + protocol.frame.max_payload
+    return always + max(exclusive.values(), default=0)
 
 
 def _longest_on_wire(protocol: Protocol) -> int:
     longest = _longest_frame(protocol)
-    return longest + _overhead(protocol, longest) + 2
+    closing = protocol.frame.delimiter or b""
+    return longest + _overhead(protocol, longest) + len(protocol.frame.opening or closing) + len(closing)
 
 
 def _overhead(protocol: Protocol, size: int) -> int:

@@ -130,8 +130,7 @@ def _frame_with(proto: Codec, described: MessageModel, payload: bytes) -> list[M
             data += part.value or bytes(part.size)
     wire = bytes(data)
     if frame.delimiter is not None:
-        mark = bytes([frame.delimiter])
-        wire = mark + stuff(frame, wire) + mark
+        wire = (frame.opening or b"") + stuff(frame, wire) + frame.delimiter
     return proto.decoder(End.HOST if described.sender == End.BOTH else described.sender).feed(wire)
 
 

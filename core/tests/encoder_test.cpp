@@ -89,12 +89,12 @@ TEST_CASE("a frame without a byte is refused where it would be fill, and sent be
   format.framing = Framing::delimited;
   format.layouts[0].payload_size = wirebond::PayloadSize::rest;
   format.max_payload = 4;
-  format.opening = format.closing = 0x7E;
+  format.opening = format.closing = {1, 0x7E};
   const wirebond::RuntimeTables tables(format, nullptr, 0);
   const wirebond::RuntimeSource source(tables);
   CHECK(frame_of(source, 0, {}).empty());
   CHECK(frame_of(source, 0, {1}) == Bytes{0x7E, 1, 0x7E});
   format.framing = Framing::bracketed;
-  format.closing = 0x7D;
+  format.closing = {1, 0x7D};
   CHECK(frame_of(source, 0, {}) == Bytes{0x7E, 0x7D});
 }

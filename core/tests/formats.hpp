@@ -165,6 +165,65 @@ struct BigEndian {
   }
 };
 
+/// DLE STX, id, payload, exclusive-or of both, DLE ETX; among the three a DLE (10) is sent twice.
+struct Doubled {
+  static constexpr std::array<MessageRow, 2> rows = {{{0x10, {0, 2, 2}}, {0x03, {1, 0, 20}}}};
+  static constexpr FrameFormat make() {
+    FrameFormat format{};
+    format.framing = Framing::bracketed;
+    format.stuffing = Stuffing::escape;
+    format.opening = {2, 0x10, 0x02};
+    format.closing = {2, 0x10, 0x03};
+    format.escapes = {0x10, 0, 1, {0x10}, {0x10}};
+    format.algorithm_count = 1;
+    format.algorithms[0] = xor8;
+    format.max_payload = 20;
+    auto& layout = format.layouts[0];
+    layout.prefix = 1;
+    layout.suffix = 1;
+    layout.payload_size = PayloadSize::rest;
+    layout.id = {{0, false}, 1};
+    layout.check_count = 1;
+    layout.checks[0] = {0, {0, false}, {-1, true}, {-1, true}, 1};
+    return format;
+  }
+  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
+    return wirebond::sum_update({CheckKind::exclusive_or, 8}, reg, bytes, size);
+  }
+};
+
+/// Payload, exclusive-or of it, CR LF; there is no id, and nothing is stuffed.
+struct Lines {
+  static constexpr std::array<MessageRow, 1> rows = {{{0, {0, 0, 20}}}};
+  static constexpr FrameFormat make() {
+    FrameFormat format{};
+    format.framing = Framing::delimited;
+    format.opening = format.closing = {2, 0x0D, 0x0A};
+    format.sends_opening = false;
+    format.algorithm_count = 1;
+    format.algorithms[0] = xor8;
+    format.max_payload = 20;
+    auto& layout = format.layouts[0];
+    layout.suffix = 1;
+    layout.payload_size = PayloadSize::rest;
+    layout.check_count = 1;
+    layout.checks[0] = {0, {0, false}, {-1, true}, {-1, true}, 1};
+    return format;
+  }
+  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
+    return wirebond::sum_update({CheckKind::exclusive_or, 8}, reg, bytes, size);
+  }
+};
+
+/// WeakSum whose failed frames are skipped.
+struct Strict : WeakSum {
+  static constexpr FrameFormat make() {
+    FrameFormat format = WeakSum::make();
+    format.skips_failed = true;
+    return format;
+  }
+};
+
 template <class Format>
 struct Constant {
   static constexpr bool is_constant = true;

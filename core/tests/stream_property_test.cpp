@@ -39,7 +39,7 @@ Bytes random_stream(Random& random) {
   const wirebond::RuntimeSource source = run_time<Format>();
   const FrameFormat& format = source.format();
   const std::uint8_t start =
-      format.framing == Framing::delimited ? format.opening : format.layouts[0].constants[0].value;
+      format.framing != Framing::by_start ? format.opening.first : format.layouts[0].constants[0].value;
   Bytes stream;
   const unsigned parts = 1 + random() % 8;
   for (unsigned part = 0; part < parts; ++part) {
@@ -118,7 +118,8 @@ void intact_frames_arrive() {
   for_both_sources<Format>([](const auto& source) {
     using Source = std::decay_t<decltype(source)>;
     const FrameFormat& format = source.format();
-    const std::uint8_t start = format.framing == Framing::delimited ? 0 : format.layouts[0].constants[0].value;
+    const std::uint8_t start =
+        format.framing == Framing::by_start ? format.layouts[0].constants[0].value : format.opening.first;
     for (unsigned seed = 2000; seed < 2100; ++seed) {
       CAPTURE(seed);
       Random random(seed);
@@ -154,6 +155,9 @@ TEST_CASE("chunking changes no frame, no offset, no account: fixed size") { chun
 TEST_CASE("chunking changes no frame, no offset, no account: weak sum") { chunking_changes_nothing<WeakSum>(); }
 TEST_CASE("chunking changes no frame, no offset, no account: delimited") { chunking_changes_nothing<Delimited>(); }
 TEST_CASE("chunking changes no frame, no offset, no account: id last") { chunking_changes_nothing<BigEndian>(); }
+TEST_CASE("chunking changes no frame, no offset, no account: doubled") { chunking_changes_nothing<Doubled>(); }
+TEST_CASE("chunking changes no frame, no offset, no account: lines") { chunking_changes_nothing<Lines>(); }
+TEST_CASE("chunking changes no frame, no offset, no account: strict") { chunking_changes_nothing<Strict>(); }
 
 TEST_CASE("constant and run-time source agree on any stream") {
   sources_agree<HeaderChecked>();
@@ -161,6 +165,9 @@ TEST_CASE("constant and run-time source agree on any stream") {
   sources_agree<WeakSum>();
   sources_agree<Delimited>();
   sources_agree<BigEndian>();
+  sources_agree<Doubled>();
+  sources_agree<Lines>();
+  sources_agree<Strict>();
 }
 
 TEST_CASE("intact frames between noise arrive, once, in order, where they were: header check") {
@@ -177,4 +184,7 @@ TEST_CASE("intact frames between noise arrive, once, in order, where they were: 
 }
 TEST_CASE("intact frames between noise arrive, once, in order, where they were: id last") {
   intact_frames_arrive<BigEndian>();
+}
+TEST_CASE("intact frames between noise arrive, once, in order, where they were: doubled") {
+  intact_frames_arrive<Doubled>();
 }

@@ -38,6 +38,13 @@ PayloadSize payload_size_of(const std::string& rule) {
   throw std::logic_error("the engine has no payload rule '" + rule + "'");
 }
 
+Mark read_mark(nb::handle bytes) {
+  const auto mark = nb::cast<nb::bytes>(bytes);
+  const auto* const data = static_cast<const std::uint8_t*>(mark.data());
+  if (mark.size() == 0) return {};
+  return {static_cast<std::uint8_t>(mark.size()), data[0], mark.size() == 2 ? data[1] : std::uint8_t{0}};
+}
+
 Layout read_layout(nb::handle plan) {
   Layout layout;
   layout.prefix = nb::cast<std::uint16_t>(plan.attr("prefix"));
@@ -123,8 +130,8 @@ FormatTable::FormatTable(nb::handle plan) {
                     : framing == "bracketed" ? Framing::bracketed
                     : framing == "silence"   ? Framing::silence
                                              : Framing::by_start;
-  format_.opening = nb::cast<std::uint8_t>(plan.attr("opening"));
-  format_.closing = nb::cast<std::uint8_t>(plan.attr("closing"));
+  format_.opening = read_mark(plan.attr("opening"));
+  format_.closing = read_mark(plan.attr("closing"));
   format_.sends_opening = nb::cast<bool>(plan.attr("sends_opening"));
   const std::string stuffing = text_of(plan.attr("stuffing"));
   format_.stuffing = stuffing == "cobs" ? Stuffing::cobs : stuffing == "escape" ? Stuffing::escape : Stuffing::none;
@@ -139,6 +146,7 @@ FormatTable::FormatTable(nb::handle plan) {
     }
   }
   format_.deliver_unknown = nb::cast<bool>(plan.attr("deliver_unknown"));
+  format_.skips_failed = nb::cast<bool>(plan.attr("skips_failed"));
   format_.max_payload = nb::cast<std::uint16_t>(plan.attr("max_payload"));
   format_.layout_count = 0;
   for (nb::handle layout : plan.attr("layouts")) {

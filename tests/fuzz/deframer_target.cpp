@@ -261,7 +261,7 @@ Stream draw_stream(const wirebond::RuntimeSource& source, const std::vector<wire
   Stream stream;
   const wirebond::FrameFormat& format = source.format();
   const bool marked = wirebond::delimiter_bytes(format) != 0;
-  const std::uint8_t start = marked ? format.opening : format.layouts[0].constants[0].value;
+  const std::uint8_t start = marked ? format.opening.first : format.layouts[0].constants[0].value;
   while (input.remaining_bytes() > 0 && stream.bytes.size() < longest_stream) {
     Bytes piece;
     bool is_intact = false;
@@ -293,9 +293,12 @@ Stream draw_stream(const wirebond::RuntimeSource& source, const std::vector<wire
 /// Where nothing is stuffed, a payload or a reserved byte may be a delimiter, and then ends the frame too early.
 bool holds_delimiter(const wirebond::FrameFormat& format, const std::uint8_t* wire, std::size_t size) {
   if (wirebond::delimiter_bytes(format) == 0) return false;
-  const std::size_t opening = format.sends_opening ? 1 : 0;
-  return std::any_of(wire + opening, wire + size - 1,
-                     [&](std::uint8_t byte) { return byte == format.closing || byte == format.opening; });
+  if (format.stuffing != wirebond::Stuffing::none) return false;
+  const std::size_t end = size - format.closing.size;
+  for (std::size_t at = wirebond::opening_bytes(format); at < end; ++at) {
+    if (format.closing.stands_at(wire + at, size - at) || format.opening.stands_at(wire + at, size - at)) return true;
+  }
+  return false;
 }
 
 /// Guarantee 1: a frame whose bytes arrive whole is delivered, unless a delivered one overlaps it.
@@ -305,11 +308,13 @@ void expect_intact_frames(const wirebond::FrameFormat& format, const Stream& str
     if (!piece.is_intact) continue;
     std::size_t begin = piece.begin;
     if (marked) {
-      const bool opened = format.sends_opening || begin == 0 || stream.bytes[begin - 1] == format.closing;
+      const std::size_t mark = format.closing.size;
+      const bool opened = format.sends_opening || begin == 0 ||
+                          (begin >= mark && format.closing.stands_at(stream.bytes.data() + begin - mark, mark));
       if (!opened) continue;  // what lies before it belongs to the same block
       if (holds_delimiter(format, stream.bytes.data() + piece.begin, piece.end - piece.begin)) continue;
       // Neighbours may share a delimiter.
-      if (format.framing == wirebond::Framing::delimited && format.sends_opening) begin += 1;
+      if (format.framing == wirebond::Framing::delimited && format.sends_opening) begin += mark;
     }
     const bool found = std::any_of(frames.begin(), frames.end(), [&](const Found& frame) {
       return frame.offset < piece.end && frame.offset + frame.wire.size() > begin;

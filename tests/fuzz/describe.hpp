@@ -48,11 +48,14 @@ inline void print_layout(const wirebond::Layout& layout) {
 inline void print_format(const wirebond::FrameFormat& format) {
   static constexpr const char* framings[] = {"by_start", "delimited", "bracketed", "silence"};
   static constexpr const char* stuffings[] = {"none", "cobs", "escape"};
-  std::fprintf(stderr,
-               "format: %s, stuffing %s, delimiters %02X %02X%s, escape %02X xor %02X, max_payload %u, unknown %s\n",
-               framings[static_cast<int>(format.framing)], stuffings[static_cast<int>(format.stuffing)], format.opening,
-               format.closing, format.sends_opening ? "" : " (closing alone)", format.escapes.escape,
-               format.escapes.exclusive_or, format.max_payload, format.deliver_unknown ? "deliver" : "reject");
+  std::fprintf(
+      stderr,
+      "format: %s, stuffing %s, delimiters %02X %02X, %02X %02X%s, escape %02X xor %02X, max_payload %u, unknown %s\n",
+      framings[static_cast<int>(format.framing)], stuffings[static_cast<int>(format.stuffing)], format.opening.first,
+      format.opening.size == 2 ? format.opening.second : 0u, format.closing.first,
+      format.closing.size == 2 ? format.closing.second : 0u, format.sends_opening ? "" : " (closing alone)",
+      format.escapes.escape, format.escapes.exclusive_or, format.max_payload,
+      format.deliver_unknown ? "deliver" : "reject");
   for (std::size_t i = 0; i < format.algorithm_count; ++i) {
     const wirebond::CheckAlgorithm& algorithm = format.algorithms[i];
     std::fprintf(stderr, " algorithm %zu: kind %d width %u poly %llX init %llX refin %d refout %d xorout %llX\n", i,

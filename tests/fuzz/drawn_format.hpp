@@ -87,16 +87,16 @@ class FormatDrawer {
       format.stuffing = wirebond::Stuffing::cobs;
     } else if (kind == 5) {
       format.stuffing = wirebond::Stuffing::escape;
-      format.closing = 0xC0;
+      format.closing = {1, 0xC0};
       rule = {0xDB, 0, 2, {0xC0, 0xDB}, {0xDC, 0xDD}};
     } else if (kind == 6) {
       format.stuffing = wirebond::Stuffing::escape;
-      format.closing = 0x7E;
+      format.closing = {1, 0x7E};
       rule = {0x7D, 0x20, 2, {0x7E, 0x7D}, {0x5E, 0x5D}};
     } else {
-      format.closing = byte();
-      const std::uint8_t opening = byte();
-      if (format.sends_opening && opening != format.closing) format.framing = wirebond::Framing::bracketed;
+      format.closing = {1, byte()};
+      const wirebond::Mark opening{1, byte()};
+      if (format.sends_opening && opening.first != format.closing.first) format.framing = wirebond::Framing::bracketed;
       format.opening = format.framing == wirebond::Framing::bracketed ? opening : format.closing;
       if (kind == 7) draw_escapes();
       return;
@@ -109,12 +109,12 @@ class FormatDrawer {
     wirebond::EscapeRule rule;
     rule.escape = byte();
     rule.exclusive_or = byte();
-    std::vector<std::uint8_t> plain = {format.closing, format.opening, rule.escape};
+    std::vector<std::uint8_t> plain = {format.closing.first, format.opening.first, rule.escape};
     for (const std::uint8_t also : some_bytes(0, 3)) plain.push_back(also);
-    bool frees = rule.exclusive_or != 0 && rule.escape != format.closing && rule.escape != format.opening;
+    bool frees = rule.exclusive_or != 0 && rule.escape != format.closing.first && rule.escape != format.opening.first;
     for (const std::uint8_t one : plain) {
       const auto code = static_cast<std::uint8_t>(one ^ rule.exclusive_or);
-      frees = frees && code != format.closing && code != format.opening;
+      frees = frees && code != format.closing.first && code != format.opening.first;
       if (std::find(rule.plain.begin(), rule.plain.begin() + rule.count, one) != rule.plain.begin() + rule.count) {
         continue;
       }

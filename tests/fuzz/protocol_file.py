@@ -75,5 +75,5 @@ def _splits(protocol: Protocol, frame: bytes) -> bool:
     form = protocol.frame
     if form.delimiter is None or form.stuffing != "none":
         return False
-    body = frame[0 if form.opening is None else 1 : -1]
+    body = frame[len(form.opening or b"") : -len(form.delimiter)]
     return any(mark in body for mark in (form.delimiter, form.opening) if mark is not None)

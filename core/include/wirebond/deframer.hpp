@@ -7,6 +7,7 @@
 
 #include "wirebond/examine.hpp"
 #include "wirebond/format.hpp"
+#include "wirebond/marks.hpp"
 #include "wirebond/stuffing.hpp"
 
 namespace wirebond {
@@ -128,8 +129,9 @@ class Deframer {
         at += verdict.bytes;
       } else {
         reject(verdict.cause, verdict.bytes);
-        discard(1);  // recover before trust: the next candidate may begin one byte later
-        at += 1;
+        const std::size_t failed = failed_bytes(verdict);
+        discard(failed);
+        at += failed;
       }
       if constexpr (!Source::is_constant) break;  // the next one may be good again: the straight way
     }
@@ -210,65 +212,71 @@ class Deframer {
     return false;
   }
 
+  /// Recover before trust: the next candidate may begin one byte later. With skips_failed a candidate whose size was
+  /// known is skipped whole, lest something in its payload is taken for a frame.
+  std::size_t failed_bytes(const Verdict& verdict) const {
+    const FrameFormat& format = source_.format();
+    return format.skips_failed && verdict.bytes > longest_prefix(format) ? verdict.bytes : 1;
+  }
+
   // ---- frames between delimiters --------------------------------------------------------------------------------
 
   template <class Sink>
   WIREBOND_INLINE std::size_t consume_delimited(const std::uint8_t* window, std::size_t size, bool give_up,
                                                 Sink&& sink) {
-    const std::uint8_t delimiter = source_.format().closing;
+    const Mark& mark = source_.format().closing;
     const std::size_t longest = max_wire_bytes(source_.format());
     std::size_t at = 0;
     while (at < size) {
-      const std::size_t opening = window[at] == delimiter ? 1 : 0;
+      const std::size_t opening = mark.stands_at(window + at, size - at) ? mark.size : 0;
       if (opening != 0) {
         overlong_ = false;
-        if (at + 1 == size) {  // it opens a frame or is fill: the next byte tells
+        if (at + opening == size) {  // it opens a frame or is fill: the next byte tells
           if (!give_up) break;
-          fill(1);
-          at += 1;
+          fill(opening);
+          at = size;
           break;
         }
-        if (window[at + 1] == delimiter) {
-          fill(1);
-          at += 1;
+        if (mark.stands_at(window + at + opening, size - at - opening)) {
+          fill(opening);
+          at += opening;
           continue;
         }
       }
       const std::size_t begin = at + opening;
-      const std::size_t known_clean = at == 0 && searched_ > begin ? searched_ : begin;
-      const void* const found =
-          known_clean < size ? std::memchr(window + known_clean, delimiter, size - known_clean) : nullptr;
+      const std::size_t end = detail::find_mark(mark, window, at == 0 && searched_ > begin ? searched_ : begin, size);
       searched_ = 0;
+      // Of a mark of two bytes the first may be there already.
+      const std::size_t known = end == size && !give_up && window[size - 1] == mark.first ? size + 1 - mark.size : size;
       if (overlong_) {  // the rest of a block that was too long already
-        const std::size_t end =
-            found == nullptr ? size : static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - window);
-        blame(Cause::length_out_of_range, end - at);
-        discard(end - at);
-        at = end;
+        const std::size_t rest = (end < known ? end : known) - at;
+        blame(Cause::length_out_of_range, rest);
+        discard(rest);
+        at += rest;
+        if (end == size) break;
         continue;
       }
-      if (found == nullptr) {
+      if (end == size) {
         const std::size_t pending = size - at;
         if (pending >= longest) {
           reject(Cause::length_out_of_range, pending);
-          discard(pending);
+          discard(known - at);
           overlong_ = true;
-          at = size;
+          at = known;
         } else if (give_up) {
           reject(Cause::incomplete, pending);
           discard(pending);
           at = size;
         } else {
-          searched_ = size - at;
+          searched_ = known - at;
         }
         break;
       }
-      const std::size_t end = static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - window);
       Frame frame;
       const Verdict verdict = judge_block(window + begin, end - begin, frame);
       if (verdict.outcome == Outcome::frame) {
-        deliver(frame, window + at, end + 1 - at, sink);
-        at = end + 1;
+        deliver(frame, window + at, end + mark.size - at, sink);
+        at = end + mark.size;
       } else {  // a failed block ends before the delimiter, which may open the next frame
         reject(verdict.cause, end - at);
         discard(end - at);
@@ -287,56 +295,43 @@ class Deframer {
     const std::size_t longest = max_wire_bytes(format);
     std::size_t at = 0;
     while (at < size) {
-      if (overlong_) {  // the rest of a block that was too long already
-        std::size_t end = at;
-        while (end < size && window[end] != format.closing && window[end] != format.opening) ++end;
-        overlong_ = end == size;
-        blame(Cause::length_out_of_range, end - at);
-        discard(end - at);
-        at = end;
-        continue;
-      }
-      const void* const start = std::memchr(window + at, format.opening, size - at);
-      const std::size_t skip = start == nullptr
-                                   ? size - at
-                                   : static_cast<std::size_t>(static_cast<const std::uint8_t*>(start) - (window + at));
-      if (skip != 0) {
-        discard(skip);
-        at += skip;
-        continue;
-      }
-      // The first delimiter behind decides: a closing one ends the block, an opening one begins a better candidate.
-      std::size_t end = at == 0 && searched_ > 1 ? searched_ : at + 1;
-      while (end < size && window[end] != format.closing && window[end] != format.opening) ++end;
+      const std::size_t start = detail::find_mark(format.opening, window, at, size);
+      std::size_t skip = start - at;
+      const bool half_a_mark = format.opening.size == 2 && window[size - 1] == format.opening.first;
+      if (start == size && half_a_mark && !give_up) skip -= 1;
+      if (skip != 0) discard(skip);
+      at += skip;
+      if (start == size) break;
+
+      const std::size_t available = size - at < longest ? size - at : longest;
+      const detail::BlockEnd end = detail::find_block_end(format, window + at, at == 0 ? searched_ : 0, available);
       searched_ = 0;
-      const std::size_t run = end - at;
-      if (run >= longest || (end == size && give_up)) {
-        overlong_ = run >= longest && end == size;
-        reject(run >= longest ? Cause::length_out_of_range : Cause::incomplete, run);
-        discard(run);
-        at = end;
-        continue;
-      }
-      if (end == size) {
-        searched_ = run;
-        break;
-      }
-      if (window[end] == format.opening) {
-        reject(Cause::incomplete, run);
-        discard(run);
-        at = end;
-        continue;
-      }
+      Verdict verdict{Outcome::reject, Cause::incomplete, end.at};
       Frame frame;
-      const Verdict verdict = judge_block(window + at + 1, end - at - 1, frame);
-      const std::size_t block = end + 1 - at;
-      if (verdict.outcome == Outcome::frame) {
-        deliver(frame, window + at, block, sink);
-      } else {
-        reject(verdict.cause, block);
-        discard(block);
+      if (end.kind == detail::BlockEnd::closing) {
+        const std::size_t begin = at + format.opening.size;
+        verdict = judge_block(window + begin, at + end.at - begin, frame);
+        verdict.bytes = end.at + format.closing.size;
+      } else if (end.kind == detail::BlockEnd::no_pair) {
+        verdict.cause = Cause::bad_stuffing;
+      } else if (end.kind == detail::BlockEnd::open) {
+        verdict.bytes = available;
+        if (available == longest) {
+          verdict.cause = Cause::length_out_of_range;
+        } else if (!give_up) {
+          searched_ = end.at;
+          break;
+        }
       }
-      at += block;
+      if (verdict.outcome == Outcome::frame) {
+        deliver(frame, window + at, verdict.bytes, sink);
+        at += verdict.bytes;
+      } else {  // an opening delimiter may stand inside: as data, or because the candidate began in garbage
+        reject(verdict.cause, verdict.bytes);
+        const std::size_t failed = format.skips_failed ? verdict.bytes : 1;
+        discard(failed);
+        at += failed;
+      }
     }
     return at;
   }
@@ -443,7 +438,7 @@ class Deframer {
   std::uint8_t* scratch_;
   std::size_t needed_ = 0;  ///< by start: the candidate at the window's front was judged; so many bytes decide
   detail::WaitingHead<Source> waiting_;  ///< by start: of what waits for needed_ bytes
-  std::size_t searched_ = 0;             ///< delimited: so many bytes of the window hold no closing delimiter
+  std::size_t searched_ = 0;             ///< delimiters: so many bytes of the window hold no end of the block
   std::size_t blamed_ = 0;               ///< so many bytes from here on belong to a candidate that failed
   Cause blame_ = Cause::no_start;
   bool overlong_ = false;  ///< inside a block that is longer than any frame

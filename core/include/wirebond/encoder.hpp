@@ -14,9 +14,8 @@ namespace wirebond {
 template <class Source>
 WIREBOND_INLINE constexpr std::size_t payload_lead(const Source& source, std::size_t layout = 0) {
   const FrameFormat& format = source.format();
-  const std::size_t opening = delimiter_bytes(format) == 2 ? 1 : 0;
   const std::size_t code = format.stuffing == Stuffing::cobs ? 1 : 0;
-  return opening + code + format.layouts[layout].prefix;
+  return opening_bytes(format) + code + format.layouts[layout].prefix;
 }
 
 namespace detail {
@@ -27,16 +26,22 @@ inline void write_hex(std::uint8_t* digits, std::uint64_t value, unsigned bytes)
   }
 }
 
+/// Returns the mark's size.
+inline std::size_t write_mark(const Mark& mark, std::uint8_t* to) {
+  to[0] = mark.first;
+  if (mark.size == 2) to[1] = mark.second;
+  return mark.size;
+}
+
 /// Put the delimiters around `size` bytes that lie behind payload_lead - prefix, stuffed where the format asks for it.
 inline std::size_t enclose(const FrameFormat& format, std::uint8_t* buffer, std::uint8_t* frame, std::size_t size) {
   std::size_t stuffed = size;
   if (format.stuffing == Stuffing::cobs) stuffed = cobs_encode_in_place(frame - 1, size);
   if (format.stuffing == Stuffing::escape) stuffed = escape_in_place(format.escapes, frame, size);
-  const std::size_t delimiters = delimiter_bytes(format);
-  if (delimiters == 0) return stuffed;
-  if (delimiters == 2) buffer[0] = format.opening;
-  buffer[delimiters - 1 + stuffed] = format.closing;
-  return stuffed + delimiters;
+  if (!has_marks(format)) return stuffed;
+  const std::size_t opening = opening_bytes(format);
+  if (opening != 0) write_mark(format.opening, buffer);
+  return opening + stuffed + write_mark(format.closing, buffer + opening + stuffed);
 }
 
 }  // namespace detail

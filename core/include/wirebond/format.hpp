@@ -102,14 +102,26 @@ struct Layout {
 enum class Framing : std::uint8_t {
   by_start,   ///< a frame is found by its first constant and its size
   delimited,  ///< a frame lies between two equal delimiters and cannot contain one; neighbours may share one
-  bracketed,  ///< the same with an opening and a closing delimiter that differ
+  bracketed,  ///< it lies between an opening and a closing delimiter that differ
   silence,    ///< a frame is what lies between two silences of the line
+};
+
+/// A delimiter of one or two bytes.
+struct Mark {
+  std::uint8_t size = 1;
+  std::uint8_t first = 0;
+  std::uint8_t second = 0;
+
+  WIREBOND_INLINE constexpr bool stands_at(const std::uint8_t* bytes, std::size_t available) const {
+    return available >= size && bytes[0] == first && (size == 1 || bytes[1] == second);
+  }
 };
 
 enum class Stuffing : std::uint8_t { none, cobs, escape };
 
 /// A byte that must not appear is sent as `escape` and a code: its value xor `exclusive_or` or, where that is 0, the
-/// code beside it in the table (SLIP). A receiver with `exclusive_or` takes any escaped byte (HDLC).
+/// code beside it in the table (SLIP). A receiver with `exclusive_or` takes any escaped byte (HDLC). Where the escape
+/// is the first byte of both delimiters it is doubled: its own code is the escape again (DLE).
 struct EscapeRule {
   std::uint8_t escape = 0;
   std::uint8_t exclusive_or = 0;
@@ -121,12 +133,13 @@ struct EscapeRule {
 struct FrameFormat {
   Framing framing = Framing::by_start;
   Stuffing stuffing = Stuffing::none;
-  std::uint8_t opening = 0;   ///< delimiter before a frame
-  std::uint8_t closing = 0;   ///< delimiter behind it
+  Mark opening{};             ///< delimiter before a frame
+  Mark closing{};             ///< delimiter behind it
   bool sends_opening = true;  ///< delimited: false where only the end of a frame is marked
   std::uint8_t layout_count = 1;
   std::uint8_t algorithm_count = 0;
   bool deliver_unknown = false;  ///< unknown ids and other payload sizes are frames, not false starts
+  bool skips_failed = false;     ///< a candidate that failed behind its header is not looked through again
   std::uint16_t max_payload = 0;
   std::array<Layout, max_layouts> layouts{};
   std::array<CheckAlgorithm, max_algorithms> algorithms{};
@@ -163,17 +176,25 @@ WIREBOND_INLINE constexpr std::size_t stuffing_overhead(const FrameFormat& forma
   return format.stuffing == Stuffing::cobs ? cobs_overhead(size) : format.stuffing == Stuffing::escape ? size : 0;
 }
 
-/// Delimiters that a sender puts around a frame.
+WIREBOND_INLINE constexpr bool has_marks(const FrameFormat& format) {
+  return format.framing == Framing::delimited || format.framing == Framing::bracketed;
+}
+
+/// Bytes that a sender puts before a frame.
+WIREBOND_INLINE constexpr std::size_t opening_bytes(const FrameFormat& format) {
+  return has_marks(format) && format.sends_opening ? format.opening.size : 0;
+}
+
+/// Bytes of the delimiters that a sender puts around a frame.
 WIREBOND_INLINE constexpr std::size_t delimiter_bytes(const FrameFormat& format) {
-  if (format.framing != Framing::delimited && format.framing != Framing::bracketed) return 0;
-  return format.sends_opening ? 2 : 1;
+  return has_marks(format) ? opening_bytes(format) + format.closing.size : 0;
 }
 
 /// Largest frame on the wire, delimiters included.
 WIREBOND_INLINE constexpr std::size_t max_wire_bytes(const FrameFormat& format) {
   const std::size_t frame = max_frame_bytes(format);
-  const bool marked = format.framing == Framing::delimited || format.framing == Framing::bracketed;
-  return frame + stuffing_overhead(format, frame) + (marked ? 2 : 0);
+  const std::size_t marks = has_marks(format) ? std::size_t{format.opening.size} + format.closing.size : 0;
+  return frame + stuffing_overhead(format, frame) + marks;
 }
 
 /// Wire bytes that a sender sets aside for a frame of its first layout: exact where nothing is stuffed, else the worst.
@@ -182,6 +203,15 @@ WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std:
   const std::size_t payload = layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : payload_size;
   const std::size_t frame = layout.prefix + payload + layout.suffix;
   return frame + delimiter_bytes(format) + stuffing_overhead(format, frame);
+}
+
+/// Bytes before the payload, of the layout that has most.
+WIREBOND_INLINE constexpr std::size_t longest_prefix(const FrameFormat& format) {
+  std::size_t longest = 0;
+  for (std::size_t i = 0; i < format.layout_count; ++i) {
+    if (format.layouts[i].prefix > longest) longest = format.layouts[i].prefix;
+  }
+  return longest;
 }
 
 /// The byte that every frame begins with; -1: there are several layouts, or it is not wholly constant.

@@ -212,7 +212,7 @@ def format_lines(plan: Plan) -> list[str]:
         f"format.stuffing = wirebond::Stuffing::{plan.stuffing};",
     ]
     if plan.framing in ("delimited", "bracketed"):
-        lines += [f"format.opening = 0x{plan.opening:02X};", f"format.closing = 0x{plan.closing:02X};"]
+        lines += [f"format.opening = {_mark(plan.opening)};", f"format.closing = {_mark(plan.closing)};"]
         lines += [] if plan.sends_opening else ["format.sends_opening = false;"]
     if plan.escapes is not None:
         escapes = plan.escapes
@@ -230,6 +230,8 @@ def format_lines(plan: Plan) -> list[str]:
         f"format.deliver_unknown = {'true' if plan.deliver_unknown else 'false'};",
         f"format.max_payload = {plan.max_payload};",
     ]
+    if plan.skips_failed:
+        lines.append("format.skips_failed = true;")
     for number, algorithm in enumerate(plan.algorithms):
         lines.append(f"format.algorithms[{number}] = {_algorithm(algorithm)};  // {comment_text(algorithm.name)}")
     for number, layout in enumerate(plan.layouts):
@@ -267,6 +269,10 @@ def format_lines(plan: Plan) -> list[str]:
             rule = f"{c.algorithm}, {places}, {c.bytes}, {order}, {c.shift}, {flags}, {c.continues}"
             lines.append(f"{to}.checks[{i}] = {{{rule}}};")
     return lines
+
+
+def _mark(delimiter: bytes) -> str:
+    return f"{{{len(delimiter)}, {', '.join(f'0x{byte:02X}' for byte in delimiter)}}}"
 
 
 def _bool(value: bool) -> str:

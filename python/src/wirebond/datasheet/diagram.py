@@ -35,8 +35,8 @@ def _around(frame: Frame) -> str:
         return f"silence  {inside}  silence"
     if frame.delimiter is None:
         return ""
-    opening = "" if frame.opening is None else f"{frame.opening:02X}  "
-    return f"{opening}{inside}  {frame.delimiter:02X}"
+    opening = "" if frame.opening is None else f"{hex_of(frame.opening)}  "
+    return f"{opening}{inside}  {hex_of(frame.delimiter)}"
 
 
 def _column(part: Part, longest_payload: int) -> tuple[str, str, str]:

@@ -97,12 +97,12 @@ def _ends(protocol: Protocol) -> list[str]:
         ]
     if frame.delimiter is None:
         return []
-    closing = f"{frame.delimiter:02X}"
+    closing = hex_of(frame.delimiter)
     if frame.opening is None:
-        return ["", f"A byte {closing} stands behind every frame."]
+        return ["", f"Behind every frame stands {closing}."]
     if frame.opening == frame.delimiter:
-        return ["", f"A byte {closing} stands before and after every frame; two frames may share one."]
-    return ["", f"A byte {frame.opening:02X} stands before every frame, and a byte {closing} behind it."]
+        return ["", f"Before and after every frame stands {closing}; two frames may share one."]
+    return ["", f"Before every frame stands {hex_of(frame.opening)}, and behind it {closing}."]
 
 
 def _stuffing(frame: Frame) -> list[str]:
@@ -111,6 +111,13 @@ def _stuffing(frame: Frame) -> list[str]:
     if frame.escapes is None:
         return []
     rule = frame.escapes
+    if rule.doubles:
+        return [
+            "",
+            f"Within the frame each byte `{rule.escape:02X}` is sent twice. Checks are taken before that. A receiver "
+            "takes the bytes of a frame in pairs from such a byte on, so that it tells the second of two from a "
+            "delimiter.",
+        ]
     if rule.exclusive_or:
         named = ", ".join(f"`{byte:02X}`" for byte, _ in rule.pairs)
         return [
@@ -225,12 +232,20 @@ def _after_a_failure(protocol: Protocol) -> list[str]:
         ]
     if frame.ends_by_silence:
         return [*lines, "Where a rule fails, drop all bytes up to the next silence.", ""]
-    if frame.delimiter is None:
+    if frame.delimiter is None or frame.opening not in (None, frame.delimiter):
+        search = [
+            "Where a rule fails, go on searching one byte after the start of what failed, not behind it: a good frame",
+            "may have begun inside.",
+        ]
+        if frame.is_strict:
+            search = [
+                "Where a rule fails behind the bytes that tell the frame's size, drop the whole frame; else go on",
+                "searching one byte after its start.",
+            ]
         return [
             *lines,
-            "Where a rule fails, go on searching one byte after the start of what failed, not behind it: a good frame",
-            f"may have begun inside. Give up a frame that stays incomplete for {idle} of silence, and look through its",
-            "bytes again in the same way.",
+            *search,
+            f"Give up a frame that stays incomplete for {idle} of silence, and look through its bytes in the same way.",
             "",
         ]
     return [*lines, "Where a rule fails, drop all bytes up to the next delimiter, which may begin a frame.", ""]

@@ -121,9 +121,9 @@ class _Stretches:
     def _with_delimiters(self, rows: tuple[Row, ...], start: int, begin: int, end: int, stop: int) -> tuple[Row, ...]:
         """The bytes around the content [begin, end) of what lies in [start, stop)."""
         marks = [
-            Row("delimiter", 0, at, self._data[at : at + 1], b"", text, State.GOOD)
-            for at, there, text in ((start, begin > start, "opens the frame"), (end, stop > end, "ends the frame"))
-            if there
+            Row("delimiter", 0, at, self._data[at:behind], b"", text, State.GOOD)
+            for at, behind, text in ((start, begin, "opens the frame"), (end, stop, "ends the frame"))
+            if behind > at
         ]
         return tuple(sorted((*marks, *rows), key=lambda row: row.offset))
 
@@ -251,7 +251,7 @@ class _Stretches:
     def _no_start(self) -> str:
         starts = start_bytes(self._protocol, self._sender)
         if self._protocol.frame.opening is not None:
-            starts = {self._protocol.frame.opening}
+            starts = {self._protocol.frame.opening[0]}
         known = " or ".join(f"{byte:02X}" for byte in sorted(starts)) if len(starts) <= 4 else "one of a few values"
         return f"no byte here begins a frame, which would be {known}"
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
-from wirebond.explain.judge import CONSTANTS, Judgement, Outcome, fixed_bits, forms, judge, payload_index
+from wirebond.explain.judge import CONSTANTS, Judgement, Outcome, fixed_bits, forms, hex_of, judge, payload_index
 from wirebond.explain.stuffing import Impossible, Unstuffed, overhead, plain, unstuff
 from wirebond.protocol.model import ByteOrder, End, PayloadRule, Protocol
 
@@ -102,9 +102,11 @@ def _by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
     result = Scan()
     starts = start_bytes(protocol, sender)
     longest = longest_frame(protocol, sender)
+    header = max(sum(p.size for p in form.parts[: payload_index(form.parts)]) for form in forms(protocol, sender))
     blame: Candidate | None = None
     at = 0
     while at < len(stream):
+        failed = 1
         if stream[at] in starts:
             data = stream[at : at + longest]
             judgement = judge(protocol, data, sender)
@@ -119,55 +121,78 @@ def _by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
             result.rejected[judgement.cause] += 1
             if blame is None or at + extent > max(blame.offset + blame.extent, at):
                 blame = candidate
-        result.blamed[at] = blame if blame is not None and at < blame.offset + blame.extent else None
-        at += 1
+            if protocol.frame.is_strict and extent > header:
+                failed = extent
+        for place in range(at, at + failed):
+            result.blamed[place] = blame if blame is not None and place < blame.offset + blame.extent else None
+        at += failed
     return result
 
 
-def _between_delimiters(protocol: Protocol, stream: bytes, sender: End | None, delimiter: int) -> Scan:
+def _between_delimiters(protocol: Protocol, stream: bytes, sender: End | None, delimiter: bytes) -> Scan:
     result = Scan()
     at = 0
     while at < len(stream):
-        lead = int(stream[at] == delimiter)
-        if lead and (at + 1 == len(stream) or stream[at + 1] == delimiter):
-            result.fill.append(at)
-            at += 1
+        lead = len(delimiter) * stream.startswith(delimiter, at)
+        if lead and (at + lead == len(stream) or stream.startswith(delimiter, at + lead)):
+            result.fill += range(at, at + lead)
+            at += lead
             continue
-        end = stream.find(bytes([delimiter]), at + lead)
+        end = stream.find(delimiter, at + lead)
         if end < 0:
             result.reject(_unended(protocol, stream, sender, at, at + lead, len(stream), delimiter))
             return result
-        judged = _judge_block(protocol, stream, sender, at, at + lead, end)
+        judged = _judge_block(protocol, stream, sender, at, at + lead, end, len(delimiter))
         if isinstance(judged, Found):
             result.frames.append(judged)
-            at = end + 1
+            at = end + len(delimiter)
         else:
             result.reject(judged)
             at = end
     return result
 
 
-def _in_brackets(protocol: Protocol, stream: bytes, sender: End | None, opening: int, closing: int) -> Scan:
+def _in_brackets(protocol: Protocol, stream: bytes, sender: End | None, opening: bytes, closing: bytes) -> Scan:
+    """Each opening delimiter begins a candidate, also one within a candidate that failed."""
     result = Scan()
-    longest = _longest_on_wire(protocol, sender)
+    blame: Candidate | None = None
     at = 0
     while at < len(stream):
-        if stream[at] != opening:
-            result.blamed[at] = None
-            at += 1
-            continue
-        end = next((i for i in range(at + 1, len(stream)) if stream[i] in (opening, closing)), len(stream))
-        if end == len(stream) or stream[end] == opening or end - at >= longest:
-            result.reject(_unended(protocol, stream, sender, at, at + 1, end, closing))
-            at = end
-            continue
-        judged = _judge_block(protocol, stream, sender, at, at + 1, end)
-        if isinstance(judged, Found):
-            result.frames.append(judged)
-        else:
-            result.reject(replace(judged, extent=end + 1 - at))  # the closing one opens nothing
-        at = end + 1
+        failed = 1
+        if stream.startswith(opening, at):
+            judged = _judge_bracket(protocol, stream, sender, at, opening, closing)
+            if isinstance(judged, Found):
+                result.frames.append(judged)
+                at += judged.size
+                continue
+            result.rejected[judged.cause] += 1
+            if blame is None or at + judged.extent > max(blame.offset + blame.extent, at):
+                blame = judged
+            failed = judged.extent if protocol.frame.is_strict else 1
+        for place in range(at, at + failed):
+            result.blamed[place] = blame if blame is not None and place < blame.offset + blame.extent else None
+        at += failed
     return result
+
+
+def _judge_bracket(
+    protocol: Protocol, stream: bytes, sender: End | None, at: int, opening: bytes, closing: bytes
+) -> Found | Candidate:
+    begin = at + len(opening)
+    limit = min(len(stream), at + _longest_on_wire(protocol, sender))
+    doubled = protocol.frame.escapes.escape if protocol.frame.escapes and protocol.frame.escapes.doubles else None
+    end = begin
+    while end < limit and not any(stream.startswith(mark, end, limit) for mark in (opening, closing)):
+        if stream[end] == doubled and end + 1 < limit and stream[end + 1] != doubled:
+            reason = f"at {end}: {stream[end]:02X} {stream[end + 1]:02X} is neither a delimiter nor a doubled byte"
+            return Candidate(at, end + 2 - at, "bad_stuffing", begin, end + 2, reason=reason)
+        end += 2 if stream[end] == doubled else 1
+    if end >= limit or stream.startswith(opening, end, limit):
+        return _unended(protocol, stream, sender, at, begin, min(end, limit), closing)
+    judged = _judge_block(protocol, stream, sender, at, begin, end, len(closing))
+    if isinstance(judged, Found):
+        return judged
+    return replace(judged, extent=end + len(closing) - at)
 
 
 def _between_silences(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
@@ -175,7 +200,7 @@ def _between_silences(protocol: Protocol, stream: bytes, sender: End | None) -> 
     result = Scan()
     if not stream:
         return result
-    judged = _judge_block(protocol, stream, sender, 0, 0, len(stream), closed=False)
+    judged = _judge_block(protocol, stream, sender, 0, 0, len(stream), 0)
     if isinstance(judged, Found):
         result.frames.append(judged)
     else:
@@ -185,25 +210,28 @@ def _between_silences(protocol: Protocol, stream: bytes, sender: End | None) -> 
 
 def _longest_on_wire(protocol: Protocol, sender: End | None) -> int:
     longest = longest_frame(protocol, sender)
-    return longest + overhead(protocol.frame, longest) + 2
+    closing = protocol.frame.delimiter or b""
+    return longest + overhead(protocol.frame, longest) + len(protocol.frame.opening or closing) + len(closing)
 
 
 def _unended(
-    protocol: Protocol, stream: bytes, sender: End | None, offset: int, begin: int, end: int, closing: int
+    protocol: Protocol, stream: bytes, sender: End | None, offset: int, begin: int, end: int, closing: bytes
 ) -> Candidate:
     size, longest = end - offset, _longest_on_wire(protocol, sender)
+    mark = hex_of(closing)
     cause = "length_out_of_range" if size >= longest else "incomplete"
     reason = f"{size} bytes without a delimiter; the largest frame has {longest}"
     if size < longest:
-        reason = f"the delimiter {closing:02X} that ends the frame is missing"
+        reason = f"the delimiter {mark} that ends the frame is missing"
         if end < len(stream):
-            reason = f"another frame opens at {end}, before the delimiter {closing:02X} that ends this one"
+            reason = f"another frame opens at {end}, before the delimiter {mark} that ends this one"
     return Candidate(offset, size, cause, begin, end, reason=reason)
 
 
 def _judge_block(
-    protocol: Protocol, stream: bytes, sender: End | None, offset: int, begin: int, end: int, *, closed: bool = True
+    protocol: Protocol, stream: bytes, sender: End | None, offset: int, begin: int, end: int, closing: int
 ) -> Found | Candidate:
+    """``closing``: bytes of the delimiter behind the block."""
     frame = protocol.frame
     block = stream[begin:end]
     longest = longest_frame(protocol, sender)
@@ -218,5 +246,5 @@ def _judge_block(
         return Candidate(offset, extent, "bad_stuffing", begin, end, reason=reason)
     judgement = judge(protocol, content.data, sender, whole=True)
     if judgement.is_frame:
-        return Found(offset, end + closed - offset, judgement, content, begin)
+        return Found(offset, end + closing - offset, judgement, content, begin)
     return Candidate(offset, extent, judgement.cause, begin, end, judgement, content)

@@ -67,7 +67,7 @@ def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
         size = math.ceil(size * (1 + len(frame.escapes.pairs) / 256))
     if frame.ends_by_silence:
         size += math.ceil(protocol.idle_seconds * protocol.link.baud / protocol.link.bits_per_byte)
-    return size + (frame.opening is not None) + (frame.delimiter is not None)
+    return size + len(frame.opening or b"") + len(frame.delimiter or b"")
 
 
 def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | None:

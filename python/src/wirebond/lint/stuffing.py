@@ -41,7 +41,8 @@ def measure_inserted_zero(codec: Codec, seed: int) -> InsertedZero | None:
     if frame_format.stuffing == "none":
         return None
     zero = _stuffed_zero(frame_format)
-    opening = frame_format.opening is not None
+    opening = len(frame_format.opening or b"")
+    closing = len(frame_format.delimiter or b"")
     own, any_size = Measured(0, 0), Measured(0, 0)
     for end in senders(codec.model):
         frames = pool(codec, end, seed, _FRAMES)
@@ -50,7 +51,7 @@ def measure_inserted_zero(codec: Codec, seed: int) -> InsertedZero | None:
             continue
         open_codec = Codec(model)
         for frame in frames.frames:
-            for damaged in (frame[:opening] + zero + frame[opening:], frame[:-1] + zero + frame[-1:]):
+            for damaged in (frame[:opening] + zero + frame[opening:], frame[:-closing] + zero + frame[-closing:]):
                 own += Measured(1, codec.decode_columns(damaged, end).stats.frames)
                 any_size += Measured(1, open_codec.decode_columns(damaged, end).stats.frames)
     return InsertedZero(own, any_size)

@@ -30,8 +30,8 @@ STRONG_CHECK_BITS = 16  # from here on a frame of unknown id is taken for a newe
 class Envelope:
     """What stands around the parts: delimiters, stuffing, silence."""
 
-    delimiter: int | None = None
-    opening: int | None = None
+    delimiter: bytes | None = None
+    opening: bytes | None = None
     stuffing: str = "none"
     escapes: Escapes | None = None
     silence: float | None = None  # seconds
@@ -231,7 +231,16 @@ def delivers_unknown(draft: Draft, unknown: str | None, problems: Problems, plac
     return draft.is_strong if unknown is None else unknown == "deliver"
 
 
-def finish(draft: Draft, max_payload: int, deliver_unknown: bool) -> Frame:
+def skips_failed(draft: Draft, resync: str, problems: Problems, place: Place) -> bool:
+    envelope = draft.envelope
+    brackets = envelope.opening is not None and envelope.opening != envelope.delimiter
+    by_start = envelope.delimiter is None and envelope.silence is None
+    if resync == "strict" and not by_start and not brackets:
+        problems.add(place, "a failed frame ends at its delimiter or silence here, and is skipped; remove `resync`")
+    return resync == "strict"
+
+
+def finish(draft: Draft, max_payload: int, deliver_unknown: bool, is_strict: bool) -> Frame:
     return Frame(
         parts=draft.parts,
         max_payload=max_payload,
@@ -241,4 +250,5 @@ def finish(draft: Draft, max_payload: int, deliver_unknown: bool) -> Frame:
         stuffing=draft.envelope.stuffing,
         escapes=draft.envelope.escapes,
         ends_by_silence=draft.envelope.silence is not None,
+        is_strict=is_strict,
     )

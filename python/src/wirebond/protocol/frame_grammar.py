@@ -13,6 +13,7 @@ from wirebond.protocol.scalars import (
     Bool,
     CheckName,
     ConstantBytes,
+    DelimiterBytes,
     Duration,
     LengthOffset,
     MagicBytes,
@@ -161,11 +162,11 @@ class TailPart(PartSyntax):
 
 
 class DelimiterPart(Syntax):
-    """The byte before and after every frame."""
+    """The byte, or the two, before and after every frame."""
 
     noun = "a `delimiter` part"
-    delimiter: OneByte = Field(
-        description="The byte that stands before and after every frame; first and last part.",
+    delimiter: DelimiterBytes = Field(
+        description="The byte, or the two, that stand before and after every frame; first and last part.",
         examples=["0x00"],
     )
 
@@ -282,7 +283,7 @@ class CheckPart(PartSyntax):
 _INNER = (
     "magic", "constant", "tail", "length", "id", "payload", "reserved", "field", "sequence", "bits", "check",
 )  # fmt: skip
-_OUTER = (*_INNER, "delimiter", "cobs", "slip", "hdlc", "escaped", "silence")
+_OUTER = (*_INNER, "delimiter", "cobs", "slip", "hdlc", "doubled", "escaped", "silence")
 
 
 def _part_key(value: object) -> str:
@@ -364,6 +365,17 @@ class HdlcPart(Syntax):
     )
 
 
+class DoubledPart(Syntax):
+    """Parts in which the delimiters' first byte is doubled."""
+
+    noun = "a `doubled` part"
+    doubled: InnerParts = Field(
+        description="The parts between delimiters of two bytes that begin alike (DLE STX, DLE ETX): this first byte "
+        "is sent twice where it stands among them.",
+        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
+    )
+
+
 class Escaped(Syntax):
     """An escape rule of one's own."""
 
@@ -410,6 +422,7 @@ Part = Annotated[
     | Annotated[CheckPart, Tag("part:check")]
     | Annotated[SlipPart, Tag("part:slip")]
     | Annotated[HdlcPart, Tag("part:hdlc")]
+    | Annotated[DoubledPart, Tag("part:doubled")]
     | Annotated[EscapedPart, Tag("part:escaped")]
     | Annotated[SilencePart, Tag("part:silence")]
     | Annotated[CobsPart, Tag("part:cobs")],

@@ -7,15 +7,12 @@ from dataclasses import replace
 from wirebond.protocol import algorithms, plan
 from wirebond.protocol.document import Mapping, Node, Sequence
 from wirebond.protocol.draft import Draft, Envelope
+from wirebond.protocol.envelope import read_envelope, stuffed_parts
 from wirebond.protocol.frame_grammar import (
     BitsPart,
     CheckPart,
-    CobsPart,
     ConstantPart,
-    DelimiterPart,
-    EscapedPart,
     FieldPart,
-    HdlcPart,
     IdPart,
     LengthPart,
     MagicPart,
@@ -23,8 +20,6 @@ from wirebond.protocol.frame_grammar import (
     PayloadPart,
     ReservedPart,
     SequencePart,
-    SilencePart,
-    SlipPart,
     TailPart,
 )
 from wirebond.protocol.frame_grammar import Check as CheckSyntax
@@ -35,7 +30,6 @@ from wirebond.protocol.model import (
     ByteOrder,
     Condition,
     End,
-    Escapes,
     LengthCounts,
     Part,
     PartKind,
@@ -72,7 +66,7 @@ class _FrameReader:
         self._good = False
 
     def read(self, outer: list[tuple[Syntax, Node]], place: Place) -> Draft | None:
-        envelope = self._envelope(outer)
+        envelope = read_envelope(outer, self._wrong)
         if not self._good:
             return None
         inner: list[tuple[PartSyntax, Mapping]] = []
@@ -100,97 +94,6 @@ class _FrameReader:
         if self._good:
             self._check_whole(draft, place)
         return draft if self._good else None
-
-    # ---- delimiters, stuffing, silence ----
-
-    def _envelope(self, outer: list[tuple[Syntax, Node]]) -> Envelope:
-        stuffed = [(syntax, node) for syntax, node in outer if stuffed_parts(syntax, node) is not None]
-        marks = [(i, syntax, node) for i, (syntax, node) in enumerate(outer) if isinstance(syntax, DelimiterPart)]
-        silences = [(i, syntax, node) for i, (syntax, node) in enumerate(outer) if isinstance(syntax, SilencePart)]
-        if silences:
-            return self._silence(outer, silences, bool(marks or stuffed))
-        if not marks:
-            if stuffed:
-                self._wrong(stuffed[0][1].place, f"stuffing needs a delimiter before and behind it; {_advice(stuffed)}")
-            return Envelope()
-        places = [i for i, _, _ in marks]
-        if places not in ([0, len(outer) - 1], [len(outer) - 1]) or len(outer) < 2:
-            self._wrong(
-                marks[0][2].place,
-                "delimiters are the frame's first and its last part, or its last alone, and stand nowhere else; "
-                + _advice(stuffed),
-            )
-            return Envelope()
-        closing, opening = marks[-1][1].delimiter[0], marks[0][1].delimiter[0] if len(marks) == 2 else None
-        if len(stuffed) > 1:
-            self._wrong(stuffed[1][1].place, "a frame has one group of stuffed parts; put all parts into the first")
-        elif stuffed:
-            for syntax, node in outer:
-                if isinstance(syntax, PartSyntax):
-                    self._wrong(
-                        node.place,
-                        "between delimiters every part stands within the stuffed ones, lest it contain one; "
-                        + _advice(stuffed),
-                    )
-                    break
-        kind, escapes = self._stuffing(stuffed[0] if stuffed else None, marks, opening, closing)
-        return Envelope(closing, opening, kind, escapes)
-
-    def _silence(
-        self, outer: list[tuple[Syntax, Node]], silences: list[tuple[int, SilencePart, Node]], others: bool
-    ) -> Envelope:
-        index, syntax, node = silences[0]
-        if index != len(outer) - 1 or len(silences) > 1:
-            self._wrong(node.place, "the silence ends the frame; make it the one last part")
-        if others:
-            self._wrong(node.place, "a frame ends by silence or by a delimiter; remove one of the two")
-        return Envelope(silence=syntax.silence)
-
-    def _stuffing(
-        self,
-        stuffed: tuple[Syntax, Node] | None,
-        marks: list[tuple[int, DelimiterPart, Node]],
-        opening: int | None,
-        closing: int,
-    ) -> tuple[str, Escapes | None]:
-        if stuffed is None:
-            return "none", None
-        syntax, _ = stuffed
-        bytes_of: dict[type[Syntax], tuple[int, str]] = {
-            CobsPart: (0x00, "COBS"),
-            SlipPart: (0xC0, "SLIP"),
-            HdlcPart: (0x7E, "HDLC"),
-        }
-        wanted = bytes_of.get(type(syntax))
-        if wanted is not None:
-            for _, mark, node in marks:
-                if mark.delimiter[0] != wanted[0] and isinstance(node, Mapping):
-                    self._wrong(
-                        node.value_place("delimiter"),
-                        f"{wanted[1]} frees a frame of 0x{wanted[0]:02X} and of no other delimiter; "
-                        f"write 0x{wanted[0]:02X}",
-                    )
-        if isinstance(syntax, CobsPart):
-            return "cobs", None
-        if isinstance(syntax, SlipPart):
-            return "escape", Escapes(0xDB, 0, ((0xC0, 0xDC), (0xDB, 0xDD)))
-        if isinstance(syntax, HdlcPart):
-            return "escape", Escapes(0x7D, 0x20, ((0x7E, 0x5E), (0x7D, 0x5D)))
-        assert isinstance(syntax, EscapedPart)
-        rule = syntax.escaped
-        escape, xor = rule.escape[0], rule.xor[0]
-        plain = dict.fromkeys([closing, *([opening] if opening is not None else []), escape, *(rule.also or b"")])
-        place = marks[0][2].place
-        if len(plain) > plan.MAX_ESCAPES:
-            self._wrong(place, f"{len(plain)} bytes are stuffed; at most {plan.MAX_ESCAPES} are possible")
-        codes = {byte ^ xor for byte in plain}
-        if xor == 0 or escape in (closing, opening) or codes & {closing, opening}:
-            self._wrong(
-                place,
-                "this escape rule can put a delimiter on the line; take an escape byte that is no delimiter, and "
-                "an xor after which no stuffed byte is one",
-            )
-        return "escape", Escapes(escape, xor, tuple((byte, byte ^ xor) for byte in plain))
 
     # ---- names and ranges ----
 
@@ -479,34 +382,6 @@ def _holder(parts: list[Part], kind: PartKind, role: BitRole) -> int | None:
         if part.kind == kind or any(run.role == role for run in part.bits):
             return index
     return None
-
-
-def stuffed_parts(syntax: Syntax, node: Node) -> list[tuple[PartSyntax, Mapping]] | None:
-    """The parts within a stuffed group, with their places; None for anything else."""
-    if not isinstance(node, Mapping):
-        return None
-    items: Node | None
-    if isinstance(syntax, EscapedPart):
-        options = node.get("escaped")
-        items = options.get("parts") if isinstance(options, Mapping) else None
-        parts = syntax.escaped.parts
-    elif isinstance(syntax, CobsPart):
-        items, parts = node.get("cobs"), syntax.cobs
-    elif isinstance(syntax, SlipPart):
-        items, parts = node.get("slip"), syntax.slip
-    elif isinstance(syntax, HdlcPart):
-        items, parts = node.get("hdlc"), syntax.hdlc
-    else:
-        return None
-    assert isinstance(items, Sequence)
-    return [(part, item) for part, item in zip(parts, items.items, strict=True) if isinstance(item, Mapping)]
-
-
-def _advice(stuffed: list[tuple[Syntax, Node]]) -> str:
-    """How a delimited frame is written, with the stuffing that stands there."""
-    kinds: dict[type[Syntax], tuple[str, str]] = {SlipPart: ("0xC0", "slip"), HdlcPart: ("0x7E", "hdlc")}
-    byte, word = kinds.get(type(stuffed[0][0]), ("0x00", "cobs")) if stuffed else ("0x00", "cobs")
-    return f"write `- delimiter: {byte}`, `- {word}: [...]`, `- delimiter: {byte}`"
 
 
 def _lower(syntax: PartSyntax, order: ByteOrder) -> Part:

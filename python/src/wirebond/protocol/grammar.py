@@ -225,6 +225,12 @@ class File(Syntax):
         "unless said where a check of 16 bits or more covers id, length and payload.",
         examples=["deliver"],
     )
+    resync: Annotated[str, one_word("rescan", "strict")] = Field(
+        "rescan",
+        description="What follows a failed candidate: its bytes from the second on are looked through, or, where its "
+        "size was known, it is skipped whole (`strict`).",
+        examples=["strict"],
+    )
     byte_order: Annotated[str, one_word("little", "big")] = Field(
         "little", description="Byte order of all numbers that name none.", examples=["little"]
     )

@@ -31,8 +31,8 @@ def _form(protocol: Protocol) -> dict[str, Any]:
     frame = protocol.frame
     return {
         "form": _CANONICAL_FORM,
-        "delimiter": frame.delimiter,
-        "opening": frame.opening,
+        "delimiter": _mark(frame.delimiter),
+        "opening": _mark(frame.opening),
         "escapes": None if frame.escapes is None else [*vars(frame.escapes).values()],
         "silence": frame.ends_by_silence,
         "stuffing": frame.stuffing,
@@ -40,6 +40,13 @@ def _form(protocol: Protocol) -> dict[str, Any]:
         "messages": {message.name: _message(message) for message in protocol.messages},
         "services": {service.name: dict(service.messages) for service in protocol.services},
     }
+
+
+def _mark(delimiter: bytes | None) -> int | str | None:
+    """One byte is a number, as it was before there were two."""
+    if delimiter is None:
+        return None
+    return delimiter[0] if len(delimiter) == 1 else delimiter.hex()
 
 
 def _part(part: Part) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import os
 
 from wirebond.protocol import document, references
 from wirebond.protocol.document import Mapping, Node, Scalar
-from wirebond.protocol.draft import check_sizes, delivers_unknown, finish
+from wirebond.protocol.draft import check_sizes, delivers_unknown, finish, skips_failed
 from wirebond.protocol.examples import read_examples
 from wirebond.protocol.frames import read_frame
 from wirebond.protocol.grammar import File, Link
@@ -58,9 +58,10 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
         return None
     max_payload = check_sizes(draft, messages, file.max_payload, problems, root.value_place("max_payload"))
     deliver_unknown = delivers_unknown(draft, file.unknown, problems, root.value_place("unknown"))
+    is_strict = skips_failed(draft, file.resync, problems, root.value_place("resync"))
     return Protocol(
         name=file.protocol,
-        frame=finish(draft, max_payload, deliver_unknown),
+        frame=finish(draft, max_payload, deliver_unknown, is_strict),
         messages=tuple(entry.message for entry in messages.values() if entry.message is not None),
         link=_link(file.link),
         deadlines=deadlines,

@@ -286,6 +286,11 @@ class Escapes:
     exclusive_or: int
     pairs: tuple[tuple[int, int], ...]
 
+    @property
+    def doubles(self) -> bool:
+        """Is the one stuffed byte sent twice? It is the first byte of both delimiters then."""
+        return self.pairs == ((self.escape, self.escape),)
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -294,11 +299,12 @@ class Frame:
     parts: tuple[Part, ...]
     max_payload: int
     deliver_unknown: bool
-    delimiter: int | None = None  # behind a frame
+    delimiter: bytes | None = None  # behind a frame
     stuffing: str = "none"  # none, cobs, escape
-    opening: int | None = None  # delimiter before a frame; None: only its end is marked
+    opening: bytes | None = None  # delimiter before a frame; None: only its end is marked
     escapes: Escapes | None = None
     ends_by_silence: bool = False
+    is_strict: bool = False  # a candidate that failed behind its header is not looked through again
 
     def part(self, kind: PartKind) -> Part | None:
         return next((p for p in self.parts if p.kind == kind), None)
@@ -396,7 +402,8 @@ class Protocol:
             size += 1 + size // 254
         if self.frame.stuffing == "escape":
             size *= 2
-        return size + (2 if self.frame.delimiter is not None else 0)
+        delimiter = self.frame.delimiter or b""
+        return size + len(self.frame.opening or delimiter) + len(delimiter)
 
     @property
     def idle_seconds(self) -> float:

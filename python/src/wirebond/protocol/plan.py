@@ -120,12 +120,13 @@ class Plan:
     """
 
     framing: str  # by_start, delimited, bracketed, silence
-    opening: int
-    closing: int
+    opening: bytes
+    closing: bytes
     sends_opening: bool
     stuffing: str
     escapes: Escapes | None
     deliver_unknown: bool
+    skips_failed: bool
     max_payload: int
     layouts: tuple[Layout, ...]
     algorithms: tuple[Algorithm, ...]
@@ -143,12 +144,13 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     ]
     return Plan(
         framing=_framing(protocol),
-        opening=frame.opening or 0,
-        closing=frame.delimiter or 0,
+        opening=frame.opening or frame.delimiter or b"",
+        closing=frame.delimiter or b"",
         sends_opening=frame.opening is not None,
         stuffing=frame.stuffing,
         escapes=frame.escapes,
         deliver_unknown=frame.deliver_unknown,
+        skips_failed=frame.is_strict,
         max_payload=frame.max_payload,
         layouts=layouts(frame.parts, sender),
         algorithms=tuple(_algorithms(frame.parts)),

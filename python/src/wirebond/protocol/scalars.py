@@ -204,6 +204,7 @@ def _bytes_type(most: int) -> Any:
 
 
 OneByte = Annotated[bytes, _bytes_type(1)]
+DelimiterBytes = Annotated[bytes, _bytes_type(2)]
 MagicBytes = Annotated[bytes, _bytes_type(4)]
 ConstantBytes = Annotated[bytes, _bytes_type(16)]
 

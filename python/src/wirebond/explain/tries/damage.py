@@ -94,12 +94,12 @@ def without_delimiters(case: Case) -> Tries:
     frame = case.protocol.frame
     if frame.delimiter is None:
         return
-    closing = bytes([frame.delimiter])
-    opening = b"" if frame.opening is None else bytes([frame.opening])
+    closing = frame.delimiter
+    opening = frame.opening or b""
     inner = case.block.removeprefix(opening).removesuffix(closing)
     if closing not in inner and (not opening or opening not in inner):
-        before = f"{opening.hex().upper()} comes before and " if opening else ""
-        text = f"{before}{closing.hex().upper()} behind these bytes"
+        before = f"{opening.hex(' ').upper()} comes before and " if opening else ""
+        text = f"{before}{closing.hex(' ').upper()} behind these bytes"
         yield _changed(case, inner, text, "give the delimiters too: they are part of the frame")
     if frame.stuffing != "none":
         how = f"the sender must stuff it ({frame.stuffing}), and put the delimiters around it"

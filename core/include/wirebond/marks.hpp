@@ -1,0 +1,63 @@
+// Delimiters in a run of bytes: where one stands, and where a block between two of them ends. No frame is judged here.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "wirebond/format.hpp"
+
+namespace wirebond::detail {
+
+/// The first place from `from` on where `mark` stands whole; `size` where none does.
+inline std::size_t find_mark(const Mark& mark, const std::uint8_t* bytes, std::size_t from, std::size_t size) {
+  while (from + mark.size <= size) {
+    const void* const found = std::memchr(bytes + from, mark.first, size + 1 - mark.size - from);
+    if (found == nullptr) break;
+    from = static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - bytes);
+    if (mark.stands_at(bytes + from, size - from)) return from;
+    ++from;
+  }
+  return size;
+}
+
+/// How a block ends that begins with an opening delimiter, and where.
+struct BlockEnd {
+  enum Kind {
+    closing,  ///< by the closing delimiter at `at`
+    opening,  ///< not: another opening delimiter stands at `at`, and is a better candidate
+    no_pair,  ///< not: so many bytes were looked at, and the last two are no pair that a sender makes
+    open,     ///< not yet: the search goes on from `at`
+  };
+  Kind kind;
+  std::size_t at;
+};
+
+WIREBOND_INLINE bool begins_long_mark(const FrameFormat& format, std::uint8_t byte) {
+  return (format.closing.size == 2 && byte == format.closing.first) ||
+         (format.opening.size == 2 && byte == format.opening.first);
+}
+
+/// `size` bytes at `block`; `from`: the place that an earlier search of the same block ended at, or 0.
+/// Where the delimiters' first byte is doubled among the data, a pair is told from a delimiter by counting from the
+/// block's start.
+inline BlockEnd find_block_end(const FrameFormat& format, const std::uint8_t* block, std::size_t from,
+                               std::size_t size) {
+  const bool doubles = format.stuffing == Stuffing::escape && format.escapes.escape == format.opening.first;
+  std::size_t at = from > format.opening.size ? from : format.opening.size;
+  while (at < size) {
+    if (format.closing.stands_at(block + at, size - at)) return {BlockEnd::closing, at};
+    if (format.opening.stands_at(block + at, size - at)) return {BlockEnd::opening, at};
+    if (doubles && block[at] == format.escapes.escape) {
+      if (at + 1 == size) break;
+      if (block[at + 1] != format.escapes.escape) return {BlockEnd::no_pair, at + 2};
+      ++at;
+    } else if (at + 1 == size && begins_long_mark(format, block[at])) {
+      break;  // the next byte tells
+    }
+    ++at;
+  }
+  return {BlockEnd::open, at};
+}
+
+}  // namespace wirebond::detail
