@@ -81,7 +81,7 @@ def test_enterprize_checks_its_header_before_its_whole() -> None:
 
 def test_native_lies_between_zeros_and_names_its_services() -> None:
     protocol = load(PROTOCOLS / "native.yaml")
-    assert (protocol.frame.delimiter, protocol.frame.stuffing, protocol.frame.max_payload) == (0, "cobs", 64)
+    assert (protocol.frame.delimiter, protocol.frame.stuffing, protocol.frame.max_payload) == (b"\x00", "cobs", 64)
     assert [service.name for service in protocol.services] == ["hello", "ping", "clock", "log", "parameter"]
     parameter = protocol.service("parameter")
     assert parameter is not None

@@ -61,9 +61,7 @@ def read_envelope(outer: Outer, wrong: Wrong) -> Envelope:
     return Envelope(reader.closing, reader.opening, kind, escapes)
 
 
-def _silence(
-    outer: Outer, silences: list[tuple[int, SilencePart, Node]], others: bool, wrong: Wrong
-) -> Envelope:
+def _silence(outer: Outer, silences: list[tuple[int, SilencePart, Node]], others: bool, wrong: Wrong) -> Envelope:
     index, syntax, node = silences[0]
     if index != len(outer) - 1 or len(silences) > 1:
         wrong(node.place, "the silence ends the frame; make it the one last part")
