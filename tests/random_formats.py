@@ -1,92 +1,407 @@
-"""Random protocol files: every part of the frame vocabulary, in every place where it may stand."""
+"""Random protocol files: every part of the frame vocabulary, in every place where it may stand.
+
+Fields of messages are drawn by ``random_fields``.
+"""
 
 from __future__ import annotations
 
 import random
+from dataclasses import dataclass, field
 
-CHECKS = [
-    "xor8", "sum8", "sum8-inverted", "sum8-negated", "sum16", "sum32", "fletcher-16", "fletcher-16/mod256",
-    "crc-8/smbus", "crc-16/mcrf4xx", "crc-16/ibm-sdlc", "crc-16/xmodem", "crc-24/openpgp", "crc-32/iso-hdlc",
-    "crc-64/xz", "{type: crc, width: 16, poly: 0x8005, init: 0x1234, refin: true, refout: false, xorout: 0x00FF}",
-]  # fmt: skip
-FIELD_TYPES = ["u8", "i8", "u16", "i16be", "u24", "i24be", "u32be", "i32", "f32", "f64be", "bool", "u64", "i64be"]
-NUMBERS = ["u8", "u16", "u16be", "u24", "u32be"]
+from tests.random_fields import FieldSource, Vary
+
+# Checks and their bytes.
+SHORT_CHECKS = {
+    "xor8": 1, "sum8": 1, "sum8-inverted": 1, "sum8-negated": 1, "sum16": 2, "sum16-inverted": 2, "sum16-negated": 2,
+    "fletcher-16": 2, "fletcher-16/mod256": 2, "crc-8/smbus": 1, "crc-16/mcrf4xx": 2, "crc-16/ibm-sdlc": 2,
+    "crc-16/xmodem": 2,
+}  # fmt: skip
+CHECKS = SHORT_CHECKS | {
+    "sum32": 4, "crc-24/openpgp": 3, "crc-32/iso-hdlc": 4, "crc-32/bzip2": 4, "crc-64/xz": 8,
+    "crc, width: 16, poly: 0x8005, init: 0x1234, refin: true, refout: false, xorout: 0x00FF": 2,
+    "crc, width: 24, poly: 0x5D6DCB, init: 0xFEDCBA, refin: false, refout: true": 3,
+    "crc, width: 8, poly: 0x9B, xorout: 0xFF": 1,
+}  # fmt: skip
+NUMBERS = ("u8", "u8", "u16", "u16be", "u24", "u24le", "u32", "u32be")
+ROOM = 40  # most payload bytes of a message
+
+
+@dataclass
+class Part:
+    """One part: its key and value, and what stands beside them."""
+
+    kind: str
+    value: str
+    size: int
+    options: list[str] = field(default_factory=list)
+    name: str = ""
+    first: int = 0  # of a check: what it covers
+    last: int = 0
+
+    @property
+    def text(self) -> str:
+        name = [f"name: {self.name}"] if self.name and self.kind != "field" else []
+        return "{" + ", ".join([f"{self.kind}: {self.value}", *self.options, *name]) + "}"
 
 
 def random_protocol(source: random.Random, number: int) -> str:
-    """The text of a protocol file that loads."""
-    framing = source.choice(["start", "start", "start", "cobs", "slip", "hdlc", "escaped", "lines"])
-    lines = ["wirebond: 1", f"protocol: random_{number}", f"byte_order: {source.choice(['little', 'big'])}", "frame:"]
-    delimited = framing != "start"
-    parts, rule = _parts(source, delimited)
-    if framing == "start":
-        lines += [f"  - {part}" for part in parts]
-    elif framing == "lines":  # nothing is stuffed: the test's streams show what is lost then
-        lines += [f"  - {part}" for part in parts] + ["  - delimiter: 0x0A"]
-    else:
-        byte = {"cobs": "0x00", "slip": "0xC0", "hdlc": "0x7E", "escaped": "0x02"}[framing]
-        closing = "0x03" if framing == "escaped" else byte
-        lines += [f"  - delimiter: {byte}"] if framing == "escaped" or source.random() < 0.8 else []
-        inner = ", ".join(f"{{{part}}}" if not part.startswith("{") else part for part in parts)
-        stuffed = f"{{escape: 0x1B, xor: 0x40, parts: [{inner}]}}" if framing == "escaped" else f"[{inner}]"
-        lines += [f"  - {framing}: {stuffed}", f"  - delimiter: {closing}"]
-    lines += _messages(source, rule)
-    return "\n".join(lines) + "\n"
+    """The text of a protocol file; nearly always of one that loads."""
+    return _FormatSource(source).text(number)
 
 
-def _parts(source: random.Random, delimited: bool) -> tuple[list[str], str]:
-    """The parts in wire order, and how the payload's size is known."""
-    parts: list[str] = []
-    if not delimited or source.random() < 0.3:
-        magic = " ".join(f"0x{source.randrange(256):02X}" for _ in range(source.randint(1, 3)))
-        parts.append(f"magic: {magic}")
-    rule = "rest" if delimited and source.random() < 0.8 else source.choice(["by_length", "by_length", "by_id", "24"])
-    header = ["{field: station, type: u8, default: 3}", "reserved: 1", "sequence: u8", "constant: 0x5A"]
-    header = source.sample(header, source.randint(0, 3))
-    flagged = source.random() < 0.3
-    if flagged:
-        header.append("{bits: u8, fields: {stamped: 1, spare: 3, version: {bits: 2, constant: 2}, rank: 2}}")
-    id_late = rule != "by_id" and source.random() < 0.15
-    if not id_late:
-        header.insert(source.randint(0, len(header)), f"id: {source.choice(NUMBERS)}")
-    if rule == "by_length":
-        counts = source.choice(["payload", "payload", "rest", "self_and_rest", "frame"])
-        offset = source.choice([0, 0, 1, 4])
-        kind = source.choice(NUMBERS)
-        header.insert(source.randint(0, len(header)), f"length: {{type: {kind}, counts: {counts}, offset: {offset}}}")
-    parts += header
-    if parts and source.random() < 0.3:
-        parts.append(f"{{check: {source.choice(CHECKS[:12])}, name: header_check}}")
-    if flagged:
-        parts.append("{reserved: 4, name: stamp, when: stamped & 0x01}")
-    trims = rule in ("rest", "by_length") and source.random() < 0.15
-    parts.append(f"{{payload: {rule}, trim_zeros: true}}" if trims else f"payload: {rule}")
-    if id_late:
-        parts.append("id: u16")
-    check = source.choice(CHECKS)
-    parts.append(f"check: {check}")
-    if source.random() < 0.3:
-        parts.append("tail: 0x0D 0x55")
-    return parts, rule
+class _FormatSource:
+    def __init__(self, source: random.Random) -> None:
+        self._random = source
+        framings = ["start"] * 5 + ["cobs", "cobs", "slip", "hdlc", "escaped", "lines", "brackets", "silence"]
+        self._framing = source.choice(framings)
+        self._has_end = self._framing != "start"
+        self._rule = "rest" if self._has_end and source.random() < 0.7 else self._sized_rule()
+        self._id = source.choice(["part"] * 8 + ["bits", "bits", "late", "late", "magic", "none"])
+        if self._rule == "by_id" and self._id in ("late", "none"):
+            self._id = "part"
+        self._id_bits = 0
+        self._length = source.choice(("part", "part", "part", "bits", "magic"))
+        self._unit = 1
+        self._magics: list[str] = []
+        self._parts: list[Part] = []
+        self._fields: list[tuple[str, int]] = []  # of the header, with their bits
+        self._conditions = 0
+        self._seeded = False
 
+    def _sized_rule(self) -> str:
+        return self._random.choice(("by_length", "by_length", "by_length", "by_id", "fixed"))
 
-def _messages(source: random.Random, rule: str) -> list[str]:
-    lines = [f"unknown: {source.choice(['deliver', 'reject'])}"] if rule != "by_id" and source.random() < 0.5 else []
-    lines.append("messages:")
-    for number in range(source.randint(1, 4)):
-        sender = source.choice(["host", "mcu", "both"])
-        lines += [f"  m{number}:", f"    id: {source.randrange(60) * 4 + number}", f"    sender: {sender}"]
-        room = 24
-        fields = []
-        for index in range(source.randint(0, 4)):
-            kind = source.choice(FIELD_TYPES)
-            count = source.choice([None, None, None, 2, 3])
-            size = {"bool": 1}.get(kind) or int("".join(c for c in kind if c.isdigit())) // 8
-            if size * (count or 1) > room:
-                continue
-            room -= size * (count or 1)
-            fields.append(f"      f{index}: {{type: {kind}{f', count: {count}' if count else ''}}}")
-        if rule in ("by_length", "rest") and source.random() < 0.2:
-            fields.append(f"      rest: {{type: bytes, max: {max(room, 1)}}}")
-        lines += ["    fields:", *fields] if fields else []
-    return lines
+    def _chance(self, share: float) -> bool:
+        return self._random.random() < share
+
+    def _bytes(self, count: int) -> str:
+        return " ".join(f"0x{self._random.randrange(256):02X}" for _ in range(count))
+
+    def text(self, number: int) -> str:
+        self._draw_parts()
+        lines = ["wirebond: 1", f"protocol: random_{number}", f"byte_order: {self._random.choice(('little', 'big'))}"]
+        lines += ["frame:", *(f"  - {item}" for item in self._frame_items())]
+        if self._rule == "by_id" or self._seeded:
+            lines += self._random.choice(([], ["unknown: reject"]))
+        else:
+            lines += self._random.choice(([], ["unknown: deliver"], ["unknown: reject"]))
+        if self._rule in ("rest", "by_length") and self._chance(0.3):
+            lines.append(f"max_payload: {ROOM + 8}")
+        return "\n".join([*lines, *self._messages()]) + "\n"
+
+    # ---- what stands around the parts
+
+    def _frame_items(self) -> list[str]:
+        texts = [part.text for part in self._parts]
+        inner = f"[{', '.join(texts)}]"
+        opens = self._chance(0.7)
+        if self._framing == "start":
+            return texts
+        if self._framing == "silence":
+            return [*texts, f"silence: {self._random.choice(('2 ms', '500 us', '20 ms'))}"]
+        if self._framing == "lines":  # nothing is stuffed: the test's streams show what is lost then
+            return [*(["delimiter: 0x0A"] if self._chance(0.4) else []), *texts, "delimiter: 0x0A"]
+        if self._framing == "brackets":
+            return ["delimiter: 0x24", *texts, "delimiter: 0x0A"]
+        if self._framing == "escaped":
+            return self._escaped(inner)
+        byte = {"cobs": "0x00", "slip": "0xC0", "hdlc": "0x7E"}[self._framing]
+        return [*([f"delimiter: {byte}"] if opens else []), f"{self._framing}: {inner}", f"delimiter: {byte}"]
+
+    def _escaped(self, inner: str) -> list[str]:
+        """An escape rule after which no delimiter is left on the line."""
+        while True:
+            closing, escape, xor, *also = self._random.sample(range(1, 256), 3 + self._random.randint(0, 3))
+            opening = self._random.choice((None, closing, self._random.randrange(256)))
+            marks = {closing, opening} - {None}
+            if escape not in marks and not {byte ^ xor for byte in (*marks, escape, *also) if byte is not None} & marks:
+                break
+        more = f"also: {' '.join(f'0x{byte:02X}' for byte in also)}, " if also else ""
+        rule = f"escaped: {{escape: 0x{escape:02X}, xor: 0x{xor:02X}, {more}parts: {inner}}}"
+        return [*([f"delimiter: 0x{opening:02X}"] if opening is not None else []), rule, f"delimiter: 0x{closing:02X}"]
+
+    # ---- parts
+
+    def _draw_parts(self) -> None:
+        magic = self._magic()
+        header = self._header()
+        self._random.shuffle(header)
+        self._parts = [*magic, *header]
+        self._add_conditional_parts(len(magic))
+        payload = self._payload()
+        behind = self._behind()
+        self._parts += [payload, *behind]
+        for index, part in enumerate(self._parts):
+            if part.kind != "field":
+                part.name = part.name or f"p{index}"
+        self._draw_checks()
+        if self._chance(0.3):
+            size = self._random.randint(1, 2)
+            self._parts.append(Part("tail", self._bytes(size), size))
+
+    def _magic(self) -> list[Part]:
+        wants_several = "magic" in (self._id, self._length if self._rule == "by_length" else "")
+        if not wants_several and not self._chance(0.25 if self._has_end else 0.85):
+            return []
+        size = self._random.randint(1, 3)
+        kind = "any" if wants_several else self._random.choice(("one", "one", "any", "ends"))
+        if kind == "one":
+            return [Part("magic", self._bytes(size), size)]
+        magics: list[str] = []
+        while len(set(magics)) < 2:
+            magics = [self._bytes(size) for _ in range(2)]
+        if kind == "ends":
+            return [Part("magic", f"{{host: {magics[0]}, mcu: {magics[1]}}}", size)]
+        self._magics = magics
+        return [Part("magic", f"{{any: [{', '.join(magics)}]}}", size)]
+
+    def _header(self) -> list[Part]:
+        """The parts before the payload, in any order."""
+        parts: list[Part] = []
+        for kind in self._random.sample(
+            ("field", "field", "reserved", "sequence", "constant"), self._random.randint(0, 3)
+        ):
+            parts.append(self._plain_part(kind))
+        runs: list[tuple[str, int, str]] = []
+        if self._id == "bits":
+            self._id_bits = self._random.randint(4, 9)
+            runs.append(("id", self._id_bits, str(self._id_bits)))
+        elif self._id in ("part", "magic"):
+            parts += self._by_magic("id") if self._id == "magic" else [self._id_part()]
+        if self._rule == "by_length":
+            if self._length == "bits":
+                runs.append(("length", 8, "8"))
+            elif self._length == "magic":
+                parts += self._by_magic("length")
+            else:
+                parts.append(self._length_part())
+        if runs or self._chance(0.3):
+            parts.append(self._bits_part(runs))
+        return parts
+
+    def _number_type(self) -> tuple[str, int]:
+        word = self._random.choice(NUMBERS)
+        return word, int("".join(c for c in word if c.isdigit())) // 8
+
+    def _id_part(self) -> Part:
+        word, size = self._number_type()
+        self._id_bits = min(self._id_bits or 32, 8 * size)
+        return Part("id", word, size)
+
+    def _by_magic(self, kind: str) -> list[Part]:
+        """A part for each magic, of its own width."""
+        draw = self._id_part if kind == "id" else self._length_part
+        parts = []
+        for number, magic in enumerate(self._magics):
+            part = draw()
+            part.options.append(f"when: magic == {magic}")
+            part.name = f"{kind}{number}"
+            parts.append(part)
+        return parts
+
+    def _plain_part(self, kind: str) -> Part:
+        if kind == "reserved":
+            size = self._random.randint(1, 3)
+            return Part(kind, str(size), size)
+        if kind == "constant":
+            size = self._random.randint(1, 2)
+            return Part(kind, self._bytes(size), size)
+        word, size = self._number_type()
+        if kind == "sequence":
+            if any(name == "sequence" for name, _ in self._fields):
+                return Part("reserved", str(size), size)
+            self._fields.append(("sequence", 8 * size))
+            return Part(kind, word, size, name="sequence")
+        name = f"h{len(self._fields)}"
+        self._fields.append((name, 8 * size))
+        default = self._random.choice((0, 1, 2 ** (8 * size) - 1, self._random.randrange(2 ** (8 * size))))
+        return Part("field", name, size, [f"type: {word}", f"default: {default}"], name=name)
+
+    def _length_part(self) -> Part:
+        word, size = self._number_type()
+        counts = self._random.choice(("payload", "payload", "rest", "self_and_rest", "frame"))
+        offset = self._random.choice((0, 0, 0, 1, 4))
+        if counts in ("self_and_rest", "frame") and self._chance(0.2):
+            offset = -1
+        options = f"type: {word}, counts: {counts}, offset: {offset}"
+        if self._length == "part" and counts == "payload" and self._chance(0.25):
+            self._unit = self._random.choice((2, 4))
+            options = f"type: {word}, unit: {self._unit}"
+        return Part("length", f"{{{options}}}", size)
+
+    def _bits_part(self, runs: list[tuple[str, int, str]]) -> Part:
+        """``runs``: those that it must have, each with its bits and its text."""
+        needed = sum(bits for _, bits, _ in runs)
+        size = self._random.choice([size for size in (1, 1, 2, 3, 4) if 8 * size >= needed])
+        left = 8 * size - needed
+        while left > 0 and len(runs) < 7:
+            bits = self._random.randint(1, min(left, 9))
+            name = f"r{len(runs)}"
+            kind = self._random.choice(("constant", "field", "field", "default", "sequence"))
+            if kind == "constant":
+                runs.append((name, bits, f"{{bits: {bits}, constant: {self._random.randrange(2**bits)}}}"))
+            elif len(self._fields) >= 6:
+                break
+            elif kind == "default":
+                self._fields.append((name, bits))
+                runs.append((name, bits, f"{{bits: {bits}, default: {self._random.randrange(2**bits)}}}"))
+            else:
+                is_first = kind == "sequence" and not any(known == "sequence" for known, _ in self._fields)
+                name = "sequence" if is_first else name
+                self._fields.append((name, bits))
+                runs.append((name, bits, str(bits)))
+            left -= bits
+        if left > 0:
+            runs.append(("filler", left, f"{{bits: {left}, constant: 0}}"))
+        self._random.shuffle(runs)
+        word = self._random.choice(("", "le", "be")) if size > 1 else ""
+        options = [f"fields: {{{', '.join(f'{name}: {text}' for name, _, text in runs)}}}"]
+        options += self._random.choice(([], ["first: high"]))
+        if any(name == "length" for name, _, _ in runs) and self._chance(0.3):
+            options += [f"counts: {self._random.choice(('rest', 'self_and_rest', 'frame'))}", "offset: 1"]
+        return Part("bits", f"u{8 * size}{word}", size, options)
+
+    def _add_conditional_parts(self, begin: int) -> None:
+        """Parts that are there when a bit of an earlier field says so, or a magic."""
+        for _ in range(self._random.choice((0, 0, 0, 1, 2))):
+            condition = self._condition()
+            if condition:
+                known = self._parts if condition.startswith("magic") else self._behind_field(condition.split()[0])
+                at = self._random.randint(max(begin, len(self._parts) - len(known)), len(self._parts))
+                part = self._plain_part(
+                    self._random.choice(("reserved", "constant", "field") if len(self._fields) < 7 else ("reserved",))
+                )
+                part.options.append(f"when: {condition}")
+                if part.kind == "field":
+                    self._fields.pop()  # nothing depends on a part that may not be there
+                    part.value = part.name = f"c{self._conditions}"
+                self._parts.insert(at, part)
+
+    def _behind_field(self, name: str) -> list[Part]:
+        """The parts behind the one that holds this field of the header."""
+        for index, part in enumerate(self._parts):
+            if part.name == name or any(
+                option.startswith("fields:") and f"{name}: " in option for option in part.options
+            ):
+                return self._parts[index + 1 :]
+        return []
+
+    def _condition(self) -> str:
+        self._conditions += 1
+        if self._magics and self._chance(0.5):
+            return f"magic == {self._random.choice(self._magics)}"
+        if not self._fields or self._conditions > 2:
+            return ""
+        name, bits = self._random.choice(self._fields)
+        return f"{name} & 0x{1 << self._random.randrange(bits):02X}"
+
+    def _payload(self) -> Part:
+        if self._rule == "fixed":
+            return Part("payload", str(self._random.choice((0, 8, 16, ROOM))), 0)
+        self._trims = self._rule in ("rest", "by_length") and self._unit == 1 and self._chance(0.12)
+        return Part("payload", self._rule, 0, ["trim_zeros: true"] if self._trims else [])
+
+    def _behind(self) -> list[Part]:
+        """Parts between payload and tail, but for the checks."""
+        parts = [self._id_part()] if self._id == "late" else []
+        kinds = ["reserved", "constant", "bits"] + (["field"] if len(self._fields) < 6 else [])
+        before = list(self._fields)
+        for kind in self._random.sample(kinds, self._random.choice((0, 0, 0, 1, 2))):
+            if kind == "bits":
+                constant = f"{{bits: 3, constant: {self._random.randrange(8)}}}"
+                parts.append(Part("bits", "u8", 1, [f"fields: {{after: 5, mark: {constant}}}"]))
+            else:
+                parts.append(self._plain_part(kind))
+        self._fields = before  # conditions are on what stands before them
+        condition = self._condition() if self._chance(0.2) else ""
+        if condition:
+            parts.append(Part("reserved", "2", 2, [f"when: {condition}"]))
+        self._random.shuffle(parts)
+        return parts
+
+    # ---- checks
+
+    def _draw_checks(self) -> None:
+        """In the header, before the payload over what follows, and behind the payload."""
+        has_constant = any(part.kind in ("magic", "constant") and not part.options for part in self._parts)
+        if self._chance(0.3):
+            self._insert_check(self._payload_index(), header=True)
+        for _ in range(self._random.choice((1, 1, 1, 2) if not has_constant else (0, 1, 1, 1, 1, 2))):
+            self._insert_check(self._random.randint(self._payload_index() + 1, len(self._parts)), header=False)
+        if self._chance(0.08):
+            self._insert_check(self._payload_index(), header=False)
+
+    def _payload_index(self) -> int:
+        return next(i for i, part in enumerate(self._parts) if part.kind == "payload")
+
+    def _insert_check(self, at: int, header: bool) -> None:
+        """A check at this place. ``header``: over parts before it alone, where there are some."""
+        earlier = self._parts[:at]
+        first, last = 0, at - 1
+        explicit = self._chance(0.5)
+        if at < len(self._parts) and self._parts[at].kind == "payload" and not header:
+            first, last = at, self._random.randint(at, len(self._parts) - 1)  # what follows it, but no check
+            while any(part.kind == "check" for part in self._parts[first : last + 1]):
+                last -= 1
+            explicit = True
+        elif not earlier:
+            return
+        elif explicit:
+            first = self._random.randrange(at)
+            last = self._random.randrange(first, at)
+        name = f"k{sum(part.kind == 'check' for part in self._parts)}"
+        kind, width = self._random.choice(list((SHORT_CHECKS if header else CHECKS).items()))
+        options = [f"type: {kind}"]
+        if explicit:
+            names = [self._parts[i].name for i in (first, last)]
+            options.append(f"over: {names[0]}..{names[1]}" if names[0] != names[1] else f"over: {names[0]}")
+        if width > 1 and self._chance(0.15):
+            options.append(f"byte: {self._random.choice(('low', 'high'))}")
+            width = 1
+        if self._chance(0.3):
+            options.append(f"byte_order: {self._random.choice(('little', 'big'))}")
+        if self._chance(0.1):
+            options.append("text: hex")
+            width *= 2
+        if not (header and self._id in ("late", "none")) and self._chance(0.08):
+            options.append("seed: message")
+            self._seeded = True
+        part = Part("check", f"{{{', '.join(options)}}}", width, name=name)
+        if self._chance(0.05) and not header:
+            condition = self._condition()
+            part.options += [f"when: {condition}"] if condition else []
+        self._parts.insert(at, part)
+
+    # ---- messages
+
+    def _messages(self) -> list[str]:
+        vary = Vary.NOTHING if self._rule == "by_id" or self._unit != 1 else Vary.COUNTED
+        if self._rule in ("rest", "by_length") and self._unit == 1:
+            vary = Vary.TO_END
+        payload = self._parts[self._payload_index()]
+        trims = bool(payload.options)
+        fields = FieldSource(self._random, Vary.NOTHING if trims else vary)
+        room = int(payload.value) if self._rule == "fixed" else ROOM
+        lines = [*fields.types(), "messages:"]
+        for number, (message_id, sender) in enumerate(self._ids()):
+            head = [f"sender: {sender}", *([f"id: {message_id}"] if self._id != "none" else [])]
+            if self._seeded:
+                head.append(f"seed: {self._random.randrange(256)}")
+            text, most = fields.message(room, only_text_to_end=trims)
+            if most % self._unit:
+                text += f", end: {{type: padding, size: {-most % self._unit}}}"
+            lines.append(f"  m{number}: {{{', '.join(head)}{f', fields: {{{text}}}' if text else ''}}}")
+        return lines
+
+    def _ids(self) -> list[tuple[int, str]]:
+        """Ids and senders; the same id may mean a message in each direction."""
+        if self._id == "none":
+            return self._random.choice(([(0, "both")], [(0, "host"), (0, "mcu")], [(0, "mcu")]))
+        most = 2**self._id_bits - 1
+        small = self._random.sample(range(min(most, 63) + 1), 4)
+        ids = [self._random.choice((one, self._random.randint(64, most) if most > 64 else one)) for one in small]
+        found = [(one, self._random.choice(("host", "mcu", "both"))) for one in dict.fromkeys(ids)]
+        found = found[: self._random.randint(1, 4)]
+        if found[0][1] == "host" and self._chance(0.3):
+            found.append((found[0][0], "mcu"))
+        return found

@@ -80,6 +80,19 @@ def _meant(protocol: Protocol, sender: End | None, request: str | None) -> tuple
     return tuple(meant)
 
 
+def decode_blocks(protocol: Protocol, blocks: list[bytes], sender: End | None = None) -> Result:
+    """Where silence ends a frame: what lies between the silences, one by one."""
+    total = Result()
+    begin = 0
+    for block in blocks:
+        result = _decode_block(protocol, block, sender)
+        total.frames += [replace(frame, offset=begin + frame.offset) for frame in result.frames]
+        total.discarded_bytes += result.discarded_bytes
+        total.rejected_candidates += result.rejected_candidates
+        begin += len(block)
+    return total
+
+
 def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
     result = Result()
     payload_at = next(i for i, p in enumerate(protocol.frame.parts) if p.kind == PartKind.PAYLOAD)
@@ -117,9 +130,7 @@ def _may_start(protocol: Protocol, byte: int, sender: End | None) -> bool:
         return any(magic[0] == byte for magic in _magics(first, sender))
     if first.kind in CONSTANTS:
         return first.value[0] == byte
-    if first.size == 1:
-        return all(byte >> r.shift & r.mask == r.value for r in first.bits if r.role == BitRole.CONSTANT)
-    return True
+    return _fixed_bits_hold(first, bytes([byte]))
 
 
 def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
@@ -358,15 +369,19 @@ def _judge(protocol: Protocol, data: bytes, sender: End | None, whole: bool) -> 
 
     at = prefix + size
     for part in after:
-        if part.kind in CONSTANTS and data[at : at + part.size] != part.value:
+        piece = data[at : at + part.size]
+        number = int.from_bytes(piece, _order(part.order))
+        if part.kind in CONSTANTS and piece != part.value:
             raise _Rejected("constant_mismatch", total)
+        if not _fixed_bits_hold(part, piece):
+            raise _Rejected("constant_mismatch", total)
+        for run in part.bits:
+            if run.role == BitRole.ID:
+                message_id = number >> run.shift & run.mask
+        if part.kind == PartKind.ID:
+            message_id = number
         at += part.size
     if not early_id:
-        at = prefix + size
-        for part in after:
-            if part.kind == PartKind.ID:
-                message_id = int.from_bytes(data[at : at + part.size], _order(part.order))
-            at += part.size
         message = _message(protocol, message_id, sender)
         if not frame.deliver_unknown and not _fits(frame.parts[payload_at], message, size, known_size):
             raise _Rejected("unknown_message", total)
@@ -401,6 +416,8 @@ def _read_header(parts: tuple[Part, ...], data: bytes, sender: End | None) -> tu
             header.magic = found[0]
         if part.kind in CONSTANTS and part.value[: len(piece)] != piece:
             raise _Rejected("constant_mismatch", 1)
+        if not _fixed_bits_hold(part, piece):
+            raise _Rejected("constant_mismatch", 1)
         if len(piece) < part.size:
             raise _Incomplete
         number = int.from_bytes(piece, _order(part.order))
@@ -412,8 +429,6 @@ def _read_header(parts: tuple[Part, ...], data: bytes, sender: End | None) -> tu
             header.numbers[part.name] = number
         for run in part.bits:
             value = number >> run.shift & run.mask
-            if run.role == BitRole.CONSTANT and value != run.value:
-                raise _Rejected("constant_mismatch", 1)
             if run.role == BitRole.ID:
                 header.id = value
             elif run.role == BitRole.LENGTH:
@@ -422,6 +437,14 @@ def _read_header(parts: tuple[Part, ...], data: bytes, sender: End | None) -> tu
                 header.numbers[run.name] = value
         at += part.size
     return header, present
+
+
+def _fixed_bits_hold(part: Part, piece: bytes) -> bool:
+    """Have those bytes of the part that are there the bits that never change?"""
+    runs = [run for run in part.bits if run.role == BitRole.CONSTANT]
+    masks = sum(run.mask << run.shift for run in runs).to_bytes(part.size, _order(part.order))
+    values = sum(run.value << run.shift for run in runs).to_bytes(part.size, _order(part.order))
+    return all(byte & mask == value for byte, mask, value in zip(piece, masks, values, strict=False))
 
 
 def _payload_size(

@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
-from wirebond import Codec
-from wirebond.protocol.model import Field, FieldKind, Message
+from wirebond import Codec, _engine
+from wirebond.protocol.model import (
+    End,
+    Field,
+    FieldKind,
+    Frame,
+    Message,
+    Part,
+    PartKind,
+    PayloadRule,
+    Protocol,
+)
+from wirebond.protocol.plan import Layout, Variant, plan_for, variants
 
 
 def random_values(message: Message, source: random.Random) -> dict[str, Any]:
@@ -62,6 +75,84 @@ def _element(described: Field, source: random.Random) -> Any:
     return value if described.is_scaled else int(value)
 
 
+class Speaker:
+    """Frames of one protocol whose checks hold: of any form and header, with any payload, of any id."""
+
+    def __init__(self, codec: Codec) -> None:
+        self._codec = codec
+        self._plain = Codec(replace(codec.model, frame=_PAYLOAD_ALONE))
+        self._raw = Codec(_with_raw_payloads(codec.model))
+        self._forms: dict[End, list[tuple[Variant, Layout]]] = {}
+
+    def valid(self, source: random.Random) -> bytes:
+        """What a sender would send."""
+        message = source.choice(self._codec.model.messages)
+        return self._sealed(self._codec, message, random_values(message, source), source)
+
+    def any(self, source: random.Random) -> bytes:
+        """The same or, as often, a payload that its sender would not send, or an id that nobody knows."""
+        if source.random() < 0.5:
+            return self.valid(source)
+        message = source.choice(self._codec.model.messages)
+        payload = damaged(self._plain.encode(message.name, random_values(message, source))[1:], source)
+        payload = payload[: self._codec.model.frame.max_payload]
+        stranger = self._raw.model.messages[-1]
+        return self._sealed(self._raw, stranger if source.random() < 0.2 else message, {"raw": payload}, source)
+
+    def _sealed(self, codec: Codec, message: Message, values: dict[str, Any], source: random.Random) -> bytes:
+        forms = self._forms_of(message.sender)
+        index = source.randrange(len(forms)) if source.random() < 0.5 else 0
+        variant, layout = forms[index]
+        numbers = []
+        for part in layout.header:
+            number = source.randrange(part.number.mask + 1) if source.random() < 0.5 else part.default
+            for condition, truth in variant.bits:
+                if condition.field == part.name:
+                    number = number & ~(1 << condition.bit) | truth << condition.bit
+            numbers.append(number)
+        table = codec.format_for(message.sender)
+        return _engine.encode(codec.table, table, codec.index_of(message.name), values, index, numbers)
+
+    def _forms_of(self, sender: End) -> list[tuple[Variant, Layout]]:
+        if sender not in self._forms:
+            model = self._codec.model
+            layouts = plan_for(model, sender).layouts
+            self._forms[sender] = list(zip(variants(model.frame.parts, sender), layouts, strict=True))
+        return self._forms[sender]
+
+
+_PAYLOAD_ALONE = Frame(
+    (
+        Part(PartKind.MAGIC, "magic", 1, value=b"$"),  # a frame has one byte at least
+        Part(PartKind.PAYLOAD, "payload", 0, payload=PayloadRule.REST),
+    ),
+    max_payload=0xFFFF,
+    deliver_unknown=False,
+    ends_by_silence=True,
+)
+
+
+def _with_raw_payloads(model: Protocol) -> Protocol:
+    """The same frames, with bytes for fields; behind the messages one whose id is another's nowhere."""
+    raw = (Field("raw", FieldKind.BYTES, 0, max_size=0xFFFF),)
+    taken = {message.id for message in model.messages}
+    stranger = Message("stranger", next(i for i in range(256) if i not in taken), End.BOTH, raw)
+    return replace(model, messages=(*(replace(m, fields=raw) for m in model.messages), stranger))
+
+
+def damaged(payload: bytes, source: random.Random) -> bytes:
+    """One byte changed, some cut off or some put on; or nothing that a sender would send."""
+    kind = source.randrange(4)
+    if kind == 0 and payload:
+        at = source.randrange(len(payload))
+        return payload[:at] + bytes([source.choice([0, 1, 2, 3, 5, 255, source.randrange(256)])]) + payload[at + 1 :]
+    if kind == 1:
+        return payload[: source.randrange(len(payload) + 1)]
+    if kind == 2:
+        return payload + source.randbytes(source.randrange(5))
+    return source.randbytes(len(payload))
+
+
 def random_frame(codec: Codec, source: random.Random) -> bytes:
     message = source.choice(codec.model.messages)
     return codec.encode(message.name, random_values(message, source))
@@ -69,11 +160,15 @@ def random_frame(codec: Codec, source: random.Random) -> bytes:
 
 def hard_stream(codec: Codec, source: random.Random, pieces: int) -> bytes:
     """Intact frames between everything that has misled decoders."""
-    out = bytearray()
-    frame = codec.encode(codec.model.messages[0].name, random_values(codec.model.messages[0], source))
-    start = frame[:1]
+    return b"".join(hard_pieces(lambda: random_frame(codec, source), source, pieces))
+
+
+def hard_pieces(draw: Callable[[], bytes], source: random.Random, pieces: int) -> list[bytes]:
+    """One frame each, of those that ``draw`` gives, intact or not, with what stands before it."""
+    out = []
+    start = draw()[:1]
     for _ in range(pieces):
-        frame = random_frame(codec, source)
+        frame = draw()
         kind = source.randrange(8)
         if kind == 0:  # one byte damaged
             at = source.randrange(len(frame))
@@ -89,8 +184,8 @@ def hard_stream(codec: Codec, source: random.Random, pieces: int) -> bytes:
             frame = start * source.randrange(1, 12) + frame
         elif kind == 5:  # a header that promises much
             frame = start + bytes([source.randrange(30, 60)]) + source.randbytes(3) + frame
-        out += frame
-    return bytes(out)
+        out.append(frame)
+    return out
 
 
 def chunks(stream: bytes, source: random.Random) -> list[bytes]:

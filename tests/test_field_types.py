@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import wirebond
 from tests.shared import ROOT
-from tests.streams import random_values
+from tests.streams import damaged, random_values
 from wirebond import MessageError
 from wirebond.codegen import generate_cpp
 from wirebond.codegen.cpp import struct_names
@@ -340,19 +340,6 @@ def test_generated_code_writes_what_the_engine_writes(program: Path) -> None:
         for _ in range(200)
     ]
     assert answers(program, payloads) == [f"0 {payload.hex()}" for _, payload in payloads]
-
-
-def damaged(payload: bytes, source: random.Random) -> bytes:
-    """One byte changed, some cut off or some put on; or nothing that a sender would send."""
-    kind = source.randrange(4)
-    if kind == 0 and payload:
-        at = source.randrange(len(payload))
-        return payload[:at] + bytes([source.choice([0, 1, 2, 3, 5, 255, source.randrange(256)])]) + payload[at + 1 :]
-    if kind == 1:
-        return payload[: source.randrange(len(payload) + 1)]
-    if kind == 2:
-        return payload + source.randbytes(source.randrange(5))
-    return source.randbytes(len(payload))
 
 
 def test_generated_code_and_engine_judge_any_payload_alike(program: Path) -> None:

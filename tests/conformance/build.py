@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from wirebond.protocol.plan import plan_for
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build" / "conformance"
 SOURCE = Path(__file__).with_name("decode_main.cpp")
+SHARED = Path(__file__).with_name("print.hpp")
 FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror")
 # GCC's points-to analysis takes minutes over the sanitizers' checks.
 SANITIZE = ("-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-tree-pta")
@@ -32,7 +34,6 @@ def build_decoder(
     It is compiled only if no program of the same sources, flags and compiler lies in ``build``. Several processes may
     ask for the same program at once. AssertionError with the compiler's words when it does not compile.
     """
-    compiler = os.environ.get("CXX", "g++")
     definitions = (
         f'-DPROTOCOL_HEADER="{protocol.name}.hpp"',
         f"-DPROTOCOL={namespace(protocol.name)}",
@@ -40,22 +41,32 @@ def build_decoder(
         f"-DRUN_TIME={int(run_time)}",
     )
     flags = (*FLAGS, *(SANITIZE if sanitize else PLAIN), *definitions)
+    kind = f"{'run_time' if run_time else 'constant'}{'_sanitized' if sanitize else ''}"
     build.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=build) as name:
         folder = Path(name)
         headers = generate_cpp(protocol, folder)
         rows = folder / "message_rows.hpp"
         rows.write_text(_rows(protocol, sender), encoding="utf-8")
-        version = _run([compiler, "--version"])
-        content = hashlib.sha256("\0".join([compiler, version, *flags]).encode())
-        for path in sorted([*headers, rows, SOURCE]):
-            content.update(path.name.encode() + b"\0" + path.read_bytes())
-        kind = f"{'run_time' if run_time else 'constant'}{'_sanitized' if sanitize else ''}"
-        program = build / f"{protocol.name}_{sender.value}_{kind}_{content.hexdigest()[:16]}"
-        if not program.exists():
-            made = folder / "decode"
-            _run([compiler, *flags, f"-I{folder}", str(SOURCE), "-o", str(made)])
-            shutil.move(made, program)  # a rename within one file system: others see all of it or nothing
+        command = [os.environ.get("CXX", "g++"), *flags]
+        return compiled(f"{protocol.name}_{sender.value}_{kind}", SOURCE, command, [*headers, rows], build)
+
+
+def compiled(name: str, source: Path, command: list[str], headers: list[Path], build: Path) -> Path:
+    """The program of one source file and these headers, which lie in one folder and below it, in ``build``.
+
+    ``command``: the compiler and its flags.
+    """
+    folder = Path(os.path.commonpath(headers))
+    version = run([command[0], "--version"])
+    content = hashlib.sha256("\0".join([version, *command]).encode())
+    for path in [*sorted(headers), SHARED, source]:
+        content.update(path.name.encode() + b"\0" + path.read_bytes())
+    program = build / f"{name}_{content.hexdigest()[:16]}"
+    if not program.exists():
+        made = folder / "made"
+        run([*command, f"-I{folder}", f"-I{SHARED.parent}", str(source), "-o", str(made)])
+        shutil.move(made, program)  # a rename within one file system: others see all of it or nothing
     return program
 
 
@@ -76,16 +87,20 @@ class Result:
 def decode(program: Path, stream: Path, chunk: int, seed: int = 1, expected: int = -1) -> Result:
     """Run a program of ``build_decoder`` over a file. AssertionError with its words when it fails. ``expected``: index
     of the reply that was asked for."""
-    frames = []
-    account = {}
-    for line in _run([str(program), str(stream), str(chunk), str(seed), str(expected)]).splitlines():
+    return read_result(run([str(program), str(stream), str(chunk), str(seed), str(expected)]).splitlines())
+
+
+def read_result(lines: Iterable[str]) -> Result:
+    """The lines of print.hpp."""
+    result = Result([], {})
+    for line in lines:
         word, *values = line.split()
         if word == "frame":
             offset, wire, message_id, index = values
-            frames.append(Frame(int(offset), bytes.fromhex(wire), int(message_id), int(index)))
+            result.frames.append(Frame(int(offset), bytes.fromhex(wire), int(message_id), int(index)))
         else:
-            account[word] = int(values[0])
-    return Result(frames, account)
+            result.account[word] = int(values[0])
+    return result
 
 
 def _rows(protocol: Protocol, sender: End) -> str:
@@ -108,7 +123,8 @@ def _rows(protocol: Protocol, sender: End) -> str:
     )
 
 
-def _run(command: list[str]) -> str:
+def run(command: list[str]) -> str:
+    """What a program prints. AssertionError with its words when it fails."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{' '.join(command)}\nends with {done.returncode}\n{done.stderr}"
     return done.stdout

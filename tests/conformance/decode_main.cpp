@@ -7,7 +7,6 @@
 // Lines: `frame OFFSET WIRE_HEX ID MESSAGE_INDEX` for each frame, then `NAME VALUE` for the account.
 //
 // Given by build.py: PROTOCOL_HEADER, PROTOCOL (its namespace), SENDER (FromHost or FromMcu), RUN_TIME (0 or 1).
-#include <cinttypes>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -17,6 +16,7 @@
 #include PROTOCOL_HEADER
 
 #include "message_rows.hpp"
+#include "print.hpp"
 #include "wirebond/runtime_source.hpp"
 #include "wirebond/stream_deframer.hpp"
 
@@ -39,17 +39,8 @@ Source make_source() {
 #endif
 }
 
-constexpr const char* cause_names[wirebond::cause_count] = {
-    "no_start",       "constant_mismatch", "length_out_of_range", "unknown_message", "header_check_mismatch",
-    "check_mismatch", "bad_stuffing",      "incomplete",
-};
-
 struct Printer {
-  void operator()(const wirebond::Frame& frame) const {
-    std::printf("frame %" PRIu64 " ", frame.offset);
-    for (std::size_t i = 0; i < frame.wire_size; ++i) std::printf("%02x", frame.wire[i]);
-    std::printf(" %" PRIu32 " %d\n", frame.id, frame.message);
-  }
+  void operator()(const wirebond::Frame& frame) const { conformance::print_frame(frame); }
 };
 
 int decode(std::FILE* file, std::size_t chunk, unsigned seed, std::int16_t expected) {
@@ -65,27 +56,14 @@ int decode(std::FILE* file, std::size_t chunk, unsigned seed, std::int16_t expec
     if (size == 0) break;
     bytes.resize(size);
     deframer.feed(bytes.data(), bytes.size(), 0, printer);
-    if (deframer.bytes() != deframer.account().settled() + deframer.pending()) {
-      std::fprintf(stderr, "the account does not close after %" PRIu64 " bytes\n", deframer.bytes());
-      return 1;
-    }
+    if (!conformance::account_closes(deframer)) return 1;
   }
   if (std::ferror(file) != 0) {
     std::perror("cannot read on");
     return 1;
   }
   deframer.give_up(printer);
-  const auto& account = deframer.account();
-  std::printf("bytes %" PRIu64 "\n", deframer.bytes());
-  std::printf("frames %" PRIu64 "\n", account.frames);
-  std::printf("unknown_frames %" PRIu64 "\n", account.unknown_frames);
-  std::printf("frame_bytes %" PRIu64 "\n", account.frame_bytes);
-  std::printf("fill_bytes %" PRIu64 "\n", account.fill_bytes);
-  std::printf("pending_bytes %zu\n", deframer.pending());
-  for (std::size_t i = 0; i < wirebond::cause_count; ++i) {
-    std::printf("discarded.%s %" PRIu64 "\n", cause_names[i], account.discarded_bytes[i]);
-    std::printf("rejected.%s %" PRIu64 "\n", cause_names[i], account.rejected_candidates[i]);
-  }
+  conformance::print_account(deframer);
   return 0;
 }
 

@@ -130,15 +130,20 @@ def _shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
     return named, {m.name: shape_of(structs[m.name], m.fields, named) for m in protocol.messages}
 
 
+def message_shapes(protocol: Protocol) -> dict[str, Shape]:
+    """The struct of each message and what lies in it, by the message's name."""
+    return _shapes(protocol)[1]
+
+
 def struct_names(protocol: Protocol) -> dict[str, str]:
     """The struct of each message, by the message's name."""
-    return {name: shape.path for name, shape in _shapes(protocol)[1].items()}
+    return {name: shape.path for name, shape in message_shapes(protocol).items()}
 
 
 def _message_views(protocol: Protocol) -> list[MessageView]:
     payload = protocol.frame.part(PartKind.PAYLOAD)
     trims_zeros = payload is not None and payload.payload == PayloadRule.FIXED
-    shapes = _shapes(protocol)[1]
+    shapes = message_shapes(protocol)
     indices = {m.name: i for i, m in enumerate(protocol.messages)}
     return [
         MessageView(
@@ -369,7 +374,7 @@ def _emergency_stop(protocol: Protocol) -> StopView | None:
     stop = protocol.emergency_stop
     if stop is None:
         return None
-    shape = _shapes(protocol)[1][stop.message]
+    shape = message_shapes(protocol)[stop.message]
     members = {name: shape.member(name) for name, _ in stop.values}
     lines = [f"message.{members[name].name} = {given_value(members[name], value)};" for name, value in stop.values]
     return StopView(shape.path, tuple(lines))

@@ -120,6 +120,8 @@ class Scaling:
         numerator, shift, denominator = self._common
         if (numerator, shift) != (1, 0) and self.field.width > 24:
             wire = f"static_cast<std::int64_t>({wire})"
+        elif min(numerator, shift) < 0 and self.field.width > 16:  # in an unsigned type these would wrap
+            wire = f"static_cast<std::int32_t>({wire})"
         text = wire
         if numerator != 1:
             text += f" * {integer(numerator)}"

@@ -1,0 +1,307 @@
+"""Random fields of messages: every type and every option of the vocabulary, as text of a protocol file."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+from decimal import Context, Decimal
+from enum import IntEnum
+from fractions import Fraction
+
+SCALES = ("0.5", "0.1", "0.01", "0.001", "2", "-0.25", "0.0625", "1.5")
+OFFSETS = ("-40", "3.2", "-3.2", "100", "0.5")
+TEXTS = ("", "a", "ok", "né", "0 1")
+# Words that generated code may use for itself stand beside plain names.
+NAMES = (
+    "size", "payload", "message", "bits", "wire", "spare", "found", "bytes", "i", "j", "data", "count", "info", "value",
+    "decode", "encode", "clamp", "violations", "out", "reg", "name", "id", "index", "header", "type", "text",
+    "mode", "state", "gain", "x", "y", "left", "right", "total",
+)  # fmt: skip
+MOST_SCALED_BITS = 40  # beyond, a double does not tell all numbers of the wire apart
+MOST_RANGED_BITS = 48
+
+
+class Vary(IntEnum):
+    """What the frame allows to vary in size, each with what stands before it."""
+
+    NOTHING = 0
+    COUNTED = 1  # by a field
+    TO_END = 2
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A field's mapping in flow style, and its most bytes on the wire."""
+
+    text: str
+    most: int
+
+
+class FieldSource:
+    """Draws the fields of one protocol's messages, and the named types that they use."""
+
+    def __init__(self, source: random.Random, vary: Vary) -> None:
+        self._random = source
+        self._vary = vary
+        self._defaults = source.choice((0.0, 0.3, 0.9))
+        self._types: dict[str, int] = {}  # most bytes of each
+
+    def types(self) -> list[str]:
+        """Lines of the file's ``types`` section, empty at times. Draw them first: messages use them."""
+        lines = []
+        for number in range(self._random.choice((0, 0, 1, 2))):
+            fields, most = self._list(12, depth=1)
+            lines.append(f"  t{number}: {{{fields}}}")
+            self._types[f"t{number}"] = most
+        return ["types:", *lines] if lines else []
+
+    def message(self, room: int, only_text_to_end: bool = False) -> tuple[str, int]:
+        """The fields of one message of at most ``room`` bytes, as the inside of a mapping, and their most bytes.
+
+        ``only_text_to_end``: whatever reaches to the payload's end is a text alone, and nothing else varies.
+        """
+        if only_text_to_end and self._random.random() < 0.3:
+            most = self._random.randint(1, room)
+            return f"label: {{type: text, max: {most}}}", most
+        return self._list(room, depth=0, least=0, ends=self._vary == Vary.TO_END)
+
+    # ---- lists of fields
+
+    def _list(self, room: int, depth: int, least: int = 1, ends: bool = False) -> tuple[str, int]:
+        """The inside of a mapping, and its most bytes; ``ends``: the last field may reach to the payload's end."""
+        found: dict[str, Drawn] = {}
+        left = room
+        for _ in range(self._random.randint(least, 5 if depth == 0 else 3)):
+            for name, drawn in self._some(left, depth, found).items():
+                found[name] = drawn
+                left -= drawn.most
+        if ends and left > 0 and self._random.random() < 0.3:
+            found[self._name(found)] = self._last(left, depth)
+        if len(found) < least:
+            found["least"] = Drawn("{type: u8}", 1)
+        return ", ".join(f"{name}: {d.text}" for name, d in found.items()), sum(d.most for d in found.values())
+
+    def _name(self, taken: dict[str, Drawn]) -> str:
+        name = self._random.choice(NAMES) if self._random.random() < 0.5 else f"f{len(taken)}"
+        return name if name not in taken else f"g{len(taken)}"
+
+    def _some(self, room: int, depth: int, taken: dict[str, Drawn]) -> dict[str, Drawn]:
+        """One field, or a field that counts and those that it counts; nothing where they do not fit."""
+        draws = [
+            self._number, self._number, self._number, self._bool, self._array, self._packed, self._bits, self._string,
+            self._padding,
+        ]  # fmt: skip
+        nested = [self._struct, self._group] if depth < 3 else []
+        if self._vary >= Vary.COUNTED and room > 4 and self._random.random() < 0.15:
+            return self._counted(room, depth, taken)
+        draw = self._random.choice([*draws, *nested])
+        drawn = draw(room, depth) if draw in nested else draw(room)  # type: ignore[call-arg]
+        return {self._name(taken): drawn} if drawn is not None and drawn.most <= room else {}
+
+    # ---- numbers
+
+    def _integer(self, widths: range) -> tuple[str, int]:
+        """Letter and bits."""
+        letter = self._random.choice("uuuis")
+        return letter, max(self._random.choice(widths), 1 if letter == "u" else 2)
+
+    def _order(self, word: str, bits: int) -> str:
+        return word + self._random.choice(("", "", "le", "be")) if bits > 8 else word
+
+    def _number(self, _: int = 0) -> Drawn:
+        if self._random.random() < 0.2:
+            return self._float()
+        letter, bits = self._integer(range(8, 65, 8))
+        options, default = self._options(letter, bits)
+        return Drawn(f"{{type: {self._order(f'{letter}{bits}', bits)}{options}{self._given(default)}}}", bits // 8)
+
+    def _float(self) -> Drawn:
+        bits = self._random.choice((32, 64))
+        options = self._random.choice(
+            ("", "", ", range: [-10.5, 20]", ", range: [0, 1], on_range: clamp", ", scale: 0.5")
+        )
+        default = self._random.choice(("0.5", "0", "0.125"))
+        return Drawn(f"{{type: {self._order(f'f{bits}', bits)}{options}{self._given(default)}}}", bits // 8)
+
+    def _given(self, default: str) -> str:
+        return f", default: {default}" if self._random.random() < self._defaults else ""
+
+    def _options(self, letter: str, bits: int, repeats: bool = False) -> tuple[str, str]:
+        """Scale, range or names of an integer, and a value that they allow.
+
+        ``repeats``: the value stands in a list, where flags are numbers.
+        """
+        half = 2 ** (bits - 1)
+        least, most = (0, 2 * half - 1) if letter == "u" else (-half + (letter == "s"), half - 1)
+        kind = self._random.choice(("", "", "", "scale", "scale", "range", "enum", "flags"))
+        if kind == "enum":
+            numbers = sorted({self._random.randint(least, most) for _ in range(self._random.randint(1, 4))})
+            names = ", ".join(f"e{i}: {number}" for i, number in enumerate(numbers))
+            return f", enum: {{{names}}}", self._random.choice(("e0", str(numbers[-1])))
+        if kind == "flags" and letter == "u":
+            places = self._random.sample(range(bits), min(bits, self._random.randint(1, 3)))
+            names = ", ".join(f"b{i}: {place}" for i, place in enumerate(places))
+            value = str(1 << places[-1])
+            return f", flags: {{{names}}}", value if repeats else self._random.choice(("[b0]", "[]", value))
+        scale, offset, options = Fraction(1), Fraction(0), ""
+        if kind == "scale" and bits <= MOST_SCALED_BITS:
+            word = self._random.choice(SCALES)
+            scale, options = Fraction(word), f", scale: {word}, unit: m"
+            if self._random.random() < 0.3:
+                word = self._random.choice(OFFSETS)
+                offset, options = Fraction(word), f"{options}, offset: {word}"
+        wires = sorted((self._random.randint(least, most), self._random.randint(least, most)))
+        values = sorted(wire * scale + offset for wire in wires)
+        ranged = kind in ("scale", "range") and bits <= MOST_RANGED_BITS and values[0] < values[1]
+        if ranged and (kind == "range" or self._random.random() < 0.5):
+            rule = self._random.choice(("", ", on_range: clamp", ", on_range: reject"))
+            options += f", range: [{decimal(values[0])}, {decimal(values[1])}]{rule}"
+        return options, decimal(self._random.choice(values))
+
+    def _bool(self, _: int) -> Drawn:
+        return Drawn(f"{{type: bool{self._given(self._random.choice(('true', 'false')))}}}", 1)
+
+    def _element(self) -> tuple[str, int, str]:
+        """Type and options of an array's elements, their bytes, and a value that they allow."""
+        if self._random.random() < 0.15:
+            return "type: bool", 1, "true"
+        if self._random.random() < 0.2:
+            bits = self._random.choice((32, 64))
+            return f"type: {self._order(f'f{bits}', bits)}", bits // 8, "0.25"
+        letter, bits = self._integer(range(8, 65, 8))
+        options, default = self._options(letter, bits, repeats=True)
+        return f"type: {self._order(f'{letter}{bits}', bits)}{options}", bits // 8, default
+
+    def _array(self, _: int) -> Drawn:
+        element, size, default = self._element()
+        count = self._random.randint(1, 4)
+        one = self._random.choice((default, f"[{', '.join([default] * count)}]"))
+        return Drawn(f"{{{element}, count: {count}{self._given(one)}}}", size * count)
+
+    def _packed(self, room: int) -> Drawn:
+        count = self._random.randint(1, 9)
+        if self._random.random() < 0.2:
+            word, bits, options, default = "bool", 1, "", "true"
+        else:
+            letter, bits = self._integer(range(1, max(2, min(64, 8 * room // count) + 1)))
+            word, (options, default) = f"{letter}{bits}", self._options(letter, bits, repeats=True)
+        order = self._random.choice(("low_first", "high_first"))
+        given = self._given(f"[{', '.join([default] * count)}]")
+        return Drawn(f"{{type: {word}, count: {count}, packed: {order}{options}{given}}}", (bits * count + 7) // 8)
+
+    def _bits(self, _: int) -> Drawn:
+        width = self._random.choice((8, 8, 16, 24, 32, 40, 48, 56, 64))
+        left, members = width, []
+        for number in range(self._random.randint(1, 5)):
+            if left < 2:
+                break
+            if self._random.random() < 0.2:
+                members.append(f"m{number}: {{type: bool{self._given('true')}}}")
+                left -= 1
+            elif self._random.random() < 0.2:
+                size = self._random.randint(1, min(left, 7))
+                members.append(f"m{number}: {{type: padding, size: {size}}}")
+                left -= size
+            else:
+                letter, bits = self._integer(range(1, left + 1))
+                options, default = self._options(letter, bits)
+                members.append(f"m{number}: {{type: {letter}{bits}{options}{self._given(default)}}}")
+                left -= bits
+        first = self._random.choice(("", ", first: high", ", first: low"))
+        container = self._order(f"u{width}", width)
+        return Drawn(f"{{bits: {{type: {container}{first}, fields: {{{', '.join(members)}}}}}}}", width // 8)
+
+    # ---- strings and padding
+
+    def _string(self, _: int) -> Drawn:
+        size = self._random.randint(1, 8)
+        kind = self._random.choice(("text", "bytes"))
+        return Drawn(f"{{type: {kind}, size: {size}{self._given(self._string_default(kind, size))}}}", size)
+
+    def _string_default(self, kind: str, most: int) -> str:
+        if kind == "text":
+            fitting = [text for text in TEXTS if len(text.encode()) <= most]
+            return f'"{self._random.choice(fitting)}"'
+        return " ".join(f"0x{self._random.randrange(256):02X}" for _ in range(self._random.randint(1, most)))
+
+    def _padding(self, _: int) -> Drawn:
+        size = self._random.randint(1, 3)
+        return Drawn(f"{{type: padding, size: {size}}}", size)
+
+    # ---- fields within fields
+
+    def _own_or_type(self, room: int, depth: int) -> tuple[str, int]:
+        """Fields, or the name of a type, and their most bytes."""
+        fitting = [name for name, most in self._types.items() if most <= room]
+        if fitting and self._random.random() < 0.5:
+            name = self._random.choice(fitting)
+            return name, self._types[name]
+        fields, most = self._list(room, depth + 1)
+        return f"{{{fields}}}", most
+
+    def _struct(self, room: int, depth: int) -> Drawn | None:
+        if room < 1:
+            return None
+        fields, most = self._own_or_type(room, depth)
+        return Drawn(f"{{struct: {fields}}}", most)
+
+    def _group(self, room: int, depth: int) -> Drawn | None:
+        count = self._random.randint(1, 3)
+        if room < count:
+            return None
+        fields, most = self._own_or_type(room // count, depth)
+        return Drawn(f"{{group: {{count: {count}, fields: {fields}}}}}", count * most)
+
+    # ---- what varies in number
+
+    def _counted(self, room: int, depth: int, taken: dict[str, Drawn]) -> dict[str, Drawn]:
+        """A field that counts, at times another one, and one or two that it counts."""
+        bits = self._random.choice((8, 8, 16, 24, 64))
+        counting = f"n{len(taken)}"
+        found = {counting: Drawn(f"{{type: {self._order(f'u{bits}', bits)}}}", bits // 8)}
+        left = room - bits // 8
+        counts = self._random.choice((1, 1, 2))
+        for number in range(counts):
+            if left > 0 and self._random.random() < 0.3:
+                between = self._number()
+                if between.most < left:
+                    found[f"b{len(taken)}_{number}"] = between
+                    left -= between.most
+            drawn = self._varying(left, depth, counting, alone=counts == 1)
+            if drawn is not None:
+                found[f"v{len(taken)}_{number}"] = drawn
+                left -= drawn.most
+        return found if left >= 0 else {}
+
+    def _last(self, room: int, depth: int) -> Drawn:
+        """What reaches to the payload's end."""
+        if self._random.random() < 0.15:
+            inner = self._varying(room, depth, "to_end", alone=True) or Drawn("{type: bytes, max: 1}", 1)
+            return Drawn(f"{{struct: {{last: {inner.text}}}}}", inner.most)
+        return self._varying(room, depth, "to_end", alone=True) or Drawn("{type: bytes, max: 1}", 1)
+
+    def _varying(self, room: int, depth: int, count: str, alone: bool) -> Drawn | None:
+        """A string, array or group counted by ``count``; ``alone``: nothing else is counted by it."""
+        kind = self._random.choice(("string", "string", "array", "group"))
+        if room < 1:
+            return None
+        if kind == "string":
+            most = self._random.randint(1, min(room, 12))
+            word = self._random.choice(("text", "bytes"))
+            size = "" if count == "to_end" else f", size: {count}"
+            given = self._given(self._string_default(word, most)) if alone else ""
+            return Drawn(f"{{type: {word}{size}, max: {most}{given}}}", most)
+        if kind == "array":
+            element, size, default = self._element()
+            most = min(room // size, self._random.randint(1, 5))
+            given = self._given(f"[{', '.join([default] * self._random.randint(0, most))}]") if alone else ""
+            return Drawn(f"{{{element}, count: {count}, max: {most}{given}}}", size * most) if most else None
+        most = self._random.randint(1, min(room, 3))
+        fields, size = self._own_or_type(room // most, depth)
+        return Drawn(f"{{group: {{count: {count}, max: {most}, fields: {fields}}}}}", size * most)
+
+
+def decimal(value: Fraction) -> str:
+    """Exact, for all that scales and offsets here can give."""
+    digits = Context(prec=60)
+    return format(digits.divide(Decimal(value.numerator), Decimal(value.denominator)), "f")
