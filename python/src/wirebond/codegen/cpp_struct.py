@@ -427,7 +427,8 @@ class Reader:
                 lines += self._list(member, here, at, told.get(spec.counted_by), more)
             elif member.shape is not None and spec.count is not None:
                 inner = here.element(member.name, at, spec.element_min_bytes, here.index)
-                lines += _loop(here.index, str(spec.count), self.lines(member.shape, inner))
+                body = self.lines(member.shape, inner)
+                lines += _loop(here.index, str(spec.count), body) if body else []
             elif member.shape is not None:
                 lines += self.lines(member.shape, here.inner(member.name, at, more))
             elif spec.count is not None:
@@ -438,6 +439,8 @@ class Reader:
 
     def _bits(self, member: Member, value: str, place: str) -> list[str]:
         assert member.shape is not None
+        if not any(inner.name for inner in member.shape.members):
+            return []
         spec = member.spec
         number = Field(spec.name, FieldKind.UNSIGNED, spec.size, spec.order)
         lines = [f"const {_container_type(spec)} bits = {load_integer(number, Slot(place))};"]
