@@ -103,7 +103,7 @@ def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> R
         failed = 1
         if _may_start(protocol, stream[at], sender):
             try:
-                size, message_id, name = _judge(protocol, stream[at:], sender, whole=False)
+                size, message_id, name = _judge(protocol, stream[at:], sender, None)
             except _Rejected as outcome:
                 cause, extent = outcome.cause, outcome.extent
             except _Incomplete:
@@ -263,18 +263,29 @@ def _judge_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[
     longest = _longest_frame(protocol)
     if len(block) > longest + _overhead(protocol, longest):
         raise _Rejected("length_out_of_range", 0)
-    frame: bytes | None = block
-    if protocol.frame.stuffing == "cobs":
-        frame = uncobs(block)
-    elif protocol.frame.escapes is not None:
-        frame = unescape(protocol.frame.escapes, block)
+    frame = _unstuffed(protocol, block)
     if frame is None:
         raise _Rejected("bad_stuffing", 0)
     try:
-        _, message_id, name = _judge(protocol, frame, sender, whole=True)
+        _, message_id, name = _judge(protocol, frame, sender, block)
     except _Incomplete:
         raise _Rejected("length_out_of_range", 0) from None
     return message_id, name
+
+
+def _unstuffed(protocol: Protocol, block: bytes) -> bytes | None:
+    """What the sender stuffed, and around it what it sent as it is."""
+    if protocol.frame.stuffing == "none":
+        return block
+    stuffed = [i for i, part in enumerate(protocol.frame.parts) if not part.is_plain]
+    front = sum(part.size for part in protocol.frame.parts[: stuffed[0]])
+    back = sum(part.size for part in protocol.frame.parts[stuffed[-1] + 1 :])
+    if len(block) < front + back:
+        return None
+    middle = block[front : len(block) - back]
+    escapes = protocol.frame.escapes
+    content = unescape(escapes, middle) if escapes is not None else uncobs(middle)
+    return None if content is None else block[:front] + content + block[len(block) - back :]
 
 
 def uncobs(block: bytes) -> bytes | None:
@@ -334,8 +345,11 @@ class _Header:
         return bool(self.numbers.get(condition.field, 0) >> condition.bit & 1)
 
 
-def _judge(protocol: Protocol, data: bytes, sender: End | None, whole: bool) -> tuple[int, int, str]:
-    """Size, id and message name of the frame at the start of ``data``; raises _Rejected or _Incomplete."""
+def _judge(protocol: Protocol, data: bytes, sender: End | None, block: bytes | None) -> tuple[int, int, str]:
+    """Size, id and message name of the frame at the start of ``data``; raises _Rejected or _Incomplete.
+
+    ``block``: the frame ends where ``data`` does, and was this on the wire.
+    """
     frame = protocol.frame
     payload_at = next(i for i, p in enumerate(frame.parts) if p.kind == PartKind.PAYLOAD)
     header, before = _read_header(frame.parts[:payload_at], data, sender)
@@ -356,12 +370,12 @@ def _judge(protocol: Protocol, data: bytes, sender: End | None, whole: bool) -> 
         if (
             part.kind == PartKind.CHECK
             and part.last < payload_at
-            and not _holds(frame.parts, parts, places[id(part)], data, payload_at, 0, message)
+            and not _holds(frame.parts, parts, places[id(part)], data, data, payload_at, 0, message)
         ):
             raise _Rejected("header_check_mismatch", prefix)
 
     total = prefix + size + suffix
-    if whole and total != len(data):
+    if block is not None and total != len(data):
         raise _Rejected("length_out_of_range", 0)
     if len(data) < total:
         raise _Incomplete
@@ -391,7 +405,7 @@ def _judge(protocol: Protocol, data: bytes, sender: End | None, whole: bool) -> 
         if (
             part.kind == PartKind.CHECK
             and not in_header
-            and not _holds(frame.parts, parts, places[id(part)], data, payload_at, size, message)
+            and not _holds(frame.parts, parts, places[id(part)], data, block or data, payload_at, size, message)
         ):
             raise _Rejected("check_mismatch", total)
     trims = frame.parts[payload_at].trims_zeros
@@ -508,16 +522,21 @@ def _holds(
     present: tuple[Part, ...],
     index: int,
     data: bytes,
+    wire: bytes,
     payload_at: int,
     payload_size: int,
     message: Message | None,
 ) -> bool:
-    """``index`` and ``payload_at`` count all parts of the format, there or not: those that are not have no bytes."""
+    """``wire``: what ``data`` was before unstuffing. ``index`` and ``payload_at`` count all parts of the format, there
+    or not: those that are not have no bytes.
+    """
     there = {id(p) for p in present}
     sizes = [payload_size if i == payload_at else p.size if id(p) in there else 0 for i, p in enumerate(everything)]
     part = everything[index]
     assert part.algorithm is not None
     covered = data[sum(sizes[: part.first]) : sum(sizes[: part.last + 1])]
+    if part.is_plain and any(not other.is_plain for other in everything[part.first : part.last + 1]):
+        covered = wire[sum(sizes[: part.first]) : len(wire) - sum(sizes[part.last + 1 :])]
     if part.seeded:
         covered += bytes([message.seed or 0 if message is not None else 0])
     at = sum(sizes[:index])

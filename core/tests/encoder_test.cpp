@@ -45,7 +45,7 @@ TEST_CASE("every payload size up to the format's largest comes back from its fra
       const Bytes payload(size, static_cast<std::uint8_t>(0xAA + size));
       const Bytes frame = frame_of(source, 0xA2, payload);
       wirebond::Frame found;
-      const auto verdict = wirebond::examine(source, frame.data(), frame.size(), false, found);
+      const auto verdict = wirebond::examine(source, frame.data(), frame.size(), nullptr, found);
       REQUIRE(verdict.outcome == wirebond::Outcome::frame);
       CHECK(verdict.bytes == frame.size());
       CHECK(found.id == 0xA2);

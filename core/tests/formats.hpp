@@ -215,6 +215,47 @@ struct Lines {
   }
 };
 
+/// 0x00, id, COBS of the payload and an exclusive-or of it, exclusive-or of all as it is sent, 0xFE, 0x00.
+struct PartlyStuffed {
+  static constexpr std::array<MessageRow, 2> rows = {{{0x10, {0, 2, 2}}, {0x11, {1, 0, 300}}}};
+  static constexpr FrameFormat make() {
+    FrameFormat format{};
+    format.framing = Framing::delimited;
+    format.stuffing = Stuffing::cobs;
+    format.opening = format.closing = {1, 0x00};
+    format.plain_front = 1;
+    format.plain_back = 2;
+    format.algorithm_count = 1;
+    format.algorithms[0] = xor8;
+    format.max_payload = 300;
+    auto& layout = format.layouts[0];
+    layout.prefix = 1;
+    layout.suffix = 3;
+    layout.payload_size = PayloadSize::rest;
+    layout.id = {{0, false}, 1};
+    layout.constant_count = 1;
+    layout.constants[0] = {{-1, true}, 0xFF, 0xFE};
+    layout.check_count = 2;
+    layout.checks[0] = {0, {1, false}, {-3, true}, {-3, true}, 1};
+    layout.checks[1] = {0, {0, false}, {-2, true}, {-2, true}, 1};
+    layout.checks[1].on_wire = true;
+    return format;
+  }
+  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
+    return wirebond::sum_update({CheckKind::exclusive_or, 8}, reg, bytes, size);
+  }
+};
+
+/// The same with escapes for COBS; the check that is sent as it is may be a delimiter and then cuts the frame.
+struct PartlyEscaped : PartlyStuffed {
+  static constexpr FrameFormat make() {
+    FrameFormat format = PartlyStuffed::make();
+    format.stuffing = Stuffing::escape;
+    format.escapes = {0x7D, 0x20, 2, {0x00, 0x7D}, {0x20, 0x5D}};
+    return format;
+  }
+};
+
 /// WeakSum whose failed frames are skipped.
 struct Strict : WeakSum {
   static constexpr FrameFormat make() {

@@ -158,6 +158,7 @@ TEST_CASE("chunking changes no frame, no offset, no account: id last") { chunkin
 TEST_CASE("chunking changes no frame, no offset, no account: doubled") { chunking_changes_nothing<Doubled>(); }
 TEST_CASE("chunking changes no frame, no offset, no account: lines") { chunking_changes_nothing<Lines>(); }
 TEST_CASE("chunking changes no frame, no offset, no account: strict") { chunking_changes_nothing<Strict>(); }
+TEST_CASE("chunking changes no frame, no offset, no account: partly") { chunking_changes_nothing<PartlyStuffed>(); }
 
 TEST_CASE("constant and run-time source agree on any stream") {
   sources_agree<HeaderChecked>();
@@ -168,6 +169,8 @@ TEST_CASE("constant and run-time source agree on any stream") {
   sources_agree<Doubled>();
   sources_agree<Lines>();
   sources_agree<Strict>();
+  sources_agree<PartlyStuffed>();
+  sources_agree<PartlyEscaped>();
 }
 
 TEST_CASE("intact frames between noise arrive, once, in order, where they were: header check") {

@@ -74,6 +74,7 @@ Layout read_layout(nb::handle plan) {
     rule.shift = nb::cast<std::uint8_t>(check.attr("shift"));
     rule.seeded = nb::cast<bool>(check.attr("seeded"));
     rule.as_hex = nb::cast<bool>(check.attr("as_hex"));
+    rule.on_wire = nb::cast<bool>(check.attr("on_wire"));
     rule.continues = nb::cast<std::int8_t>(check.attr("continues"));
   }
   for (nb::handle field : plan.attr("header")) {
@@ -147,6 +148,8 @@ FormatTable::FormatTable(nb::handle plan) {
   }
   format_.deliver_unknown = nb::cast<bool>(plan.attr("deliver_unknown"));
   format_.skips_failed = nb::cast<bool>(plan.attr("skips_failed"));
+  format_.plain_front = nb::cast<std::uint8_t>(plan.attr("plain_front"));
+  format_.plain_back = nb::cast<std::uint8_t>(plan.attr("plain_back"));
   format_.max_payload = nb::cast<std::uint16_t>(plan.attr("max_payload"));
   format_.layout_count = 0;
   for (nb::handle layout : plan.attr("layouts")) {

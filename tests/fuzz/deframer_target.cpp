@@ -323,14 +323,22 @@ void expect_intact_frames(const wirebond::FrameFormat& format, const Stream& str
   }
 }
 
+/// What lies between the delimiters that the frame came with.
+wirebond::detail::Received between_delimiters(const wirebond::FrameFormat& format, const Found& found) {
+  if (!wirebond::has_marks(format)) return {found.wire.data(), found.wire.size()};
+  const std::size_t opening = format.opening.stands_at(found.wire.data(), found.wire.size()) ? format.opening.size : 0;
+  return {found.wire.data() + opening, found.wire.size() - opening - format.closing.size};
+}
+
 /// What was delivered passes once more by itself, and so does what the encoder makes of it.
 void expect_itself(const wirebond::RuntimeSource& source, const Found& found) {
   const wirebond::FrameFormat& format = source.format();
   const wirebond::Layout& layout = format.layouts[found.layout];
   wirebond::Frame frame;
-  const bool whole = format.framing != wirebond::Framing::by_start;
+  const wirebond::detail::Received received = between_delimiters(format, found);
   const wirebond::Verdict verdict =
-      wirebond::examine(source, found.unstuffed.data(), found.unstuffed.size(), whole, frame);
+      wirebond::examine(source, found.unstuffed.data(), found.unstuffed.size(),
+                        format.framing == wirebond::Framing::by_start ? nullptr : &received, frame);
   EXPECT(verdict.outcome == wirebond::Outcome::frame && verdict.bytes == found.unstuffed.size(),
          "a delivered frame passes its own examination");
 

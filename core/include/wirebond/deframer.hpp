@@ -114,7 +114,7 @@ class Deframer {
       const std::size_t available = size - at;
       if (available < needed_ && !give_up) break;  // already judged: so many bytes decide
       Frame frame;
-      Verdict verdict = examine(source_, window + at, available, false, frame);
+      Verdict verdict = examine(source_, window + at, available, nullptr, frame);
       if (verdict.outcome == Outcome::need_more) {
         if (!give_up) {
           needed_ = verdict.bytes;
@@ -368,10 +368,7 @@ class Deframer {
     const FrameFormat& format = source_.format();
     if (size > longest + stuffing_overhead(format, longest)) return {Outcome::reject, Cause::length_out_of_range, size};
     if (format.stuffing != Stuffing::none) {
-      const std::size_t room = max_wire_bytes(format);
-      const std::ptrdiff_t result = format.stuffing == Stuffing::cobs
-                                        ? cobs_decode(block, size, scratch_, room)
-                                        : unescape(format.escapes, block, size, scratch_, room);
+      const std::ptrdiff_t result = unstuff(format, block, size, scratch_);
       if (result < 0) return {Outcome::reject, Cause::bad_stuffing, size};
       bytes = scratch_;
       unstuffed = static_cast<std::size_t>(result);
@@ -384,7 +381,8 @@ class Deframer {
         return {Outcome::frame, Cause::no_start, unstuffed};
       }
     }
-    Verdict verdict = examine(source_, bytes, unstuffed, true, frame);
+    const detail::Received received{block, size};
+    Verdict verdict = examine(source_, bytes, unstuffed, &received, frame);
     if (verdict.outcome == Outcome::need_more) verdict = {Outcome::reject, Cause::length_out_of_range, unstuffed};
     return verdict;
   }

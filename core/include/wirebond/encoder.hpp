@@ -33,15 +33,41 @@ inline std::size_t write_mark(const Mark& mark, std::uint8_t* to) {
   return mark.size;
 }
 
-/// Put the delimiters around `size` bytes that lie behind payload_lead - prefix, stuffed where the format asks for it.
-inline std::size_t enclose(const FrameFormat& format, std::uint8_t* buffer, std::uint8_t* frame, std::size_t size) {
-  std::size_t stuffed = size;
-  if (format.stuffing == Stuffing::cobs) stuffed = cobs_encode_in_place(frame - 1, size);
-  if (format.stuffing == Stuffing::escape) stuffed = escape_in_place(format.escapes, frame, size);
-  if (!has_marks(format)) return stuffed;
+/// Put the delimiters around the `size` bytes behind where the opening one goes. Returns the size on the wire.
+inline std::size_t enclose(const FrameFormat& format, std::uint8_t* buffer, std::size_t size) {
+  if (!has_marks(format)) return size;
   const std::size_t opening = opening_bytes(format);
   if (opening != 0) write_mark(format.opening, buffer);
-  return opening + stuffed + write_mark(format.closing, buffer + opening + stuffed);
+  return opening + size + write_mark(format.closing, buffer + opening + size);
+}
+
+/// Write a check's value: over what `rule` says of `frame`, or of the bytes as they are sent.
+template <class Source>
+WIREBOND_INLINE void write_check(const Source& source, const Layout& layout, std::size_t index, std::uint8_t* frame,
+                                 std::size_t size, std::uint32_t id, std::uint64_t* registers) {
+  const CheckRule& rule = layout.checks[index];
+  const auto covered_by = [&](std::size_t i) { return i < layout.header_checks ? layout.prefix : size; };
+  const std::size_t covered = covered_by(index);
+  std::size_t from = rule.from.in(covered);
+  std::uint64_t reg = begin_of(source, rule.algorithm);
+  if (rule.continues >= 0) {
+    const std::size_t earlier = static_cast<std::size_t>(rule.continues);
+    reg = registers[earlier];
+    from = layout.checks[earlier].to.in(covered_by(earlier));
+  }
+  reg = source.check_update(rule.algorithm, reg, frame + from, rule.to.in(covered)-from);
+  registers[index] = reg;
+  if (rule.seeded) {
+    const std::uint8_t seed = source.message(id).seed;
+    reg = source.check_update(rule.algorithm, reg, &seed, 1);
+  }
+  const std::uint64_t value = (end_of(source, rule.algorithm, reg) >> rule.shift) & mask_of(8u * rule.bytes);
+  std::uint8_t* const at = frame + rule.at.in(covered);
+  if (rule.as_hex) {
+    write_hex(at, value, rule.bytes);
+  } else {
+    store_bytes(at, value, rule.bytes, rule.order);
+  }
 }
 
 }  // namespace detail
@@ -97,33 +123,18 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
   if (layout.id.present()) detail::write_number(layout.id, frame, size, id);
 
   std::uint64_t registers[max_checks] = {};
-  detail::every<unroll, max_checks>(0, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    const CheckRule& rule = layout.checks[i];
-    const std::size_t covered = i < layout.header_checks ? layout.prefix : size;
-    std::size_t from = rule.from.in(covered);
-    std::uint64_t reg = detail::begin_of(source, rule.algorithm);
-    if (rule.continues >= 0) {
-      const std::size_t earlier = static_cast<std::size_t>(rule.continues);
-      reg = registers[earlier];
-      from = layout.checks[earlier].to.in(earlier < layout.header_checks ? layout.prefix : size);
-    }
-    reg = source.check_update(rule.algorithm, reg, frame + from, rule.to.in(covered)-from);
-    registers[i] = reg;
-    if (rule.seeded) {
-      const std::uint8_t seed = source.message(id).seed;
-      reg = source.check_update(rule.algorithm, reg, &seed, 1);
-    }
-    const std::uint64_t value =
-        (detail::end_of(source, rule.algorithm, reg) >> rule.shift) & detail::mask_of(8u * rule.bytes);
-    std::uint8_t* const at = frame + rule.at.in(covered);
-    if (rule.as_hex) {
-      detail::write_hex(at, value, rule.bytes);
-    } else {
-      store_bytes(at, value, rule.bytes, rule.order);
-    }
-    return true;
-  });
-  return detail::enclose(format, buffer, frame, size);
+  const auto write_checks = [&](bool stuffed, std::uint8_t* bytes, std::size_t bytes_size) WIREBOND_INLINE_LAMBDA {
+    detail::every<unroll, max_checks>(0, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+      if (layout.checks[i].on_wire == stuffed) {
+        detail::write_check(source, layout, i, bytes, bytes_size, id, registers);
+      }
+      return true;
+    });
+  };
+  write_checks(false, frame, size);
+  const std::size_t between = stuff_in_place(format, frame, size);
+  write_checks(true, buffer + opening_bytes(format), between);
+  return detail::enclose(format, buffer, between);
 }
 
 }  // namespace wirebond

@@ -61,11 +61,21 @@ inline bool read_hex(const std::uint8_t* digits, unsigned bytes, std::uint64_t& 
   return true;
 }
 
+/// A candidate as it was received, without delimiters: what it is after unstuffing, where nothing is stuffed.
+struct Received {
+  const std::uint8_t* bytes;
+  std::size_t size;
+};
+
 template <class Source>
 WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std::size_t index,
-                                 const std::uint8_t* frame, std::size_t frame_size, std::uint8_t seed,
-                                 std::uint64_t* registers) {
+                                 const std::uint8_t* frame, std::size_t frame_size, const Received& received,
+                                 std::uint8_t seed, std::uint64_t* registers) {
   const CheckRule& rule = layout.checks[index];
+  if (rule.on_wire) {  // it begins and ends outside the stuffed bytes, so that its places are the same
+    frame = received.bytes;
+    frame_size = received.size;
+  }
   std::size_t from = rule.from.in(frame_size);
   const std::size_t to = rule.to.in(frame_size);
   std::uint64_t reg;
@@ -173,7 +183,8 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout,
   // Checks of the header, before its length makes anybody wait.
   const bool header_holds =
       every<unroll, max_checks>(0, layout.header_checks, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, layout, i, candidate, layout.prefix, head.shape.seed, head.registers);
+        return check_holds(source, layout, i, candidate, layout.prefix, {candidate, layout.prefix}, head.shape.seed,
+                           head.registers);
       });
   if (!header_holds) return {Outcome::reject, Cause::header_check_mismatch, layout.prefix};
 
@@ -198,7 +209,7 @@ WIREBOND_INLINE void fill(Frame& frame, const Layout& layout, const std::uint8_t
 /// The rules that need the whole frame, after examine_head.
 template <class Source>
 WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout, const std::uint8_t* candidate,
-                                     std::size_t available, Head& head, Frame& frame) {
+                                     std::size_t available, const Received* block, Head& head, Frame& frame) {
   constexpr bool unroll = Source::is_constant;
   const std::size_t size = head.size;
   if (available < size) return {Outcome::need_more, Cause::incomplete, size};
@@ -217,9 +228,10 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout,
       return {Outcome::reject, Cause::unknown_message, size};
     }
   }
+  const Received received = block != nullptr ? *block : Received{candidate, size};
   const bool checks_hold =
       every<unroll, max_checks>(layout.header_checks, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, layout, i, candidate, size, head.shape.seed, head.registers);
+        return check_holds(source, layout, i, candidate, size, received, head.shape.seed, head.registers);
       });
   if (!checks_hold) return {Outcome::reject, Cause::check_mismatch, size};
 
@@ -228,31 +240,33 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout,
 }
 
 /// The rules of one layout over `available` bytes at `candidate`, in the order in which they can first be decided.
+/// `block`: what the candidate was before unstuffing; null: it is one of a stream, and nothing is stuffed.
 template <class Source>
 WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layout, const std::uint8_t* candidate,
-                                       std::size_t available, bool whole, Frame& frame) {
+                                       std::size_t available, const Received* block, Frame& frame) {
   Head head;
-  const Verdict verdict = examine_head(source, layout, candidate, available, whole, head);
+  const Verdict verdict = examine_head(source, layout, candidate, available, block != nullptr, head);
   if (verdict.outcome != Outcome::frame) return verdict;
-  return examine_rest(source, layout, candidate, available, head, frame);
+  return examine_rest(source, layout, candidate, available, block, head, frame);
 }
 
 }  // namespace detail
 
 /// Judge the bytes at `candidate`. Pure: the verdict depends on these bytes alone, so chunking cannot change it.
+/// `block`: the candidate's size is known to be `available`, and this is what it was before unstuffing; else null.
 /// Any thread or interrupt. Work is bounded by one pass over max_frame_bytes per layout.
 template <class Source>
-WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candidate, std::size_t available, bool whole,
-                                Frame& frame) {
+WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candidate, std::size_t available,
+                                const detail::Received* block, Frame& frame) {
   const FrameFormat& format = source.format();
   if constexpr (Source::is_constant) {
     if (format.layout_count == 1)
-      return detail::examine_layout(source, format.layouts[0], candidate, available, whole, frame);
+      return detail::examine_layout(source, format.layouts[0], candidate, available, block, frame);
   }
   // Several layouts: the first that holds. A rejection is told for the layout that got furthest.
   Verdict best{Outcome::reject, Cause::constant_mismatch, 0};
   for (std::size_t i = 0; i < format.layout_count; ++i) {
-    const Verdict verdict = detail::examine_layout(source, format.layouts[i], candidate, available, whole, frame);
+    const Verdict verdict = detail::examine_layout(source, format.layouts[i], candidate, available, block, frame);
     if (verdict.outcome == Outcome::frame) return verdict;
     const bool better = i == 0 || (verdict.outcome == Outcome::need_more
                                        ? best.outcome != Outcome::need_more || verdict.bytes < best.bytes

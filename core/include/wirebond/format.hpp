@@ -61,6 +61,7 @@ struct CheckRule {
   std::uint8_t shift = 0;      ///< value on the wire = check >> shift (8: the high byte of a 16-bit sum)
   bool seeded = false;         ///< the message's seed is counted after the range, and not sent
   bool as_hex = false;         ///< on the wire as two hex digits a byte, the highest digit first
+  bool on_wire = false;        ///< over the bytes as they are sent, after stuffing; stands outside the stuffed ones
   std::int8_t continues = -1;  ///< an earlier check with the same start and algorithm: go on from its register
 };
 
@@ -140,6 +141,8 @@ struct FrameFormat {
   std::uint8_t algorithm_count = 0;
   bool deliver_unknown = false;  ///< unknown ids and other payload sizes are frames, not false starts
   bool skips_failed = false;     ///< a candidate that failed behind its header is not looked through again
+  std::uint8_t plain_front = 0;  ///< so many bytes before the stuffed ones are sent as they are
+  std::uint8_t plain_back = 0;   ///< and so many behind them
   std::uint16_t max_payload = 0;
   std::array<Layout, max_layouts> layouts{};
   std::array<CheckAlgorithm, max_algorithms> algorithms{};

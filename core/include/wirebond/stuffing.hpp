@@ -105,4 +105,44 @@ inline std::ptrdiff_t unescape(const EscapeRule& rule, const std::uint8_t* from,
   return static_cast<std::ptrdiff_t>(out);
 }
 
+/// Stuff the frame of `size` bytes at `frame` but for what is sent as it is. Room: stuffing_overhead more bytes, under
+/// COBS the first of them before the frame. Returns the stuffed size; under COBS the result begins at frame - 1.
+WIREBOND_INLINE std::size_t stuff_in_place(const FrameFormat& format, std::uint8_t* frame, std::size_t size) {
+  if (format.stuffing == Stuffing::none) return size;
+  const std::size_t front = format.plain_front;
+  const std::size_t back = format.plain_back;
+  const std::size_t inner = size - front - back;
+  std::uint8_t* const begin = frame + front;
+  const std::size_t code = format.stuffing == Stuffing::cobs ? 1 : 0;  // its first byte is put before the others
+  std::uint8_t* const kept = begin + inner + stuffing_overhead(format, inner) - code;  // behind all that is written
+  if (back != 0) std::memmove(kept, begin + inner, back);
+  std::size_t stuffed;
+  if (format.stuffing == Stuffing::cobs) {
+    if (front != 0) std::memmove(frame - code, frame, front);
+    stuffed = cobs_encode_in_place(begin - code, inner);
+  } else {
+    stuffed = escape_in_place(format.escapes, begin, inner);
+  }
+  if (back != 0) std::memmove(begin - code + stuffed, kept, back);
+  return front + stuffed + back;
+}
+
+/// Undo it: `size` bytes of a block to `to`, which has room for max_wire_bytes. Returns the size, or -1 where these
+/// bytes are no possible result.
+WIREBOND_INLINE std::ptrdiff_t unstuff(const FrameFormat& format, const std::uint8_t* block, std::size_t size,
+                                       std::uint8_t* to) {
+  const std::size_t front = format.plain_front;
+  const std::size_t back = format.plain_back;
+  if (size < front + back) return -1;
+  const std::size_t inner = size - front - back;
+  const std::size_t room = max_wire_bytes(format) - front - back;
+  const std::ptrdiff_t result = format.stuffing == Stuffing::cobs
+                                    ? cobs_decode(block + front, inner, to + front, room)
+                                    : unescape(format.escapes, block + front, inner, to + front, room);
+  if (result < 0) return -1;
+  if (front != 0) std::memcpy(to, block, front);
+  if (back != 0) std::memcpy(to + front + result, block + front + inner, back);
+  return result + static_cast<std::ptrdiff_t>(front + back);
+}
+
 }  // namespace wirebond

@@ -312,7 +312,16 @@ FRAMES = [
     ("@cobs: [id: u8, payload: rest, check: crc-16/modbus]", "stuffing needs a delimiter before and behind it"),
     ("@delimiter: 0x00, id: u8, payload: 20", "delimiters are the frame's first and its last part"),
     ("delimiter: @0x7E, cobs: [id: u8, payload: rest], delimiter: 0x00", "COBS frees a frame of 0x00"),
-    ("delimiter: 0x00, @id: u8, cobs: [payload: 20], delimiter: 0x00", "every part stands within the stuffed ones"),
+    ("delimiter: 0x00, cobs: [id: u8], @payload: 20, delimiter: 0x00", "the payload stands within the stuffed parts"),
+    ("delimiter: 0x00, @constant: 0xA5 0x00, cobs: [id: u8, payload: 20], delimiter: 0x00", "holds the delimiter 0x00"),
+    (
+        "delimiter: 0x0D 0x0A, id: u8, payload: 20, @constant: 0x0D 0x0A, delimiter: 0x0D 0x0A",
+        "every frame is cut here",
+    ),
+    (
+        "delimiter: 0x00, cobs: [id: u8, payload: 20], check: @{type: sum8, over: payload}, delimiter: 0x00",
+        "its range covers all of them or none",
+    ),
     (
         "delimiter: 0x00, cobs: [id: u8, payload: rest, @delimiter: 0x00], delimiter: 0x00",
         "`delimiter` cannot stand within stuffed parts",
@@ -322,6 +331,21 @@ FRAMES = [
         "a frame has one group of stuffed parts",
     ),
 ]
+
+
+def test_beside_stuffed_parts_nothing_is_optional() -> None:
+    text = """
+wirebond: 1
+protocol: rover
+frame:
+  - delimiter: 0x00
+  - {bits: u8, fields: {flags: 8}}
+  - cobs: [id: u8, payload: rest]
+  - {constant: 0x05, when: flags & 0x01}
+  - delimiter: 0x00
+messages: {one: {id: 1, sender: host}}
+"""
+    assert [line for line in problems_of(text) if "beside stuffed parts a part is always there" in line]
 
 
 def frame_of(parts: str) -> str:

@@ -121,6 +121,11 @@ class MessageView:
     judge: list[str]
     clamp: list[str]
 
+    @property
+    def writes_values(self) -> bool:
+        """Is anything but padding written?"""
+        return any("message" in line for line in self.write)
+
 
 def _shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
     """The structs of the file's types and those of the messages, each by the file's name."""
@@ -237,6 +242,8 @@ def format_lines(plan: Plan) -> list[str]:
     ]
     if plan.skips_failed:
         lines.append("format.skips_failed = true;")
+    for name, size in (("plain_front", plan.plain_front), ("plain_back", plan.plain_back)):
+        lines += [f"format.{name} = {size};"] if size else []
     for number, algorithm in enumerate(plan.algorithms):
         lines.append(f"format.algorithms[{number}] = {_algorithm(algorithm)};  // {comment_text(algorithm.name)}")
     for number, layout in enumerate(plan.layouts):
@@ -270,7 +277,7 @@ def format_lines(plan: Plan) -> list[str]:
         for i, c in enumerate(layout.checks):
             places = ", ".join(_position(p) for p in (c.start, c.stop, c.at))
             order = f"wirebond::ByteOrder::{c.order.value}"
-            flags = f"{_bool(c.seeded)}, {_bool(c.as_hex)}"
+            flags = ", ".join(_bool(flag) for flag in (c.seeded, c.as_hex, c.on_wire))
             rule = f"{c.algorithm}, {places}, {c.bytes}, {order}, {c.shift}, {flags}, {c.continues}"
             lines.append(f"{to}.checks[{i}] = {{{rule}}};")
     return lines

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
+
 from wirebond.explain.judge import hex_of
 from wirebond.protocol.model import Frame, Part, PartKind, PayloadRule
 
@@ -30,7 +32,13 @@ def diagram(frame: Frame, longest_payload: int) -> list[str]:
 def _around(frame: Frame) -> str:
     inside = "these parts"
     if frame.stuffing != "none":
-        inside = f"{_STUFFINGS.get(frame.stuffing, frame.stuffing)}( {inside} )"
+        stuffed = [part.name for part in frame.parts if not part.is_plain]
+        groups = [
+            [p.name for p in takewhile(lambda p: p.is_plain, parts)] for parts in (frame.parts, frame.parts[::-1])
+        ]
+        front, back = groups[0], groups[1][::-1]
+        named = inside if not front and not back else "  ".join(stuffed)
+        inside = "  ".join([*front, f"{_STUFFINGS.get(frame.stuffing, frame.stuffing)}( {named} )", *back])
     if frame.ends_by_silence:
         return f"silence  {inside}  silence"
     if frame.delimiter is None:

@@ -106,32 +106,48 @@ def _ends(protocol: Protocol) -> list[str]:
 
 
 def _stuffing(frame: Frame) -> list[str]:
+    where, checks = _stuffed_parts(frame), _checks_and_stuffing(frame)
     if frame.stuffing == "cobs":
-        return ["", *_COBS]
+        return ["", f"{where} the frame is stuffed with {_COBS[0]}", *_COBS[1:], checks]
     if frame.escapes is None:
         return []
     rule = frame.escapes
     if rule.doubles:
         return [
             "",
-            f"Within the frame each byte `{rule.escape:02X}` is sent twice. Checks are taken before that. A receiver "
-            "takes the bytes of a frame in pairs from such a byte on, so that it tells the second of two from a "
-            "delimiter.",
+            f"{where} each byte `{rule.escape:02X}` is sent twice. {checks} A receiver takes the bytes of a frame in "
+            "pairs from such a byte on, so that it tells the second of two from a delimiter.",
         ]
     if rule.exclusive_or:
         named = ", ".join(f"`{byte:02X}`" for byte, _ in rule.pairs)
         return [
             "",
-            f"Within the frame each byte {named} is sent as two: the escape `{rule.escape:02X}`, then the byte xor "
-            f"`{rule.exclusive_or:02X}`. Checks are taken before that.",
+            f"{where} each byte {named} is sent as two: the escape `{rule.escape:02X}`, then the byte xor "
+            f"`{rule.exclusive_or:02X}`. {checks}",
         ]
     rows = [(f"`{byte:02X}`", f"`{rule.escape:02X} {code:02X}`") for byte, code in rule.pairs]
-    return [
-        "",
-        "Within the frame these bytes are sent as two. Checks are taken before that.",
-        "",
-        *table(("byte", "sent as"), rows),
-    ]
+    return ["", f"{where} these bytes are sent as two. {checks}", "", *table(("byte", "sent as"), rows)]
+
+
+def _stuffed_parts(frame: Frame) -> str:
+    stuffed = [part for part in frame.parts if not part.is_plain]
+    if len(stuffed) == len(frame.parts):
+        return "Between the delimiters"
+    if len(stuffed) == 1:
+        return f"In the {stuffed[0].name}, and nowhere else,"
+    return f"From {stuffed[0].name} to {stuffed[-1].name}, and nowhere else,"
+
+
+def _checks_and_stuffing(frame: Frame) -> str:
+    late = [part.name for part in frame.parts if part.on_wire]
+    if not late:
+        return "Checks are taken before that."
+    verb = "covers" if len(late) == 1 else "cover"
+    others = any(part.algorithm is not None and not part.on_wire for part in frame.parts)
+    return (
+        f"{' and '.join(f'`{name}`' for name in late)} {verb} the bytes as they are then sent"
+        f"{'; other checks are taken before that' if others else ''}."
+    )
 
 
 def _content(protocol: Protocol, index: int) -> str:
@@ -190,7 +206,7 @@ _CONTENTS: dict[PartKind, Callable[[Protocol, int], str]] = {
 }
 
 _COBS = [
-    "Between the delimiters the frame is stuffed with COBS (Consistent Overhead Byte Stuffing), so that it holds no",
+    "COBS (Consistent Overhead Byte Stuffing), so that it holds no",
     "zero. The bytes are cut at each zero into runs; each run is sent behind a code byte that is its length plus one,",
     "and the zeros themselves are not sent. A run of 254 bytes or more is cut after 254 bytes behind the code `FF`,",
     "after which no zero is meant.",

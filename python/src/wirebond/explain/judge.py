@@ -229,15 +229,16 @@ def fixed_bits(part: Part, conditions: tuple[tuple[Condition, bool], ...]) -> tu
     return mask, value
 
 
-def judge(protocol: Protocol, data: bytes, sender: End | None, *, whole: bool = False) -> Judgement:
-    """The verdict on the candidate that begins with ``data``. ``whole``: its size is known to be ``len(data)``.
+def judge(protocol: Protocol, data: bytes, sender: End | None, *, block: bytes | None = None) -> Judgement:
+    """The verdict on the candidate that begins with ``data``. ``block``: where its size is known to be ``len(data)``,
+    what it was before unstuffing.
 
     Of several forms the first that holds; else the refusal of the one that got furthest. Pure; work is one pass over
     at most one frame for each form.
     """
     best: Judgement | None = None
     for form in forms(protocol, sender):
-        found = _Judge(protocol, form, data, sender, whole).verdict()
+        found = _Judge(protocol, form, data, sender, block).verdict()
         if found.is_frame:
             return found
         if best is None or _is_nearer(found, best):
@@ -264,7 +265,7 @@ class _Judge:
     form: Variant
     data: bytes
     sender: End | None
-    whole: bool
+    block: bytes | None
     rules: list[Rule] = field(default_factory=list)
     id: int | None = None
     message: Message | None = None
@@ -334,7 +335,7 @@ class _Judge:
         if len(self.data) < size:
             have = len(self.data)
             self.rules.append(Rule(Question.SIZE, None, False, f"at least {size} bytes", f"{have} bytes"))
-            if self.whole:
+            if self.block is not None:
                 raise _Decided(Outcome.REFUSED, "length_out_of_range", have)
             raise _Decided(Outcome.INCOMPLETE, "incomplete", size)
 
@@ -431,7 +432,7 @@ class _Judge:
 
     def _whole_frame(self, total: int) -> None:
         have = len(self.data)
-        if self.whole:
+        if self.block is not None:
             expected, found = f"{total} bytes", f"{have} bytes"
             self._rule(Question.SIZE, None, have == total, expected, found, "length_out_of_range", have)
         else:
@@ -449,7 +450,11 @@ class _Judge:
         part = self.parts[index]
         start, stop = places[index]
         seed = self.message.seed or 0 if self.message is not None else 0
-        expected = check_value(part, self.data[places[part.first][0] : places[part.last][1]], seed)
+        first, last = places[part.first][0], places[part.last][1]
+        covered = self.data[first:last]
+        if part.on_wire and self.block is not None:  # it ends as far from the block's end as from the frame's
+            covered = self.block[first : len(self.block) - (len(self.data) - last)]
+        expected = check_value(part, covered, seed)
         found = self.data[start:stop]
         shown = shown_check(part, expected), shown_check(part, found)
         self._rule(Question.CHECK, index, same_check(part, expected, found), *shown, cause, extent)

@@ -244,7 +244,7 @@ def _judge_block(
     if isinstance(content, Impossible):
         reason = f"at {begin + content.at}: {content.reason}"
         return Candidate(offset, extent, "bad_stuffing", begin, end, reason=reason)
-    judgement = judge(protocol, content.data, sender, whole=True)
+    judgement = judge(protocol, content.data, sender, block=block)
     if judgement.is_frame:
         return Found(offset, end + closing - offset, judgement, content, begin)
     return Candidate(offset, extent, judgement.cause, begin, end, judgement, content)

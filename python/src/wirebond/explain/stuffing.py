@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import takewhile
 
 from wirebond.protocol.model import Escapes, Frame
 
@@ -32,11 +33,31 @@ def plain(block: bytes) -> Unstuffed:
 
 def unstuff(frame: Frame, block: bytes) -> Unstuffed | Impossible:
     """``block``: the bytes between two delimiters."""
-    return _known(frame.stuffing)[0](frame, block)
+    front, back = plain_sizes(frame)
+    if len(block) < front + back:
+        return Impossible(0, f"{len(block)} bytes, and {front + back} stand beside the stuffed ones")
+    stop = len(block) - back
+    found = _known(frame.stuffing)[0](frame, block[front:stop])
+    if isinstance(found, Impossible):
+        return replace(found, at=front + found.at)
+    places = [(at, at + 1) for at in range(front)]
+    places += [(front + start, front + end) for start, end in found.places]
+    places += [(at, at + 1) for at in range(stop, len(block))]
+    added = tuple((front + at, meaning) for at, meaning in found.added)
+    return Unstuffed(block, block[:front] + found.data + block[stop:], tuple(places), added)
+
+
+def plain_sizes(frame: Frame) -> tuple[int, int]:
+    """Bytes before and behind the stuffed ones, which are sent as they are."""
+    front = sum(part.size for part in takewhile(lambda part: part.is_plain, frame.parts))
+    back = sum(part.size for part in takewhile(lambda part: part.is_plain, reversed(frame.parts)))
+    return front, back
 
 
 def stuff(frame: Frame, data: bytes) -> bytes:
-    return _known(frame.stuffing)[1](frame, data)
+    front, back = plain_sizes(frame)
+    stop = len(data) - back
+    return data[:front] + _known(frame.stuffing)[1](frame, data[front:stop]) + data[stop:]
 
 
 def overhead(frame: Frame, size: int) -> int:

@@ -14,6 +14,7 @@ from wirebond.protocol.frame_grammar import (
     EscapedPart,
     HdlcPart,
     PartSyntax,
+    PayloadPart,
     SilencePart,
     SlipPart,
 )
@@ -48,17 +49,19 @@ def read_envelope(outer: Outer, wrong: Wrong) -> Envelope:
     if len(stuffed) > 1:
         wrong(stuffed[1][1].place, "a frame has one group of stuffed parts; put all parts into the first")
     elif stuffed:
-        for syntax, node in outer:
-            if isinstance(syntax, PartSyntax):
-                wrong(
-                    node.place,
-                    "between delimiters every part stands within the stuffed ones, lest it contain one; "
-                    + _advice(stuffed),
-                )
-                break
+        _check_plain_parts(outer, wrong)
     reader = _Delimited(marks, wrong)
     kind, escapes = reader.stuffing(stuffed[0][0]) if stuffed else ("none", None)
     return Envelope(reader.closing, reader.opening, kind, escapes)
+
+
+def _check_plain_parts(outer: Outer, wrong: Wrong) -> None:
+    """Parts beside the stuffed ones have the same place in every frame."""
+    for syntax, node in outer:
+        if isinstance(syntax, PayloadPart):
+            wrong(node.place, "the payload stands within the stuffed parts; move it there")
+        elif isinstance(syntax, PartSyntax) and syntax.when is not None and isinstance(node, Mapping):
+            wrong(node.value_place("when"), "beside stuffed parts a part is always there; remove `when`")
 
 
 def _silence(outer: Outer, silences: list[tuple[int, SilencePart, Node]], others: bool, wrong: Wrong) -> Envelope:

@@ -37,6 +37,7 @@ from wirebond.protocol.model import (
 )
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.scalars import OWN_CRC
+from wirebond.protocol.spelling import bytes_text
 from wirebond.protocol.syntax import readable_part
 from wirebond.protocol.wording import Syntax
 
@@ -70,13 +71,19 @@ class _FrameReader:
         if not self._good:
             return None
         inner: list[tuple[PartSyntax, Mapping]] = []
+        plain: list[bool] = []
         for syntax, node in outer:
             stuffed = stuffed_parts(syntax, node)
             if stuffed is not None:
                 inner += stuffed
+                plain += [False] * len(stuffed)
             elif isinstance(syntax, PartSyntax) and isinstance(node, Mapping):
                 inner.append((syntax, node))
-        parts = [_lower(syntax, self._order) for syntax, _ in inner]
+                plain.append(envelope.stuffing != "none")
+        parts = [
+            replace(_lower(syntax, self._order), is_plain=is_plain)
+            for (syntax, _), is_plain in zip(inner, plain, strict=True)
+        ]
         nodes = [node for _, node in inner]
         names = self._names(parts, inner)
         self._check_places(parts, nodes, place, envelope)
@@ -86,6 +93,7 @@ class _FrameReader:
         for index, (syntax, node) in enumerate(inner):
             if isinstance(syntax, CheckPart):
                 parts[index] = self._lower_check(index, parts, names, syntax.check, node)
+        self._mark_checks_on_wire(parts, nodes)
         self._check_order_of_checks(parts, nodes)
         parts = [replace(part, name=name) for part, name in zip(parts, _unique(names), strict=True)]
         draft = Draft(tuple(parts), tuple(node.place for node in nodes), envelope)
@@ -145,6 +153,23 @@ class _FrameReader:
             last=last,
             shift=shift,
         )
+
+    def _mark_checks_on_wire(self, parts: list[Part], nodes: list[Mapping]) -> None:
+        """A check beside the stuffed parts is taken after stuffing, where it covers them or another such check."""
+        stuffed = [index for index, part in enumerate(parts) if not part.is_plain]
+        for index, part in enumerate(parts):
+            if part.kind != PartKind.CHECK or not part.is_plain:
+                continue
+            covered = range(max(part.first, 0), part.last + 1)
+            if not any(i in stuffed or parts[i].on_wire for i in covered):
+                continue
+            parts[index] = replace(part, on_wire=True)
+            if stuffed[0] < part.first <= stuffed[-1] or stuffed[0] <= part.last < stuffed[-1]:
+                self._wrong(
+                    nodes[index].value_place("check"),
+                    "a check beside the stuffed parts is taken over the bytes on the line, so that its range covers "
+                    "all of them or none; widen `over`, or move the check among them to take it before stuffing",
+                )
 
     def _find(self, name: str, names: list[str], place: Place) -> int:
         found = [index for index, other in enumerate(names) if other == name]
@@ -342,6 +367,7 @@ class _FrameReader:
                 f"at most {plan.MAX_CONSTANTS} are possible",
             )
         self._check_seeds(draft)
+        self._check_unstuffed_constants(draft)
         longest, length = draft.longest_by_length, draft.length_part
         if longest is None or length is None:
             return
@@ -360,6 +386,20 @@ class _FrameReader:
                 at,
                 f"with this offset a payload under {shortest} bytes would have a negative length; take a greater one",
             )
+
+    def _check_unstuffed_constants(self, draft: Draft) -> None:
+        envelope = draft.envelope
+        marks = [mark for mark in (envelope.opening, envelope.delimiter) if mark is not None]
+        for part, place in zip(draft.parts, draft.places, strict=True):
+            if envelope.stuffing != "none" and not part.is_plain:
+                continue
+            held = next((mark for mark in marks if mark in part.value), None)
+            if held is not None:
+                self._wrong(
+                    place,
+                    f"this {part.kind} holds the delimiter {bytes_text(held)} and is not stuffed, so that "
+                    "every frame is cut here; take another delimiter, or stuff this part",
+                )
 
     def _check_seeds(self, draft: Draft) -> None:
         """A check of the header alone is judged before the bytes behind the payload are there."""

@@ -51,6 +51,8 @@ def _mark(delimiter: bytes | None) -> int | str | None:
 
 def _part(part: Part) -> dict[str, Any]:
     form: dict[str, Any] = {"size": part.size}
+    if part.is_plain:
+        form["plain"] = True
     if part.condition is not None:
         form["when"] = [part.condition.field, part.condition.bit, part.condition.magic.hex()]
     if part.alternatives or part.by_sender:

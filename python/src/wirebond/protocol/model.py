@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from fractions import Fraction
+from math import lcm
 from typing import Union
 
 
@@ -98,6 +99,22 @@ class Field:
     @property
     def is_scaled(self) -> bool:
         return self.scale != 1 or self.offset != 0
+
+    @property
+    def common_factors(self) -> tuple[int, int, int]:
+        """``value = (wire * numerator + addend) / denominator`` in whole numbers."""
+        denominator = lcm(self.scale.denominator, self.offset.denominator)
+        return int(self.scale * denominator), int(self.offset * denominator), denominator
+
+    @property
+    def double_factors(self) -> tuple[int, int, int, Fraction]:
+        """``value = (wire * numerator + addend) / denominator + offset`` as doubles compute it, with one rounding where
+        the whole numbers are exact in a double: then the offset is in the addend."""
+        numerator, addend, denominator = self.common_factors
+        largest = (1 << self.width) * abs(numerator) + abs(addend)
+        if self.kind != FieldKind.FLOAT and max(largest, denominator) <= 2**53:
+            return numerator, addend, denominator, Fraction(0)
+        return self.scale.numerator, 0, self.scale.denominator, self.offset
 
     @property
     def width(self) -> int:
@@ -273,6 +290,8 @@ class Part:
     default: int = 0  # field
     bits: tuple[Bits, ...] = ()
     condition: Condition | None = None
+    is_plain: bool = False  # sent as it is, beside parts that are stuffed
+    on_wire: bool = False  # check: over the bytes as they are sent, after stuffing
 
 
 @dataclass(frozen=True)
@@ -308,6 +327,11 @@ class Frame:
 
     def part(self, kind: PartKind) -> Part | None:
         return next((p for p in self.parts if p.kind == kind), None)
+
+    @property
+    def lent_delimiter(self) -> bytes:
+        """What a good frame behind a bad one begins with, beside what its sender wrote: the bad one's end."""
+        return b"" if self.delimiter is None or self.opening is not None else self.delimiter
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,7 @@ class CheckRule:
     shift: int
     seeded: bool
     as_hex: bool
+    on_wire: bool  # over the bytes as they are sent, after stuffing
     continues: int  # index of an earlier check, or -1
 
 
@@ -127,6 +128,8 @@ class Plan:
     escapes: Escapes | None
     deliver_unknown: bool
     skips_failed: bool
+    plain_front: int  # bytes before the stuffed ones, sent as they are
+    plain_back: int  # bytes behind them
     max_payload: int
     layouts: tuple[Layout, ...]
     algorithms: tuple[Algorithm, ...]
@@ -151,6 +154,8 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         escapes=frame.escapes,
         deliver_unknown=frame.deliver_unknown,
         skips_failed=frame.is_strict,
+        plain_front=sum(part.size for part in itertools.takewhile(lambda part: part.is_plain, frame.parts)),
+        plain_back=sum(part.size for part in itertools.takewhile(lambda part: part.is_plain, reversed(frame.parts))),
         max_payload=frame.max_payload,
         layouts=layouts(frame.parts, sender),
         algorithms=tuple(_algorithms(frame.parts)),
@@ -352,7 +357,7 @@ def _layout(variant: Variant, algorithms: list[Algorithm]) -> Layout:
         start, stop = start_of(part.first), end_of(part.last)
         continues = -1
         for earlier_index, earlier in enumerate(rules):
-            same = earlier.algorithm == algorithm and earlier.start == start
+            same = earlier.algorithm == algorithm and earlier.start == start and not part.on_wire
             # Both ends count from the start, or this one lies behind the payload: the earlier range is inside.
             inside = not earlier.stop.from_end and (stop.from_end or earlier.stop.offset <= stop.offset)
             if same and inside:
@@ -360,7 +365,19 @@ def _layout(variant: Variant, algorithms: list[Algorithm]) -> Layout:
         size = part.size // 2 if part.as_hex else part.size
         at = start_of(index)
         rules.append(
-            CheckRule(algorithm, start, stop, at, size, part.order, part.shift, part.seeded, part.as_hex, continues)
+            CheckRule(
+                algorithm,
+                start,
+                stop,
+                at,
+                size,
+                part.order,
+                part.shift,
+                part.seeded,
+                part.as_hex,
+                part.on_wire,
+                continues,
+            )
         )
     return Layout(
         prefix=prefix,

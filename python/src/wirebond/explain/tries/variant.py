@@ -78,7 +78,7 @@ def look(protocol: Protocol, block: bytes, sender: End | None) -> tuple[Judgemen
     content = unstuff(frame, block)
     if isinstance(content, Impossible):
         return None
-    return judge(protocol, content.data, sender, whole=True), content.data
+    return judge(protocol, content.data, sender, block=block), content.data
 
 
 def test(variant: Variant) -> tuple[Judgement, bytes] | None:
