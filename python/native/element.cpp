@@ -25,7 +25,9 @@ std::string with_unit(const std::string& text, const FieldTable& field) {
   return field.unit.empty() ? text : text + " " + field.unit;
 }
 
-double to_si(const FieldTable& field, double wire) { return wire * field.numerator / field.denominator + field.offset; }
+double to_si(const FieldTable& field, double wire) {
+  return (wire * field.numerator + field.addend) / field.denominator + field.offset;
+}
 
 /// The enumerator's name for these bits (two's complement in 64 bits), or an invalid object.
 nb::object enumerator(const FieldTable& field, std::uint64_t bits) {
@@ -117,9 +119,14 @@ std::uint64_t integer_bits(const FieldTable& field, nb::handle value, const Path
   return number;
 }
 
+/// What to_si would make this value of, if it were a number on the wire.
+double from_si(const FieldTable& field, double si) {
+  return ((si - field.offset) * field.denominator - field.addend) / field.numerator;
+}
+
 /// The whole number nearest to an SI value; halves go away from zero, as in the generated code.
 double to_wire(const FieldTable& field, double si) {
-  return std::round((si - field.offset) * field.denominator / field.numerator);
+  return std::round(from_si(field, si));
 }
 
 /// Is a scaled number between what the bounds themselves become on the wire? A legal bound may round past itself.
@@ -299,7 +306,7 @@ std::uint64_t encode_element(const FieldTable& field, nb::handle value, const Pa
     }
     case FieldKind::floating: {
       double number = number_from(field, value, path);
-      if (field.scaled) number = (number - field.offset) * field.denominator / field.numerator;
+      if (field.scaled) number = from_si(field, number);
       std::uint64_t bits = 0;
       if (field.size == 4) {
         const float narrow = static_cast<float>(number);

@@ -53,9 +53,11 @@ void read_repeat(FieldTable& table, nb::handle field) {
 void read_meaning(FieldTable& table, nb::handle field) {
   table.scaled = nb::cast<bool>(field.attr("is_scaled"));
   if (table.scaled) {
-    table.numerator = as_double(field.attr("scale").attr("numerator"));
-    table.denominator = as_double(field.attr("scale").attr("denominator"));
-    table.offset = as_double(field.attr("offset"));
+    const nb::object factors = field.attr("double_factors");
+    table.numerator = as_double(factors[0]);
+    table.addend = as_double(factors[1]);
+    table.denominator = as_double(factors[2]);
+    table.offset = as_double(factors[3]);
   }
   table.unit = text_of(field.attr("unit"));
   const nb::object minimum = field.attr("minimum");

@@ -27,8 +27,8 @@ enum class Repeat : std::uint8_t {
   packed,  ///< `count` elements, bit by bit
 };
 
-/// One field. `value = wire * numerator / denominator + offset`: two exact factors instead of one rounded scale,
-/// so that 9 * 0.001 is 0.009 and not 0.009000000000000001.
+/// One field. `value = (wire * numerator + addend) / denominator + offset`: exact whole numbers, so that one rounding is
+/// left and 9 * 0.001 is 0.009, not 0.009000000000000001. `offset` is zero where such numbers hold it.
 struct FieldTable {
   std::string name;
   nb::object key;  ///< the name, interned
@@ -55,6 +55,7 @@ struct FieldTable {
   // What it means.
   bool scaled = false;
   double numerator = 1;
+  double addend = 0;
   double denominator = 1;
   double offset = 0;
   std::string unit;

@@ -6,7 +6,6 @@ import math
 import struct
 from dataclasses import dataclass
 from fractions import Fraction
-from math import lcm
 
 from wirebond.protocol.model import Field, FieldKind
 
@@ -78,10 +77,22 @@ def wire_integer(field: Field) -> WireInteger:
 
 
 def real_type(field: Field) -> str:
-    """The SI type of a float or a scaled integer: a float where it holds every wire value."""
+    """The SI type of a float or a scaled integer: a float where it brings every wire value back as it was."""
     if field.kind == FieldKind.FLOAT:
         return "float" if field.size == 4 else "double"
-    return "float" if field.width <= 24 else "double"
+    return "float" if _survives_float(field) else "double"
+
+
+def _survives_float(field: Field) -> bool:
+    """Is what a wire number loses as a float, there and back, too little to become another one?
+
+    Each operation and each constant is off by half a unit in the last place at most (IEEE 754, round to nearest): there
+    are five of the value's size on the way, and three of the offset's.
+    """
+    wire = wire_integer(field)
+    span = max(abs(wire.low), wire.high) * abs(field.scale)
+    error = (5 * span + 3 * abs(field.offset)) / 2**FLOAT_DIGITS
+    return error < abs(field.scale) / 2
 
 
 @dataclass(frozen=True)
@@ -95,16 +106,10 @@ class Scaling:
     type_name: str
 
     @property
-    def _common(self) -> tuple[int, int, int]:
-        scale, offset = self.field.scale, self.field.offset
-        denominator = lcm(scale.denominator, offset.denominator)
-        return int(scale * denominator), int(offset * denominator), denominator
-
-    @property
     def is_exact(self) -> bool:
         if self.field.kind == FieldKind.FLOAT:
             return False
-        numerator, shift, denominator = self._common
+        numerator, shift, denominator = self.field.common_factors
         wire = wire_integer(self.field)
         limit = 2 ** (FLOAT_DIGITS if self.type_name == "float" else DOUBLE_DIGITS)
         ends = [abs(wire.low * numerator + shift), abs(wire.high * numerator + shift), denominator]
@@ -117,7 +122,7 @@ class Scaling:
             if self.field.offset:
                 text += f" + {real(self.field.offset, self.type_name)}"
             return text
-        numerator, shift, denominator = self._common
+        numerator, shift, denominator = self.field.common_factors
         if (numerator, shift) != (1, 0) and self.field.width > 24:
             wire = f"static_cast<std::int64_t>({wire})"
         elif min(numerator, shift) < 0 and self.field.width > 16:  # in an unsigned type these would wrap

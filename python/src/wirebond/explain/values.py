@@ -319,7 +319,8 @@ def _float(field: Field, raw: int) -> _Number:
 
 def _scaled(field: Field, wire: float) -> float:
     """In doubles and in this order, so that it is the engine's value to the last bit."""
-    return float(wire) * field.scale.numerator / field.scale.denominator + float(field.offset)
+    numerator, addend, denominator, offset = field.double_factors
+    return (float(wire) * numerator + addend) / denominator + float(offset)
 
 
 def _range_fault(field: Field, value: float) -> str:
