@@ -6,6 +6,7 @@ Fields of messages are drawn by ``random_fields``.
 from __future__ import annotations
 
 import random
+import re
 from dataclasses import dataclass, field
 
 from tests.random_fields import FieldSource, Vary
@@ -52,7 +53,17 @@ def random_protocol(source: random.Random, number: int) -> str:
 class _FormatSource:
     def __init__(self, source: random.Random) -> None:
         self._random = source
-        framings = ["start"] * 5 + ["cobs", "cobs", "slip", "hdlc", "escaped", "lines", "brackets", "silence"]
+        framings = ["start"] * 5 + [
+            "cobs",
+            "cobs",
+            "slip",
+            "hdlc",
+            "escaped",
+            "doubled",
+            "lines",
+            "brackets",
+            "silence",
+        ]
         self._framing = source.choice(framings)
         self._has_end = self._framing != "start"
         self._rule = "rest" if self._has_end and source.random() < 0.7 else self._sized_rule()
@@ -87,29 +98,69 @@ class _FormatSource:
             lines += self._random.choice(([], ["unknown: deliver"], ["unknown: reject"]))
         if self._rule in ("rest", "by_length") and self._chance(0.3):
             lines.append(f"max_payload: {ROOM + 8}")
+        if self._looks_again and self._chance(0.2):
+            lines.append("resync: strict")
         return "\n".join([*lines, *self._messages()]) + "\n"
 
     # ---- what stands around the parts
 
     def _frame_items(self) -> list[str]:
         texts = [part.text for part in self._parts]
-        inner = f"[{', '.join(texts)}]"
         opens = self._chance(0.7)
+        self._looks_again = self._framing == "start"
         if self._framing == "start":
             return texts
         if self._framing == "silence":
             return [*texts, f"silence: {self._random.choice(('2 ms', '500 us', '20 ms'))}"]
         if self._framing == "lines":  # nothing is stuffed: the test's streams show what is lost then
-            return [*(["delimiter: 0x0A"] if self._chance(0.4) else []), *texts, "delimiter: 0x0A"]
+            end = self._random.choice(("0x0A", "0x0A", "0x0D 0x0A"))
+            return [*([f"delimiter: {end}"] if self._chance(0.4) else []), *texts, f"delimiter: {end}"]
         if self._framing == "brackets":
-            return ["delimiter: 0x24", *texts, "delimiter: 0x0A"]
+            self._looks_again = True
+            opening, closing = self._random.choice((("0x24", "0x0A"), ("0xAA 0x55", "0x0A"), ("0x24", "0x0D 0x0A")))
+            return [f"delimiter: {opening}", *texts, f"delimiter: {closing}"]
+        front, back = self._plain_parts() if self._chance(0.35) else (0, 0)
+        stop = len(texts) - back
+        inner = f"[{', '.join(texts[front:stop])}]"
         if self._framing == "escaped":
-            return self._escaped(inner)
-        byte = {"cobs": "0x00", "slip": "0xC0", "hdlc": "0x7E"}[self._framing]
-        return [*([f"delimiter: {byte}"] if opens else []), f"{self._framing}: {inner}", f"delimiter: {byte}"]
+            opening, group, closing = self._escaped(inner)
+        elif self._framing == "doubled":
+            self._looks_again = True
+            first, one, other = (f"0x{byte:02X}" for byte in self._random.sample(range(256), 3))
+            opening, group, closing = [f"delimiter: {first} {one}"], f"doubled: {inner}", f"delimiter: {first} {other}"
+        else:
+            byte = {"cobs": "0x00", "slip": "0xC0", "hdlc": "0x7E"}[self._framing]
+            opening, group = [f"delimiter: {byte}"] if opens else [], f"{self._framing}: {inner}"
+            closing = f"delimiter: {byte}"
+        return [*opening, *texts[:front], group, *texts[stop:], closing]
 
-    def _escaped(self, inner: str) -> list[str]:
-        """An escape rule after which no delimiter is left on the line."""
+    def _plain_parts(self) -> tuple[int, int]:
+        """How many parts before and behind the stuffed ones are sent as they are: such parts are always there, and
+        their checks cover all that is stuffed or nothing of it."""
+        payload = self._payload_index()
+        always = [not any(option.startswith("when:") for option in part.options) for part in self._parts]
+        front = self._random.randint(0, next((i for i in range(payload) if not always[i]), payload))
+        most = next((i for i in range(len(always) - payload - 1) if not always[-1 - i]), len(always) - payload - 1)
+        back = self._random.randint(0, most)
+        stop = len(self._parts) - back
+        for index, part in enumerate(self._parts):
+            if part.kind == "check" and not front <= index < stop:
+                first, last = self._covered(index)
+                touches = first < stop and last >= front
+                if touches and not (first <= front and last >= stop - 1):
+                    return 0, 0
+        return front, back
+
+    def _covered(self, index: int) -> tuple[int, int]:
+        """First and last part that a check covers."""
+        found = re.search(r"over: (\w+)(?:\.\.(\w+))?", self._parts[index].value)
+        if found is None:
+            return 0, index - 1
+        names = [part.name for part in self._parts]
+        return names.index(found[1]), names.index(found[2] or found[1])
+
+    def _escaped(self, inner: str) -> tuple[list[str], str, str]:
+        """An escape rule after which no delimiter is left on the line: opening, group, closing."""
         while True:
             closing, escape, xor, *also = self._random.sample(range(1, 256), 3 + self._random.randint(0, 3))
             opening = self._random.choice((None, closing, self._random.randrange(256)))
@@ -118,7 +169,10 @@ class _FormatSource:
                 break
         more = f"also: {' '.join(f'0x{byte:02X}' for byte in also)}, " if also else ""
         rule = f"escaped: {{escape: 0x{escape:02X}, xor: 0x{xor:02X}, {more}parts: {inner}}}"
-        return [*([f"delimiter: 0x{opening:02X}"] if opening is not None else []), rule, f"delimiter: 0x{closing:02X}"]
+        marks = [] if opening is None else [f"delimiter: 0x{opening:02X}"]
+        if opening not in (None, closing):
+            self._looks_again = True
+        return marks, rule, f"delimiter: 0x{closing:02X}"
 
     # ---- parts
 

@@ -95,7 +95,9 @@ class Speaker:
             return self.valid(source)
         message = source.choice(self._codec.model.messages)
         payload = damaged(self._plain.encode(message.name, random_values(message, source))[1:], source)
-        payload = payload[: self._codec.model.frame.max_payload]
+        frame = self._codec.model.frame
+        unit = max(part.length_unit for part in frame.parts)  # sizes between cannot be told
+        payload = payload[: min(len(payload), frame.max_payload) // unit * unit]
         stranger = self._raw.model.messages[-1]
         return self._sealed(self._raw, stranger if source.random() < 0.2 else message, {"raw": payload}, source)
 
