@@ -125,9 +125,7 @@ double from_si(const FieldTable& field, double si) {
 }
 
 /// The whole number nearest to an SI value; halves go away from zero, as in the generated code.
-double to_wire(const FieldTable& field, double si) {
-  return std::round(from_si(field, si));
-}
+double to_wire(const FieldTable& field, double si) { return std::round(from_si(field, si)); }
 
 /// Is a scaled number between what the bounds themselves become on the wire? A legal bound may round past itself.
 bool in_wire_range(const FieldTable& field, double wire) {

@@ -27,8 +27,8 @@ enum class Repeat : std::uint8_t {
   packed,  ///< `count` elements, bit by bit
 };
 
-/// One field. `value = (wire * numerator + addend) / denominator + offset`: exact whole numbers, so that one rounding is
-/// left and 9 * 0.001 is 0.009, not 0.009000000000000001. `offset` is zero where such numbers hold it.
+/// One field. `value = (wire * numerator + addend) / denominator + offset`: exact whole numbers, so that one rounding
+/// is left and 9 * 0.001 is 0.009, not 0.009000000000000001. `offset` is zero where such numbers hold it.
 struct FieldTable {
   std::string name;
   nb::object key;  ///< the name, interned

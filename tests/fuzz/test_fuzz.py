@@ -19,7 +19,12 @@ LONG_SECONDS = int(os.environ.get("WIREBOND_FUZZ_SECONDS", "3600")) // len(campa
 # A text of a source file, what stands there instead, and the target that must find out.
 FAULTS = [
     pytest.param(
-        *("deframer", "deframer.hpp", "discard(1);  // recover", "discard(1), ++at;  // recover"),
+        *(
+            "deframer",
+            "deframer.hpp",
+            "at += failed;\n      }\n      if constexpr",
+            "at += failed + 1;\n      }\n      if constexpr",
+        ),
         id="a byte that is skipped behind a false start",
     ),
     pytest.param(

@@ -85,7 +85,7 @@ TEST_CASE("every type comes back") {
   log_protocol::Everything sent;
   sent.wide = 0xFFFFFF;
   sent.narrow = -8388608;
-  sent.fine = -838.8608F;
+  sent.fine = -838.8608;
   sent.temperature = -12.5F;
   sent.ratio = -1.5F;
   sent.turns = 42949672.95;
@@ -179,7 +179,7 @@ TEST_CASE("each field's own limit is kept") {
   using Everything = log_protocol::Everything;
   CHECK(changed([](Everything& m) { m.wide = 0x1000000; }) == Status::out_of_range);
   CHECK(changed([](Everything& m) { m.narrow = -8388609; }) == Status::out_of_range);
-  CHECK(changed([](Everything& m) { m.fine = 838.9F; }) == Status::out_of_range);
+  CHECK(changed([](Everything& m) { m.fine = 838.9; }) == Status::out_of_range);
   CHECK(changed([](Everything& m) { m.temperature = 85.5F; }) == Status::out_of_range);
   CHECK(changed([](Everything& m) { m.turns = -0.01; }) == Status::out_of_range);
   CHECK(changed([](Everything& m) { m.doubled = 10.5F; }) == Status::out_of_range);
