@@ -91,7 +91,7 @@ def _survives_float(field: Field) -> bool:
     """
     wire = wire_integer(field)
     span = max(abs(wire.low), wire.high) * abs(field.scale)
-    error = (5 * span + 3 * abs(field.offset)) / 2**FLOAT_DIGITS
+    error = (5 * span + 3 * abs(field.offset)) * Fraction(1, 1 << FLOAT_DIGITS)
     return error < abs(field.scale) / 2
 
 
