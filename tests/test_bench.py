@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from bench import collateral, work_per_byte
+from bench import collateral, m4_cost, work_per_byte
 
 
 def test_intact_frames_survive_their_neighbours_faults() -> None:
@@ -29,3 +29,9 @@ def test_damage_is_seen_by_the_measure_itself() -> None:
 def test_work_per_byte_is_bounded_for_the_worst_input() -> None:
     (figure,) = work_per_byte.measure()
     assert figure.met, f"{figure.value:.0f} instructions"
+
+
+def test_generated_code_on_a_cortex_m4_agrees_with_the_host_and_keeps_its_cost() -> None:
+    """``measure`` fails where a frame is not found or comes out as another."""
+    for figure in m4_cost.measure(("-O2",)):
+        assert figure.met, f"{figure.key}: {figure.value:.0f} instructions"
