@@ -109,8 +109,8 @@ std::uint32_t receive_and_encode(std::uint32_t frame_bytes, std::uint32_t place)
 
 /// Encode the message of the frame at the first place `times` times into `out`. The size on the wire; 0: refused.
 std::uint32_t encode_field(std::uint32_t payload_at, std::uint32_t times) {
-  return static_cast<std::uint32_t>(encode_again<enterprize::FieldMsg>(
-      ring + payload_at, enterprize::FieldMsg::Info::max_payload_bytes, out, times));
+  return static_cast<std::uint32_t>(
+      encode_again<enterprize::FieldMsg>(ring + payload_at, enterprize::FieldMsg::Info::max_payload_bytes, out, times));
 }
 
 std::uint32_t encode_sentry_gimbal(std::uint32_t payload_at, std::uint32_t times) {
