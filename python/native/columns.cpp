@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <condition_variable>
 #include <cstring>
 #include <exception>
+#include <mutex>
 #include <thread>
 #include <type_traits>
 #include <vector>
@@ -230,12 +232,14 @@ nb::dict columns_of(const MessageTable& message, const Rows& rows) {
   return out;
 }
 
-/// Decode without the GIL; now and then take it for `progress(done, size)` and for Ctrl-C.
+/// Decode without the GIL; now and then, and at the end, take it for `progress(done, size)` and for Ctrl-C.
 Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format, const BufferView& view,
                        unsigned threads, nb::handle progress) {
   std::atomic<std::uint64_t> done{0};
   std::atomic<bool> cancelled{false};
-  std::atomic<bool> ready{false};
+  bool ready = false;
+  std::mutex mutex;  // of `ready`
+  std::condition_variable is_ready;
   Capture capture;
   std::exception_ptr fault;
   std::thread work([&] {
@@ -244,24 +248,29 @@ Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format,
     } catch (...) {
       fault = std::current_exception();
     }
+    const std::lock_guard<std::mutex> lock(mutex);
     ready = true;
+    is_ready.notify_one();
   });
   bool interrupted = false;
-  while (!ready) {
-    {
-      const nb::gil_scoped_release release;
-      for (int i = 0; i < 100 && !ready; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
-    if (interrupted) continue;
+  const auto finished = [&] {
+    const nb::gil_scoped_release release;
+    std::unique_lock<std::mutex> lock(mutex);
+    return is_ready.wait_for(lock, std::chrono::milliseconds(100), [&] { return ready; });
+  };
+  const auto tell = [&] {
     interrupted = PyErr_CheckSignals() != 0;
-    if (!interrupted && !progress.is_none()) {
-      const nb::object told =
-          nb::steal(PyObject_CallFunction(progress.ptr(), "KK", done.load(), std::uint64_t{view.size()}));
-      interrupted = !told.is_valid();
-    }
+    if (interrupted || progress.is_none()) return;
+    const nb::object told =
+        nb::steal(PyObject_CallFunction(progress.ptr(), "KK", done.load(), std::uint64_t{view.size()}));
+    interrupted = !told.is_valid();
+  };
+  while (!finished()) {
+    if (!interrupted) tell();
     cancelled = interrupted;
   }
   work.join();
+  if (!interrupted && !fault) tell();
   if (interrupted) throw nb::python_error();
   if (fault) std::rethrow_exception(fault);
   return capture;
