@@ -27,6 +27,7 @@ COMMAND = "make bench ONLY=columns"
 PEERS = (
     ("bench.peers.struct_codec", "StructCrc", 1),
     ("bench.peers.struct_codec", "CobsStruct", 1),
+    ("bench.peers.protobuf_codec", "Protobuf", 1),
     ("bench.peers.mavlink_codec", "Mavlink", 3),
     ("bench.peers.serial_transfer_codec", "SerialTransfer", 30),  # gets a thirtieth of the frames
 )

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import subprocess
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import unicorn
 from elftools.elf.elffile import ELFFile
 from unicorn import arm_const
 
-import wirebond
-from bench.collateral import PROTOCOL
 from bench.native import BUILD
-from wirebond import paths
-from wirebond.codegen import generate_cpp
 
 COMPILER = "arm-none-eabi-g++"
 PROCESSOR = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
@@ -26,13 +23,12 @@ END_OF_CALL = MEMORY - 16  # where a called function returns to; nothing is ther
 MOST_INSTRUCTIONS = 20_000_000  # of one call
 
 
-def compile_program(source: Path, optimise: str) -> Path:
-    """``source`` with the header of the benchmarks' protocol, as an ELF file."""
-    generated = BUILD / "generated"
-    generate_cpp(wirebond.load(PROTOCOL).model, generated)
+def compile_program(source: Path, optimise: str, includes: Sequence[Path]) -> Path:
+    """``source`` as an ELF file. Headers in ``includes`` are taken for a system's: their warnings are not ours."""
+    BUILD.mkdir(parents=True, exist_ok=True)
     program = BUILD / f"{source.stem}{optimise}.elf"
-    includes = [f"-I{generated}", f"-I{paths.core_include()}"]
-    command = [COMPILER, *PROCESSOR, *FLAGS, optimise, *includes, str(source), *LINK, "-Wl,-e,receive"]
+    folders = [f"-isystem{folder}" for folder in includes]
+    command = [COMPILER, *PROCESSOR, *FLAGS, optimise, *folders, str(source), *LINK, "-Wl,-e,receive"]
     subprocess.run([*command, "-o", str(program)], check=True)
     return program
 
