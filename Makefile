@@ -30,7 +30,7 @@ prove: build/setup-test.stamp ## the long forms of the proofs
 	@$(PYTHON) -m pytest -n 2
 
 .PHONY: bench
-bench: build/setup-test.stamp ## tables of figures, and bench/latest.json (ONLY=name runs one)
+bench: build/setup-bench.stamp ## tables of figures, and bench/latest.json (ONLY=name runs one)
 	@$(PYTHON) -m bench $(if $(ONLY),--only $(ONLY),)
 
 .PHONY: lint
@@ -67,6 +67,11 @@ build/requirements.stamp: requirements-dev.txt | $(VENV)/bin/python
 build/setup.stamp: build/requirements.stamp $(NATIVE)
 	@echo "Building the engine"
 	@$(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch $@
+
+build/setup-bench.stamp: build/setup-test.stamp bench/requirements.txt
+	@$(PYTHON) -m pip install --quiet --disable-pip-version-check -r bench/requirements.txt || \
+	  echo "bench/requirements.txt cannot be installed: there will be no plots" >&2
 	@touch $@
 
 build/setup-test.stamp: build/setup.stamp

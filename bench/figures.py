@@ -19,17 +19,19 @@ LATEST = HERE / "latest.json"
 
 @dataclass(frozen=True)
 class Figure:
-    """``goal`` is a bound: ``at_most`` says whether from above or from below."""
+    """``goal`` is a bound: ``at_most`` says whether from above or from below. None: the figure stands beside others."""
 
     key: str
     value: float
     unit: str
-    goal: float
+    goal: float | None
     command: str
     at_most: bool = True
 
     @property
     def met(self) -> bool:
+        if self.goal is None:
+            return True
         return self.value <= self.goal if self.at_most else self.value >= self.goal
 
 
@@ -40,7 +42,8 @@ def show(title: str, figures: list[Figure]) -> None:
     for figure in figures:
         bound = "≤" if figure.at_most else "≥"
         met = "[green]yes[/]" if figure.met else "[bold red]no[/]"
-        table.add_row(figure.key, f"{figure.value:,.6g}", figure.unit, f"{bound} {figure.goal:,.6g}", met)
+        goal = ("", "") if figure.goal is None else (f"{bound} {figure.goal:,.6g}", met)
+        table.add_row(figure.key, f"{figure.value:,.6g}", figure.unit, *goal)
     Console().print(table)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from bench import collateral, work_per_byte
+from bench import collateral, columns, m4_cost, work_per_byte
+from bench.peers.work import Flat
 
 
 def test_intact_frames_survive_their_neighbours_faults() -> None:
@@ -29,3 +30,22 @@ def test_damage_is_seen_by_the_measure_itself() -> None:
 def test_work_per_byte_is_bounded_for_the_worst_input() -> None:
     (figure,) = work_per_byte.measure()
     assert figure.met, f"{figure.value:.0f} instructions"
+
+
+def test_generated_code_on_a_cortex_m4_agrees_with_the_host_and_keeps_its_cost() -> None:
+    """``measure`` fails where a frame is not found or comes out as another."""
+    for figure in m4_cost.measure(("-O2",)):
+        assert figure.met, f"{figure.key}: {figure.value:.0f} instructions"
+
+
+def test_all_codecs_make_the_same_of_the_same_frames() -> None:
+    found: dict[str, Flat] = {}
+    for entry in columns.entries(frames=900):
+        codec = entry.codec
+        assert codec.messages(entry.stream) == entry.frames, codec.name
+        flat = codec.flat(codec.columns(entry.stream))
+        found[codec.name] = {name: [tuple(column)[:3] for column in table] for name, table in flat.items()}
+        assert sum(len(table[0]) for table in flat.values()) == entry.frames, codec.name
+    assert len(found) == 1 + len(columns.PEERS), "a peer is not installed"
+    for name, values in found.items():
+        assert values == found["Wirebond"], name

@@ -238,6 +238,7 @@ def test_progress_of_a_large_capture_is_told_and_may_stop_it() -> None:
     proto.decode_columns(capture, "host", progress=lambda done, size: told.append((done, size)))
     assert all(done <= size == len(capture) for done, size in told)
     assert told == sorted(told)
+    assert told[-1] == (len(capture), len(capture))
 
     def stop(done: int, size: int) -> None:
         raise KeyboardInterrupt

@@ -123,6 +123,33 @@ TEST_CASE("the nearest integer is refused where it has no room") {
   CHECK(huge == 7);
 }
 
+template <class Real, std::size_t Size>
+void expect_each_to_count() {
+  for (const Real wrong : {std::numeric_limits<Real>::infinity(), -std::numeric_limits<Real>::infinity(),
+                           std::numeric_limits<Real>::quiet_NaN(), -std::numeric_limits<Real>::signaling_NaN()}) {
+    for (std::size_t at = 0; at < Size; ++at) {
+      std::array<Real, Size> values;
+      values.fill(std::numeric_limits<Real>::lowest());
+      CHECK(all_finite(values));
+      values[at] = wrong;
+      CHECK_FALSE(all_finite(values));
+    }
+  }
+  std::array<Real, Size> values{};
+  CHECK(all_finite(values));
+  values.fill(std::numeric_limits<Real>::max());
+  CHECK(all_finite(values));
+}
+
+TEST_CASE("an array is finite when each of its floats is") {
+  expect_each_to_count<float, 1>();
+  expect_each_to_count<float, 4>();
+  expect_each_to_count<float, 8>();
+  expect_each_to_count<float, 9>();
+  expect_each_to_count<double, 2>();
+  expect_each_to_count<double, 11>();
+}
+
 TEST_CASE("finite is what is neither NaN nor infinite") {
   CHECK(is_finite(0.0F));
   CHECK(is_finite(std::numeric_limits<float>::max()));

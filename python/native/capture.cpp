@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <memory>
 #include <thread>
+#include <utility>
 
 namespace wirebond::engine {
 
@@ -38,14 +39,14 @@ class Part {
     found_.messages.resize(protocol.messages().size());
   }
 
-  /// Decode up to `end`, and note the first landmarks on the way.
+  /// Decode up to `end`, and note the first landmarks on the way where a part before this one may meet them.
   void run(const std::uint8_t* bytes, std::uint64_t end, std::atomic<std::uint64_t>& done,
            const std::atomic<bool>& cancelled) {
     while (at_ < end && !cancelled) {
       const std::uint64_t size = std::min<std::uint64_t>(step, end - at_);
       deframer_.feed(bytes + at_, size, 0, [this](const Frame& frame) {
         take(frame);
-        if (landmarks_.size() < landmarks_kept && deframer_.owes_nothing()) landmarks_.push_back(here());
+        if (begin_ != 0 && landmarks_.size() < landmarks_kept && deframer_.owes_nothing()) landmarks_.push_back(here());
       });
       at_ += size;
       done += size;
@@ -76,7 +77,7 @@ class Part {
   }
 
   /// Everything that was found here until the next part was met, or to the end.
-  const Capture& found() const { return found_; }
+  Capture& found() { return found_; }
   const Account& account(bool until_met) const { return until_met ? met_ : deframer_.account(); }
 
  private:
@@ -136,19 +137,19 @@ void add(Account& sum, const Account& later, const Account& earlier) {
   }
 }
 
-void append(Capture& whole, const Part& part, const Landmark& from, const ProtocolTable& protocol, bool until_met) {
+void append(Capture& whole, Part& part, const Landmark& from, const ProtocolTable& protocol, bool until_met) {
   for (std::size_t i = 0; i < whole.messages.size(); ++i) {
-    whole.messages[i].append(part.found().messages[i], from.rows[i], row_bytes(protocol.messages()[i]));
+    whole.messages[i].append(std::move(part.found().messages[i]), from.rows[i], row_bytes(protocol.messages()[i]));
   }
-  whole.unknown.append(part.found().unknown, from.rows.back(), 0);
+  whole.unknown.append(std::move(part.found().unknown), from.rows.back(), 0);
   add(whole.account, part.account(until_met), from.account);
 }
 
 }  // namespace
 
-void Rows::append(const Rows& other, std::size_t first, std::size_t row_bytes) {
+void Rows::append(Rows&& other, std::size_t first, std::size_t row_bytes) {
   if (offsets.empty() && first == 0) {
-    *this = other;
+    *this = std::move(other);
     return;
   }
   const auto from = static_cast<std::ptrdiff_t>(first);

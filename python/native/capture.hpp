@@ -20,7 +20,7 @@ struct Rows {
 
   std::size_t begin_of(std::size_t row) const { return row == 0 ? 0 : ends[row - 1]; }
   /// Take the other's rows from `first` on behind one's own. `row_bytes`: of a payload; 0 where their size varies.
-  void append(const Rows& other, std::size_t first, std::size_t row_bytes);
+  void append(Rows&& other, std::size_t first, std::size_t row_bytes);
 };
 
 struct Capture {

@@ -5,9 +5,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <condition_variable>
 #include <cstring>
 #include <exception>
+#include <mutex>
 #include <thread>
+#include <type_traits>
 #include <vector>
 
 #include "capture.hpp"
@@ -71,16 +74,64 @@ void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& wa
   }
 }
 
+/// An array of numpy's over `values`, which `owner` keeps: one element a row, or `field->count` of them.
 template <class T>
-nb::object make_array(std::vector<T>&& values, std::size_t rows, const FieldTable* field) {
-  auto* const owned = new std::vector<T>(std::move(values));
-  const nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+nb::object array_over(T* values, std::size_t rows, const FieldTable* field, const nb::capsule& owner) {
   if (field != nullptr && field->repeat != Repeat::once) {
     const std::size_t shape[2] = {rows, field->count};
-    return nb::cast(nb::ndarray<nb::numpy, T>(owned->data(), 2, shape, owner));
+    return nb::cast(nb::ndarray<nb::numpy, T>(values, 2, shape, owner));
   }
   const std::size_t shape[1] = {rows};
-  return nb::cast(nb::ndarray<nb::numpy, T>(owned->data(), 1, shape, owner));
+  return nb::cast(nb::ndarray<nb::numpy, T>(values, 1, shape, owner));
+}
+
+template <class T>
+nb::object make_array(std::vector<T>&& values) {
+  auto* const owned = new std::vector<T>(std::move(values));
+  const nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  return array_over(owned->data(), owned->size(), nullptr, owner);
+}
+
+/// Calls `each_row` with the function that loads element `index` of the field at `at`: a loop for each way to load, so
+/// that none asks for every element.
+template <class EachRow>
+void with_load(const FieldTable& field, EachRow each_row) {
+  const auto whole = [&](auto bytes) {
+    constexpr unsigned size = decltype(bytes)::value;
+    if (field.order == ByteOrder::little) {
+      each_row(
+          [](const std::uint8_t* at, std::size_t i) { return load_bytes<size, ByteOrder::little>(at + i * size); });
+    } else {
+      each_row([](const std::uint8_t* at, std::size_t i) { return load_bytes<size, ByteOrder::big>(at + i * size); });
+    }
+  };
+  const bool is_whole = field.repeat != Repeat::packed && field.width == 8 * field.size;
+  if (field.repeat == Repeat::packed) {
+    each_row([&](const std::uint8_t* at, std::size_t i) { return load_packed_raw(field, at, i); });
+  } else if (is_whole && field.size == 1) {
+    whole(std::integral_constant<unsigned, 1>{});
+  } else if (is_whole && field.size == 2) {
+    whole(std::integral_constant<unsigned, 2>{});
+  } else if (is_whole && field.size == 4) {
+    whole(std::integral_constant<unsigned, 4>{});
+  } else if (is_whole && field.size == 8) {
+    whole(std::integral_constant<unsigned, 8>{});
+  } else {
+    each_row([&](const std::uint8_t* at, std::size_t i) { return load_plain_raw(field, at, i); });
+  }
+}
+
+/// Do an element's bytes on the wire stand as numpy wants them?
+template <class T>
+bool stands_as(const FieldTable& field) {
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
+  return field.kind != FieldKind::boolean && field.repeat != Repeat::packed && field.size == sizeof(T) &&
+         field.width == 8 * sizeof(T) && (field.order == ByteOrder::little || sizeof(T) == 1) && !field.scaled &&
+         !field.sign_magnitude;
+#else
+  static_cast<void>(field);
+  return false;
+#endif
 }
 
 /// `value` turns a number's bits into an element.
@@ -88,27 +139,30 @@ template <class T, class Value>
 nb::object column_of(const Column& column, const Rows& rows, std::size_t stride, Value value) {
   const FieldTable& field = *column.field;
   const std::size_t count = rows.offsets.size();
-  std::vector<T> out;
-  out.reserve(count * field.count);
-  const auto each_row = [&](auto load) {  // a loop for each way to load, so that none asks for every element
+  const std::size_t elements = field.count;
+  T* const values = new T[count * elements];  // each is written below
+  const nb::capsule owner(values, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  const auto each_place = [&](auto take) {
+    T* out = values;
     const std::uint8_t* row = rows.payloads.data() + column.at;
-    for (std::size_t i = 0; i < count; ++i, row += stride) {
-      const std::uint8_t* const at = column.moves ? column.places[i] : row;
-      for (std::uint32_t element = 0; element < field.count; ++element) {
-        out.push_back(static_cast<T>(value(load(at, element))));
-      }
+    for (std::size_t i = 0; i < count; ++i, row += stride, out += elements) {
+      take(out, column.moves ? column.places[i] : row);
     }
   };
-  if (field.repeat == Repeat::packed) {
-    each_row([&](const std::uint8_t* at, std::size_t element) { return load_packed_raw(field, at, element); });
-  } else if (field.width == 8 * field.size) {
-    each_row([size = field.size, order = field.order](const std::uint8_t* at, std::size_t element) {
-      return load_bytes(at + element * size, size, order);
-    });
+  if (stands_as<T>(field)) {
+    if (elements == 1) {
+      each_place([](T* out, const std::uint8_t* at) { std::memcpy(out, at, sizeof(T)); });
+    } else {
+      each_place([&](T* out, const std::uint8_t* at) { std::memcpy(out, at, elements * sizeof(T)); });
+    }
   } else {
-    each_row([&](const std::uint8_t* at, std::size_t element) { return load_plain_raw(field, at, element); });
+    with_load(field, [&](auto load) {
+      each_place([&](T* out, const std::uint8_t* at) {
+        for (std::size_t i = 0; i < elements; ++i) out[i] = static_cast<T>(value(load(at, i)));
+      });
+    });
   }
-  return make_array(std::move(out), count, &field);
+  return array_over(values, count, &field, owner);
 }
 
 nb::object number_column(const Column& column, const Rows& rows, std::size_t stride) {
@@ -180,12 +234,14 @@ nb::dict columns_of(const MessageTable& message, const Rows& rows) {
   return out;
 }
 
-/// Decode without the GIL; now and then take it for `progress(done, size)` and for Ctrl-C.
+/// Decode without the GIL; now and then, and at the end, take it for `progress(done, size)` and for Ctrl-C.
 Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format, const BufferView& view,
                        unsigned threads, nb::handle progress) {
   std::atomic<std::uint64_t> done{0};
   std::atomic<bool> cancelled{false};
-  std::atomic<bool> ready{false};
+  bool ready = false;
+  std::mutex mutex;  // of `ready`
+  std::condition_variable is_ready;
   Capture capture;
   std::exception_ptr fault;
   std::thread work([&] {
@@ -194,24 +250,29 @@ Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format,
     } catch (...) {
       fault = std::current_exception();
     }
+    const std::lock_guard<std::mutex> lock(mutex);
     ready = true;
+    is_ready.notify_one();
   });
   bool interrupted = false;
-  while (!ready) {
-    {
-      const nb::gil_scoped_release release;
-      for (int i = 0; i < 100 && !ready; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
-    if (interrupted) continue;
+  const auto finished = [&] {
+    const nb::gil_scoped_release release;
+    std::unique_lock<std::mutex> lock(mutex);
+    return is_ready.wait_for(lock, std::chrono::milliseconds(100), [&] { return ready; });
+  };
+  const auto tell = [&] {
     interrupted = PyErr_CheckSignals() != 0;
-    if (!interrupted && !progress.is_none()) {
-      const nb::object told =
-          nb::steal(PyObject_CallFunction(progress.ptr(), "KK", done.load(), std::uint64_t{view.size()}));
-      interrupted = !told.is_valid();
-    }
+    if (interrupted || progress.is_none()) return;
+    const nb::object told =
+        nb::steal(PyObject_CallFunction(progress.ptr(), "KK", done.load(), std::uint64_t{view.size()}));
+    interrupted = !told.is_valid();
+  };
+  while (!finished()) {
+    if (!interrupted) tell();
     cancelled = interrupted;
   }
   work.join();
+  if (!interrupted && !fault) tell();
   if (interrupted) throw nb::python_error();
   if (fault) std::rethrow_exception(fault);
   return capture;
@@ -242,18 +303,16 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, co
     if (rows.offsets.empty()) continue;
     nb::dict fields = columns_of(message, rows);
     nb::dict table;
-    const std::size_t count = rows.offsets.size();
     table["fields"] = fields;
-    table["offset"] = make_array(std::move(rows.offsets), count, nullptr);
+    table["offset"] = make_array(std::move(rows.offsets));
     messages[message.key] = table;
   }
   if (!unknown.offsets.empty()) {
-    const std::size_t count = unknown.offsets.size();
     nb::dict fields;
-    fields["id"] = make_array(std::move(unknown.ids), count, nullptr);
+    fields["id"] = make_array(std::move(unknown.ids));
     nb::dict table;
     table["fields"] = fields;
-    table["offset"] = make_array(std::move(unknown.offsets), count, nullptr);
+    table["offset"] = make_array(std::move(unknown.offsets));
     messages["unknown"] = table;
   }
   nb::dict out;

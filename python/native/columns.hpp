@@ -13,7 +13,8 @@ namespace wirebond::engine {
 /// are left out. Scaled fields are float64 in SI units; others keep their wire type; arrays have shape (rows, count);
 /// fields of structures stand under dotted names; strings, groups and arrays of varying size are lists of values.
 /// Frames with an unknown id are under "unknown": offset and id.
-/// `threads` share a large capture; `progress(done, size)` is called now and then meanwhile, if it is not None.
+/// `threads` share a large capture; `progress(done, size)` is called now and then meanwhile and at the end, if
+/// it is not None; a capture that is small is done before anybody wants to know.
 nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, const FormatTable& format,
                         nb::handle capture, unsigned threads, nb::handle progress);
 

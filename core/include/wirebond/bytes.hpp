@@ -17,6 +17,11 @@
 #define WIREBOND_INLINE inline
 #define WIREBOND_INLINE_LAMBDA
 #endif
+#if defined(__GNUC__)
+#define WIREBOND_NOINLINE __attribute__((noinline))
+#else
+#define WIREBOND_NOINLINE
+#endif
 
 namespace wirebond {
 

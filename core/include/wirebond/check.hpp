@@ -93,13 +93,59 @@ WIREBOND_INLINE constexpr std::uint64_t check_end(const CheckAlgorithm& a, std::
   return (reg ^ a.xor_out) & detail::mask_of(a.width_bits);
 }
 
+namespace detail {
+
+/// How the register of a CRC of up to 32 bits runs over bytes, with its byte table. A plain register is held at the top
+/// of 32 bits.
+template <unsigned Width, std::uint64_t Poly, bool Reflected>
+struct CrcRun {
+  using Table = CrcTable<Width, Poly, Reflected>;
+  static constexpr unsigned spare = Reflected ? 0 : 32 - Width;
+
+  WIREBOND_INLINE static std::uint32_t step(std::uint32_t reg) {
+    if constexpr (Reflected) {
+      return (reg >> 8) ^ Table::value[reg & 0xFFu];
+    } else {
+      return (reg << 8) ^ (static_cast<std::uint32_t>(Table::value[reg >> 24]) << spare);
+    }
+  }
+
+  WIREBOND_INLINE static std::uint32_t over_byte(std::uint32_t reg, std::uint8_t byte) {
+    return step(reg ^ (static_cast<std::uint32_t>(byte) << (Reflected ? 0 : 24)));
+  }
+
+  /// Four bytes at once: a register is linear, so bytes may be added before it gets to them, above it where it is
+  /// narrower.
+  WIREBOND_INLINE static std::uint32_t over_word(std::uint32_t reg, const std::uint8_t* bytes) {
+    constexpr ByteOrder order = Reflected ? ByteOrder::little : ByteOrder::big;
+    reg ^= load<std::uint32_t, order>(bytes);
+    return step(step(step(step(reg))));
+  }
+
+  /// Less than four instructions a byte on a Cortex-M4. Not inlined: among a deframer's variables the loop would not
+  /// have its registers for itself.
+  WIREBOND_NOINLINE static std::uint32_t over(std::uint32_t reg, const std::uint8_t* bytes, std::size_t size) {
+    const std::uint8_t* const end = bytes + (size & ~std::size_t{7});
+    for (; bytes != end; bytes += 8) reg = over_word(over_word(reg, bytes), bytes + 4);
+    if ((size & 4u) != 0) {
+      reg = over_word(reg, bytes);
+      bytes += 4;
+    }
+    if ((size & 2u) != 0) {
+      reg = over_byte(over_byte(reg, bytes[0]), bytes[1]);
+      bytes += 2;
+    }
+    return (size & 1u) != 0 ? over_byte(reg, *bytes) : reg;
+  }
+};
+
+}  // namespace detail
+
 /// Run a CRC with its byte table, known at compile time. Any thread or interrupt; one table look-up a byte.
-/// Registers of up to 32 bits take four bytes at once: a register is linear, so bytes may be added before it gets to
-/// them, above it where it is narrower. That leaves four instructions a byte on a Cortex-M4.
 template <unsigned Width, std::uint64_t Poly, bool Reflected>
 WIREBOND_INLINE std::uint64_t crc_update(std::uint64_t reg64, const std::uint8_t* bytes, std::size_t size) {
-  using Table = detail::CrcTable<Width, Poly, Reflected>;
   if constexpr (Width > 32) {
+    using Table = detail::CrcTable<Width, Poly, Reflected>;
     std::uint64_t reg = reg64;
     for (std::size_t i = 0; i < size; ++i) {
       if constexpr (Reflected) {
@@ -110,25 +156,17 @@ WIREBOND_INLINE std::uint64_t crc_update(std::uint64_t reg64, const std::uint8_t
     }
     return reg;
   } else {
-    constexpr unsigned spare = Reflected ? 0 : 32 - Width;  // a plain register is held at the top of 32 bits
-    const auto step = [](std::uint32_t reg) WIREBOND_INLINE_LAMBDA {
-      if constexpr (Reflected) {
-        return (reg >> 8) ^ Table::value[reg & 0xFFu];
-      } else {
-        return (reg << 8) ^ (static_cast<std::uint32_t>(Table::value[reg >> 24]) << spare);
-      }
-    };
-    std::uint32_t reg = static_cast<std::uint32_t>(reg64) << spare;
-    const std::uint8_t* const end = bytes + size;
-    const std::uint8_t* const end_of_words = bytes + (size & ~std::size_t{3});
-    for (; bytes != end_of_words; bytes += 4) {
-      reg ^= load < std::uint32_t, Reflected ? ByteOrder::little : ByteOrder::big > (bytes);
-      reg = step(step(step(step(reg))));
+    using Run = detail::CrcRun<Width, Poly, Reflected>;
+    std::uint32_t reg = static_cast<std::uint32_t>(reg64) << Run::spare;
+#if defined(__GNUC__)
+    if (__builtin_constant_p(size) && size <= 3) {  // of a short header: without a loop, its constants fold
+      if (size >= 1) reg = Run::over_byte(reg, bytes[0]);
+      if (size >= 2) reg = Run::over_byte(reg, bytes[1]);
+      if (size == 3) reg = Run::over_byte(reg, bytes[2]);
+      return reg >> Run::spare;
     }
-    for (; bytes != end; ++bytes) {
-      reg = step(reg ^ (static_cast<std::uint32_t>(*bytes) << (Reflected ? 0 : 24)));
-    }
-    return reg >> spare;
+#endif
+    return Run::over(reg, bytes, size) >> Run::spare;
   }
 }
 

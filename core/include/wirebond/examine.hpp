@@ -21,18 +21,19 @@ enum class Cause : std::uint8_t {
 };
 constexpr std::size_t cause_count = 8;
 
-/// A frame that passed every check. Pointers are valid during the call that hands it out.
+/// A frame that passed every check. Pointers are valid during the call that hands it out. No member has a first value:
+/// that would be written for every frame and never read.
 struct Frame {
-  const std::uint8_t* wire = nullptr;  ///< as received, delimiters included
-  std::size_t wire_size = 0;
-  const std::uint8_t* payload = nullptr;
-  std::size_t payload_size = 0;
-  const std::uint8_t* bytes = nullptr;  ///< the frame without stuffing and delimiters
-  std::size_t size = 0;
-  const Layout* layout = nullptr;  ///< of the format's layouts the one that held
-  std::uint32_t id = 0;            ///< 0 where the format has none
-  std::int16_t message = -1;       ///< index of the message; -1: unknown id, or a payload too short for it
-  std::uint64_t offset = 0;        ///< of its first wire byte since the deframer started (modulo its counter)
+  const std::uint8_t* wire;  ///< as received, delimiters included
+  std::size_t wire_size;
+  const std::uint8_t* payload;
+  std::size_t payload_size;
+  const std::uint8_t* bytes;  ///< the frame without stuffing and delimiters
+  std::size_t size;
+  const Layout* layout;  ///< of the format's layouts the one that held
+  std::uint32_t id;      ///< 0 where the format has none
+  std::int16_t message;  ///< index of the message; -1: unknown id, or a payload too short for it
+  std::uint64_t offset;  ///< of its first wire byte since the deframer started (modulo its counter)
 };
 
 enum class Outcome : std::uint8_t { frame, need_more, reject };
@@ -99,6 +100,7 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std
       break;
     default: found = load_bytes(at, rule.bytes, rule.order); break;
   }
+  if (Source::is_constant && rule.bytes <= 4) return static_cast<std::uint32_t>(expected ^ found) == 0;
   return expected == found;
 }
 

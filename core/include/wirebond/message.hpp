@@ -56,19 +56,27 @@ struct HasClamp : std::false_type {};
 template <class Message>
 struct HasClamp<Message, std::void_t<decltype(clamp(std::declval<Message&>()))>> : std::true_type {};
 
-/// Decode a payload; zeros that were trimmed from its end are put back.
+/// Room for a message on its way to a handler. `EveryMember`: decode writes every member, as it does where a message
+/// has one size only. Then the members' first values would be written in vain, and they are not: the object begins its
+/// life as a plain aggregate does in bytes (P0593).
+template <class Message, bool EveryMember = Message::Info::min_payload_bytes == Message::Info::max_payload_bytes>
+class Room {
+ public:
+  Message& message() { return message_; }
+
+ private:
+  Message message_;
+};
+
 template <class Message>
-bool read_payload(const Frame& frame, Message& message) {
-  constexpr std::size_t least = Message::Info::min_payload_bytes;
-  if constexpr (least > 0) {
-    if (frame.payload_size < least) {
-      std::array<std::uint8_t, least> whole{};
-      std::memcpy(whole.data(), frame.payload, frame.payload_size);
-      return decode(whole.data(), whole.size(), message);
-    }
-  }
-  return decode(frame.payload, frame.payload_size, message);
-}
+class Room<Message, true> {
+ public:
+  Message& message() { return *static_cast<Message*>(static_cast<void*>(bytes_)); }
+
+ private:
+  static_assert(std::is_aggregate_v<Message> && std::is_trivially_copyable_v<Message>, "a message is plain data");
+  alignas(Message) unsigned char bytes_[sizeof(Message)];
+};
 
 }  // namespace detail
 
@@ -76,8 +84,21 @@ bool read_payload(const Frame& frame, Message& message) {
 /// True when the message passed the rules (clamped or not), whether or not the handler wants it.
 template <class Message, class Handler>
 bool hand_over(const Frame& frame, Handler& handler, Violations& counts) {
-  Message message;
-  if (!detail::read_payload(frame, message)) {  // the deframer has seen to the payload's least size
+  constexpr std::size_t least = Message::Info::min_payload_bytes;
+  const std::uint8_t* payload = frame.payload;
+  std::size_t size = frame.payload_size;
+  [[maybe_unused]] std::array<std::uint8_t, least> whole;
+  if constexpr (least > 0) {
+    if (size < least) {  // zeros that were trimmed from its end are put back
+      std::memcpy(whole.data(), payload, size);
+      std::memset(whole.data() + size, 0, least - size);
+      payload = whole.data();
+      size = least;
+    }
+  }
+  detail::Room<Message> room;
+  Message& message = room.message();
+  if (!decode(payload, size, message)) {  // the deframer has seen to the payload's least size
     counts.count(Violation::wrong_count);
     return false;
   }

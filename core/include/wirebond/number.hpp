@@ -1,10 +1,13 @@
 // Numbers of a message on their way to the wire: finite or not, the nearest wire integer. Ranges are the protocol's.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
 #include <type_traits>
+#include <utility>
 
 #include "wirebond/bytes.hpp"
 
@@ -23,6 +26,40 @@ WIREBOND_INLINE bool is_finite(double value) {
   std::uint64_t bits;
   std::memcpy(&bits, &value, sizeof bits);
   return (bits & exponent) != exponent;
+}
+
+namespace detail {
+
+/// Its top bit is set where the exponent has no zero bit: the value is not finite. Others say nothing.
+WIREBOND_INLINE std::uint32_t exponent_overflow(float value) {
+  std::uint32_t bits;
+  std::memcpy(&bits, &value, sizeof bits);
+  return (bits & 0x7F800000u) + 0x00800000u;
+}
+
+WIREBOND_INLINE std::uint32_t exponent_overflow(double value) {
+  std::uint64_t bits;
+  std::memcpy(&bits, &value, sizeof bits);
+  return (static_cast<std::uint32_t>(bits >> 32) & 0x7FF00000u) + 0x00100000u;
+}
+
+template <class Real, std::size_t Size, std::size_t... I>
+WIREBOND_INLINE std::uint32_t exponent_overflows(const std::array<Real, Size>& values, std::index_sequence<I...>) {
+  return (exponent_overflow(values[I]) | ...);
+}
+
+}  // namespace detail
+
+/// Is each of them finite? One question for all, without a branch: three instructions a float on a Cortex-M4.
+template <class Real, std::size_t Size>
+WIREBOND_INLINE bool all_finite(const std::array<Real, Size>& values) {
+  std::uint32_t overflows = 0;
+  if constexpr (Size <= 8) {
+    overflows = detail::exponent_overflows(values, std::make_index_sequence<Size>{});
+  } else {
+    for (const Real value : values) overflows |= detail::exponent_overflow(value);
+  }
+  return overflows >> 31 == 0;
 }
 
 /// The integer of `Bytes` wire bytes nearest to `value`, halves away from zero. False where `value` is not finite or

@@ -72,7 +72,7 @@ class Receiver {
     Watch& deadlines;
     Counter now_us;
 
-    void operator()(const Frame& frame) const {
+    WIREBOND_INLINE void operator()(const Frame& frame) const {
       if (Source::dispatch(frame, handler, receiver.violations_)) deadlines.seen(frame.message, now_us);
     }
   };

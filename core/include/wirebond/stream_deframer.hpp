@@ -102,7 +102,7 @@ class StreamDeframer {
         const std::size_t done = deframer_.consume(bytes, size, false, sink);
         begin_ = 0;
         carried_ = size - done;  // less than one frame
-        std::memcpy(buffer_, bytes + done, carried_);
+        if (carried_ != 0) std::memcpy(buffer_, bytes + done, carried_);
         return;
       }
       if (begin_ != 0) settle_down();

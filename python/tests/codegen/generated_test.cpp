@@ -276,6 +276,22 @@ TEST_CASE("a message that breaks a rule is delivered and counted, and its handle
   CHECK(receiver.account().frames == 5);
 }
 
+TEST_CASE("zeros that a sender left out at a payload's end are there again for the handler") {
+  struct {
+    void on(const enterprize::ChassisMsg& message) { seen = message; }
+    enterprize::ChassisMsg seen{9.0F, 9.0F, 9.0F};
+  } handler;
+  const std::uint8_t payload[] = {0x00, 0x00, 0x80, 0x3F, 0x00, 0x00, 0x00};  // the next byte would be 0x40
+  wirebond::Frame frame{};
+  frame.payload = payload;
+  frame.payload_size = sizeof payload;
+  wirebond::Violations counts;
+  CHECK(wirebond::hand_over<enterprize::ChassisMsg>(frame, handler, counts));
+  CHECK(handler.seen.x_vel == 1.0F);
+  CHECK(handler.seen.y_vel == 0.0F);
+  CHECK(handler.seen.w_vel == 0.0F);
+}
+
 TEST_CASE("violations and clamp, field by field") {
   using Everything = log_protocol::Everything;
   Everything message;

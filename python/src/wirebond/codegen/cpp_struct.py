@@ -529,7 +529,16 @@ def _rule_lines(shape: Shape, here: _Here, *, clamps: bool) -> list[str]:
         if member.shape is not None:
             inner = here.element(member.name, 0, 0, index, data) if repeats else here.inner(member.name, 0, True)
             body = _rule_lines(member.shape, inner, clamps=clamps)
+        elif not clamps and _only_finite(spec):
+            lines.append(f"if (!wirebond::all_finite({value})) found |= wirebond::Violation::not_finite;")
+            continue
         else:
             body = rule(spec, f"{value}{data}[{index}]" if repeats else value)
         lines += _loop(index, f"{value}.used()" if spec.is_list else str(spec.count), body) if repeats else body
     return lines
+
+
+def _only_finite(spec: Field) -> bool:
+    """Is it an array whose elements have no other rule than that they are finite?"""
+    bounded = outside(spec, "", received=True) or spec.enum
+    return spec.kind == FieldKind.FLOAT and spec.count is not None and not spec.is_list and not bounded
