@@ -141,7 +141,7 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
             2,
             "--rate is 0",
         ),
-        (["gen", DIFFDRIVE, "--lang", "cobol", "--out", "/tmp/never"], 2, "expected cpp"),
+        (["gen", DIFFDRIVE, "--lang", "cobol", "--out", "/tmp/never"], 2, "expected cpp, c"),
         (["gen", DIFFDRIVE, "--out", DIFFDRIVE], 2, "is a file"),
         (["frobnicate"], 2, "No such command"),
     ],

@@ -139,10 +139,10 @@ def sim(
 def gen(
     file: ProtocolFile,
     out: Annotated[Path, typer.Option(help="Folder to write to; it is made if need be.")],
-    lang: Annotated[str, typer.Option(help="Language of the generated code: cpp.")] = "cpp",
+    lang: Annotated[str, typer.Option(help="Language of the generated code: cpp or c.")] = "cpp",
 ) -> None:
     """Generate a self-contained folder that a firmware project can add."""
-    from wirebond.cli.commands import generate
+    from wirebond.cli.generate import generate
 
     generate(file, lang, out)
 

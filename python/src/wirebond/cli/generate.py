@@ -1,0 +1,30 @@
+"""The command that writes code from a protocol file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.markup import escape
+
+from wirebond.cli.output import console
+from wirebond.codec import load
+from wirebond.codegen import generate_c, generate_cpp
+from wirebond.errors import UsageError
+from wirebond.protocol.model import Protocol
+
+LANGUAGES: dict[str, Callable[[Protocol, Path], list[Path]]] = {"cpp": generate_cpp, "c": generate_c}
+
+
+def generate(path: Path, language: str, out: Path) -> None:
+    """Write the files of this language into ``out`` and print their paths."""
+    if language not in LANGUAGES:
+        raise UsageError(f"--lang is '{language}'; expected {', '.join(LANGUAGES)}")
+    model = load(path).model
+    for folder in (out, *out.parents):
+        if folder.exists():
+            if not folder.is_dir():
+                raise UsageError(f"{folder} is a file; --out names a folder")
+            break
+    for written in LANGUAGES[language](model, out):
+        console.print(escape(str(written)), soft_wrap=True)
