@@ -4,7 +4,7 @@ How a block of a page is treated, by what stands behind its fence:
 
 - ``yaml``: a whole protocol file loads; a piece of one loads together with the rest that it needs.
 - ``yaml wrong``: as ``yaml``, but it is refused with the problems that the ``output`` block behind it shows.
-- ``python``: the blocks of a page are run in order, as one program.
+- ``python``: the blocks of a page are run in order, as one program. It can import the module generated from diffdrive.
 - ``console``: commands behind ``$`` that show their output are run, in order; others are advice.
 - ``cpp``, ``c``: compiles by itself against the generated code of all protocols; a program with ``main`` is also run.
 - ``output``: what the block before it prints.
@@ -32,7 +32,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from wirebond.codegen import generate_c
+from wirebond.codegen import generate_c, generate_python
 from wirebond.protocol import ProtocolFileError, loads
 from wirebond.sim import pty_port
 from wirebond.sim.virtual_mcu import VirtualMcu
@@ -128,6 +128,8 @@ def workspace(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytes
     for block in blocks(request.getfixturevalue("page")):
         if is_whole_file(block):
             (tmp_path / f"{loads(block.text).name}.yaml").write_text(block.text, encoding="utf-8")
+    generate_python(wirebond.load(ROOT / "protocols" / "diffdrive.yaml").model, tmp_path / "modules")
+    monkeypatch.syspath_prepend(tmp_path / "modules")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -9,11 +9,15 @@ from rich.markup import escape
 
 from wirebond.cli.output import console
 from wirebond.codec import load
-from wirebond.codegen import generate_c, generate_cpp
-from wirebond.errors import UsageError
+from wirebond.codegen import generate_c, generate_cpp, generate_python
+from wirebond.errors import UsageError, WirebondError
 from wirebond.protocol.model import Protocol
 
-LANGUAGES: dict[str, Callable[[Protocol, Path], list[Path]]] = {"cpp": generate_cpp, "c": generate_c}
+LANGUAGES: dict[str, Callable[[Protocol, Path], list[Path]]] = {
+    "cpp": generate_cpp,
+    "c": generate_c,
+    "python": generate_python,
+}
 
 
 def generate(path: Path, language: str, out: Path) -> None:
@@ -26,5 +30,9 @@ def generate(path: Path, language: str, out: Path) -> None:
             if not folder.is_dir():
                 raise UsageError(f"{folder} is a file; --out names a folder")
             break
-    for written in LANGUAGES[language](model, out):
+    try:
+        files = LANGUAGES[language](model, out)
+    except OSError as error:
+        raise WirebondError(f"cannot write {error.filename or out}: {error.strerror}; name another --out") from error
+    for written in files:
         console.print(escape(str(written)), soft_wrap=True)

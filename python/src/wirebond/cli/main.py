@@ -139,7 +139,7 @@ def sim(
 def gen(
     file: ProtocolFile,
     out: Annotated[Path, typer.Option(help="Folder to write to; it is made if need be.")],
-    lang: Annotated[str, typer.Option(help="Language of the generated code: cpp or c.")] = "cpp",
+    lang: Annotated[str, typer.Option(help="Language of the generated code: cpp, c or python.")] = "cpp",
 ) -> None:
     """Generate a self-contained folder that a firmware project can add."""
     from wirebond.cli.generate import generate
