@@ -142,6 +142,11 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
             "--rate is 0",
         ),
         (["gen", DIFFDRIVE, "--lang", "cobol", "--out", "/tmp/never"], 2, "expected cpp, c, python"),
+        (
+            ["gen", DIFFDRIVE, "--lang", "python", "--amalgamate", "--out", "/tmp/never"],
+            2,
+            "--amalgamate is for --lang cpp and c",
+        ),
         (["gen", DIFFDRIVE, "--out", DIFFDRIVE], 2, "is a file"),
         (["gen", DIFFDRIVE, "--out", f"{DIFFDRIVE}/below/it"], 2, "diffdrive.yaml is a file; --out names a folder"),
         (["gen", DIFFDRIVE, "--out", "/proc/generated"], 1, "cannot write /proc/generated: No such file or directory"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from rich.markup import escape
@@ -13,17 +14,28 @@ from wirebond.codegen import generate_c, generate_cpp, generate_python
 from wirebond.errors import UsageError, WirebondError
 from wirebond.protocol.model import Protocol
 
-LANGUAGES: dict[str, Callable[[Protocol, Path], list[Path]]] = {
+Generator = Callable[[Protocol, Path], list[Path]]
+
+LANGUAGES: dict[str, Generator] = {
     "cpp": generate_cpp,
     "c": generate_c,
     "python": generate_python,
 }
+AMALGAMATED: dict[str, Generator] = {
+    "cpp": partial(generate_cpp, amalgamate=True),
+    "c": partial(generate_c, amalgamate=True),
+}
 
 
-def generate(path: Path, language: str, out: Path) -> None:
+def generate(path: Path, language: str, out: Path, amalgamate: bool) -> None:
     """Write the files of this language into ``out`` and print their paths."""
     if language not in LANGUAGES:
         raise UsageError(f"--lang is '{language}'; expected {', '.join(LANGUAGES)}")
+    if amalgamate and language not in AMALGAMATED:
+        raise UsageError(
+            f"--amalgamate is for --lang {' and '.join(AMALGAMATED)}; a {language} module is one file anyway"
+        )
+    write = AMALGAMATED[language] if amalgamate else LANGUAGES[language]
     model = load(path).model
     for folder in (out, *out.parents):
         if folder.exists():
@@ -31,7 +43,7 @@ def generate(path: Path, language: str, out: Path) -> None:
                 raise UsageError(f"{folder} is a file; --out names a folder")
             break
     try:
-        files = LANGUAGES[language](model, out)
+        files = write(model, out)
     except OSError as error:
         raise WirebondError(f"cannot write {error.filename or out}: {error.strerror}; name another --out") from error
     for written in files:

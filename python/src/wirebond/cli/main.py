@@ -140,11 +140,14 @@ def gen(
     file: ProtocolFile,
     out: Annotated[Path, typer.Option(help="Folder to write to; it is made if need be.")],
     lang: Annotated[str, typer.Option(help="Language of the generated code: cpp, c or python.")] = "cpp",
+    amalgamate: Annotated[
+        bool, typer.Option("--amalgamate", help="One header with the core in it (for c: .h and .cpp), no folder.")
+    ] = False,
 ) -> None:
-    """Generate a self-contained folder that a firmware project can add."""
+    """Generate code for a firmware or a host: a self-contained folder, one header, or a Python module."""
     from wirebond.cli.generate import generate
 
-    generate(file, lang, out)
+    generate(file, lang, out, amalgamate)
 
 
 @app.command()

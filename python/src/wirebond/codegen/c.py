@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from wirebond.codegen.amalgamate import amalgamated
 from wirebond.codegen.c_names import Names, header_name
 from wirebond.codegen.c_struct import Declarations, Declarer
 from wirebond.codegen.cpp import cpp_header, id_literal, message_comment, shapes
@@ -17,21 +18,17 @@ from wirebond.protocol.model import End, Protocol
 from wirebond.protocol.plan import plan_for
 
 
-def generate_c(protocol: Protocol, out: Path) -> list[Path]:
+def generate_c(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
     """Write ``<protocol>.h``, ``.cpp`` and ``.hpp``, the core headers and a ``CMakeLists.txt`` into ``out``; return
-    their paths, sorted. As ``generate_cpp`` otherwise."""
-    name = header_name(protocol.name)
+    their paths, sorted. With ``amalgamate`` all of it is one ``.h`` and one ``.cpp``. As ``generate_cpp`` otherwise."""
+    name, core = header_name(protocol.name), core_headers()
     header, source = c_texts(protocol)
-    return write_files(
-        out,
-        {
-            f"{name}.h": header,
-            f"{name}.cpp": source,
-            f"{protocol.name}.hpp": cpp_header(protocol),
-            "CMakeLists.txt": render("c_CMakeLists.txt.j2", protocol=protocol, source=f"{name}.cpp"),
-            **core_headers(),
-        },
-    )
+    cpp = {f"{protocol.name}.hpp": cpp_header(protocol)}
+    if amalgamate:
+        header, source = amalgamated(header, core), amalgamated(source, cpp | core)
+        return write_files(out, {f"{name}.h": header, f"{name}.cpp": source})
+    cmake = render("c_CMakeLists.txt.j2", protocol=protocol, source=f"{name}.cpp")
+    return write_files(out, {f"{name}.h": header, f"{name}.cpp": source, "CMakeLists.txt": cmake, **cpp, **core})
 
 
 def c_texts(protocol: Protocol) -> tuple[str, str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from wirebond.codegen import names
+from wirebond.codegen.amalgamate import amalgamated
 from wirebond.codegen.cpp_field import comment_text, hex_literal
 from wirebond.codegen.cpp_number import real
 from wirebond.codegen.cpp_struct import (
@@ -29,14 +30,18 @@ from wirebond.protocol.model import Algorithm, BitRole, End, Message, PartKind, 
 from wirebond.protocol.plan import MessageRow, Number, Plan, Position, plan_for
 
 
-def generate_cpp(protocol: Protocol, out: Path) -> list[Path]:
+def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
     """Write ``<protocol>.hpp``, the core headers and a ``CMakeLists.txt`` into ``out``; return their paths, sorted.
 
-    The folder needs nothing else. The same protocol always gives the same bytes, and a file that already holds them
-    is not touched, so that a build after it has nothing to do. ``OSError`` when a file cannot be written.
+    The folder needs nothing else. With ``amalgamate`` all of it is one ``<protocol>.hpp``. The same protocol always
+    gives the same bytes, and a file that already holds them is not touched, so that a build after it has nothing to do.
+    ``OSError`` when a file cannot be written.
     """
+    name, core = f"{protocol.name}.hpp", core_headers()
+    if amalgamate:
+        return write_files(out, {name: amalgamated(cpp_header(protocol), core)})
     cmake = render("CMakeLists.txt.j2", protocol=protocol)
-    return write_files(out, {f"{protocol.name}.hpp": cpp_header(protocol), "CMakeLists.txt": cmake, **core_headers()})
+    return write_files(out, {name: cpp_header(protocol), "CMakeLists.txt": cmake, **core})
 
 
 def cpp_header(protocol: Protocol) -> str:
