@@ -236,6 +236,11 @@ def run(*command: str) -> subprocess.CompletedProcess[str]:
 def test_cpp_compiles(block: Block, generated: Path, tmp_path: Path) -> None:
     source = tmp_path / "example.cpp"
     source.write_text(block.text, encoding="utf-8")
+    posix = [f"-I{ROOT / 'ports' / 'posix' / 'include'}"] if "posix" in block.text else []
+    if posix:  # a program for a tty: compiled only; tests/end_to_end/test_cpp_host.py runs it
+        result = run(*CXX, f"-I{generated}", *posix, str(source), "-c", "-o", str(tmp_path / "example.o"))
+        assert result.returncode == 0, f"{block.place}:\n{result.stderr}"
+        return
     compile_and_run(block, [*CXX, f"-I{generated}", str(source)], tmp_path)
 
 
@@ -295,7 +300,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=by_name)
 def test_files_that_are_named_exist(page: Path) -> None:
-    folders = "core|ports|python|protocols|firmware|tests|bench|docs|setup"
+    folders = "cmake|core|ports|python|protocols|firmware|tests|bench|docs|setup"
     named = re.findall(rf"`((?:{folders})/[\w./-]*)`", without_blocks(page))
     assert [name for name in named if not (ROOT / name).exists() and name != "bench/latest.json"] == []
 

@@ -49,6 +49,7 @@ PYTHON_RULES: dict[str, set[str]] = {
     "wirebond.c_header": {
         "wirebond._engine", "wirebond.codec", "wirebond.link", "wirebond.cli", "wirebond.sim", "wirebond.codegen",
     },
+    "wirebond.typed": {"wirebond.link", "wirebond.lint", "wirebond.cli", "wirebond.sim", "wirebond.codegen"},
     "wirebond.link": {"wirebond.cli", "wirebond.sim", "wirebond.codegen"},
     "wirebond.sim": {"wirebond.cli"},
 }  # fmt: skip

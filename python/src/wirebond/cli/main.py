@@ -199,10 +199,24 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _cmakedir(wanted: bool) -> None:
+    if wanted:
+        from wirebond.paths import cmake
+
+        sys.stdout.write(f"{cmake()}\n")
+        raise typer.Exit
+
+
 @app.callback()
 def common(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+    cmakedir: Annotated[
+        bool,
+        typer.Option(
+            "--cmakedir", callback=_cmakedir, is_eager=True, help="Print the folder for CMake's wirebond_DIR and exit."
+        ),
     ] = False,
 ) -> None:
     """The serial link between a robot's computer and its microcontroller, from one protocol file."""
