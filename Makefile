@@ -33,6 +33,13 @@ prove: build/setup-test.stamp ## the long forms of the proofs
 bench: build/setup-test.stamp ## tables of figures, and bench/latest.json (ONLY=name runs one)
 	@$(PYTHON) -m bench $(if $(ONLY),--only $(ONLY),)
 
+.PHONY: wheel
+wheel: build/requirements.stamp ## the Python package for this machine, in build/wheel
+	@rm -rf build/wheel
+	@$(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps \
+	  --config-settings=build-dir=build/wheel-engine --wheel-dir build/wheel .
+	@ls build/wheel/*.whl
+
 .PHONY: lint
 lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
 	@$(VENV)/bin/ruff format --check --quiet python tests bench
