@@ -15,12 +15,14 @@ from tests.shared import PROTOCOLS, ROOT, VECTORS
 from wirebond.codegen import generate_c
 from wirebond.codegen.cpp_number import integer, real, real_type
 from wirebond.datasheet.examples import example_values
+from wirebond.protocol.loader import loads
 from wirebond.protocol.model import Field, FieldKind
 
 SHAPES = ROOT / "python" / "tests" / "codegen" / "every_shape.yaml"
 TYPES = ROOT / "python" / "tests" / "codegen" / "every_type.yaml"
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 CPP = ["-std=c++17", "-fno-exceptions", "-fno-rtti", *STRICT]
+QUICK = ["-O0", "-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]  # to compile; what is tested is what it does
 M4 = ["-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
 M0 = ["-mthumb", "-mcpu=cortex-m0"]
 C_COMPILERS = {
@@ -95,6 +97,39 @@ def test_source_compiles_without_a_warning_and_asks_for_no_cpp_library(
     known = ("__aeabi_", "__gnu_thumb1_", "_GLOBAL_OFFSET_TABLE_")
     memory = {"memcpy", "memset", "memmove", "memchr", "memcmp"}
     assert [symbol for symbol in symbols if symbol not in memory and not symbol.startswith(known)] == []
+
+
+AWKWARD = """
+wirebond: 1
+protocol: string
+frame: [magic: 0xAA, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+types:
+  message: {restrict: {type: u8}}
+messages:
+  t: {id: 1, sender: host, fields: {restrict: {type: u8, enum: {typeof: 1}}, context: {type: u32, flags: {x: 31}}}}
+  encode: {id: 2, sender: host, fields: {size: {type: u64, enum: {big: 18446744073709551615}}, y: {struct: message}}}
+  from_host: {id: 3, sender: mcu, fields: {a_b: {type: u8, enum: {c: 1}}, message: {struct: message}}}
+  from_host_a: {id: 4, sender: mcu, fields: {b: {type: u8, enum: {c: 1}}}}
+  from_host_handlers: {id: 5, sender: both, fields: {gap: {type: padding, size: 3}}}
+  mcu_deadlines: {id: 6, sender: both, fields: {empty: {struct: {gap: {type: padding, size: 2}}}}}
+  velocity: {id: 7, sender: host, fields: {id: {type: u8, enum: {index: 0}}, every: {type: u8, enum: {us: 0}}}}
+deadlines: [{message: t, at: mcu, after: 1 s, then: context}, {message: t, at: mcu, after: 2 s, then: unknown}]
+emergency_stop: {message: from_host_handlers}
+"""
+
+
+def test_names_that_are_hard_on_c_do_not_meet(tmp_path: Path) -> None:
+    """`string.h` would hide the system's, `restrict` is a word of C alone, and C has one scope for all names."""
+    generate_c(loads(AWKWARD), tmp_path)
+    assert not (tmp_path / "string.h").exists()
+    header = tmp_path / "string_protocol.h"
+    run(["gcc", "-std=c99", *STRICT, "-fsyntax-only", "-x", "c", f"-I{tmp_path}", str(header)])
+    run(["g++", *CPP, "-fsyntax-only", f"-I{tmp_path}", str(tmp_path / "string_protocol.cpp")])
+    text = header.read_text(encoding="utf-8")
+    assert "uint8_t restrict_;" in text
+    assert "#define STRING_ENCODE_SIZE_BIG ((uint64_t)18446744073709551615ULL)" in text
+    assert "STRING_FROM_HOST_A_B_C = 1" in text and "STRING_FROM_HOST_A_B_C_2 = 1" in text
+    assert "string_from_host_t;" in text and "string_from_host_2_t;" in text
 
 
 # ---- it works ---------------------------------------------------------------------------------------------------
@@ -211,12 +246,20 @@ def program(codec: wirebond.Codec) -> str:
     )
 
 
-@pytest.mark.parametrize("path", [*(PROTOCOLS / f"{n}.yaml" for n in ("enterprize", "pid_tuner", "native")), SHAPES])
+@pytest.mark.parametrize(
+    "path",
+    [
+        *(PROTOCOLS / f"{name}.yaml" for name in ("diffdrive", "enterprize", "pid_tuner", "native")),
+        SHAPES,
+        pytest.param(TYPES, marks=LONG),
+    ],
+    ids=lambda path: path.stem,
+)
 def test_every_vector_goes_through_c(path: Path, generated: Path, tmp_path: Path) -> None:
     codec = wirebond.load(path)
     source, made, built = tmp_path / "main.c", tmp_path / "api.o", tmp_path / "program"
     source.write_text(program(codec), encoding="utf-8")
-    run(["g++", *CPP, "-O1", f"-I{generated}", "-c", str(generated / f"{codec.name}.cpp"), "-o", str(made)])
+    run(["g++", *CPP, *QUICK, f"-I{generated}", "-c", str(generated / f"{codec.name}.cpp"), "-o", str(made)])
     run(["gcc", "-std=c99", *STRICT, "-g1", f"-I{generated}", str(source), str(made), "-o", str(built)])
     assert run([str(built)]) == "0\n"
 
@@ -231,7 +274,8 @@ def test_folder_builds_as_a_subdirectory_of_a_c_project(tmp_path: Path) -> None:
         "cmake_minimum_required(VERSION 3.16)\nproject(bot C CXX)\nadd_subdirectory(link)\n"
         "add_executable(bot main.c)\ntarget_link_libraries(bot PRIVATE wirebond_pid_tuner)\n"
     )
-    run(["cmake", "-S", str(tmp_path), "-B", str(tmp_path / "build")])
+    flags = f"-DCMAKE_CXX_FLAGS={' '.join(QUICK)}"
+    run(["cmake", "-S", str(tmp_path), "-B", str(tmp_path / "build"), flags])
     run(["cmake", "--build", str(tmp_path / "build")])
     run([str(tmp_path / "build" / "bot")])
 
@@ -271,6 +315,6 @@ def test_a_request_tells_which_reply_is_meant(tmp_path: Path) -> None:
     assert replies
     (tmp_path / "main.c").write_text("\n".join([*lines, "int main(void) {", *body, "  return 0;", "}", ""]))
     made, built = tmp_path / "api.o", tmp_path / "program"
-    run(["g++", *CPP, "-O1", f"-I{tmp_path}", "-c", str(tmp_path / f"{codec.name}.cpp"), "-o", str(made)])
+    run(["g++", *CPP, *QUICK, f"-I{tmp_path}", "-c", str(tmp_path / f"{codec.name}.cpp"), "-o", str(made)])
     run(["gcc", "-std=c99", *STRICT, str(tmp_path / "main.c"), str(made), "-o", str(built)])
     run([str(built)])
