@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import shutil
 import site
 import subprocess
 import sys
@@ -18,10 +20,14 @@ pytestmark = pytest.mark.long  # it compiles the engine
 
 
 @pytest.fixture(scope="module")
-def wheel() -> Path:
-    subprocess.run(["make", "wheel"], cwd=ROOT, check=True, capture_output=True)
-    (made,) = (ROOT / "build" / "wheel").glob("*.whl")
-    return made
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    with (ROOT / "build" / "wheel.lock").open("w") as lock:  # several processes of the tests may want it at once
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        subprocess.run(["make", "wheel"], cwd=ROOT, check=True, capture_output=True)
+        (made,) = (ROOT / "build" / "wheel").glob("*.whl")
+        shutil.copy(made, folder)
+    return folder / made.name
 
 
 @pytest.fixture(scope="module")
