@@ -122,9 +122,45 @@ def test_message_that_was_decoded_with_another_file_is_refused_in_a_sentence(tmp
         rover.from_message(received)
 
 
-def test_module_hides_none_of_the_standard_library(tmp_path: Path) -> None:
-    text = (ROOT / "protocols" / "diffdrive.yaml").read_text().replace("protocol: diffdrive", "protocol: signal")
-    assert module_name(loads(text)) == "signal_protocol"
+def test_protocol_without_a_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(wirebond.UsageError, match="signal was not loaded from a file"):
+        generate_python(loads(AWKWARD), tmp_path)
+
+
+def test_module_hides_none_of_the_standard_library() -> None:
+    assert module_name(loads(AWKWARD)) == "signal_protocol"
+
+
+AWKWARD = """
+wirebond: 1
+protocol: signal
+description: 'Three quotes: \"\"\" and a backslash \\'
+frame: [magic: 0xAA, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+types:
+  int_flag: {str: {type: u8, default: 3}}
+messages:
+  none: {id: 1, sender: host, fields: {str: {type: text, size: 4, default: '"'}, other: {type: bytes, max: 3}}}
+  callable: {id: 2, sender: host, fields: {self: {type: u8}, cls: {type: u8}, codec: {type: f32}, bytes: {type: u8}}}
+  any: {id: 3, sender: mcu, fields: {values: {type: u8, enum: {none: 0, mro: 1, name: 2}}, typed: {struct: int_flag}}}
+  message: {id: 4, sender: mcu, fields: {tuple: {type: u8, count: 1, default: [7]}, encode: {type: u8}}}
+  message_encode: {id: 5, sender: mcu, fields: {dataclass: {type: u8, flags: {encode: 0}, default: [encode]}}}
+"""
+
+
+def test_names_that_are_hard_on_python_do_not_meet(tmp_path: Path) -> None:
+    source = tmp_path / "awkward.yaml"
+    source.write_text(AWKWARD, encoding="utf-8")
+    module = module_of(source, tmp_path)
+    codec = wirebond.load(source)
+    for message in codec.model.messages:
+        frame = codec.encode(message.name, example_values(message))
+        (received,) = codec.decoder(message.sender).feed(frame)
+        assert module.from_message(received).encode() == frame
+    assert module.AnyMessage != module.Any
+    assert '"""' in module.__doc__
+    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(ROOT / ".mypy_cache")]
+    done = subprocess.run([*command, "signal_protocol.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
 
 
 USE = """

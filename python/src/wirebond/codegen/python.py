@@ -13,11 +13,15 @@ from wirebond.codegen.cpp import message_comment
 from wirebond.codegen.cpp_field import comment_text, hex_literal, member_comment
 from wirebond.codegen.folder import render, write_files
 from wirebond.codegen.names import Scope, type_name
+from wirebond.errors import UsageError
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import Default, Field, FieldKind, Protocol
 
 # Names of the module itself, and of each class. A message or field of the same name gets a suffix.
-_MODULE = frozenset({"Any", "AnyMessage", "ClassVar", "Codec", "IntEnum", "IntFlag", "Mapping", "Message", "TypeAlias"})
+_MODULE = frozenset({
+    "Any", "AnyMessage", "Callable", "ClassVar", "Codec", "IntEnum", "IntFlag", "Mapping", "Message", "None",
+    "TypeAlias",
+})  # fmt: skip
 _CLASS = frozenset({"bytes", "dict", "encode", "float", "from_values", "int", "bool", "self", "str", "tuple", "values"})
 
 _LINE = 100  # longest text of a line within a method
@@ -27,7 +31,10 @@ def generate_python(protocol: Protocol, out: Path) -> list[Path]:
     """Write ``<protocol>.py`` into ``out``; return its path. As ``generate_cpp`` otherwise.
 
     The module loads the protocol file from where it lies, as seen from ``out``, and checks its hash.
+    ``UsageError`` for a protocol that came out of no file.
     """
+    if not Path(protocol.path).is_file():
+        raise UsageError(f"{protocol.name} was not loaded from a file, and its module would have none to read")
     return write_files(out, {f"{module_name(protocol)}.py": python_module(protocol, out)})
 
 
@@ -39,9 +46,7 @@ def module_name(protocol: Protocol) -> str:
 def python_module(protocol: Protocol, out: Path) -> str:
     """The text of the module when it lies in ``out``."""
     writer = _Writer()
-    claimed = [
-        writer.claim(type_name(m.name), "Message") for m in protocol.messages
-    ]  # before the types of their fields
+    claimed = [writer.claim(type_name(m.name), "Message") for m in protocol.messages]  # before types of fields
     messages = [writer.struct(name, m.fields) for name, m in zip(claimed, protocol.messages, strict=True)]
     return render(
         "python.py.j2",
