@@ -23,6 +23,7 @@ TYPES = ROOT / "python" / "tests" / "codegen" / "every_type.yaml"
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 CPP = ["-std=c++17", "-fno-exceptions", "-fno-rtti", *STRICT]
 QUICK = ["-O0", "-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]  # to compile; what is tested is what it does
+SANITIZE = ["-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 M4 = ["-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
 M0 = ["-mthumb", "-mcpu=cortex-m0"]
 C_COMPILERS = {
@@ -255,12 +256,13 @@ def program(codec: wirebond.Codec) -> str:
     ],
     ids=lambda path: path.stem,
 )
-def test_every_vector_goes_through_c(path: Path, generated: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("sanitize", [pytest.param([], id="plain"), pytest.param(SANITIZE, id="sanitized", marks=LONG)])
+def test_every_vector_goes_through_c(path: Path, sanitize: list[str], generated: Path, tmp_path: Path) -> None:
     codec = wirebond.load(path)
     source, made, built = tmp_path / "main.c", tmp_path / "api.o", tmp_path / "program"
     source.write_text(program(codec), encoding="utf-8")
-    run(["g++", *CPP, *QUICK, f"-I{generated}", "-c", str(generated / f"{codec.name}.cpp"), "-o", str(made)])
-    run(["gcc", "-std=c99", *STRICT, "-g1", f"-I{generated}", str(source), str(made), "-o", str(built)])
+    run(["g++", *CPP, *QUICK, *sanitize, f"-I{generated}", "-c", str(generated / f"{codec.name}.cpp"), "-o", str(made)])
+    run(["gcc", "-std=c99", *STRICT, *sanitize, f"-I{generated}", str(source), str(made), "-o", str(built)])
     assert run([str(built)]) == "0\n"
 
 
