@@ -189,7 +189,7 @@ def cases(codec: wirebond.Codec) -> list[tuple[str, str, dict[str, Any], bytes]]
 
 
 def program(codec: wirebond.Codec) -> str:
-    """C that encodes each case, compares the bytes, and takes them byte by byte through a receiver's callback."""
+    """C that encodes each case, compares the bytes, and takes them byte by byte through a receiver to its handler."""
     name = codec.name
     lines = [
         f'#include "{name}.h"',

@@ -66,10 +66,10 @@ typedef struct wirebond_violations {
   uint32_t out_of_range;
   uint32_t clamped;
   uint32_t wrong_count;
-  uint32_t rejected;  ///< messages whose callback was not called
+  uint32_t rejected;  ///< messages that the handlers did not get
 } wirebond_violations_t;
 
-/// A frame of no known message. Pointers are valid during the callback.
+/// A frame of no known message. Pointers are valid during the call that hands it out.
 typedef struct wirebond_frame {
   const uint8_t* wire;  ///< as received, delimiters included
   size_t wire_size;
