@@ -75,7 +75,10 @@ CPP_COMPILERS = {
 }
 
 
-@pytest.mark.parametrize("compiler", CPP_COMPILERS)
+# On this machine the tests below compile the sources anyway; the two ARMs lay structs out alike.
+@pytest.mark.parametrize(
+    "compiler", ["cortex-m0", *(pytest.param(c, marks=LONG) for c in ("gcc", "clang", "cortex-m4"))]
+)
 def test_structs_of_both_languages_lie_alike_on_every_processor(compiler: str, generated: Path) -> None:
     """It is asserted in the sources, as is the room for receivers; an assertion needs no machine code."""
     sources = sorted(map(str, generated.glob("*.cpp")))
