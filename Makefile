@@ -6,7 +6,7 @@ SHELL := bash
 VENV   := .venv
 PYTHON := $(abspath $(VENV))/bin/python
 NATIVE := CMakeLists.txt pyproject.toml $(shell find core/include ports/posix python/native -name '*.[ch]pp')
-CPP_SOURCES = $(shell git ls-files '*.cpp' '*.hpp')
+CPP_SOURCES = $(shell git ls-files '*.cpp' '*.hpp' '*.h')
 
 # ---- for users
 
@@ -32,6 +32,13 @@ prove: build/setup-test.stamp ## the long forms of the proofs
 .PHONY: bench
 bench: build/setup-bench.stamp ## tables of figures, and bench/latest.json (ONLY=name runs one)
 	@$(PYTHON) -m bench $(if $(ONLY),--only $(ONLY),)
+
+.PHONY: wheel
+wheel: build/requirements.stamp ## the Python package for this machine, in build/wheel
+	@rm -rf build/wheel
+	@$(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps \
+	  --config-settings=build-dir=build/wheel-engine --wheel-dir build/wheel .
+	@ls build/wheel/*.whl
 
 .PHONY: lint
 lint: build/setup-test.stamp ## format, linters, strict types, dependency rules

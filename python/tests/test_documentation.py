@@ -4,9 +4,10 @@ How a block of a page is treated, by what stands behind its fence:
 
 - ``yaml``: a whole protocol file loads; a piece of one loads together with the rest that it needs.
 - ``yaml wrong``: as ``yaml``, but it is refused with the problems that the ``output`` block behind it shows.
-- ``python``: the blocks of a page are run in order, as one program.
+- ``python``: the blocks of a page are run in order, as one program. It can import the module generated from diffdrive.
 - ``console``: commands behind ``$`` that show their output are run, in order; others are advice.
-- ``cpp``: compiles by itself against the generated code of all protocols; a program with ``main`` is also run.
+- ``cpp``, ``c``: compiles by itself against the generated code of all protocols; a program with ``main`` is also run.
+  (One for a tty is built and run by tests/end_to_end/test_cpp_host.py.)
 - ``output``: what the block before it prints.
 
 The port ``/dev/ttyUSB0`` stands for a virtual diffdrive MCU on a pty. In shown output ``...`` stands for any text. The
@@ -32,7 +33,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from wirebond.codegen import generate_cpp
+from wirebond.codegen import generate_c, generate_python
 from wirebond.protocol import ProtocolFileError, loads
 from wirebond.sim import pty_port
 from wirebond.sim.virtual_mcu import VirtualMcu
@@ -41,9 +42,15 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 LINKED = [*PAGES, ROOT / "CHANGELOG.md", ROOT / "firmware" / "README.md"]
 PORT = "/dev/ttyUSB0"
-LANGUAGES = {"yaml", "yaml wrong", "python", "console", "cpp", "output", "cmake", "json", "text"}
+LANGUAGES = {"yaml", "yaml wrong", "python", "console", "cpp", "c", "output", "cmake", "json", "text"}
 RUN = ("wirebond ", "echo ")  # commands that a page may show with their output
-CXX = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti"]
+QUICK = [
+    "-O0",
+    "-DWIREBOND_INLINE=inline",
+    "-DWIREBOND_INLINE_LAMBDA=",
+]  # to compile; users' flags are test_compile.py's
+CXX = ["g++", *QUICK, "-std=c++17", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti"]
+CC = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
 
 REST_OF_FILE = {  # what a piece of a protocol file lacks
     "wirebond": "wirebond: 1\n",
@@ -110,13 +117,13 @@ def is_whole_file(block: Block) -> bool:
 
 @pytest.fixture(scope="session")
 def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the generated C++ of the repository's protocols and of those in the pages."""
+    """A folder with the generated C and C++ of the repository's protocols and of those in the pages."""
     folder = tmp_path_factory.mktemp("generated")
     for path in sorted((ROOT / "protocols").glob("*.yaml")):
-        generate_cpp(wirebond.load(path).model, folder)
+        generate_c(wirebond.load(path).model, folder)
     for block in blocks_of("yaml"):
         if is_whole_file(block):
-            generate_cpp(loads(block.text), folder)
+            generate_c(loads(block.text), folder)
     return folder
 
 
@@ -127,6 +134,8 @@ def workspace(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytes
     for block in blocks(request.getfixturevalue("page")):
         if is_whole_file(block):
             (tmp_path / f"{loads(block.text).name}.yaml").write_text(block.text, encoding="utf-8")
+    generate_python(wirebond.load(ROOT / "protocols" / "diffdrive.yaml").model, tmp_path / "modules")
+    monkeypatch.syspath_prepend(tmp_path / "modules")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -233,13 +242,32 @@ def run(*command: str) -> subprocess.CompletedProcess[str]:
 def test_cpp_compiles(block: Block, generated: Path, tmp_path: Path) -> None:
     source = tmp_path / "example.cpp"
     source.write_text(block.text, encoding="utf-8")
-    compiler = [*CXX, f"-I{generated}", str(source)]
+    if "wirebond/posix/" in block.text:  # tests/end_to_end/test_cpp_host.py builds it as its page says, and runs it
+        return
+    compile_and_run(block, [*CXX, f"-I{generated}", str(source)], tmp_path)
+
+
+@pytest.mark.parametrize("block", blocks_of("c"), ids=by_place)
+def test_c_compiles_and_needs_no_cpp_library(block: Block, generated: Path, tmp_path: Path) -> None:
+    source = tmp_path / "example.c"
+    source.write_text(block.text, encoding="utf-8")
+    objects = []
+    for name in re.findall(r'^#include "(\w+)\.h"', block.text, re.MULTILINE):
+        objects.append(str(tmp_path / f"{name}.o"))
+        made = run(*CXX, f"-I{generated}", "-c", str(generated / f"{name}.cpp"), "-o", objects[-1])
+        assert made.returncode == 0, made.stderr
+    linked = objects if "int main(" in block.text else []
+    compile_and_run(block, [*CC, f"-I{generated}", str(source), *linked], tmp_path)
+
+
+def compile_and_run(block: Block, compiler: list[str], folder: Path) -> None:
+    """A block with ``main`` must print its output; another must compile."""
     if "int main(" not in block.text:
-        result = run(*compiler, "-c", "-o", str(tmp_path / "example.o"))
+        result = run(*compiler, "-c", "-o", str(folder / "example.o"))
         assert result.returncode == 0, f"{block.place}:\n{result.stderr}"
         assert block.output is None, f"{block.place} shows an output and has no main"
         return
-    program = tmp_path / "example"
+    program = folder / "example"
     result = run(*compiler, "-o", str(program))
     assert result.returncode == 0, f"{block.place}:\n{result.stderr}"
     result = run(str(program))
@@ -275,7 +303,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=by_name)
 def test_files_that_are_named_exist(page: Path) -> None:
-    folders = "core|ports|python|protocols|firmware|tests|bench|docs|setup"
+    folders = "cmake|core|ports|python|protocols|firmware|tests|bench|docs|setup"
     named = re.findall(rf"`((?:{folders})/[\w./-]*)`", without_blocks(page))
     assert [name for name in named if not (ROOT / name).exists() and name != "bench/latest.json"] == []
 

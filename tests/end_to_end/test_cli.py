@@ -141,8 +141,15 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
             2,
             "--rate is 0",
         ),
-        (["gen", DIFFDRIVE, "--lang", "cobol", "--out", "/tmp/never"], 2, "expected cpp"),
+        (["gen", DIFFDRIVE, "--lang", "cobol", "--out", "/tmp/never"], 2, "expected cpp, c, python"),
+        (
+            ["gen", DIFFDRIVE, "--lang", "python", "--amalgamate", "--out", "/tmp/never"],
+            2,
+            "--amalgamate is for --lang cpp and c",
+        ),
         (["gen", DIFFDRIVE, "--out", DIFFDRIVE], 2, "is a file"),
+        (["gen", DIFFDRIVE, "--out", f"{DIFFDRIVE}/below/it"], 2, "diffdrive.yaml is a file; --out names a folder"),
+        (["gen", DIFFDRIVE, "--out", "/proc/generated"], 1, "cannot write /proc/generated: No such file or directory"),
         (["frobnicate"], 2, "No such command"),
     ],
 )
@@ -177,6 +184,17 @@ def test_gen_writes_a_folder_and_a_second_run_changes_nothing(tmp_path: Path) ->
     assert (tmp_path / "out" / "diffdrive.hpp") in times
     run("gen", DIFFDRIVE, "--lang", "cpp", "--out", str(tmp_path / "out"))
     assert times == {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*.hpp")}
+
+
+@pytest.mark.parametrize(("language", "files"), [("c", ["link.h", "link.cpp", "link.hpp"]), ("python", ["link.py"])])
+def test_gen_prints_the_files_of_each_language(language: str, files: list[str], tmp_path: Path) -> None:
+    source = tmp_path / "link.yaml"
+    source.write_text(Path(DIFFDRIVE).read_text().replace("protocol: diffdrive", "protocol: link"))
+    result = run("gen", str(source), "--lang", language, "--out", str(tmp_path / "out"))
+    assert result.returncode == 0
+    printed = result.stdout.split()
+    assert set(printed) >= {str(tmp_path / "out" / file) for file in files}
+    assert all(Path(path).is_file() for path in printed)
 
 
 class TestWithVirtualMcu:

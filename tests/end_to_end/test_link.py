@@ -68,6 +68,24 @@ def test_frames_go_out_whole_and_come_in_with_fields(port: PtyPort) -> None:
         assert link.state == "up"
 
 
+def test_objects_of_generated_modules_are_sent_as_their_name_and_values(port: PtyPort) -> None:
+    class Velocity:
+        NAME = "velocity"
+
+        def values(self) -> dict[str, float]:
+            return {"linear": 0.5, "angular": 0.25}
+
+    proto = codec("diffdrive")
+    expected = proto.encode("velocity", linear=0.5, angular=0.25)
+    with wirebond.open(proto, port.path) as link:
+        link.send(Velocity())
+        assert read_until(port, len(expected)) == expected
+        link.set(Velocity(), hold=0.1)
+        assert read_until(port, len(expected))[: len(expected)] == expected
+        with pytest.raises(UsageError, match="Velocity has its values already"):
+            link.send(Velocity(), linear=0.1)
+
+
 def test_iterating_gives_messages_in_order(port: PtyPort) -> None:
     proto = codec("diffdrive")
     with wirebond.open(proto, port.path) as link:

@@ -44,6 +44,10 @@ class HeaderFileError(WirebondError):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
+class ProtocolMismatchError(WirebondError):
+    """Two that must have the same protocol have not: a generated module and the protocol file that it names."""
+
+
 class UsageError(WirebondError, ValueError):
     """The program asked for something that the protocol or the call does not have."""
 

@@ -12,6 +12,7 @@ from wirebond import _engine
 from wirebond.codec import Codec, Message, Stats, load
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
 from wirebond.protocol.model import End, Recover
+from wirebond.typed import TypedMessage, name_and_values
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after it was last set
 MAX_HOLD = 60.0  # seconds: a longer lease would be none
@@ -86,19 +87,21 @@ class Link:
 
     # ---- sending
 
-    def send(self, message: str, values: Mapping[str, Any] | None = None, /, **fields: Any) -> None:
-        """Send one frame whole. Returns when it is queued or written; never waits for the line.
+    def send(self, message: str | TypedMessage, values: Mapping[str, Any] | None = None, /, **fields: Any) -> None:
+        """Send one frame whole: a message by its name, or one of a generated module. Returns when it is queued or
+        written; never waits for the line.
 
         :raises MessageError: nothing was sent: a value is wrong, or the message is the MCU's to send.
         :raises LinkDownError: the port is gone at the moment; the link is looking for it.
         :raises QueueFullError: the line does not keep up.
         """
-        self._check_sender(message)
-        self._send(message, self.codec.encode(message, values, **fields), urgent=False)
+        name, given = name_and_values(message, values, fields)
+        self._check_sender(name)
+        self._send(name, self.codec.encode(name, given), urgent=False)
 
     def set(
         self,
-        message: str,
+        message: str | TypedMessage,
         values: Mapping[str, Any] | None = None,
         /,
         *,
@@ -115,16 +118,17 @@ class Link:
             raise UsageError(
                 f"hold is {hold:g} s; expected more than 0 and at most {MAX_HOLD:g} s: call set() again in time"
             )
-        self._check_sender(message)
-        frame = self.codec.encode(message, values, **fields)
-        period = self.codec.model.message(message).every
+        name, given = name_and_values(message, values, fields)
+        self._check_sender(name)
+        frame = self.codec.encode(name, given)
+        period = self.codec.model.message(name).every
         if period is None:
-            raise UsageError(f"{message} has no `every` in the protocol file; use send()")
+            raise UsageError(f"{name} has no `every` in the protocol file; use send()")
         stop = self.codec.model.emergency_stop
         safe = b""
-        if stop is not None and stop.message == message:
-            safe = self.codec.encode(message, dict(stop.values))
-        self._engine.set_repeated(self.codec.index_of(message), frame, safe, period, hold, self._reply_index(message))
+        if stop is not None and stop.message == name:
+            safe = self.codec.encode(name, dict(stop.values))
+        self._engine.set_repeated(self.codec.index_of(name), frame, safe, period, hold, self._reply_index(name))
 
     def unset(self, message: str) -> None:
         """Stop repeating, without a last value.

@@ -28,6 +28,11 @@ def posix_include() -> Path:
     return _find("ports/posix/include")
 
 
+def cmake() -> Path:
+    """The folder that ``find_package(wirebond)`` needs as ``wirebond_DIR``."""
+    return _find("cmake")
+
+
 def protocols() -> Path:
     """The protocol files that come with the package."""
     return _find("protocols")

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from wirebond.cli.output import console, errors, print_message, stats_line
+from wirebond.cli.output import errors, print_message, stats_line
 from wirebond.cli.values import hex_of, parse_assignments, parse_hex, to_json
 from wirebond.codec import load
 from wirebond.errors import MessageError, ProtocolFileError, UsageError
@@ -93,15 +93,3 @@ def _chunks(source: str) -> Iterator[bytes]:
     with Path(source).open("rb") as file:
         while chunk := file.read(_CHUNK):
             yield chunk
-
-
-def generate(path: Path, language: str, out: Path) -> None:
-    from wirebond.codegen import generate_cpp  # noqa: PLC0415  (templates are slow to load; only this command needs them)
-
-    if language != "cpp":
-        raise UsageError(f"--lang is '{language}'; expected cpp")
-    codec = load(path)
-    if out.exists() and not out.is_dir():
-        raise UsageError(f"{out} is a file; --out names a folder")
-    for written in generate_cpp(codec.model, out):
-        console.print(str(written), soft_wrap=True)

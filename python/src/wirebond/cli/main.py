@@ -139,12 +139,15 @@ def sim(
 def gen(
     file: ProtocolFile,
     out: Annotated[Path, typer.Option(help="Folder to write to; it is made if need be.")],
-    lang: Annotated[str, typer.Option(help="Language of the generated code: cpp.")] = "cpp",
+    lang: Annotated[str, typer.Option(help="Language of the generated code: cpp, c or python.")] = "cpp",
+    amalgamate: Annotated[
+        bool, typer.Option("--amalgamate", help="One header with the core in it (for c: .h and .cpp), no folder.")
+    ] = False,
 ) -> None:
-    """Generate a self-contained folder that a firmware project can add."""
-    from wirebond.cli.commands import generate
+    """Generate code for a firmware or a host: a self-contained folder, one header, or a Python module."""
+    from wirebond.cli.generate import generate
 
-    generate(file, lang, out)
+    generate(file, lang, out, amalgamate)
 
 
 @app.command()
@@ -196,10 +199,24 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _cmakedir(wanted: bool) -> None:
+    if wanted:
+        from wirebond.paths import cmake
+
+        sys.stdout.write(f"{cmake()}\n")
+        raise typer.Exit
+
+
 @app.callback()
 def common(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+    cmakedir: Annotated[
+        bool,
+        typer.Option(
+            "--cmakedir", callback=_cmakedir, is_eager=True, help="Print the folder for CMake's wirebond_DIR and exit."
+        ),
     ] = False,
 ) -> None:
     """The serial link between a robot's computer and its microcontroller, from one protocol file."""

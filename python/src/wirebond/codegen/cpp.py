@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
-
 from wirebond.codegen import names
+from wirebond.codegen.amalgamate import amalgamated
 from wirebond.codegen.cpp_field import comment_text, hex_literal
 from wirebond.codegen.cpp_number import real
 from wirebond.codegen.cpp_struct import (
@@ -25,33 +24,30 @@ from wirebond.codegen.cpp_struct import (
     type_blocks,
     write_lines,
 )
-from wirebond.paths import core_include
+from wirebond.codegen.folder import core_headers, render, write_files
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import Algorithm, BitRole, End, Message, PartKind, PayloadRule, Protocol
 from wirebond.protocol.plan import MessageRow, Number, Plan, Position, plan_for
 
-TEMPLATES = Path(__file__).parent / "templates"
 
-
-def generate_cpp(protocol: Protocol, out: Path) -> list[Path]:
+def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
     """Write ``<protocol>.hpp``, the core headers and a ``CMakeLists.txt`` into ``out``; return their paths, sorted.
 
-    The folder needs nothing else. The same protocol always gives the same bytes, and a file that already holds them
-    is not touched, so that a build after it has nothing to do. ``OSError`` when a file cannot be written.
+    The folder needs nothing else. With ``amalgamate`` all of it is one ``<protocol>.hpp``. The same protocol always
+    gives the same bytes, and a file that already holds them is not touched, so that a build after it has nothing to do.
+    ``OSError`` when a file cannot be written.
     """
-    files = {out / f"{protocol.name}.hpp": cpp_header(protocol), out / "CMakeLists.txt": _cmake(protocol)}
-    core = core_include()
-    for header in core.rglob("*.hpp"):
-        files[out / header.relative_to(core)] = header.read_text(encoding="utf-8")
-    for path, text in files.items():
-        _write_if_changed(path, text)
-    return sorted(files)
+    name, core = f"{protocol.name}.hpp", core_headers()
+    if amalgamate:
+        return write_files(out, {name: amalgamated(cpp_header(protocol), core)})
+    cmake = render("CMakeLists.txt.j2", protocol=protocol)
+    return write_files(out, {name: cpp_header(protocol), "CMakeLists.txt": cmake, **core})
 
 
 def cpp_header(protocol: Protocol) -> str:
     """The text of ``<protocol>.hpp``."""
     plans = {end: plan_for(protocol, end) for end in (End.HOST, End.MCU)}
-    return _render(
+    return render(
         "cpp.hpp.j2",
         file=comment_text(Path(protocol.path).name or protocol.name),
         description=comment_text(protocol.description),
@@ -70,29 +66,6 @@ def cpp_header(protocol: Protocol) -> str:
         stop=_emergency_stop(protocol),
         services=_services(protocol),
     )
-
-
-def _cmake(protocol: Protocol) -> str:
-    return _render("CMakeLists.txt.j2", protocol=protocol)
-
-
-def _render(template: str, **values: object) -> str:
-    environment = jinja2.Environment(  # noqa: S701 C++ is no markup
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template(template).render(**values)
-
-
-def _write_if_changed(path: Path, text: str) -> None:
-    content = text.encode("utf-8")
-    if path.is_file() and path.read_bytes() == content:
-        return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
 
 
 # ---- messages ---------------------------------------------------------------------------------------------------
@@ -127,7 +100,7 @@ class MessageView:
         return any("message" in line for line in self.write)
 
 
-def _shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
+def shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
     """The structs of the file's types and those of the messages, each by the file's name."""
     scope = names.Scope(names.GENERATED_TYPES)
     named = named_shapes(protocol, scope)
@@ -137,7 +110,7 @@ def _shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
 
 def message_shapes(protocol: Protocol) -> dict[str, Shape]:
     """The struct of each message and what lies in it, by the message's name."""
-    return _shapes(protocol)[1]
+    return shapes(protocol)[1]
 
 
 def struct_names(protocol: Protocol) -> dict[str, str]:
@@ -148,31 +121,31 @@ def struct_names(protocol: Protocol) -> dict[str, str]:
 def _message_views(protocol: Protocol) -> list[MessageView]:
     payload = protocol.frame.part(PartKind.PAYLOAD)
     trims_zeros = payload is not None and payload.payload == PayloadRule.FIXED
-    shapes = message_shapes(protocol)
+    structs = message_shapes(protocol)
     indices = {m.name: i for i, m in enumerate(protocol.messages)}
     return [
         MessageView(
-            struct=shapes[message.name].path,
+            struct=structs[message.name].path,
             name=message.name,
             index=index,
-            id=_id_literal(protocol, message.id),
+            id=id_literal(protocol, message.id),
             sender=message.sender.value,
             # A message of both ends looks the same in either direction: frames do not depend on the sender.
             source="FromMcu" if message.sender == End.MCU else "FromHost",
-            comment=_message_comment(message),
+            comment=message_comment(message),
             min_payload=message.min_payload,
             max_payload=message.max_payload,
             max_frame=protocol.max_wire_bytes(message.max_payload),
             every_us=round((message.every or 0) * 1e6),
             reply=indices.get(message.reply or "", -1),
-            types=type_blocks(shapes[message.name]),
-            members=member_lines(shapes[message.name]),
-            enums=known_enums(shapes[message.name]),
-            size=size_lines(shapes[message.name]),
-            write=write_lines(shapes[message.name]),
-            read=Reader(trims_zeros).lines(shapes[message.name]),
-            judge=judge_lines(shapes[message.name]),
-            clamp=clamp_lines(shapes[message.name]),
+            types=type_blocks(structs[message.name]),
+            members=member_lines(structs[message.name]),
+            enums=known_enums(structs[message.name]),
+            size=size_lines(structs[message.name]),
+            write=write_lines(structs[message.name]),
+            read=Reader(trims_zeros).lines(structs[message.name]),
+            judge=judge_lines(structs[message.name]),
+            clamp=clamp_lines(structs[message.name]),
         )
         for index, message in enumerate(protocol.messages)
     ]
@@ -188,11 +161,11 @@ class TypeView:
 
 
 def _type_views(protocol: Protocol) -> list[TypeView]:
-    named, _ = _shapes(protocol)
+    named, _ = shapes(protocol)
     return [TypeView(name, struct_lines(shape), known_enums(shape)) for name, shape in named.items()]
 
 
-def _message_comment(message: Message) -> str:
+def message_comment(message: Message) -> str:
     way = {End.HOST: "Host to MCU", End.MCU: "MCU to host", End.BOTH: "Either way"}[message.sender]
     facts = [way]
     if message.every:
@@ -203,7 +176,7 @@ def _message_comment(message: Message) -> str:
     return f"{text}{'' if text.endswith('.') or not text else '.'} {', '.join(facts)}.".strip()
 
 
-def _id_literal(protocol: Protocol, value: int) -> str:
+def id_literal(protocol: Protocol, value: int) -> str:
     sizes = [
         part.size
         for part in protocol.frame.parts
@@ -339,9 +312,9 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         struct="FromHost" if end == End.HOST else "FromMcu",
         sender="host" if end == End.HOST else "MCU",
         receiver="MCU" if end == End.HOST else "host",
-        shapes=tuple((_id_literal(protocol, row.id), shape(row)) for row in plan.messages if not row.only_expected),
+        shapes=tuple((id_literal(protocol, row.id), shape(row)) for row in plan.messages if not row.only_expected),
         expected=tuple(
-            (row.index, _id_literal(protocol, row.id), shape(row)) for row in plan.messages if row.only_expected
+            (row.index, id_literal(protocol, row.id), shape(row)) for row in plan.messages if row.only_expected
         ),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
     )

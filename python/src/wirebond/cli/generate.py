@@ -1,0 +1,50 @@
+"""The command that writes code from a protocol file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from rich.markup import escape
+
+from wirebond.cli.output import console
+from wirebond.codec import load
+from wirebond.codegen import generate_c, generate_cpp, generate_python
+from wirebond.errors import UsageError, WirebondError
+from wirebond.protocol.model import Protocol
+
+Generator = Callable[[Protocol, Path], list[Path]]
+
+LANGUAGES: dict[str, Generator] = {
+    "cpp": generate_cpp,
+    "c": generate_c,
+    "python": generate_python,
+}
+AMALGAMATED: dict[str, Generator] = {
+    "cpp": partial(generate_cpp, amalgamate=True),
+    "c": partial(generate_c, amalgamate=True),
+}
+
+
+def generate(path: Path, language: str, out: Path, amalgamate: bool) -> None:
+    """Write the files of this language into ``out`` and print their paths."""
+    if language not in LANGUAGES:
+        raise UsageError(f"--lang is '{language}'; expected {', '.join(LANGUAGES)}")
+    if amalgamate and language not in AMALGAMATED:
+        raise UsageError(
+            f"--amalgamate is for --lang {' and '.join(AMALGAMATED)}; a {language} module is one file anyway"
+        )
+    write = AMALGAMATED[language] if amalgamate else LANGUAGES[language]
+    model = load(path).model
+    for folder in (out, *out.parents):
+        if folder.exists():
+            if not folder.is_dir():
+                raise UsageError(f"{folder} is a file; --out names a folder")
+            break
+    try:
+        files = write(model, out)
+    except OSError as error:
+        raise WirebondError(f"cannot write {error.filename or out}: {error.strerror}; name another --out") from error
+    for written in files:
+        console.print(escape(str(written)), soft_wrap=True)

@@ -1,0 +1,39 @@
+"""One self-contained file out of a generated text and the headers that it includes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+_INCLUDE = re.compile(r'^#include "([^"]+)"$')
+
+
+def amalgamated(text: str, headers: Mapping[str, str]) -> str:
+    """``text`` with each of ``headers`` in place of its first include; they are known by the names in quotes.
+
+    A core header gets a guard of its own, so that several amalgamated files may be included together. Other includes
+    stay as they are.
+    """
+    seen: set[str] = set()
+    return "".join(_inlined(text, headers, seen))
+
+
+def _inlined(text: str, headers: Mapping[str, str], seen: set[str]) -> list[str]:
+    lines: list[str] = []
+    for line in text.splitlines(keepends=True):
+        found = _INCLUDE.match(line.rstrip())
+        if found is None or found[1] not in headers:
+            lines.append(line)
+        elif found[1] not in seen:
+            seen.add(found[1])
+            lines += _guarded(found[1], _inlined(_without_pragma(headers[found[1]]), headers, seen))
+    return lines
+
+
+def _guarded(name: str, lines: list[str]) -> list[str]:
+    guard = "WIREBOND_AMALGAMATED_" + re.sub(r"[^A-Z0-9]", "_", name.removeprefix("wirebond/").upper())
+    return [f"// ---- {name}\n", f"#ifndef {guard}\n", f"#define {guard}\n", *lines, f"#endif  // {guard}\n"]
+
+
+def _without_pragma(text: str) -> str:
+    return text.replace("#pragma once\n", "", 1)

@@ -1,0 +1,52 @@
+"""Writing generated files: templates to text, text to files, and the core headers that go with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import jinja2
+
+from wirebond.paths import core_include
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def render(template: str, **values: object) -> str:
+    environment = jinja2.Environment(  # noqa: S701 source code is no markup
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(template).render(**values)
+
+
+def core_headers() -> dict[str, str]:
+    """The text of each core header, by the name under which it is included."""
+    core = core_include()
+    return {
+        header.relative_to(core).as_posix(): header.read_text(encoding="utf-8")
+        for pattern in ("*.hpp", "*.h")
+        for header in core.rglob(pattern)
+    }
+
+
+def write_files(out: Path, files: Mapping[str, str]) -> list[Path]:
+    """Write each text under its name in ``out``; return their paths, sorted.
+
+    A file that already holds its text is not touched, so that a build after it has nothing to do. ``OSError`` when one
+    cannot be written.
+    """
+    for name, text in files.items():
+        _write_if_changed(out / name, text)
+    return sorted(out / name for name in files)
+
+
+def _write_if_changed(path: Path, text: str) -> None:
+    content = text.encode("utf-8")
+    if path.is_file() and path.read_bytes() == content:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)

@@ -1,0 +1,89 @@
+"""What generated Python modules are made of: the file that must still be theirs, and engine values as typed ones."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from enum import IntEnum, IntFlag
+from pathlib import Path
+from typing import Any, ClassVar, Protocol, TypeVar
+
+from wirebond.codec import Codec, Message, load
+from wirebond.errors import ProtocolMismatchError, UsageError
+
+_Enum = TypeVar("_Enum", bound=IntEnum)
+_Flags = TypeVar("_Flags", bound=IntFlag)
+_Typed = TypeVar("_Typed")
+
+
+class TypedMessage(Protocol):
+    """A message of a generated module."""
+
+    NAME: ClassVar[str]
+
+    def values(self) -> dict[str, Any]:
+        """Its fields as ``Codec.encode`` takes them."""
+
+
+def load_matching(module: str, file: str | os.PathLike[str], expected: int) -> Codec:
+    """The protocol of ``file``, which lies at this place as seen from the ``module``'s folder.
+
+    :raises ProtocolFileError: the file is not there, or wrong.
+    :raises ProtocolMismatchError: its bytes mean something else than when the module was generated.
+    """
+    path = Path(os.path.normpath(Path(module).parent / file))
+    codec = load(path)
+    if codec.hash != expected:
+        raise ProtocolMismatchError(
+            f"{module} was generated from another {path}: its protocol hash was {expected:016x} and is "
+            f"{codec.hash:016x} now; run `wirebond gen {path} --lang python --out {Path(module).parent}`"
+        )
+    return codec
+
+
+def name_and_values(
+    message: str | TypedMessage, values: Mapping[str, Any] | None, fields: Mapping[str, Any]
+) -> tuple[str, Mapping[str, Any]]:
+    """A message that a caller gave by its name and values, or as one object.
+
+    :raises UsageError: an object and values as well.
+    """
+    if isinstance(message, str):
+        return message, {**(values or {}), **fields}
+    if values is not None or fields:
+        raise UsageError(f"{type(message).__name__} has its values already; change them with dataclasses.replace")
+    return message.NAME, message.values()
+
+
+# ---- values of the engine ---------------------------------------------------------------------------------------
+
+
+def decoded(kinds: Mapping[str, Callable[[Mapping[str, Any]], _Typed]], message: Message) -> _Typed | None:
+    """A received message by the maker of its name; None for a frame that no message of the protocol has.
+
+    :raises ProtocolMismatchError: the message was decoded with another protocol file than the module's.
+    """
+    make = kinds.get(message.name)
+    if make is None:
+        return None
+    fields = message.fields
+    try:
+        return make(fields)
+    except KeyError as error:
+        raise ProtocolMismatchError(
+            f"{message.name} has no {error.args[0]!r}; it has {', '.join(fields) or 'no field'}: it was decoded with "
+            "another protocol file than this module was generated from"
+        ) from None
+
+
+def enum_of(kind: type[_Enum], value: str | int) -> _Enum | int:
+    """The member of this name; a number that has none stays a number."""
+    return kind[value.upper()] if isinstance(value, str) else value
+
+
+def flags_of(kind: type[_Flags], value: Iterable[str | int]) -> _Flags:
+    """Names, and numbers for bits without a name."""
+    bits = kind(0)
+    for one in value:
+        bits |= kind[one.upper()] if isinstance(one, str) else kind(one)
+    return bits
