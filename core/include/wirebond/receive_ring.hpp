@@ -1,0 +1,164 @@
+// A circular buffer that DMA fills: how far it came, what was read, laps and restarts. Positions only: no frame, no port.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+namespace wirebond {
+
+/// What became of the bytes that DMA wrote, modulo 2^32: received = handed out + lapped + still there.
+struct ReceiveAccount {
+  std::uint32_t received = 0;    ///< bytes that DMA wrote into the ring
+  std::uint32_t handed_out = 0;  ///< of these, given to the deframer
+  std::uint32_t lapped = 0;      ///< of these, written over before they were read
+  std::uint32_t laps = 0;        ///< how often that happened
+  std::uint32_t overtaken = 0;   ///< handed out, and written over while they were read: the ring is too small
+};
+
+/// The writer is the DMA, told of by the UART's interrupt (`advance`, `restart`); the reader is one other context, which
+/// may be interrupted by it (`look`, `next`, `consumed`). Nobody waits, nothing is masked: each variable has one writer.
+///
+/// Positions count every byte since the start, modulo 2^32; the low bits are the place in the ring, whose size is a power
+/// of two. A restarted DMA writes from the ring's front again, so the count then skips to the next multiple of the size:
+/// a hole, in which no byte ever was.
+///
+/// The hardware tells a place and not a count: `advance` must be called once for every turn of the DMA at least, which
+/// the half and full events do unless interrupts are masked for as long as the whole ring takes.
+class ReceiveRing {
+ public:
+  using Count = std::uint32_t;
+
+  struct Span {
+    const std::uint8_t* data;
+    std::size_t size;  ///< 0: nothing to read
+  };
+
+  /// `size`: a power of two, in bytes. The memory outlives this object.
+  ReceiveRing(const std::uint8_t* bytes, std::size_t size) : bytes_(bytes), mask_(static_cast<Count>(size - 1)) {}
+
+  // ---- the UART's interrupt
+
+  /// DMA writes at `place` next. Events may come in any order, merged or in vain.
+  void advance(std::size_t place) {
+    const Count written = written_.load(std::memory_order_relaxed);  // only this context writes it
+    written_.store(written + ahead(place, written), std::memory_order_release);  // pairs with `look`
+  }
+
+  /// Call `advance` with the last place first; then DMA may begin at the ring's front again. False: the reader is too
+  /// many restarts behind, so that there is no room to note one more. Try again when it has read.
+  [[nodiscard]] bool restart() {
+    const Count written = written_.load(std::memory_order_relaxed);
+    const Count front = round_up(written);
+    if (front == written) return true;
+    const std::uint8_t noted = holes_noted_.load(std::memory_order_relaxed);
+    // Pairs with `pass_hole`: what the reader passed may be written again.
+    const std::uint8_t passed = holes_passed_.load(std::memory_order_acquire);
+    if (static_cast<std::uint8_t>(noted - passed) == hole_capacity) return false;
+    holes_[noted % hole_capacity] = written;
+    holes_noted_.store(static_cast<std::uint8_t>(noted + 1), std::memory_order_release);  // pairs with `hole_ahead`
+    written_.store(front, std::memory_order_release);  // behind the hole, so that who sees this sees that
+    return true;
+  }
+
+  // ---- the reader
+
+  /// Note how far DMA is. `place()` tells where it writes next, as the port says it.
+  template <class Place>
+  void look(Place&& place) {
+    Count written;
+    do {  // an event between the two reads: its place is newer, and a restart may lie between
+      written = written_.load(std::memory_order_acquire);  // pairs with `advance` and `restart`
+      seen_ = written + ahead(place(), written);
+    } while (written_.load(std::memory_order_acquire) != written);
+  }
+
+  /// The next bytes in one piece, as far as `look` saw; none: all is read. Bytes that were lapped are left out, and
+  /// counted: half a ring of the newest is kept, so that the DMA is not met again at once.
+  Span next() {
+    if (seen_ - read_ > size()) skip_to(seen_ - size() / 2);
+    while (hole_ahead() && next_hole() == read_) pass_hole();
+    if (seen_ == read_) return {nullptr, 0};
+    Count end = read_ + size() - (read_ & mask_);
+    if (hole_ahead() && next_hole() - read_ < end - read_) end = next_hole();
+    if (seen_ - read_ < end - read_) end = seen_;
+    return {bytes_ + (read_ & mask_), end - read_};
+  }
+
+  /// The first `count` bytes of `next` were read.
+  void consumed(std::size_t count) {
+    const Count written = written_.load(std::memory_order_acquire);
+    if (written - read_ > size()) account_.overtaken += static_cast<Count>(count);
+    read_ += static_cast<Count>(count);
+    account_.handed_out += static_cast<Count>(count);
+  }
+
+  ReceiveAccount account() const {
+    ReceiveAccount account = account_;
+    account.received = seen_ - hole_bytes_ - holes_before(seen_);
+    return account;
+  }
+
+  /// Bytes that `look` saw and that were not read yet.
+  std::size_t unread() const { return seen_ - read_ - holes_before(seen_); }
+
+ private:
+  static constexpr std::uint8_t hole_capacity = 4;  // restarts between two reads
+
+  Count size() const { return mask_ + 1; }
+  Count round_up(Count position) const { return (position + mask_) & ~mask_; }
+  Count ahead(std::size_t place, Count written) const { return (static_cast<Count>(place) - written) & mask_; }
+
+  /// Is there a hole that the reader has yet to pass, within what it saw?
+  bool hole_ahead() const {
+    const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
+    return noted != holes_passed_.load(std::memory_order_relaxed) && next_hole() - read_ < seen_ - read_;
+  }
+
+  Count next_hole() const { return holes_[holes_passed_.load(std::memory_order_relaxed) % hole_capacity]; }
+
+  void pass_hole() {
+    const Count end = round_up(next_hole());
+    hole_bytes_ += end - next_hole();
+    read_ = end;
+    const std::uint8_t passed = holes_passed_.load(std::memory_order_relaxed);
+    holes_passed_.store(static_cast<std::uint8_t>(passed + 1), std::memory_order_release);  // pairs with `restart`
+  }
+
+  /// Holes that are noted, within what was seen and not passed.
+  Count holes_before(Count limit) const {
+    const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
+    Count bytes = 0;
+    for (std::uint8_t i = holes_passed_.load(std::memory_order_relaxed); i != noted; ++i) {
+      const Count begin = holes_[i % hole_capacity];
+      if (begin - read_ < limit - read_) bytes += round_up(begin) - begin;
+    }
+    return bytes;
+  }
+
+  void skip_to(Count target) {
+    account_.laps += 1;
+    while (hole_ahead() && next_hole() - read_ < target - read_) {
+      account_.lapped += next_hole() - read_;
+      const Count end = round_up(next_hole());
+      if (end - read_ > target - read_) target = end;
+      pass_hole();
+    }
+    account_.lapped += target - read_;
+    read_ = target;
+  }
+
+  const std::uint8_t* bytes_;
+  Count mask_;
+  std::atomic<Count> written_{0};              ///< by the interrupt
+  std::array<Count, hole_capacity> holes_{};   ///< where holes begin; by the interrupt
+  std::atomic<std::uint8_t> holes_noted_{0};   ///< by the interrupt
+  std::atomic<std::uint8_t> holes_passed_{0};  ///< by the reader
+  Count seen_ = 0;
+  Count read_ = 0;
+  Count hole_bytes_ = 0;  ///< in the holes that were passed
+  ReceiveAccount account_{};
+};
+
+}  // namespace wirebond
