@@ -69,6 +69,12 @@ std::string sentence(const std::string& path, const posix::SerialSettings& setti
   throw nb::python_error();
 }
 
+std::vector<std::array<DeadlineRule, 1>> one_by_one(const std::vector<DeadlineRule>& rules) {
+  std::vector<std::array<DeadlineRule, 1>> tables;
+  for (const DeadlineRule& rule : rules) tables.push_back({rule});
+  return tables;
+}
+
 }  // namespace
 
 Link::Link(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive, Options options,
@@ -79,7 +85,7 @@ Link::Link(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const 
       workspace_(workspace_bytes(format_->source())),
       deframer_(format_->source(), workspace_.data(), to_us(options_.idle_seconds)),
       counts_(protocol_->messages().size(), 0),
-      deadline_rules_(deadlines) {
+      deadline_rules_(one_by_one(deadlines)) {
   posix::SerialError error;
   port_ = posix::open_serial(options_.path, options_.serial, error);
   if (!port_.is_open()) throw_port_error(sentence(options_.path, options_.serial, error));
@@ -87,7 +93,7 @@ Link::Link(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const 
   if (!wakeup_.is_open())
     throw_port_error(std::string("the system has no event descriptor left: ") + std::strerror(errno));
   const std::uint64_t now = monotonic_us();
-  for (const DeadlineRule& rule : deadlines) deadlines_.emplace_back(std::array<DeadlineRule, 1>{rule}, now);
+  for (const auto& rule : deadline_rules_) deadlines_.emplace_back(rule, now);
   thread_ = std::thread([this] { run(); });
 }
 
@@ -207,7 +213,7 @@ std::vector<std::uint8_t> Link::struck_deadlines() {
   const std::lock_guard lock(mutex_);
   std::vector<std::uint8_t> out;
   for (std::size_t i = 0; i < deadlines_.size(); ++i) {
-    const std::uint8_t action = deadline_rules_[i].action;
+    const std::uint8_t action = deadline_rules_[i][0].action;
     if (deadlines_[i].struck(action) && std::find(out.begin(), out.end(), action) == out.end()) out.push_back(action);
   }
   return out;

@@ -124,8 +124,8 @@ class Link {
   std::size_t written_of_first_ = 0;
   SendAccount account_;
   std::vector<Repeated> repeated_;
+  std::vector<std::array<DeadlineRule, 1>> deadline_rules_;  // the deadlines point into it
   std::vector<Deadlines<1, std::uint64_t>> deadlines_;
-  std::vector<DeadlineRule> deadline_rules_;
   std::uint64_t last_frame_us_ = 0;
   std::uint64_t next_open_us_ = 0;
   std::uint64_t last_byte_us_ = 0;

@@ -27,14 +27,24 @@ struct DeadlineRule {
 template <std::size_t Size, class Time = std::uint32_t>
 class Deadlines {
  public:
-  Deadlines(const std::array<DeadlineRule, Size>& rules, Time now_us) : rules_(rules) { since_us_.fill(now_us); }
+  /// `rules` outlive this object: a table of the generated header is a constant, and takes no memory twice.
+  constexpr Deadlines(const std::array<DeadlineRule, Size>& rules, Time now_us) : rules_(&rules) { start(now_us); }
+  Deadlines(const std::array<DeadlineRule, Size>&&, Time) = delete;
+
+  /// Every silence is counted from here on, and nothing has struck.
+  constexpr void start(Time now_us) {
+    for (std::size_t i = 0; i < Size; ++i) {
+      since_us_[i] = now_us;
+      struck_[i] = false;
+    }
+  }
 
   /// A valid message came in at `now_us`.
   void seen(std::int16_t message, Time now_us) {
     for (std::size_t i = 0; i < Size; ++i) {
-      if (rules_[i].message != message) continue;
+      if ((*rules_)[i].message != message) continue;
       since_us_[i] = now_us;
-      if (rules_[i].recover == Recover::next_message) struck_[i] = false;
+      if ((*rules_)[i].recover == Recover::next_message) struck_[i] = false;
     }
   }
 
@@ -42,16 +52,16 @@ class Deadlines {
   template <class Handler>
   void poll(Time now_us, Handler&& handler) {
     for (std::size_t i = 0; i < Size; ++i) {
-      if (struck_[i] || static_cast<Time>(now_us - since_us_[i]) < rules_[i].after_us) continue;
+      if (struck_[i] || static_cast<Time>(now_us - since_us_[i]) < (*rules_)[i].after_us) continue;
       struck_[i] = true;
-      handler(rules_[i].action);
+      handler((*rules_)[i].action);
     }
   }
 
   /// End what `poll` began for this action; the silence is counted anew from `now_us`.
   void recover(std::uint8_t action, Time now_us) {
     for (std::size_t i = 0; i < Size; ++i) {
-      if (rules_[i].action != action) continue;
+      if ((*rules_)[i].action != action) continue;
       struck_[i] = false;
       since_us_[i] = now_us;
     }
@@ -60,13 +70,13 @@ class Deadlines {
   /// Has this action struck, and not ended yet?
   bool struck(std::uint8_t action) const {
     for (std::size_t i = 0; i < Size; ++i) {
-      if (rules_[i].action == action && struck_[i]) return true;
+      if ((*rules_)[i].action == action && struck_[i]) return true;
     }
     return false;
   }
 
  private:
-  std::array<DeadlineRule, Size> rules_;
+  const std::array<DeadlineRule, Size>* rules_;
   std::array<Time, Size> since_us_{};
   std::array<bool, Size> struck_{};
 };

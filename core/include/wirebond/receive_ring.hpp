@@ -46,20 +46,23 @@ class ReceiveRing {
     written_.store(written + ahead(place, written), std::memory_order_release);  // pairs with `look`
   }
 
-  /// Call `advance` with the last place first; then DMA may begin at the ring's front again. False: the reader is too
-  /// many restarts behind, so that there is no room to note one more. Try again when it has read.
-  [[nodiscard]] bool restart() {
-    const Count written = written_.load(std::memory_order_relaxed);
-    const Count front = round_up(written);
-    if (front == written) return true;
-    const std::uint8_t noted = holes_noted_.load(std::memory_order_relaxed);
+  /// May DMA be begun again? Not while the reader is so many restarts behind that one more could not be noted.
+  bool can_restart() const {
     // Pairs with `pass_hole`: what the reader passed may be written again.
     const std::uint8_t passed = holes_passed_.load(std::memory_order_acquire);
-    if (static_cast<std::uint8_t>(noted - passed) == hole_capacity) return false;
+    return static_cast<std::uint8_t>(holes_noted_.load(std::memory_order_relaxed) - passed) != hole_capacity;
+  }
+
+  /// DMA has begun again at the ring's front. Before it did, `advance` was called with its last place, and `can_restart`
+  /// was true.
+  void restart() {
+    const Count written = written_.load(std::memory_order_relaxed);
+    const Count front = round_up(written);
+    if (front == written) return;
+    const std::uint8_t noted = holes_noted_.load(std::memory_order_relaxed);
     holes_[noted % hole_capacity] = written;
     holes_noted_.store(static_cast<std::uint8_t>(noted + 1), std::memory_order_release);  // pairs with `hole_ahead`
     written_.store(front, std::memory_order_release);  // behind the hole, so that who sees this sees that
-    return true;
   }
 
   // ---- the reader

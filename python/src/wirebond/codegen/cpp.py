@@ -31,17 +31,19 @@ from wirebond.protocol.plan import MessageRow, Number, Plan, Position, plan_for
 
 
 def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
-    """Write ``<protocol>.hpp``, the core headers and a ``CMakeLists.txt`` into ``out``; return their paths, sorted.
+    """Write ``<protocol>.hpp``, ``<protocol>_link.hpp``, the core headers and a ``CMakeLists.txt`` into ``out``; return
+    their paths, sorted.
 
     The folder needs nothing else. With ``amalgamate`` all of it is one ``<protocol>.hpp``. The same protocol always
     gives the same bytes, and a file that already holds them is not touched, so that a build after it has nothing to do.
     ``OSError`` when a file cannot be written.
     """
     name, core = f"{protocol.name}.hpp", core_headers()
+    header, link = cpp_header(protocol), link_header(protocol)
     if amalgamate:
-        return write_files(out, {name: amalgamated(cpp_header(protocol), core)})
+        return write_files(out, {name: amalgamated(link, {name: header, **core})})
     cmake = render("CMakeLists.txt.j2", protocol=protocol)
-    return write_files(out, {name: cpp_header(protocol), "CMakeLists.txt": cmake, **core})
+    return write_files(out, {name: header, f"{protocol.name}_link.hpp": link, "CMakeLists.txt": cmake, **core})
 
 
 def cpp_header(protocol: Protocol) -> str:
@@ -65,6 +67,20 @@ def cpp_header(protocol: Protocol) -> str:
         ends=[_deadline_view(protocol, end) for end in (End.HOST, End.MCU)],
         stop=_emergency_stop(protocol),
         services=_services(protocol),
+    )
+
+
+def link_header(protocol: Protocol) -> str:
+    """The text of ``<protocol>_link.hpp``."""
+    return render(
+        "cpp_link.hpp.j2",
+        file=comment_text(Path(protocol.path).name or protocol.name),
+        protocol=protocol,
+        namespace=names.namespace(protocol.name),
+        hash=f"0x{protocol_hash(protocol):016X}",
+        bytes_per_second=int(protocol.link.baud / protocol.link.bits_per_byte),
+        services=[service for service, _ in _services(protocol)],
+        ends=[_end_view(protocol, end) for end in (End.MCU, End.HOST)],
     )
 
 
@@ -342,6 +358,34 @@ def _deadline_view(protocol: Protocol, end: End) -> DeadlineView:
     ]
     actions = dict.fromkeys(d.then for d in here)
     return DeadlineView(end.value, "MCU" if end == End.MCU else "host", tuple(rules), tuple(actions))
+
+
+@dataclass(frozen=True)
+class EndView:
+    """What a link at one end needs to know."""
+
+    end: str
+    name: str
+    other: str
+    title: str
+    scheduled: tuple[str, ...]  # structs of what it sends by itself
+    max_sent: int
+    rules: tuple[str, ...]
+
+
+def _end_view(protocol: Protocol, end: End) -> EndView:
+    structs = struct_names(protocol)
+    sent = [m for m in protocol.messages if m.sender in (end, End.BOTH)]
+    deadlines = _deadline_view(protocol, end)
+    return EndView(
+        end=end.value,
+        name=end.value.title(),
+        other=(End.HOST if end == End.MCU else End.MCU).value.title(),
+        title=deadlines.title,
+        scheduled=tuple(structs[m.name] for m in sent if m.every is not None),
+        max_sent=max((protocol.max_wire_bytes(m.max_payload) for m in sent), default=1),
+        rules=deadlines.rules,
+    )
 
 
 @dataclass(frozen=True)

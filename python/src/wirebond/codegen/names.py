@@ -23,7 +23,9 @@ GLOBAL_FUNCTIONS = frozenset({
 # fmt: on
 
 # Types that generated headers declare beside the messages or in each of them.
-GENERATED_TYPES = frozenset({"Action", "FromHost", "FromMcu", "Info", "Parity", "Receiver"})
+GENERATED_TYPES = frozenset(
+    {"Action", "AtHost", "AtMcu", "FromHost", "FromMcu", "HostLink", "Info", "McuLink", "Parity", "Receiver"}
+)
 
 
 def namespace(protocol: str) -> str:

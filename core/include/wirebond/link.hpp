@@ -1,0 +1,315 @@
+// One supervised connection of an end: what came in goes to the handler, what is sent is queued, silence is noticed.
+// The memory of both rings, the port that moves bytes, and the clock are the user's.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <type_traits>
+
+#include "wirebond/deadline.hpp"
+#include "wirebond/message.hpp"
+#include "wirebond/outbox.hpp"
+#include "wirebond/receive_ring.hpp"
+#include "wirebond/receiver.hpp"
+#include "wirebond/schedule.hpp"
+#include "wirebond/services.hpp"
+#include "wirebond/status.hpp"
+
+namespace wirebond {
+
+/// How a link stands.
+enum class LinkState : std::uint8_t {
+  down,   ///< not started, or its buffers are out of the DMA's reach: nothing is sent or received
+  stale,  ///< it runs, and no valid frame came for `timeout_us`
+  up,     ///< valid frames come
+};
+
+/// What happened to the line and the port, modulo 2^32.
+struct LinkCounters {
+  std::uint32_t line_errors = 0;          ///< framing, noise, overrun and DMA errors that the port told of
+  std::uint32_t receive_restarts = 0;     ///< reception was begun again, after an error or for silence
+  std::uint32_t transmit_retries = 0;     ///< the port did not take a run: busy, or an error
+  std::uint32_t transmit_timeouts = 0;    ///< a run did not leave in time, and was broken off
+};
+
+namespace detail {
+
+template <class Handler, class = void>
+struct HasLinkState : std::false_type {};
+template <class Handler>
+struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_state(LinkState::up))>>
+    : std::true_type {};
+
+}  // namespace detail
+
+/// `Protocol`: an end of a generated header (`diffdrive::McuLink` fills it in). `Port`: see docs/firmware.md.
+/// `Memory`: a `Buffers`.
+///
+/// `handler` may have, each of them if it wants it:
+///   void on(const Message&)             for a message that came and passed its field rules
+///   void unknown(const Frame&)          for a frame of no known message
+///   bool fill(Message&)                 for a message with `every:`, when it is due; false: not this time
+///   void stop() ...                     one function for each `then:` of the file's deadlines at this end; these it must have
+///   void link_state(LinkState)          when the state changes
+///   auto& parameters()                  a `Parameters`, for the parameter service
+///   void parameter_set(index, value)    after a parameter was set: the hook to store it
+/// All of them run inside `poll`, in its context.
+///
+/// Contexts: `send` and `log` from any task or interrupt. `poll` from one: a task, the main loop, or an interrupt. The
+/// `on_...` functions from the UART's interrupt and its DMA's, which must not interrupt each other; it may interrupt
+/// everything else, also above an RTOS's limit, for nothing here calls an RTOS.
+template <class Protocol, class Handler, class Port, class Memory>
+class Link {
+ public:
+  /// The silence of the peer after which the link is stale, and reception is begun anew: a UART or its DMA may hang.
+  static constexpr std::uint32_t timeout_us = 1'000'000;
+
+  Link(Handler& handler, Port& port, Memory& memory)
+      : handler_(handler),
+        port_(port),
+        memory_(memory),
+        ring_(memory.receive.data(), memory.receive.size()),
+        outbox_(memory.send.data(), memory.urgent.data()),
+        deadlines_(Protocol::deadlines, 0) {}
+  Link(const Link&) = delete;
+  Link& operator=(const Link&) = delete;
+
+  // ---- any task, any interrupt
+
+  /// Queue one message. Never blocks; any other answer than `ok` means that nothing was queued.
+  template <class Message>
+  Status send(const Message& message) {
+    if (!running_.load(std::memory_order_relaxed)) return outbox_.refuse(Status::link_down);
+    const Status status = outbox_.template put<typename Protocol::Sends>(message, now_ms());
+    if (status == Status::ok && !transmitting_.load(std::memory_order_seq_cst)) port_.pend();
+    return status;
+  }
+
+  /// Queue one line for the host, by the log service; what is longer than the message's field is cut.
+  template <class Log = typename Protocol::Log::Message>
+  Status log(Level level, std::string_view text) {
+    static_assert(!std::is_same_v<Log, NoService>, "the protocol file maps no `log` under `services`");
+    Log line{};
+    line.level = static_cast<decltype(line.level)>(level);
+    const std::size_t room = line.text.capacity;
+    static_cast<void>(line.text.assign(text.substr(0, room)));
+    return send(line);
+  }
+
+  // ---- one context: a task, the main loop, or an interrupt
+
+  /// Everything that time and received bytes bring about. `now_us` was read before the call; it may wrap. The first call
+  /// starts reception, deadlines and schedule; deadlines and schedule are as punctual as the calls, so a millisecond
+  /// or two apart is good, and the receive ring must hold what comes meanwhile.
+  void poll(std::uint32_t now_us) {
+    now_us_.store(now_us, std::memory_order_relaxed);
+    if (!running_.load(std::memory_order_relaxed)) start(now_us);
+    if (running_.load(std::memory_order_relaxed)) {
+      receive(now_us);
+      supervise(now_us);
+    }
+    deadlines_.poll(now_us, [this](std::uint8_t action) { Protocol::act(action, handler_); });
+    schedule_.poll(now_us, handler_, [this](const auto& message) { static_cast<void>(send(message)); });
+  }
+
+  /// End a deadline with `recover: explicit` that has struck; its silence counts anew.
+  template <class Action>
+  void recover(Action action) {
+    deadlines_.recover(static_cast<std::uint8_t>(action), now_us_.load(std::memory_order_relaxed));
+  }
+  template <class Action>
+  bool struck(Action action) const {
+    return deadlines_.struck(static_cast<std::uint8_t>(action));
+  }
+
+  LinkState state() const { return state_; }
+  Peer peer() const { return peer_; }
+  const LinkCounters& counters() const { return counters_; }
+  ReceiveAccount receive_account() const { return ring_.account(); }
+  std::size_t unread() const { return ring_.unread(); }
+  const Receiver<typename Protocol::Receives>& receiver() const { return receiver_; }  ///< its bytes and violations
+  SendAccount send_account() const { return outbox_.account(); }
+
+  // ---- the UART's interrupt
+
+  /// Half, full or idle: DMA moved on. Events may come in any order, merged, or in vain.
+  void on_received() { ring_.advance(port_.receive_position()); }
+
+  /// The run has left, its last bit included.
+  void on_transmitted() {
+    if (!transmitting_.load(std::memory_order_relaxed)) return;  // of a run that was broken off
+    outbox_.sent();
+    run_ = {};
+    begin_run();
+  }
+
+  /// Framing, noise, overrun or DMA error. Where reception stopped by it, it is begun again at once.
+  void on_error() {
+    counters_.line_errors += 1;
+    if (!port_.receiving()) restart_reception();
+  }
+
+  /// What `Port::pend` asked for.
+  void on_pended() {
+    if (wants_restart_.load(std::memory_order_acquire)) restart_reception();
+    if (wants_abort_.load(std::memory_order_acquire)) abort_run();
+    if (!transmitting_.load(std::memory_order_relaxed)) begin_run();
+  }
+
+ private:
+  static constexpr std::uint32_t max_run_bytes =
+      Protocol::bytes_per_second / 1000 > Protocol::max_sent_bytes ? Protocol::bytes_per_second / 1000
+                                                                   : Protocol::max_sent_bytes;
+  /// Twice what the longest run takes, and what an interrupt may be late.
+  static constexpr std::uint32_t transmit_timeout_us =
+      10'000 + static_cast<std::uint32_t>(std::uint64_t{2'000'000} * max_run_bytes / Protocol::bytes_per_second);
+
+  /// Calls the services, then the handler.
+  struct Inbox {
+    Link& link;
+
+    template <class Message>
+    void on(const Message& message) {
+      detail::serve<Protocol>(message, link.handler_, link.now(), link.peer_,
+                              [this](const auto& answer) { static_cast<void>(link.send(answer)); });
+      if constexpr (detail::HasOn<Handler, Message>::value) link.handler_.on(message);
+    }
+    void unknown(const Frame& frame) { hand_over_unknown(frame, link.handler_); }
+  };
+
+  std::uint32_t now() const { return now_us_.load(std::memory_order_relaxed); }
+
+  // ---- in poll
+
+  void start(std::uint32_t now_us) {
+    if (!is_timed_) {  // silence counts from here on, whether or not the port works
+      is_timed_ = true;
+      deadlines_.start(now_us);
+      schedule_.start(now_us);
+    }
+    if (!port_.reaches(memory_.receive.data(), memory_.receive.size()) ||
+        !port_.reaches(memory_.send.data(), memory_.send.size()) ||
+        !port_.start_receive(memory_.receive.data(), memory_.receive.size())) {
+      return;
+    }
+    heard_us_ = line_moved_us_ = now_us;
+    running_.store(true, std::memory_order_relaxed);
+    change(LinkState::stale);
+    if constexpr (!std::is_same_v<typename Protocol::Hello::Message, NoService>) {
+      static_cast<void>(send(detail::hello<Protocol>()));
+    }
+  }
+
+  void receive(std::uint32_t now_us) {
+    ring_.look([this] { return port_.receive_position(); });
+    Inbox inbox{*this};
+    const std::uint32_t frames = receiver_.account().frames;
+    ReceiveRing::Span span = ring_.next();
+    if (span.size == 0) {
+      receiver_.idle(now_us, inbox, deadlines_);
+    } else {
+      line_moved_us_ = now_us;
+    }
+    for (; span.size != 0; span = ring_.next()) {
+      receiver_.feed(span.data, span.size, now_us, inbox, deadlines_);
+      ring_.consumed(span.size);
+    }
+    if (receiver_.account().frames != frames) {
+      heard_us_ = now_us;
+      change(LinkState::up);
+    }
+  }
+
+  void supervise(std::uint32_t now_us) {
+    if (state_ == LinkState::up && now_us - heard_us_ >= timeout_us) change(LinkState::stale);
+    bool asks = wants_run_.load(std::memory_order_relaxed) || wants_restart_.load(std::memory_order_relaxed);
+    if (now_us - line_moved_us_ >= timeout_us) {  // an idle line loses nothing by it
+      line_moved_us_ = now_us;
+      wants_restart_.store(true, std::memory_order_release);  // pairs with on_pended
+      asks = true;
+    }
+    const std::uint32_t runs = runs_.load(std::memory_order_relaxed);
+    if (!transmitting_.load(std::memory_order_relaxed) || runs != watched_run_) {
+      watched_run_ = runs;
+      watched_since_us_ = now_us;
+    } else if (now_us - watched_since_us_ >= transmit_timeout_us) {
+      watched_since_us_ = now_us;
+      wants_abort_.store(true, std::memory_order_release);  // pairs with on_pended
+      asks = true;
+    }
+    if (asks) port_.pend();
+  }
+
+  void change(LinkState state) {
+    if (state == state_) return;
+    state_ = state;
+    if constexpr (detail::HasLinkState<Handler>::value) handler_.link_state(state);
+  }
+
+  // ---- in the UART's interrupt
+
+  void restart_reception() {
+    ring_.advance(port_.receive_position());
+    const bool done = ring_.can_restart() && port_.start_receive(memory_.receive.data(), memory_.receive.size());
+    wants_restart_.store(!done, std::memory_order_relaxed);  // poll asks again
+    if (!done) return;
+    ring_.restart();
+    counters_.receive_restarts += 1;
+  }
+
+  void abort_run() {
+    wants_abort_.store(false, std::memory_order_relaxed);
+    if (!transmitting_.load(std::memory_order_relaxed)) return;  // it left after all
+    port_.stop_transmit();
+    outbox_.aborted();
+    run_ = {};
+    transmitting_.store(false, std::memory_order_relaxed);
+    counters_.transmit_timeouts += 1;
+  }
+
+  /// Hand the next run to the port. A sender that finds `transmitting_` relies on this being called again.
+  void begin_run() {
+    wants_run_.store(false, std::memory_order_relaxed);
+    if (run_.size == 0) run_ = outbox_.next(max_run_bytes);
+    if (run_.size == 0) {
+      transmitting_.store(false, std::memory_order_seq_cst);  // pairs with `send`: who commits later, sees it and pends
+      run_ = outbox_.next(max_run_bytes);                     // who committed before, is seen here
+      if (run_.size == 0) return;
+    }
+    runs_.store(runs_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    transmitting_.store(true, std::memory_order_relaxed);
+    if (port_.start_transmit(run_.data, run_.size)) return;
+    transmitting_.store(false, std::memory_order_relaxed);
+    counters_.transmit_retries += 1;
+    wants_run_.store(true, std::memory_order_relaxed);  // poll asks again
+  }
+
+  Handler& handler_;
+  Port& port_;
+  Memory& memory_;
+  ReceiveRing ring_;
+  Outbox<Memory> outbox_;
+  Receiver<typename Protocol::Receives> receiver_;
+  Deadlines<Protocol::deadlines.size()> deadlines_;
+  Schedule<typename Protocol::Scheduled> schedule_;
+  Run run_{};  ///< with the port, or refused by it
+  LinkCounters counters_{};
+  std::uint32_t heard_us_ = 0;       ///< the last valid frame
+  std::uint32_t line_moved_us_ = 0;  ///< the last byte, or restart for want of one
+  std::uint32_t watched_run_ = 0;
+  std::uint32_t watched_since_us_ = 0;
+  std::atomic<std::uint32_t> now_us_{0};  ///< of the last poll
+  std::atomic<std::uint32_t> runs_{0};    ///< that were begun
+  std::atomic<bool> running_{false};
+  std::atomic<bool> transmitting_{false};   ///< a run is with the port
+  std::atomic<bool> wants_restart_{false};  ///< reception shall begin anew
+  std::atomic<bool> wants_abort_{false};    ///< the run did not leave in time
+  std::atomic<bool> wants_run_{false};      ///< the port did not take a run
+  LinkState state_ = LinkState::down;
+  Peer peer_ = Peer::unknown;
+  bool is_timed_ = false;
+};
+
+}  // namespace wirebond

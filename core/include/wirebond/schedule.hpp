@@ -1,0 +1,63 @@
+// Messages that an end sends by itself: which of them are due. Their values come from the handler.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+
+#include "wirebond/deadline.hpp"
+
+namespace wirebond {
+
+/// Messages by their structs, for the compiler alone.
+template <class... Messages>
+struct MessageList {
+  static constexpr std::size_t size = sizeof...(Messages);
+};
+
+namespace detail {
+
+template <class Handler, class Message, class = void>
+struct HasFill : std::false_type {};
+template <class Handler, class Message>
+struct HasFill<Handler, Message, std::void_t<decltype(std::declval<Handler&>().fill(std::declval<Message&>()))>>
+    : std::true_type {};
+
+}  // namespace detail
+
+template <class List>
+class Schedule;
+
+/// Keeps the rhythm of `Messages`, each by its Info::every_us. One context at a time.
+template <class... Messages>
+class Schedule<MessageList<Messages...>> {
+ public:
+  /// Each is due at `now_us` for the first time.
+  void start(std::uint32_t now_us) { due_us_.fill(now_us); }
+
+  /// For each message that is due and that the handler has `bool fill(Message&)` for: fill it, and hand it to `send`
+  /// unless the answer is false. After a stall the old rhythm goes on, without a burst.
+  template <class Handler, class Send>
+  void poll(std::uint32_t now_us, Handler& handler, Send&& send) {
+    [[maybe_unused]] std::size_t place = 0;
+    (offer<Messages>(due_us_[place++], now_us, handler, send), ...);
+  }
+
+ private:
+  template <class Message, class Handler, class Send>
+  static void offer(std::uint32_t& due_us, std::uint32_t now_us, Handler& handler, Send& send) {
+    if constexpr (detail::HasFill<Handler, Message>::value) {
+      Periodic<> rhythm(Message::Info::every_us, due_us);
+      if (!rhythm.due(now_us)) return;
+      due_us = rhythm.next_us();
+      Message message;
+      if (handler.fill(message)) send(static_cast<const Message&>(message));
+    }
+  }
+
+  std::array<std::uint32_t, sizeof...(Messages)> due_us_{};
+};
+
+}  // namespace wirebond

@@ -1,0 +1,160 @@
+// What an MCU answers by itself: hello, ping, clock and parameters. The protocol file maps each to messages of its own.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+
+#include "wirebond/number.hpp"
+
+namespace wirebond {
+
+/// Stands where a protocol has not mapped a service.
+struct NoService {
+  using Message = NoService;
+  using Request = NoService;
+  using Reply = NoService;
+  using Read = NoService;
+  using Set = NoService;
+  using Value = NoService;
+};
+
+/// The roles of a protocol's end; generated ends put their own in place of these.
+struct NoServices {
+  using Hello = NoService;
+  using Ping = NoService;
+  using Clock = NoService;
+  using Log = NoService;
+  using Parameter = NoService;
+};
+
+/// What is known of the file that the other end was built from.
+enum class Peer : std::uint8_t {
+  unknown,    ///< it has not said hello
+  same,       ///< the same wire
+  different,  ///< another protocol hash: its messages may mean something else
+};
+
+/// How severe a log line is, as the log service's `level` has it.
+enum class Level : std::uint8_t { debug, info, warning, error };
+
+// ---- parameters -------------------------------------------------------------------------------------------------
+
+/// One line of a firmware's table of parameters. An index is its place in the table.
+struct ParameterRule {
+  float least;
+  float most;
+  float initial;
+};
+
+/// As the parameter service's `result` has it.
+enum class ParameterResult : std::uint8_t { ok, no_such_index, out_of_range };
+
+/// Values with ranges. One context at a time; a value is one word, so that other tasks may read it.
+template <std::size_t Size>
+class Parameters {
+ public:
+  /// `rules` outlive this object: make them a constant.
+  explicit constexpr Parameters(const std::array<ParameterRule, Size>& rules) : rules_(&rules) {
+    for (std::size_t i = 0; i < Size; ++i) values_[i] = rules[i].initial;
+  }
+  explicit Parameters(const std::array<ParameterRule, Size>&&) = delete;
+
+  static constexpr std::size_t size() { return Size; }
+  constexpr float operator[](std::size_t index) const { return values_[index]; }
+
+  /// Takes a finite value within the rule's range; any other answer than `ok` changes nothing.
+  ParameterResult set(std::size_t index, float value) {
+    if (index >= Size) return ParameterResult::no_such_index;
+    const ParameterRule& rule = (*rules_)[index];
+    if (!is_finite(value) || value < rule.least || value > rule.most) return ParameterResult::out_of_range;
+    values_[index] = value;
+    return ParameterResult::ok;
+  }
+
+ private:
+  const std::array<ParameterRule, Size>* rules_;
+  std::array<float, Size> values_{};
+};
+
+namespace detail {
+
+template <class Handler, class = void>
+struct HasParameters : std::false_type {};
+template <class Handler>
+struct HasParameters<Handler, std::void_t<decltype(std::declval<Handler&>().parameters())>> : std::true_type {};
+
+template <class Handler, class = void>
+struct HasParameterSet : std::false_type {};
+template <class Handler>
+struct HasParameterSet<Handler, std::void_t<decltype(std::declval<Handler&>().parameter_set(std::size_t{}, 0.0F))>>
+    : std::true_type {};
+
+/// The answer to a request for parameter `index`: the value in force and what became of the request.
+template <class Value, class Handler>
+Value parameter_value(Handler& handler, std::size_t index, ParameterResult result) {
+  Value answer{};
+  answer.index = static_cast<decltype(answer.index)>(index);
+  if (index < handler.parameters().size()) {
+    answer.value = static_cast<decltype(answer.value)>(handler.parameters()[index]);
+  } else {
+    result = ParameterResult::no_such_index;
+  }
+  answer.result = static_cast<decltype(answer.result)>(result);
+  return answer;
+}
+
+constexpr unsigned hello_version = 1;  ///< of the hello service itself
+
+template <class Protocol>
+typename Protocol::Hello::Message hello() {
+  typename Protocol::Hello::Message hello{};
+  hello.protocol_hash = Protocol::hash;
+  hello.version = static_cast<decltype(hello.version)>(hello_version);
+  return hello;
+}
+
+/// Answer `message` where it is the request of a service. `send` takes the answer; what it does not take is lost and
+/// counted there, as any message is.
+template <class Protocol, class Message, class Handler, class Send>
+void serve(const Message& message, [[maybe_unused]] Handler& handler, [[maybe_unused]] std::uint32_t now_us,
+           [[maybe_unused]] Peer& peer, [[maybe_unused]] Send&& send) {
+  if constexpr (std::is_same_v<Message, typename Protocol::Hello::Message>) {
+    peer = message.protocol_hash == Protocol::hash ? Peer::same : Peer::different;
+    if constexpr (Protocol::answers) send(hello<Protocol>());
+  }
+  if constexpr (std::is_same_v<Message, typename Protocol::Ping::Request>) {
+    typename Protocol::Ping::Reply reply{};
+    reply.number = static_cast<decltype(reply.number)>(message.number);
+    send(reply);
+  }
+  if constexpr (std::is_same_v<Message, typename Protocol::Clock::Request>) {
+    typename Protocol::Clock::Reply reply{};
+    reply.host_us = static_cast<decltype(reply.host_us)>(message.host_us);
+    reply.received_us = static_cast<decltype(reply.received_us)>(now_us);
+    reply.sent_us = static_cast<decltype(reply.sent_us)>(now_us);
+    send(reply);
+  }
+  if constexpr (HasParameters<Handler>::value) {
+    if constexpr (std::is_same_v<Message, typename Protocol::Parameter::Read>) {
+      using Value = typename Protocol::Parameter::Value;
+      send(parameter_value<Value>(handler, static_cast<std::size_t>(message.index), ParameterResult::ok));
+    }
+    if constexpr (std::is_same_v<Message, typename Protocol::Parameter::Set>) {
+      using Value = typename Protocol::Parameter::Value;
+      const std::size_t index = static_cast<std::size_t>(message.index);
+      const float value = static_cast<float>(message.value);
+      const ParameterResult result = handler.parameters().set(index, value);
+      if constexpr (HasParameterSet<Handler>::value) {
+        if (result == ParameterResult::ok) handler.parameter_set(index, value);
+      }
+      send(parameter_value<Value>(handler, index, result));
+    }
+  }
+}
+
+}  // namespace detail
+
+}  // namespace wirebond
