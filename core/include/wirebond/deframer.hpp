@@ -307,7 +307,7 @@ class Deframer {
       const detail::BlockEnd end = detail::find_block_end(format, window + at, at == 0 ? searched_ : 0, available);
       searched_ = 0;
       Verdict verdict{Outcome::reject, Cause::incomplete, end.at};
-      Frame frame;
+      Frame frame{};  // GCC 12 does not see that a frame's verdict comes with its fields
       if (end.kind == detail::BlockEnd::closing) {
         const std::size_t begin = at + format.opening.size;
         verdict = judge_block(window + begin, at + end.at - begin, frame);

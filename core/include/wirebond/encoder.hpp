@@ -107,16 +107,18 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
 
   std::memset(frame, 0, layout.prefix);
   std::memset(frame + layout.prefix + payload_size, 0, payload - payload_size + layout.suffix);
-  detail::every<unroll, max_constants>(0, layout.constant_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    const Constant& constant = layout.constants[i];
-    frame[constant.at.in(size)] |= constant.value;
-    return true;
-  });
-  detail::every<unroll, max_header_fields>(0, layout.header_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    const HeaderField& field = layout.header[i];
-    detail::write_number(field.number, frame, size, header != nullptr ? header[i] : field.default_value);
-    return true;
-  });
+  detail::every<unroll, detail::part_counts<Source>.constants>(0, layout.constant_count,
+                                                               [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+                                                                 const Constant& constant = layout.constants[i];
+                                                                 frame[constant.at.in(size)] |= constant.value;
+                                                                 return true;
+                                                               });
+  detail::every<unroll, detail::part_counts<Source>.header_fields>(
+      0, layout.header_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        const HeaderField& field = layout.header[i];
+        detail::write_number(field.number, frame, size, header != nullptr ? header[i] : field.default_value);
+        return true;
+      });
   if (layout.length.present()) {
     detail::write_number(layout.length, frame, size, static_cast<std::uint32_t>(counted / layout.length_unit));
   }
@@ -124,12 +126,13 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
 
   std::uint64_t registers[max_checks] = {};
   const auto write_checks = [&](bool stuffed, std::uint8_t* bytes, std::size_t bytes_size) WIREBOND_INLINE_LAMBDA {
-    detail::every<unroll, max_checks>(0, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-      if (layout.checks[i].on_wire == stuffed) {
-        detail::write_check(source, layout, i, bytes, bytes_size, id, registers);
-      }
-      return true;
-    });
+    detail::every<unroll, detail::part_counts<Source>.checks>(
+        0, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+          if (layout.checks[i].on_wire == stuffed) {
+            detail::write_check(source, layout, i, bytes, bytes_size, id, registers);
+          }
+          return true;
+        });
   };
   write_checks(false, frame, size);
   const std::size_t between = stuff_in_place(format, frame, size);

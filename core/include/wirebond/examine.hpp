@@ -138,7 +138,7 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout,
   // Constants first.
   std::size_t need = 0;
   bool mismatch = false;
-  every<unroll, max_constants>(0, layout.prefix_constants, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+  every<unroll, part_counts<Source>.constants>(0, layout.prefix_constants, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Constant& constant = layout.constants[i];
     const std::size_t at = static_cast<std::size_t>(constant.at.offset);
     if (at >= available) {
@@ -184,7 +184,7 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout,
 
   // Checks of the header, before its length makes anybody wait.
   const bool header_holds =
-      every<unroll, max_checks>(0, layout.header_checks, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+      every<unroll, part_counts<Source>.checks>(0, layout.header_checks, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
         return check_holds(source, layout, i, candidate, layout.prefix, {candidate, layout.prefix}, head.shape.seed,
                            head.registers);
       });
@@ -217,7 +217,7 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout,
   if (available < size) return {Outcome::need_more, Cause::incomplete, size};
 
   // Constants of the suffix are cheaper than a check over the whole frame.
-  const bool tail_holds = every<unroll, max_constants>(
+  const bool tail_holds = every<unroll, part_counts<Source>.constants>(
       layout.prefix_constants, layout.constant_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
         const Constant& constant = layout.constants[i];
         return (candidate[constant.at.in(size)] & constant.mask) == constant.value;
@@ -231,8 +231,8 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout,
     }
   }
   const Received received = block != nullptr ? *block : Received{candidate, size};
-  const bool checks_hold =
-      every<unroll, max_checks>(layout.header_checks, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+  const bool checks_hold = every<unroll, part_counts<Source>.checks>(
+      layout.header_checks, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
         return check_holds(source, layout, i, candidate, size, received, head.shape.seed, head.registers);
       });
   if (!checks_hold) return {Outcome::reject, Cause::check_mismatch, size};

@@ -264,6 +264,34 @@ WIREBOND_INLINE bool every(std::size_t begin, std::size_t end, Fn&& fn) {
   }
 }
 
+/// The most parts of a kind that a layout has.
+struct PartCounts {
+  std::size_t constants = 0;
+  std::size_t header_fields = 0;
+  std::size_t checks = 0;
+};
+
+template <class Source>
+constexpr PartCounts count_parts() {
+  if constexpr (Source::is_constant) {
+    PartCounts most;
+    const auto raise = [](std::size_t& count, std::size_t other) { count = count < other ? other : count; };
+    for (std::size_t i = 0; i < Source{}.format().layout_count; ++i) {
+      const Layout& layout = Source{}.format().layouts[i];
+      raise(most.constants, layout.constant_count);
+      raise(most.header_fields, layout.header_count);
+      raise(most.checks, layout.check_count);
+    }
+    return most;
+  } else {
+    return {max_constants, max_header_fields, max_checks};
+  }
+}
+
+/// How often a loop over parts is unrolled: no compiler folds for nothing what a constant format does not have.
+template <class Source>
+inline constexpr PartCounts part_counts = count_parts<Source>();
+
 /// Register before the first byte.
 template <class Source>
 WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm) {
