@@ -156,17 +156,17 @@ WIREBOND_INLINE std::uint64_t crc_update(std::uint64_t reg64, const std::uint8_t
     }
     return reg;
   } else {
-    using Run = detail::CrcRun<Width, Poly, Reflected>;
-    std::uint32_t reg = static_cast<std::uint32_t>(reg64) << Run::spare;
+    using Crc = detail::CrcRun<Width, Poly, Reflected>;
+    std::uint32_t reg = static_cast<std::uint32_t>(reg64) << Crc::spare;
 #if defined(__GNUC__)
     if (__builtin_constant_p(size) && size <= 3) {  // of a short header: without a loop, its constants fold
-      if (size >= 1) reg = Run::over_byte(reg, bytes[0]);
-      if (size >= 2) reg = Run::over_byte(reg, bytes[1]);
-      if (size == 3) reg = Run::over_byte(reg, bytes[2]);
-      return reg >> Run::spare;
+      if (size >= 1) reg = Crc::over_byte(reg, bytes[0]);
+      if (size >= 2) reg = Crc::over_byte(reg, bytes[1]);
+      if (size == 3) reg = Crc::over_byte(reg, bytes[2]);
+      return reg >> Crc::spare;
     }
 #endif
-    return Run::over(reg, bytes, size) >> Run::spare;
+    return Crc::over(reg, bytes, size) >> Crc::spare;
   }
 }
 

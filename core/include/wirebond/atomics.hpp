@@ -1,0 +1,161 @@
+// How one word of memory is changed by many contexts, for each kind of processor. No queue, no counter.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <type_traits>
+
+namespace wirebond {
+
+// An atomics policy is a type with
+//   Position         an unsigned integer; the queues' free-running positions and numbers have this type
+//   Word             an unsigned integer of twice that size: a position and a number that change together
+//   Atomic<T>        load(order) and store(value, order) as std::atomic has them, for T of at most Word's size
+//   update(atomic, order, change)
+//                    `change(value)` sees the word's value and may alter it; where it returns true, the altered value
+//                    is stored, provided that nobody stored to the word meanwhile, else it is asked again with the new
+//                    value. False where `change` returned false: nothing was stored then. `order` is that of the store.
+//   add(atomic)      one more
+// Loads and stores are single instructions everywhere; only `update` and `add` differ between processors.
+// Any context: a change that was interrupted is done again, and each such repeat means that another context got on.
+
+/// Compare-and-swap of std::atomic: hosts, and processors without one of the policies below.
+/// A context that is interrupted between its load and its swap for so long that the word takes the same value again
+/// swaps in vain (ABA). With 32-bit positions that needs 2^32 frames meanwhile; with 16-bit ones 65536 frames whose
+/// bytes are a multiple of 65536, so take those only where no context waits so long.
+template <class PositionType>
+struct CompareAndSwap {
+  using Position = PositionType;
+  using Word = std::conditional_t<sizeof(Position) == 2, std::uint32_t, std::uint64_t>;
+  template <class T>
+  using Atomic = std::atomic<T>;
+  static_assert(std::is_unsigned_v<Position> && sizeof(Word) == 2 * sizeof(Position), "16-bit or 32-bit positions");
+  static_assert(Atomic<Word>::is_always_lock_free, "an interrupt must never wait for a lock; take smaller positions");
+
+  template <class T, class Change>
+  static bool update(Atomic<T>& atomic, std::memory_order order, Change&& change) {
+    T seen = atomic.load(std::memory_order_relaxed);
+    for (;;) {
+      T value = seen;
+      if (!change(value)) return false;
+      if (atomic.compare_exchange_weak(seen, value, order, std::memory_order_relaxed)) return true;
+    }
+  }
+
+  template <class T>
+  static void add(Atomic<T>& atomic) {
+    atomic.fetch_add(1, std::memory_order_relaxed);
+  }
+};
+
+/// Interrupts masked for the few instructions of each change: Cortex-M0, M0+ and others without exclusive access.
+/// `Mask` comes from the port: `static Old lock()` masks interrupts and returns what the mask was before,
+/// `static void unlock(Old)` brings that back. One processor core only.
+template <class Mask>
+struct MaskedAtomics {
+  using Position = std::uint16_t;
+  using Word = std::uint32_t;
+  template <class T>
+  using Atomic = std::atomic<T>;
+
+  template <class T, class Change>
+  static bool update(Atomic<T>& atomic, std::memory_order, Change&& change) {
+    const Section section;
+    T value = atomic.load(std::memory_order_relaxed);
+    if (!change(value)) return false;
+    atomic.store(value, std::memory_order_relaxed);  // what is masked is in order for the one core that there is
+    return true;
+  }
+
+  template <class T>
+  static void add(Atomic<T>& atomic) {
+    const Section section;
+    atomic.store(atomic.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+  }
+
+ private:
+  class Section {
+   public:
+    Section() : old_(Mask::lock()) { std::atomic_signal_fence(std::memory_order_seq_cst); }
+    ~Section() {
+      std::atomic_signal_fence(std::memory_order_seq_cst);
+      Mask::unlock(old_);
+    }
+    Section(const Section&) = delete;
+    Section& operator=(const Section&) = delete;
+
+   private:
+    decltype(Mask::lock()) old_;
+  };
+};
+
+#if defined(__ARM_FEATURE_LDREX) && defined(__ARM_ARCH_PROFILE) && __ARM_ARCH_PROFILE == 'M'
+#define WIREBOND_HAS_EXCLUSIVE_ACCESS 1
+
+/// Exclusive loads and stores: Cortex-M3 and later. Taking or leaving an interrupt ends exclusive access, so a change
+/// that was interrupted is always done again, whatever value the word has then: no ABA, with 16-bit positions.
+/// `change` may read other words: on these cores loads leave the monitor alone.
+struct ExclusiveAccess {
+  using Position = std::uint16_t;
+  using Word = std::uint32_t;
+  template <class T>
+  using Atomic = std::atomic<T>;
+
+  template <class T, class Change>
+  static bool update(Atomic<T>& atomic, std::memory_order order, Change&& change) {
+    static_assert(sizeof(T) == 4 && sizeof(Atomic<T>) == 4, "LDREX and STREX are those of a word");
+    T* const address = reinterpret_cast<T*>(&atomic);
+    if (order == std::memory_order_release || order == std::memory_order_acq_rel) {
+      std::atomic_thread_fence(std::memory_order_release);
+    }
+    std::uint32_t failed;
+    do {
+      T value;
+      __asm__ volatile("ldrex %0, [%1]" : "=r"(value) : "r"(address) : "memory");
+      if (!change(value)) {
+        __asm__ volatile("clrex" : : : "memory");
+        return false;
+      }
+      __asm__ volatile("strex %0, %2, [%1]" : "=&r"(failed) : "r"(address), "r"(value) : "memory");
+    } while (failed != 0);
+    if (order == std::memory_order_acquire || order == std::memory_order_acq_rel) {
+      std::atomic_thread_fence(std::memory_order_acquire);
+    }
+    return true;
+  }
+
+  template <class T>
+  static void add(Atomic<T>& atomic) {
+    update(atomic, std::memory_order_relaxed, [](T& value) {
+      ++value;
+      return true;
+    });
+  }
+};
+#endif
+
+#if defined(__ARM_ARCH_6M__)
+#define WIREBOND_HAS_PRIMASK 1
+
+/// The mask of Cortex-M0 and M0+: all interrupts but NMI and faults.
+struct Primask {
+  static std::uint32_t lock() {
+    std::uint32_t old;
+    __asm__ volatile("mrs %0, primask\n\tcpsid i" : "=r"(old) : : "memory");
+    return old;
+  }
+  static void unlock(std::uint32_t old) { __asm__ volatile("msr primask, %0" : : "r"(old) : "memory"); }
+};
+#endif
+
+/// The policy that suits the processor that this is compiled for.
+#if defined(WIREBOND_HAS_EXCLUSIVE_ACCESS)
+using DefaultAtomics = ExclusiveAccess;
+#elif defined(WIREBOND_HAS_PRIMASK)
+using DefaultAtomics = MaskedAtomics<Primask>;
+#else
+using DefaultAtomics =
+    CompareAndSwap<std::conditional_t<std::atomic<std::uint64_t>::is_always_lock_free, std::uint32_t, std::uint16_t> >;
+#endif
+
+}  // namespace wirebond
