@@ -77,7 +77,8 @@ TEST_CASE("an explicit recovery counts the silence anew") {
 }
 
 TEST_CASE("an end without deadlines is fine") {
-  Deadlines<0> deadlines({}, 0u);
+  constexpr std::array<DeadlineRule, 0> none{};
+  Deadlines<0> deadlines(none, 0u);
   Log log;
   deadlines.seen(1, 5);
   deadlines.recover(1, 5);

@@ -34,8 +34,9 @@ Event record(const Frame& frame, double time, Batch& batch) {
   event.wire_size = static_cast<std::uint32_t>(frame.wire_size);
   bytes.insert(bytes.end(), frame.wire, frame.wire + frame.wire_size);
   event.payload_size = static_cast<std::uint32_t>(frame.payload_size);
+  const Layout& layout = batch.format->format().layouts[frame.layout];
   std::size_t padding = 0;
-  if (frame.layout->trims_zeros && frame.message >= 0) {
+  if (layout.trims_zeros && frame.message >= 0) {
     const std::size_t whole = batch.protocol->messages()[static_cast<std::size_t>(frame.message)].min_payload;
     padding = whole > frame.payload_size ? whole - frame.payload_size : 0;
   }
@@ -48,10 +49,10 @@ Event record(const Frame& frame, double time, Batch& batch) {
     bytes.insert(bytes.end(), padding, 0);
     event.payload_size += static_cast<std::uint32_t>(padding);
   }
-  event.layout = static_cast<std::uint8_t>(batch.format->index_of(frame.layout));
+  event.layout = frame.layout;
   event.header_at = static_cast<std::uint32_t>(batch.headers.size());
-  for (std::size_t i = 0; i < frame.layout->header_count; ++i) {
-    batch.headers.push_back(detail::read_number(frame.layout->header[i].number, frame.bytes, frame.size));
+  for (std::size_t i = 0; i < layout.header_count; ++i) {
+    batch.headers.push_back(detail::read_number(layout.header[i].number, frame.bytes, frame.size));
   }
   event.id = frame.id;
   event.message = frame.message;

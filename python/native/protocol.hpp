@@ -53,7 +53,6 @@ class FormatTable {
   RuntimeSource source() const { return RuntimeSource(*tables_); }
   /// Names of a layout's header fields, in its order.
   const std::vector<nb::object>& header_names(std::size_t layout) const { return header_names_[layout]; }
-  std::size_t index_of(const Layout* layout) const { return static_cast<std::size_t>(layout - format_.layouts.data()); }
 
  private:
   FrameFormat format_;

@@ -117,18 +117,18 @@ class Observed {
 
  private:
   void take(const wirebond::Frame& frame) {
-    const wirebond::Layout* const layouts = format_.layouts.data();
-    EXPECT(frame.layout >= layouts && frame.layout < layouts + format_.layout_count, "a frame has one of the layouts");
+    EXPECT(frame.layout < format_.layout_count, "a frame has one of the layouts");
     Found found{frame.offset,
                 frame.id,
                 frame.message,
-                static_cast<std::size_t>(frame.layout - layouts),
+                frame.layout,
                 Bytes(frame.wire, frame.wire + frame.wire_size),
                 Bytes(frame.payload, frame.payload + frame.payload_size),
                 Bytes(frame.bytes, frame.bytes + frame.size),
                 {}};
-    for (std::size_t i = 0; i < frame.layout->header_count; ++i) {
-      found.header.push_back(wirebond::detail::read_number(frame.layout->header[i].number, frame.bytes, frame.size));
+    for (std::size_t i = 0; i < format_.layouts[frame.layout].header_count; ++i) {
+      found.header.push_back(
+          wirebond::detail::read_number(format_.layouts[frame.layout].header[i].number, frame.bytes, frame.size));
     }
     EXPECT(found.offset >= settled_, "frames are delivered in order and do not overlap");
     settled_ = found.offset + found.wire.size();

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
 
 #include "wirebond/examine.hpp"
 #include "wirebond/format.hpp"
@@ -14,14 +15,13 @@ namespace wirebond {
 
 /// Every settled byte lies in exactly one of these. `Counter` is 64 bits on the host, 32 (modulo 2^32) on the MCU.
 template <class Counter>
-struct ByteAccount {
+struct ByteCounts {
   Counter frame_bytes = 0;
   Counter fill_bytes = 0;                     ///< delimiters between frames
   Counter discarded_bytes[cause_count] = {};  ///< by Cause
 
   Counter frames = 0;
-  Counter unknown_frames = 0;                     ///< of these: unknown id, or too short for the message
-  Counter rejected_candidates[cause_count] = {};  ///< how often, where discarded_bytes says how much
+  Counter unknown_frames = 0;  ///< of these: unknown id, or too short for the message
 
   Counter settled() const {
     Counter sum = frame_bytes + fill_bytes;
@@ -30,7 +30,25 @@ struct ByteAccount {
   }
 };
 
+/// And how often a candidate failed, where discarded_bytes says how much; for those who have the memory.
+template <class Counter>
+struct ByteAccount : ByteCounts<Counter> {
+  Counter rejected_candidates[cause_count] = {};
+};
+
 namespace detail {
+
+/// Counts bytes up to the largest frame: in two bytes where the format is a constant that needs no more.
+template <class Source>
+constexpr bool has_short_frames() {
+  if constexpr (Source::is_constant) {
+    return max_wire_bytes(Source{}.format()) <= 0xFFFF;
+  } else {
+    return false;
+  }
+}
+template <class Source>
+using Extent = std::conditional_t<has_short_frames<Source>(), std::uint16_t, std::size_t>;
 
 /// What the head of a waiting candidate told, where the format is read at run time; nothing where it is a constant.
 template <class Source, bool IsConstant = Source::is_constant>
@@ -43,7 +61,7 @@ struct WaitingHead<Source, false> : Source::Shortcut::Head {};
 /// The deframer proper works on a *window*: contiguous bytes, the first of them the first that is not settled yet.
 /// `consume` says how many it settled; the caller presents the rest again, at the front, with more bytes behind it.
 /// A window of max_wire_bytes + n bytes always settles more than n. One thread or interrupt at a time.
-template <class Source, class Counter = std::uint32_t>
+template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
 class Deframer {
  public:
   /// `scratch`: room to unstuff one frame (max_wire_bytes; may be null where nothing is stuffed). The caller keeps it.
@@ -84,7 +102,7 @@ class Deframer {
   std::size_t needed() const { return needed_; }
   /// Behind a frame: whether what comes depends on the bytes that follow alone.
   bool owes_nothing() const { return blamed_ == 0 && !overlong_; }
-  const ByteAccount<Counter>& account() const { return account_; }
+  const Account& account() const { return account_; }
   const Source& source() const { return source_; }
 
  private:
@@ -117,7 +135,7 @@ class Deframer {
       Verdict verdict = examine(source_, window + at, available, nullptr, frame);
       if (verdict.outcome == Outcome::need_more) {
         if (!give_up) {
-          needed_ = verdict.bytes;
+          needed_ = static_cast<detail::Extent<Source>>(verdict.bytes);
           waiting_ = {};
           break;
         }
@@ -164,7 +182,7 @@ class Deframer {
       if (!shortcut.head_holds(source_, candidate, available, false, head)) break;
       waits = available < head.size;
       if (waits) {
-        needed_ = head.size;
+        needed_ = static_cast<detail::Extent<Source>>(head.size);
         static_cast<typename Source::Shortcut::Head&>(waiting_) = head;
         break;
       }
@@ -268,7 +286,7 @@ class Deframer {
           discard(pending);
           at = size;
         } else {
-          searched_ = known - at;
+          searched_ = static_cast<detail::Extent<Source>>(known - at);
         }
         break;
       }
@@ -319,7 +337,7 @@ class Deframer {
         if (available == longest) {
           verdict.cause = Cause::length_out_of_range;
         } else if (!give_up) {
-          searched_ = end.at;
+          searched_ = static_cast<detail::Extent<Source>>(end.at);
           break;
         }
       }
@@ -402,7 +420,9 @@ class Deframer {
   }
 
   void reject(Cause cause, std::size_t extent) {
-    account_.rejected_candidates[static_cast<std::size_t>(cause)] += 1;
+    if constexpr (std::is_same_v<Account, ByteAccount<Counter>>) {
+      account_.rejected_candidates[static_cast<std::size_t>(cause)] += 1;
+    }
     blame(cause, extent);
   }
 
@@ -432,16 +452,17 @@ class Deframer {
     if (blamed_ != 0) blamed_ = size < blamed_ ? blamed_ - size : 0;
   }
 
+  // The small ones together: a constant source and what waits for it have no bytes of their own.
   Source source_;
-  std::uint8_t* scratch_;
-  std::size_t needed_ = 0;  ///< by start: the candidate at the window's front was judged; so many bytes decide
   detail::WaitingHead<Source> waiting_;  ///< by start: of what waits for needed_ bytes
-  std::size_t searched_ = 0;             ///< delimiters: so many bytes of the window hold no end of the block
-  std::size_t blamed_ = 0;               ///< so many bytes from here on belong to a candidate that failed
   Cause blame_ = Cause::no_start;
-  bool overlong_ = false;  ///< inside a block that is longer than any frame
+  bool overlong_ = false;                ///< inside a block that is longer than any frame
+  detail::Extent<Source> needed_ = 0;    ///< by start: the candidate at the front was judged; so many bytes decide
+  detail::Extent<Source> searched_ = 0;  ///< delimiters: so many bytes of the window hold no end of the block
+  std::size_t blamed_ = 0;               ///< so many bytes from here on belong to a candidate that failed
+  std::uint8_t* scratch_;
   Counter settled_ = 0;
-  ByteAccount<Counter> account_{};
+  Account account_{};
 };
 
 }  // namespace wirebond

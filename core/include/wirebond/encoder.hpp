@@ -27,14 +27,14 @@ inline void write_hex(std::uint8_t* digits, std::uint64_t value, unsigned bytes)
 }
 
 /// Returns the mark's size.
-inline std::size_t write_mark(const Mark& mark, std::uint8_t* to) {
+WIREBOND_INLINE std::size_t write_mark(const Mark& mark, std::uint8_t* to) {
   to[0] = mark.first;
   if (mark.size == 2) to[1] = mark.second;
   return mark.size;
 }
 
 /// Put the delimiters around the `size` bytes behind where the opening one goes. Returns the size on the wire.
-inline std::size_t enclose(const FrameFormat& format, std::uint8_t* buffer, std::size_t size) {
+WIREBOND_INLINE std::size_t enclose(const FrameFormat& format, std::uint8_t* buffer, std::size_t size) {
   if (!has_marks(format)) return size;
   const std::size_t opening = opening_bytes(format);
   if (opening != 0) write_mark(format.opening, buffer);

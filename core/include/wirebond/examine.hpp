@@ -30,8 +30,8 @@ struct Frame {
   std::size_t payload_size;
   const std::uint8_t* bytes;  ///< the frame without stuffing and delimiters
   std::size_t size;
-  const Layout* layout;  ///< of the format's layouts the one that held
   std::uint32_t id;      ///< 0 where the format has none
+  std::uint8_t layout;   ///< index of the one that held, of the format's layouts
   std::int16_t message;  ///< index of the message; -1: unknown id, or a payload too short for it
   std::uint64_t offset;  ///< of its first wire byte since the deframer started (modulo its counter)
 };
@@ -196,13 +196,14 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout,
   return {Outcome::frame, Cause::no_start, head.size};
 }
 
-WIREBOND_INLINE void fill(Frame& frame, const Layout& layout, const std::uint8_t* candidate, const MessageShape& shape,
-                          std::uint32_t id, std::size_t payload, std::size_t size, bool trims_zeros) {
+WIREBOND_INLINE void fill(Frame& frame, const Layout& layout, std::size_t index, const std::uint8_t* candidate,
+                          const MessageShape& shape, std::uint32_t id, std::size_t payload, std::size_t size,
+                          bool trims_zeros) {
   frame.payload = candidate + layout.prefix;
   frame.payload_size = payload;
   frame.bytes = candidate;
   frame.size = size;
-  frame.layout = &layout;
+  frame.layout = static_cast<std::uint8_t>(index);
   frame.id = id;
   const bool long_enough = trims_zeros || payload >= shape.min_payload;
   frame.message = long_enough ? shape.index : std::int16_t{-1};
@@ -210,8 +211,9 @@ WIREBOND_INLINE void fill(Frame& frame, const Layout& layout, const std::uint8_t
 
 /// The rules that need the whole frame, after examine_head.
 template <class Source>
-WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout, const std::uint8_t* candidate,
-                                     std::size_t available, const Received* block, Head& head, Frame& frame) {
+WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout, std::size_t index,
+                                     const std::uint8_t* candidate, std::size_t available, const Received* block,
+                                     Head& head, Frame& frame) {
   constexpr bool unroll = Source::is_constant;
   const std::size_t size = head.size;
   if (available < size) return {Outcome::need_more, Cause::incomplete, size};
@@ -237,19 +239,20 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout,
       });
   if (!checks_hold) return {Outcome::reject, Cause::check_mismatch, size};
 
-  fill(frame, layout, candidate, head.shape, head.id, head.payload, size, layout.trims_zeros);
+  fill(frame, layout, index, candidate, head.shape, head.id, head.payload, size, layout.trims_zeros);
   return {Outcome::frame, Cause::no_start, size};
 }
 
 /// The rules of one layout over `available` bytes at `candidate`, in the order in which they can first be decided.
 /// `block`: what the candidate was before unstuffing; null: it is one of a stream, and nothing is stuffed.
 template <class Source>
-WIREBOND_INLINE Verdict examine_layout(const Source& source, const Layout& layout, const std::uint8_t* candidate,
+WIREBOND_INLINE Verdict examine_layout(const Source& source, std::size_t index, const std::uint8_t* candidate,
                                        std::size_t available, const Received* block, Frame& frame) {
+  const Layout& layout = source.format().layouts[index];
   Head head;
   const Verdict verdict = examine_head(source, layout, candidate, available, block != nullptr, head);
   if (verdict.outcome != Outcome::frame) return verdict;
-  return examine_rest(source, layout, candidate, available, block, head, frame);
+  return examine_rest(source, layout, index, candidate, available, block, head, frame);
 }
 
 }  // namespace detail
@@ -262,13 +265,12 @@ WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candid
                                 const detail::Received* block, Frame& frame) {
   const FrameFormat& format = source.format();
   if constexpr (Source::is_constant) {
-    if (format.layout_count == 1)
-      return detail::examine_layout(source, format.layouts[0], candidate, available, block, frame);
+    if (format.layout_count == 1) return detail::examine_layout(source, 0, candidate, available, block, frame);
   }
   // Several layouts: the first that holds. A rejection is told for the layout that got furthest.
   Verdict best{Outcome::reject, Cause::constant_mismatch, 0};
   for (std::size_t i = 0; i < format.layout_count; ++i) {
-    const Verdict verdict = detail::examine_layout(source, format.layouts[i], candidate, available, block, frame);
+    const Verdict verdict = detail::examine_layout(source, i, candidate, available, block, frame);
     if (verdict.outcome == Outcome::frame) return verdict;
     const bool better = i == 0 || (verdict.outcome == Outcome::need_more
                                        ? best.outcome != Outcome::need_more || verdict.bytes < best.bytes

@@ -12,7 +12,8 @@ namespace wirebond {
 
 /// For one end of one link. `Source` is a generated constant source: the sender that this end listens to.
 /// Time is in microseconds and may wrap. One thread or interrupt at a time; a handler runs inside the call that feeds.
-template <class Source, class Counter = std::uint32_t>
+/// `Account`: ByteAccount, or ByteCounts where memory is dear.
+template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
 class Receiver {
  public:
   /// `idle_us`: the silence after which an incomplete frame is given up.
@@ -54,7 +55,7 @@ class Receiver {
     deframer_.expect(Request::Info::reply);
   }
 
-  const ByteAccount<Counter>& account() const { return deframer_.account(); }
+  const Account& account() const { return deframer_.account(); }
   const Violations& violations() const { return violations_; }
   Counter bytes() const { return deframer_.bytes(); }          ///< all that were fed
   std::size_t pending() const { return deframer_.pending(); }  ///< of these, not settled yet
@@ -80,7 +81,7 @@ class Receiver {
   static constexpr std::size_t workspace_size = workspace_bytes(Source{});
 
   std::array<std::uint8_t, workspace_size> workspace_{};
-  StreamDeframer<Source, Counter> deframer_;
+  StreamDeframer<Source, Counter, Account> deframer_;
   Violations violations_{};
 };
 

@@ -83,7 +83,7 @@ class Shortcut {
     }
     if (frame_check_->update(frame_begin_, candidate + frame_from_, size - frame_outside_) != frame_residue_)
       return false;
-    detail::fill(frame, *layout_, candidate, *head.shape, head.id, head.payload, size, false);
+    detail::fill(frame, *layout_, 0, candidate, *head.shape, head.id, head.payload, size, false);
     return true;
   }
 

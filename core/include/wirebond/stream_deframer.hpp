@@ -22,18 +22,45 @@ WIREBOND_INLINE constexpr std::size_t workspace_bytes(const Source& source) {
   return 2 * max_wire_bytes(format) + 2 * joined_chunk<Source> + scratch;
 }
 
+namespace detail {
+
+/// Where in its memory a StreamDeframer carries bytes. A constant source joins seams only, and these at the front.
+template <class Source, bool IsConstant = Source::is_constant>
+class CarryPlace {
+ public:
+  explicit CarryPlace(const Source&) {}
+  static constexpr std::size_t capacity() { return 2 * max_wire_bytes(Source{}.format()); }
+  static constexpr std::size_t begin() { return 0; }
+  void begin_at(std::size_t) {}
+};
+template <class Source>
+class CarryPlace<Source, false> {
+ public:
+  explicit CarryPlace(const Source& source)
+      : capacity_(2 * max_wire_bytes(source.format()) + 2 * joined_chunk<Source>) {}
+  std::size_t capacity() const { return capacity_; }
+  std::size_t begin() const { return begin_; }
+  void begin_at(std::size_t begin) { begin_ = begin; }
+
+ private:
+  std::size_t capacity_;
+  std::size_t begin_ = 0;
+};
+
+}  // namespace detail
+
 /// Chunks in, frames out. Never allocates.
 /// One thread or interrupt at a time. `Counter` also carries time, in microseconds, and may wrap.
-template <class Source, class Counter = std::uint32_t>
-class StreamDeframer {
+template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
+class StreamDeframer : private detail::CarryPlace<Source> {
  public:
   /// `workspace`: workspace_bytes(source) bytes that outlive this object. `idle_us`: the silence after which an
   /// incomplete candidate is given up.
   StreamDeframer(const Source& source, std::uint8_t* workspace, Counter idle_us)
-      : buffer_(workspace),
-        capacity_(2 * max_wire_bytes(source.format()) + 2 * joined_chunk<Source>),
+      : detail::CarryPlace<Source>(source),
+        buffer_(workspace),
         idle_us_(idle_us),
-        deframer_(source, workspace + capacity_) {}
+        deframer_(source, workspace + capacity()) {}
 
   /// Bytes that were read at `now_us`. Work per byte is bounded whatever they are.
   template <class Sink>
@@ -65,17 +92,22 @@ class StreamDeframer {
   template <class Sink>
   void give_up(Sink&& sink) {
     if (carried_ == 0 && !ends_by_silence()) return;
-    deframer_.consume(buffer_ + begin_, carried_, true, sink);
-    begin_ = carried_ = 0;
+    deframer_.consume(buffer_ + begin(), carried_, true, sink);
+    begin_at(0);
+    carried_ = 0;
   }
 
   bool owes_nothing() const { return deframer_.owes_nothing(); }  ///< see Deframer
-  const ByteAccount<Counter>& account() const { return deframer_.account(); }
+  const Account& account() const { return deframer_.account(); }
   Counter bytes() const { return account().settled() + static_cast<Counter>(carried_); }  ///< all that were fed
   std::size_t pending() const { return carried_; }                                        ///< of these, not settled yet
   Counter idle_us() const { return idle_us_; }
 
  private:
+  using detail::CarryPlace<Source>::begin;
+  using detail::CarryPlace<Source>::begin_at;
+  using detail::CarryPlace<Source>::capacity;
+
   WIREBOND_INLINE bool ends_by_silence() const {
     if constexpr (Source::is_constant) {
       return deframer_.source().format().framing == Framing::silence;
@@ -86,13 +118,13 @@ class StreamDeframer {
 
   template <class Sink>
   WIREBOND_INLINE void feed_joined(const std::uint8_t* bytes, std::size_t size, Sink& sink) {
-    if (capacity_ - begin_ - carried_ < size) settle_down();  // then there is room: less than one frame is carried
-    std::uint8_t* const window = buffer_ + begin_;
+    if (capacity() - begin() - carried_ < size) settle_down();  // then there is room: less than one frame is carried
+    std::uint8_t* const window = buffer_ + begin();
     std::memcpy(window + carried_, bytes, size);
     const std::size_t available = carried_ + size;
     const std::size_t done = deframer_.consume(window, available, false, sink);
     carried_ = available - done;
-    begin_ = carried_ == 0 ? 0 : begin_ + done;
+    begin_at(carried_ == 0 ? 0 : begin() + done);
   }
 
   template <class Sink>
@@ -100,14 +132,14 @@ class StreamDeframer {
     while (size != 0) {
       if (carried_ == 0) {
         const std::size_t done = deframer_.consume(bytes, size, false, sink);
-        begin_ = 0;
+        begin_at(0);
         carried_ = size - done;  // less than one frame
         if (carried_ != 0) std::memcpy(buffer_, bytes + done, carried_);
         return;
       }
-      if (begin_ != 0) settle_down();
+      if (begin() != 0) settle_down();
       const std::size_t needed = deframer_.needed();  // no more than that: what follows is handed out where it lies
-      const std::size_t room = needed > carried_ && needed <= capacity_ ? needed - carried_ : capacity_ - carried_;
+      const std::size_t room = needed > carried_ && needed <= capacity() ? needed - carried_ : capacity() - carried_;
       const std::size_t taken = size < room ? size : room;
       std::memcpy(buffer_ + carried_, bytes, taken);
       const std::size_t done = deframer_.consume(buffer_, carried_ + taken, false, sink);
@@ -127,17 +159,15 @@ class StreamDeframer {
 
   /// Move what is carried to the buffer's front.
   void settle_down() {
-    std::memmove(buffer_, buffer_ + begin_, carried_);
-    begin_ = 0;
+    std::memmove(buffer_, buffer_ + begin(), carried_);
+    begin_at(0);
   }
 
   std::uint8_t* buffer_;
-  std::size_t capacity_;
-  std::size_t begin_ = 0;    ///< of what is carried, in the buffer
   std::size_t carried_ = 0;  ///< bytes that are not settled yet
   Counter idle_us_;
   Counter last_byte_us_ = 0;
-  Deframer<Source, Counter> deframer_;
+  Deframer<Source, Counter, Account> deframer_;
 };
 
 }  // namespace wirebond
