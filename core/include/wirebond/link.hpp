@@ -8,6 +8,7 @@
 #include <string_view>
 #include <type_traits>
 
+#include "wirebond/buffers.hpp"
 #include "wirebond/deadline.hpp"
 #include "wirebond/message.hpp"
 #include "wirebond/outbox.hpp"
@@ -28,10 +29,10 @@ enum class LinkState : std::uint8_t {
 
 /// What happened to the line and the port, modulo 2^32.
 struct LinkCounters {
-  std::uint32_t line_errors = 0;          ///< framing, noise, overrun and DMA errors that the port told of
-  std::uint32_t receive_restarts = 0;     ///< reception was begun again, after an error or for silence
-  std::uint32_t transmit_retries = 0;     ///< the port did not take a run: busy, or an error
-  std::uint32_t transmit_timeouts = 0;    ///< a run did not leave in time, and was broken off
+  std::uint32_t line_errors = 0;        ///< framing, noise, overrun and DMA errors that the port told of
+  std::uint32_t receive_restarts = 0;   ///< reception was begun again, after an error or for silence
+  std::uint32_t transmit_retries = 0;   ///< the port did not take a run: busy, or an error
+  std::uint32_t transmit_timeouts = 0;  ///< a run did not leave in time, and was broken off
 };
 
 namespace detail {
@@ -51,10 +52,10 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 ///   void on(const Message&)             for a message that came and passed its field rules
 ///   void unknown(const Frame&)          for a frame of no known message
 ///   bool fill(Message&)                 for a message with `every:`, when it is due; false: not this time
-///   void stop() ...                     one function for each `then:` of the file's deadlines at this end; these it must have
-///   void link_state(LinkState)          when the state changes
-///   auto& parameters()                  a `Parameters`, for the parameter service
-///   void parameter_set(index, value)    after a parameter was set: the hook to store it
+///   void stop() ...                     one function for each `then:` of the file's deadlines at this end; these it
+///   must have void link_state(LinkState)          when the state changes auto& parameters()                  a
+///   `Parameters`, for the parameter service void parameter_set(index, value)    after a parameter was set: the hook to
+///   store it
 /// All of them run inside `poll`, in its context.
 ///
 /// Contexts: `send` and `log` from any task or interrupt. `poll` from one: a task, the main loop, or an interrupt. The
@@ -66,12 +67,15 @@ class Link {
   /// The silence of the peer after which the link is stale, and reception is begun anew: a UART or its DMA may hang.
   static constexpr std::uint32_t timeout_us = 1'000'000;
 
+  using Sends = typename Protocol::Sends;
+  using Inlet = Receiver<typename Protocol::Receives, std::uint32_t, ByteCounts<std::uint32_t>>;
+
   Link(Handler& handler, Port& port, Memory& memory)
       : handler_(handler),
         port_(port),
         memory_(memory),
         ring_(memory.receive.data(), memory.receive.size()),
-        outbox_(memory.send.data(), memory.urgent.data()),
+        outbox_(memory.send.data()),
         deadlines_(Protocol::deadlines, 0) {}
   Link(const Link&) = delete;
   Link& operator=(const Link&) = delete;
@@ -81,9 +85,25 @@ class Link {
   /// Queue one message. Never blocks; any other answer than `ok` means that nothing was queued.
   template <class Message>
   Status send(const Message& message) {
-    if (!running_.load(std::memory_order_relaxed)) return outbox_.refuse(Status::link_down);
-    const Status status = outbox_.template put<typename Protocol::Sends>(message, now_ms());
-    if (status == Status::ok && !transmitting_.load(std::memory_order_seq_cst)) port_.pend();
+    static_assert(Message::Info::sender == Protocol::end || Message::Info::sender == End::both,
+                  "this message is sent by the other end");
+    if (state() == LinkState::down) {
+      outbox_.refuse(Refusal::down, account_of<Message>());
+      return Status::link_down;
+    }
+    const std::size_t payload = payload_bytes(message);
+    if (payload > Message::Info::max_payload_bytes) return refuse_range<Message>();
+    auto grant = outbox_.template reserve_for<Message>(wire_bytes(Sends{}.format(), payload), now_ms());
+    if (!grant.ok()) return Status::queue_full;
+    std::size_t size = 0;
+    const Status status = encode_frame<Sends>(message, grant.data(), grant.size(), size);
+    if (status != Status::ok) {
+      grant.give_back(Refusal::range);
+    } else {
+      grant.commit(size);
+    }
+    // Also after a refusal: the room that was given back may be waited for. Pairs with begin_run.
+    if (!transmitting_.load(std::memory_order_seq_cst)) port_.pend();
     return status;
   }
 
@@ -100,18 +120,18 @@ class Link {
 
   // ---- one context: a task, the main loop, or an interrupt
 
-  /// Everything that time and received bytes bring about. `now_us` was read before the call; it may wrap. The first call
-  /// starts reception, deadlines and schedule; deadlines and schedule are as punctual as the calls, so a millisecond
-  /// or two apart is good, and the receive ring must hold what comes meanwhile.
+  /// Everything that time and received bytes bring about. `now_us` was read before the call; it may wrap. The first
+  /// call starts reception, deadlines and schedule; deadlines and schedule are as punctual as the calls, so a
+  /// millisecond or two apart is good, and the receive ring must hold what comes meanwhile.
   void poll(std::uint32_t now_us) {
     now_us_.store(now_us, std::memory_order_relaxed);
-    if (!running_.load(std::memory_order_relaxed)) start(now_us);
-    if (running_.load(std::memory_order_relaxed)) {
+    if (state() == LinkState::down) start(now_us);
+    if (state() != LinkState::down) {
       receive(now_us);
       supervise(now_us);
     }
-    deadlines_.poll(now_us, [this](std::uint8_t action) { Protocol::act(action, handler_); });
-    schedule_.poll(now_us, handler_, [this](const auto& message) { static_cast<void>(send(message)); });
+    deadlines_.poll(now_us, [&](std::uint8_t action) { Protocol::act(action, handler_); });
+    schedule_.poll(now_us, handler_, [&](const auto& message) { static_cast<void>(send(message)); });
   }
 
   /// End a deadline with `recover: explicit` that has struck; its silence counts anew.
@@ -124,12 +144,12 @@ class Link {
     return deadlines_.struck(static_cast<std::uint8_t>(action));
   }
 
-  LinkState state() const { return state_; }
+  LinkState state() const { return state_.load(std::memory_order_relaxed); }  ///< any context
   Peer peer() const { return peer_; }
   const LinkCounters& counters() const { return counters_; }
   ReceiveAccount receive_account() const { return ring_.account(); }
   std::size_t unread() const { return ring_.unread(); }
-  const Receiver<typename Protocol::Receives>& receiver() const { return receiver_; }  ///< its bytes and violations
+  const Inlet& receiver() const { return receiver_; }  ///< its bytes and violations
   SendAccount send_account() const { return outbox_.account(); }
 
   // ---- the UART's interrupt
@@ -141,7 +161,6 @@ class Link {
   void on_transmitted() {
     if (!transmitting_.load(std::memory_order_relaxed)) return;  // of a run that was broken off
     outbox_.sent();
-    run_ = {};
     begin_run();
   }
 
@@ -159,12 +178,11 @@ class Link {
   }
 
  private:
-  static constexpr std::uint32_t max_run_bytes =
-      Protocol::bytes_per_second / 1000 > Protocol::max_sent_bytes ? Protocol::bytes_per_second / 1000
-                                                                   : Protocol::max_sent_bytes;
+  static constexpr std::size_t longest_run_bytes =
+      Protocol::max_run_bytes > Protocol::max_sent_bytes ? Protocol::max_run_bytes : Protocol::max_sent_bytes;
   /// Twice what the longest run takes, and what an interrupt may be late.
   static constexpr std::uint32_t transmit_timeout_us =
-      10'000 + static_cast<std::uint32_t>(std::uint64_t{2'000'000} * max_run_bytes / Protocol::bytes_per_second);
+      10'000 + static_cast<std::uint32_t>(std::uint64_t{2'000'000} * longest_run_bytes / Protocol::bytes_per_second);
 
   /// Calls the services, then the handler.
   struct Inbox {
@@ -179,6 +197,18 @@ class Link {
     void unknown(const Frame& frame) { hand_over_unknown(frame, link.handler_); }
   };
 
+  template <class Message>
+  static constexpr std::uint8_t account_of() {
+    return static_cast<std::uint8_t>(Message::Info::index);
+  }
+
+  template <class Message>
+  Status refuse_range() {
+    outbox_.refuse(Refusal::range, account_of<Message>());
+    return Status::out_of_range;
+  }
+
+  std::uint16_t now_ms() const { return static_cast<std::uint16_t>(now() / 1000); }
   std::uint32_t now() const { return now_us_.load(std::memory_order_relaxed); }
 
   // ---- in poll
@@ -195,7 +225,6 @@ class Link {
       return;
     }
     heard_us_ = line_moved_us_ = now_us;
-    running_.store(true, std::memory_order_relaxed);
     change(LinkState::stale);
     if constexpr (!std::is_same_v<typename Protocol::Hello::Message, NoService>) {
       static_cast<void>(send(detail::hello<Protocol>()));
@@ -223,19 +252,18 @@ class Link {
   }
 
   void supervise(std::uint32_t now_us) {
-    if (state_ == LinkState::up && now_us - heard_us_ >= timeout_us) change(LinkState::stale);
+    if (state() == LinkState::up && now_us - heard_us_ >= timeout_us) change(LinkState::stale);
     bool asks = wants_run_.load(std::memory_order_relaxed) || wants_restart_.load(std::memory_order_relaxed);
     if (now_us - line_moved_us_ >= timeout_us) {  // an idle line loses nothing by it
       line_moved_us_ = now_us;
       wants_restart_.store(true, std::memory_order_release);  // pairs with on_pended
       asks = true;
     }
-    const std::uint32_t runs = runs_.load(std::memory_order_relaxed);
-    if (!transmitting_.load(std::memory_order_relaxed) || runs != watched_run_) {
-      watched_run_ = runs;
-      watched_since_us_ = now_us;
-    } else if (now_us - watched_since_us_ >= transmit_timeout_us) {
-      watched_since_us_ = now_us;
+    if (!transmitting_.load(std::memory_order_relaxed) || begun_.load(std::memory_order_relaxed)) {
+      begun_.store(false, std::memory_order_relaxed);
+      begun_us_ = now_us;
+    } else if (now_us - begun_us_ >= transmit_timeout_us) {
+      begun_us_ = now_us;
       wants_abort_.store(true, std::memory_order_release);  // pairs with on_pended
       asks = true;
     }
@@ -243,8 +271,8 @@ class Link {
   }
 
   void change(LinkState state) {
-    if (state == state_) return;
-    state_ = state;
+    if (state == this->state()) return;
+    state_.store(state, std::memory_order_relaxed);
     if constexpr (detail::HasLinkState<Handler>::value) handler_.link_state(state);
   }
 
@@ -264,50 +292,51 @@ class Link {
     if (!transmitting_.load(std::memory_order_relaxed)) return;  // it left after all
     port_.stop_transmit();
     outbox_.aborted();
-    run_ = {};
     transmitting_.store(false, std::memory_order_relaxed);
     counters_.transmit_timeouts += 1;
+  }
+
+  Run next_run() {
+    if constexpr (Protocol::max_age_ms != 0) outbox_.expire_older(now_ms(), Protocol::max_age_ms);
+    return outbox_.next(Protocol::max_run_bytes);
   }
 
   /// Hand the next run to the port. A sender that finds `transmitting_` relies on this being called again.
   void begin_run() {
     wants_run_.store(false, std::memory_order_relaxed);
-    if (run_.size == 0) run_ = outbox_.next(max_run_bytes);
-    if (run_.size == 0) {
+    Run run = next_run();
+    if (run.size == 0) {
       transmitting_.store(false, std::memory_order_seq_cst);  // pairs with `send`: who commits later, sees it and pends
-      run_ = outbox_.next(max_run_bytes);                     // who committed before, is seen here
-      if (run_.size == 0) return;
+      run = next_run();                                       // who committed before, is seen here
+      if (run.size == 0) return;
     }
-    runs_.store(runs_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    begun_.store(true, std::memory_order_relaxed);
     transmitting_.store(true, std::memory_order_relaxed);
-    if (port_.start_transmit(run_.data, run_.size)) return;
+    if (port_.start_transmit(run.data, run.size)) return;
     transmitting_.store(false, std::memory_order_relaxed);
     counters_.transmit_retries += 1;
-    wants_run_.store(true, std::memory_order_relaxed);  // poll asks again
+    wants_run_.store(true, std::memory_order_relaxed);  // poll asks again, and gets the same run
   }
 
   Handler& handler_;
   Port& port_;
   Memory& memory_;
   ReceiveRing ring_;
-  Outbox<Memory> outbox_;
-  Receiver<typename Protocol::Receives> receiver_;
+  Outbox<typename Memory::Config> outbox_;
+  Inlet receiver_;
   Deadlines<Protocol::deadlines.size()> deadlines_;
   Schedule<typename Protocol::Scheduled> schedule_;
-  Run run_{};  ///< with the port, or refused by it
   LinkCounters counters_{};
-  std::uint32_t heard_us_ = 0;       ///< the last valid frame
-  std::uint32_t line_moved_us_ = 0;  ///< the last byte, or restart for want of one
-  std::uint32_t watched_run_ = 0;
-  std::uint32_t watched_since_us_ = 0;
-  std::atomic<std::uint32_t> now_us_{0};  ///< of the last poll
-  std::atomic<std::uint32_t> runs_{0};    ///< that were begun
-  std::atomic<bool> running_{false};
+  std::uint32_t heard_us_ = 0;              ///< the last valid frame
+  std::uint32_t line_moved_us_ = 0;         ///< the last byte, or restart for want of one
+  std::uint32_t begun_us_ = 0;              ///< about when the run with the port was begun
+  std::atomic<std::uint32_t> now_us_{0};    ///< of the last poll
   std::atomic<bool> transmitting_{false};   ///< a run is with the port
   std::atomic<bool> wants_restart_{false};  ///< reception shall begin anew
   std::atomic<bool> wants_abort_{false};    ///< the run did not leave in time
   std::atomic<bool> wants_run_{false};      ///< the port did not take a run
-  LinkState state_ = LinkState::down;
+  std::atomic<bool> begun_{false};          ///< since poll looked, a run was begun
+  std::atomic<LinkState> state_{LinkState::down};
   Peer peer_ = Peer::unknown;
   bool is_timed_ = false;
 };

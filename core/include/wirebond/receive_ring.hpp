@@ -1,4 +1,5 @@
-// A circular buffer that DMA fills: how far it came, what was read, laps and restarts. Positions only: no frame, no port.
+// A circular buffer that DMA fills: how far it came, what was read, laps and restarts. Positions only: no frame, no
+// port.
 #pragma once
 
 #include <array>
@@ -17,12 +18,13 @@ struct ReceiveAccount {
   std::uint32_t overtaken = 0;   ///< handed out, and written over while they were read: the ring is too small
 };
 
-/// The writer is the DMA, told of by the UART's interrupt (`advance`, `restart`); the reader is one other context, which
-/// may be interrupted by it (`look`, `next`, `consumed`). Nobody waits, nothing is masked: each variable has one writer.
+/// The writer is the DMA, told of by the UART's interrupt (`advance`, `restart`); the reader is one other context,
+/// which may be interrupted by it (`look`, `next`, `consumed`). Nobody waits, nothing is masked: each variable has one
+/// writer.
 ///
-/// Positions count every byte since the start, modulo 2^32; the low bits are the place in the ring, whose size is a power
-/// of two. A restarted DMA writes from the ring's front again, so the count then skips to the next multiple of the size:
-/// a hole, in which no byte ever was.
+/// Positions count every byte since the start, modulo 2^32; the low bits are the place in the ring, whose size is a
+/// power of two. A restarted DMA writes from the ring's front again, so the count then skips to the next multiple of
+/// the size: a hole, in which no byte ever was.
 ///
 /// The hardware tells a place and not a count: `advance` must be called once for every turn of the DMA at least, which
 /// the half and full events do unless interrupts are masked for as long as the whole ring takes.
@@ -42,7 +44,7 @@ class ReceiveRing {
 
   /// DMA writes at `place` next. Events may come in any order, merged or in vain.
   void advance(std::size_t place) {
-    const Count written = written_.load(std::memory_order_relaxed);  // only this context writes it
+    const Count written = written_.load(std::memory_order_relaxed);              // only this context writes it
     written_.store(written + ahead(place, written), std::memory_order_release);  // pairs with `look`
   }
 
@@ -53,8 +55,8 @@ class ReceiveRing {
     return static_cast<std::uint8_t>(holes_noted_.load(std::memory_order_relaxed) - passed) != hole_capacity;
   }
 
-  /// DMA has begun again at the ring's front. Before it did, `advance` was called with its last place, and `can_restart`
-  /// was true.
+  /// DMA has begun again at the ring's front. Before it did, `advance` was called with its last place, and
+  /// `can_restart` was true.
   void restart() {
     const Count written = written_.load(std::memory_order_relaxed);
     const Count front = round_up(written);
@@ -92,14 +94,17 @@ class ReceiveRing {
   /// The first `count` bytes of `next` were read.
   void consumed(std::size_t count) {
     const Count written = written_.load(std::memory_order_acquire);
-    if (written - read_ > size()) account_.overtaken += static_cast<Count>(count);
+    if (written - read_ > size()) overtaken_ += static_cast<Count>(count);
     read_ += static_cast<Count>(count);
-    account_.handed_out += static_cast<Count>(count);
   }
 
   ReceiveAccount account() const {
-    ReceiveAccount account = account_;
+    ReceiveAccount account;
     account.received = seen_ - hole_bytes_ - holes_before(seen_);
+    account.handed_out = read_ - hole_bytes_ - lapped_;
+    account.lapped = lapped_;
+    account.laps = laps_;
+    account.overtaken = overtaken_;
     return account;
   }
 
@@ -141,14 +146,14 @@ class ReceiveRing {
   }
 
   void skip_to(Count target) {
-    account_.laps += 1;
+    laps_ += 1;
     while (hole_ahead() && next_hole() - read_ < target - read_) {
-      account_.lapped += next_hole() - read_;
+      lapped_ += next_hole() - read_;
       const Count end = round_up(next_hole());
       if (end - read_ > target - read_) target = end;
       pass_hole();
     }
-    account_.lapped += target - read_;
+    lapped_ += target - read_;
     read_ = target;
   }
 
@@ -161,7 +166,9 @@ class ReceiveRing {
   Count seen_ = 0;
   Count read_ = 0;
   Count hole_bytes_ = 0;  ///< in the holes that were passed
-  ReceiveAccount account_{};
+  Count lapped_ = 0;
+  Count laps_ = 0;
+  Count overtaken_ = 0;
 };
 
 }  // namespace wirebond

@@ -8,14 +8,9 @@
 #include <utility>
 
 #include "wirebond/deadline.hpp"
+#include "wirebond/message_list.hpp"
 
 namespace wirebond {
-
-/// Messages by their structs, for the compiler alone.
-template <class... Messages>
-struct MessageList {
-  static constexpr std::size_t size = sizeof...(Messages);
-};
 
 namespace detail {
 

@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "wirebond/message.hpp"
 #include "wirebond/number.hpp"
 
 namespace wirebond {
@@ -123,7 +124,7 @@ void serve(const Message& message, [[maybe_unused]] Handler& handler, [[maybe_un
            [[maybe_unused]] Peer& peer, [[maybe_unused]] Send&& send) {
   if constexpr (std::is_same_v<Message, typename Protocol::Hello::Message>) {
     peer = message.protocol_hash == Protocol::hash ? Peer::same : Peer::different;
-    if constexpr (Protocol::answers) send(hello<Protocol>());
+    if constexpr (Protocol::end == End::mcu) send(hello<Protocol>());
   }
   if constexpr (std::is_same_v<Message, typename Protocol::Ping::Request>) {
     typename Protocol::Ping::Reply reply{};

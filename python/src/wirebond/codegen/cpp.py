@@ -26,7 +26,7 @@ from wirebond.codegen.cpp_struct import (
 )
 from wirebond.codegen.folder import core_headers, render, write_files
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import Algorithm, BitRole, End, Message, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model import Algorithm, BitRole, End, Message, PartKind, PayloadRule, Protocol, Queue
 from wirebond.protocol.plan import MessageRow, Number, Plan, Position, plan_for
 
 
@@ -58,6 +58,7 @@ def cpp_header(protocol: Protocol) -> str:
         hash=f"0x{protocol_hash(protocol):016X}",
         stop_bits=real(protocol.link.stop_bits, "float"),
         idle_us=round(protocol.idle_seconds * 1e6),
+        max_age_ms=round((protocol.link.max_age or 0) * 1e3),
         types=_type_views(protocol),
         messages=_message_views(protocol),
         formats=[(end.value, format_lines(plan)) for end, plan in plans.items()],
@@ -100,6 +101,7 @@ class MessageView:
     max_payload: int
     max_frame: int
     every_us: int
+    queue: str
     reply: int  # index of the message that answers it, or -1
     types: list[list[str]]  # declared in it
     members: list[str]
@@ -153,6 +155,7 @@ def _message_views(protocol: Protocol) -> list[MessageView]:
             max_payload=message.max_payload,
             max_frame=protocol.max_wire_bytes(message.max_payload),
             every_us=round((message.every or 0) * 1e6),
+            queue=message.queue.value,
             reply=indices.get(message.reply or "", -1),
             types=type_blocks(structs[message.name]),
             members=member_lines(structs[message.name]),
@@ -186,6 +189,8 @@ def message_comment(message: Message) -> str:
     facts = [way]
     if message.every:
         facts.append(f"every {message.every * 1000:g} ms")
+    if message.queue != Queue.NORMAL:
+        facts.append({Queue.URGENT: "urgent", Queue.LATEST: "only the newest waits"}[message.queue])
     if message.reply:
         facts.append(f"answered by {message.reply}")
     text = comment_text(message.description)
@@ -316,6 +321,7 @@ class SourceView:
     shapes: tuple[tuple[str, str], ...]  # id, shape
     expected: tuple[tuple[int, str, str], ...]  # index, id, shape of the messages that only their request tells
     structs: tuple[str, ...]
+    latest: tuple[str, ...]  # of these, those of `queue: latest`
 
 
 def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
@@ -333,6 +339,7 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
             (row.index, id_literal(protocol, row.id), shape(row)) for row in plan.messages if row.only_expected
         ),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
+        latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
     )
 
 
@@ -370,12 +377,13 @@ class EndView:
     title: str
     scheduled: tuple[str, ...]  # structs of what it sends by itself
     max_sent: int
+    urgent_bytes: int  # of the ring of urgent messages; 0: there are none
     rules: tuple[str, ...]
 
 
 def _end_view(protocol: Protocol, end: End) -> EndView:
     structs = struct_names(protocol)
-    sent = [m for m in protocol.messages if m.sender in (end, End.BOTH)]
+    sent = [m for m in protocol.messages if m.sent_by(end)]
     deadlines = _deadline_view(protocol, end)
     return EndView(
         end=end.value,
@@ -384,8 +392,16 @@ def _end_view(protocol: Protocol, end: End) -> EndView:
         title=deadlines.title,
         scheduled=tuple(structs[m.name] for m in sent if m.every is not None),
         max_sent=max((protocol.max_wire_bytes(m.max_payload) for m in sent), default=1),
+        urgent_bytes=_urgent_bytes(protocol, end),
         rules=deadlines.rules,
     )
+
+
+def _urgent_bytes(protocol: Protocol, end: End) -> int:
+    """A power of two that holds two of the largest urgent frames, wherever they begin."""
+    urgent = [m for m in protocol.messages if m.sent_by(end) and m.queue == Queue.URGENT]
+    largest = max((protocol.max_wire_bytes(m.max_payload) for m in urgent), default=0)
+    return 1 << (4 * largest - 1).bit_length() if largest else 0
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,466 @@
+// A link's own rules, one by one, on a port that does what the test says: start, states, sending, retries, services.
+#include "wirebond/link.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "diffdrive_link.hpp"
+#include "native_link.hpp"
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+constexpr std::uint32_t ms = 1000;
+
+/// Everything succeeds unless the test says otherwise; time stands still between two calls.
+struct ScriptedPort {
+  bool start_receive(std::uint8_t* bytes, std::size_t bytes_size) {
+    ++receive_starts;
+    if (refuses_receive) return false;
+    ring = bytes;
+    size = bytes_size;
+    place = 0;
+    is_receiving = true;
+    return true;
+  }
+  bool receiving() const { return is_receiving; }
+  std::size_t receive_position() const { return place; }
+  bool start_transmit(const std::uint8_t* bytes, std::size_t bytes_size) {
+    ++transmit_starts;
+    if (refuses_transmit) return false;
+    run.assign(bytes, bytes + bytes_size);
+    return true;
+  }
+  void stop_transmit() { ++transmit_stops; }
+  void pend() { pended = true; }
+  bool reaches(const void*, std::size_t) const { return is_reachable; }
+
+  void arrive(const Bytes& bytes) {
+    for (const std::uint8_t byte : bytes) {
+      ring[place] = byte;
+      place = (place + 1) % size;
+    }
+  }
+
+  std::uint8_t* ring = nullptr;
+  std::size_t size = 0;
+  std::size_t place = 0;
+  Bytes run;
+  int receive_starts = 0;
+  int transmit_starts = 0;
+  int transmit_stops = 0;
+  bool is_receiving = false;
+  bool refuses_receive = false;
+  bool refuses_transmit = false;
+  bool is_reachable = true;
+  bool pended = false;
+};
+
+struct Rover {
+  void on(const diffdrive::Velocity& velocity) { velocities.push_back(velocity.linear); }
+  bool fill(diffdrive::Odometry& odometry) {
+    odometry.left_ticks = 7;
+    return has_odometry;
+  }
+  void stop() { actions += "stop "; }
+  void safe_mode() { actions += "safe_mode "; }
+  void link_state(wirebond::LinkState state) { states.push_back(state); }
+
+  std::vector<float> velocities;
+  std::vector<wirebond::LinkState> states;
+  std::string actions;
+  bool has_odometry = true;
+};
+
+/// A rover's link with its memory, and what a test does to it.
+struct Bench {
+  explicit Bench(std::uint32_t start_us = 0) : now_us(start_us) {}
+
+  void poll(std::uint32_t after_us = ms) {
+    now_us += after_us;
+    link.poll(now_us);
+    serve();
+  }
+
+  /// The UART's interrupt, where it was asked for.
+  void serve() {
+    if (!port.pended) return;
+    port.pended = false;
+    link.on_pended();
+  }
+
+  /// The run leaves; what follows it as well, until nothing is left. Returns the bytes.
+  Bytes drain() {
+    serve();
+    Bytes sent;
+    while (!port.run.empty()) {
+      sent.insert(sent.end(), port.run.begin(), port.run.end());
+      port.run.clear();
+      link.on_transmitted();
+    }
+    return sent;
+  }
+
+  template <class Message>
+  void arrive(const Message& message) {
+    Bytes frame(Message::Info::max_frame_bytes);
+    std::size_t size = 0;
+    REQUIRE(diffdrive::encode(message, frame.data(), frame.size(), size) == wirebond::Status::ok);
+    frame.resize(size);
+    port.arrive(frame);
+    link.on_received();
+  }
+
+  std::uint32_t now_us;
+  ScriptedPort port;
+  Rover rover;
+  diffdrive::McuBuffers<64, 64, 4> buffers;
+  diffdrive::McuLink<Rover, ScriptedPort, decltype(buffers)> link{rover, port, buffers};
+};
+
+Bytes encoded(const diffdrive::Odometry& odometry) {
+  Bytes frame(diffdrive::Odometry::Info::max_frame_bytes);
+  std::size_t size = 0;
+  REQUIRE(diffdrive::encode(odometry, frame.data(), frame.size(), size) == wirebond::Status::ok);
+  return frame;
+}
+
+}  // namespace
+
+TEST_CASE("before the first poll nothing is sent, and the refusal is counted") {
+  Bench bench;
+  CHECK(bench.link.send(diffdrive::Status{}) == wirebond::Status::link_down);
+  CHECK(bench.link.state() == wirebond::LinkState::down);
+  const wirebond::SendAccount account = bench.link.send_account();
+  CHECK(account.refused(wirebond::Refusal::down) == 1);
+  CHECK(account.balances());
+}
+
+TEST_CASE("buffers out of the DMA's reach keep the link down, and the deadlines run all the same") {
+  Bench bench;
+  bench.port.is_reachable = false;
+  for (int i = 0; i < 3500; ++i) bench.poll();
+  CHECK(bench.port.receive_starts == 0);
+  CHECK(bench.link.state() == wirebond::LinkState::down);
+  CHECK(bench.rover.actions == "stop safe_mode ");
+}
+
+TEST_CASE("a port that refuses reception at first is asked again by each poll") {
+  Bench bench;
+  bench.port.refuses_receive = true;
+  bench.poll();
+  bench.poll();
+  CHECK(bench.link.state() == wirebond::LinkState::down);
+  bench.port.refuses_receive = false;
+  bench.poll();
+  CHECK(bench.link.state() == wirebond::LinkState::stale);
+}
+
+TEST_CASE("valid frames bring the link up, silence makes it stale, and a frame brings it up again") {
+  Bench bench;
+  bench.poll();
+  bench.arrive(diffdrive::Velocity{0.5F, 0.0F});
+  bench.poll();
+  CHECK(bench.link.state() == wirebond::LinkState::up);
+  for (int i = 0; i < 999; ++i) bench.poll();
+  CHECK(bench.link.state() == wirebond::LinkState::up);
+  bench.poll();
+  CHECK(bench.link.state() == wirebond::LinkState::stale);
+  bench.arrive(diffdrive::Velocity{0.25F, 0.0F});
+  bench.poll();
+  CHECK(bench.rover.velocities == std::vector<float>{0.5F, 0.25F});
+  using wirebond::LinkState;
+  CHECK(bench.rover.states == std::vector<LinkState>{LinkState::stale, LinkState::up, LinkState::stale, LinkState::up});
+}
+
+TEST_CASE("deadlines strike within one poll of their time, also when the clock wraps") {
+  for (const std::uint32_t start : {0u, 0xFFFFFFFFu - 1500u * ms}) {
+    CAPTURE(start);
+    Bench bench(start);
+    bench.poll(0);
+    bench.arrive(diffdrive::Velocity{0.5F, 0.0F});
+    bench.poll();
+    for (int i = 0; i < 999; ++i) bench.poll();
+    CHECK(bench.rover.actions.empty());
+    bench.poll();
+    CHECK(bench.rover.actions == "stop ");
+    for (int i = 0; i < 1999; ++i) bench.poll();
+    CHECK(bench.rover.actions == "stop ");
+    bench.poll();
+    CHECK(bench.rover.actions == "stop safe_mode ");
+    CHECK(bench.link.struck(diffdrive::Action::safe_mode));
+    bench.link.recover(diffdrive::Action::safe_mode);
+    CHECK_FALSE(bench.link.struck(diffdrive::Action::safe_mode));
+  }
+}
+
+TEST_CASE("messages with a rhythm are filled and sent when they are due, and not where the handler says so") {
+  Bench bench;
+  bench.poll(0);
+  diffdrive::Odometry odometry;
+  odometry.left_ticks = 7;
+  CHECK(bench.drain() == encoded(odometry));
+  for (int i = 0; i < 49; ++i) bench.poll();
+  CHECK(bench.drain().empty());
+  bench.poll();
+  CHECK(bench.drain() == encoded(odometry));
+  bench.rover.has_odometry = false;
+  for (int i = 0; i < 50; ++i) bench.poll();
+  CHECK(bench.drain().empty());
+}
+
+TEST_CASE("a full queue is an answer; the account closes after every step") {
+  Bench bench;
+  bench.rover.has_odometry = false;
+  bench.poll();
+  int accepted = 0;
+  while (bench.link.send(diffdrive::Status{}) == wirebond::Status::ok) {
+    ++accepted;
+    CHECK(bench.link.send_account().balances());
+  }
+  CHECK(accepted == 4);
+  CHECK(bench.link.send_account().refused(wirebond::Refusal::full) == 1);
+  CHECK(bench.drain().size() == 4 * 11);
+  CHECK(bench.link.send_account().sent == 4);
+  CHECK(bench.link.send(diffdrive::Status{}) == wirebond::Status::ok);
+  CHECK(bench.link.send_account().balances());
+}
+
+TEST_CASE("a value out of range is refused, queues nothing and gives its room back") {
+  Bench bench;
+  bench.rover.has_odometry = false;
+  bench.poll();
+  diffdrive::Status status;
+  status.battery = 1e9F;
+  for (int i = 0; i < 20; ++i) {
+    CHECK(bench.link.send(status) == wirebond::Status::out_of_range);
+    bench.serve();
+  }
+  CHECK(bench.drain().empty());
+  const wirebond::SendAccount account = bench.link.send_account();
+  CHECK(account.refused(wirebond::Refusal::range) == 20);
+  CHECK(account.balances());
+  CHECK(bench.link.send(diffdrive::Status{}) == wirebond::Status::ok);
+}
+
+TEST_CASE("a port that does not take a run gets the same run again from poll, and nothing is lost") {
+  Bench bench;
+  bench.rover.has_odometry = false;
+  bench.poll();
+  bench.port.refuses_transmit = true;
+  REQUIRE(bench.link.send(diffdrive::Status{}) == wirebond::Status::ok);
+  bench.serve();
+  bench.poll();
+  bench.poll();
+  CHECK(bench.port.transmit_starts == 3);
+  CHECK(bench.link.counters().transmit_retries == 3);
+  bench.port.refuses_transmit = false;
+  bench.poll();
+  CHECK(bench.drain().size() == 11);
+  CHECK(bench.link.send_account().sent == 1);
+}
+
+TEST_CASE("a run that never ends is broken off, counted, and the next one is sent") {
+  Bench bench;
+  bench.rover.has_odometry = false;
+  bench.poll();
+  REQUIRE(bench.link.send(diffdrive::Status{}) == wirebond::Status::ok);
+  bench.serve();
+  bench.port.run.clear();  // and no complete event comes
+  for (int i = 0; i < 20; ++i) bench.poll();
+  CHECK(bench.port.transmit_stops == 1);
+  CHECK(bench.link.counters().transmit_timeouts == 1);
+  CHECK(bench.link.send_account().aborted == 1);
+  REQUIRE(bench.link.send(diffdrive::Status{}) == wirebond::Status::ok);
+  CHECK(bench.drain().size() == 11);
+  CHECK(bench.link.send_account().balances());
+}
+
+TEST_CASE("an event of a run that was broken off ends no other run") {
+  Bench bench;
+  bench.rover.has_odometry = false;
+  bench.poll();
+  bench.link.on_transmitted();
+  CHECK(bench.link.send_account().sent == 0);
+}
+
+TEST_CASE("reception begins anew after an error that stopped it, and goes on after one that did not") {
+  Bench bench;
+  bench.poll();
+  CHECK(bench.port.receive_starts == 1);
+  bench.link.on_error();
+  CHECK(bench.port.receive_starts == 1);
+  bench.port.is_receiving = false;
+  bench.link.on_error();
+  CHECK(bench.port.receive_starts == 2);
+  CHECK(bench.link.counters().line_errors == 2);
+  CHECK(bench.link.counters().receive_restarts == 1);
+  bench.arrive(diffdrive::Velocity{0.5F, 0.0F});
+  bench.poll();
+  CHECK(bench.rover.velocities.size() == 1);
+}
+
+TEST_CASE("a restart that the port refuses is tried again from poll") {
+  Bench bench;
+  bench.poll();
+  bench.port.is_receiving = false;
+  bench.port.refuses_receive = true;
+  bench.link.on_error();
+  bench.poll();
+  bench.port.refuses_receive = false;
+  bench.poll();
+  CHECK(bench.link.counters().receive_restarts == 1);
+  bench.arrive(diffdrive::Velocity{0.5F, 0.0F});
+  bench.poll();
+  CHECK(bench.rover.velocities.size() == 1);
+}
+
+TEST_CASE("a frame survives restarts and pieces, and every byte is in the account") {
+  Bench bench;
+  bench.poll();
+  std::uint32_t total = 0;
+  for (int i = 0; i < 50; ++i) {
+    bench.port.arrive({0x01, 0x02, 0x03});
+    total += 3;
+    bench.link.on_received();
+    bench.port.is_receiving = false;
+    bench.link.on_error();
+    bench.arrive(diffdrive::Velocity{0.5F, 0.0F});
+    total += 11;
+    bench.poll();
+  }
+  CHECK(bench.rover.velocities.size() == 50);
+  const wirebond::ReceiveAccount account = bench.link.receive_account();
+  CHECK(account.received == total);
+  CHECK(account.lapped == 3);  // the first three: the ring began again where they lay, before they were read
+  CHECK(account.handed_out == total - 3);
+  CHECK(bench.link.receiver().bytes() == account.handed_out);
+  CHECK(bench.link.receiver().account().settled() + bench.link.receiver().pending() == account.handed_out);
+}
+
+TEST_CASE("a silent line is listened to anew every second, lest the UART hangs") {
+  Bench bench;
+  bench.rover.has_odometry = false;
+  for (int i = 0; i < 3500; ++i) bench.poll();
+  CHECK(bench.link.counters().receive_restarts == 3);
+}
+
+// ---- services
+
+namespace {
+
+struct Arm {
+  void stop() {}
+  auto& parameters() { return table; }
+  void parameter_set(std::size_t index, float) { stored.push_back(index); }
+
+  static constexpr std::array<wirebond::ParameterRule, 2> rules = {{{0.0F, 10.0F, 1.0F}, {-1.0F, 1.0F, 0.5F}}};
+  wirebond::Parameters<2> table{rules};
+  std::vector<std::size_t> stored;
+};
+
+/// What the host's end decodes.
+struct Host {
+  void on(const native::Hello& message) { hellos.push_back(message.protocol_hash); }
+  void on(const native::Pong& message) { pongs.push_back(message.number); }
+  void on(const native::ClockReply& message) { clocks.push_back(message); }
+  void on(const native::Log& message) { lines.emplace_back(message.text.view()); }
+  void on(const native::ParameterValue& message) { values.push_back(message); }
+
+  std::vector<std::uint64_t> hellos;
+  std::vector<std::uint32_t> pongs;
+  std::vector<native::ClockReply> clocks;
+  std::vector<std::string> lines;
+  std::vector<native::ParameterValue> values;
+};
+
+struct ServiceBench {
+  template <class Message>
+  void ask(const Message& message) {
+    std::array<std::uint8_t, Message::Info::max_frame_bytes> frame;
+    std::size_t size = 0;
+    REQUIRE(native::encode(message, frame.data(), frame.size(), size) == wirebond::Status::ok);
+    port.arrive(Bytes(frame.data(), frame.data() + size));
+    link.on_received();
+    exchange();
+  }
+
+  void exchange() {
+    now_us += ms;
+    link.poll(now_us);
+    if (port.pended) link.on_pended();
+    port.pended = false;
+    while (!port.run.empty()) {
+      const Bytes run = port.run;
+      port.run.clear();
+      receiver.feed(run.data(), run.size(), now_us, host);
+      link.on_transmitted();
+    }
+  }
+
+  std::uint32_t now_us = 0;
+  ScriptedPort port;
+  Arm arm;
+  Host host;
+  native::Receiver<native::FromMcu> receiver;
+  native::McuBuffers<256, 512> buffers;
+  native::McuLink<Arm, ScriptedPort, decltype(buffers)> link{arm, port, buffers};
+};
+
+}  // namespace
+
+TEST_CASE("hello is said at the start and answered, and a peer of another file is told apart") {
+  ServiceBench bench;
+  bench.exchange();
+  CHECK(bench.host.hellos == std::vector<std::uint64_t>{native::protocol_hash});
+  CHECK(bench.link.peer() == wirebond::Peer::unknown);
+  bench.ask(native::Hello{native::protocol_hash, 1});
+  CHECK(bench.link.peer() == wirebond::Peer::same);
+  CHECK(bench.host.hellos.size() == 2);
+  bench.ask(native::Hello{native::protocol_hash + 1, 1});
+  CHECK(bench.link.peer() == wirebond::Peer::different);
+}
+
+TEST_CASE("pings come back with their number, clock requests with the time at this end") {
+  ServiceBench bench;
+  bench.exchange();
+  bench.ask(native::Ping{0xFEDCBA98u});
+  CHECK(bench.host.pongs == std::vector<std::uint32_t>{0xFEDCBA98u});
+  bench.ask(native::ClockRequest{123456789012u});
+  REQUIRE(bench.host.clocks.size() == 1);
+  CHECK(bench.host.clocks[0].host_us == 123456789012u);
+  CHECK(bench.host.clocks[0].received_us == bench.now_us);
+}
+
+TEST_CASE("log lines are cut to what their message holds") {
+  ServiceBench bench;
+  bench.exchange();
+  CHECK(bench.link.log(wirebond::Level::info, "motor 2 is warm") == wirebond::Status::ok);
+  CHECK(bench.link.log(wirebond::Level::error, std::string(100, 'x')) == wirebond::Status::ok);
+  bench.exchange();
+  CHECK(bench.host.lines == std::vector<std::string>{"motor 2 is warm", std::string(48, 'x')});
+}
+
+TEST_CASE("parameters are read, set within their range, and stored by the hook") {
+  ServiceBench bench;
+  bench.exchange();
+  using Result = native::ParameterValue::Result;
+  bench.ask(native::ParameterRead{0});
+  bench.ask(native::ParameterSet{1, -0.25F});
+  bench.ask(native::ParameterSet{1, 2.0F});
+  bench.ask(native::ParameterSet{7, 0.0F});
+  REQUIRE(bench.host.values.size() == 4);
+  CHECK(bench.host.values[0].value == 1.0F);
+  CHECK(bench.host.values[1].value == -0.25F);
+  CHECK(bench.host.values[1].result == Result::ok);
+  CHECK(bench.host.values[2].value == -0.25F);
+  CHECK(bench.host.values[2].result == Result::out_of_range);
+  CHECK(bench.host.values[3].result == Result::no_such_index);
+  CHECK(bench.arm.stored == std::vector<std::size_t>{1});
+  CHECK(bench.arm.parameters()[1] == -0.25F);
+}

@@ -1,0 +1,27 @@
+"""The MCU's end of a link, rule by rule, over generated code and with sanitizers."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+from tests.shared import PROTOCOLS, ROOT
+from wirebond.codegen import generate_cpp
+from wirebond.protocol.loader import load
+
+FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
+SANITIZE = ["-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+
+
+def test_every_rule_of_the_link_holds(tmp_path: Path) -> None:
+    for name in ("diffdrive", "native"):
+        generate_cpp(load(PROTOCOLS / f"{name}.yaml"), tmp_path)
+    program = tmp_path / "link_test"
+    sources = [str(ROOT / "tests" / "link" / "link_test.cpp"), str(ROOT / "core" / "tests" / "main.cpp")]
+    _run(["clang++-14", *FLAGS, *SANITIZE, f"-I{tmp_path}", *sources, "-o", str(program)])
+    _run([str(program), "--no-version"])
+
+
+def _run(command: list[str]) -> None:
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout[-4000:] + result.stderr[-4000:]
