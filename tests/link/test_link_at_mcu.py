@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 from tests.shared import PROTOCOLS, ROOT
+
 from wirebond.codegen import generate_cpp
 from wirebond.protocol.loader import load
 

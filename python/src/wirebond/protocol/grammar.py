@@ -67,7 +67,7 @@ class Link(Syntax):
     stop_bits: StopBits = Field(1, description="Stop bits of a byte: 1, 1.5 or 2.", examples=[1])
     max_run: Duration = Field(
         0.001,
-        description="Frames that the MCU hands to the line at once take no longer than this, unless it is one frame. An "
+        description="Frames that the MCU hands to the line at once take no longer than this, unless it is one. An "
         "urgent frame waits for them.",
         examples=["1 ms"],
     )
@@ -94,7 +94,7 @@ class MessageHead(Syntax):
     ] = Field(None, description="Byte that a check with `seed: message` counts behind its range.", examples=[50])
     queue: Annotated[str, one_word("normal", "urgent", "latest")] = Field(
         "normal",
-        description="How it waits for the line at the MCU: in turn, before all that is not urgent, or only the newest one.",
+        description="How it waits for the line at the MCU: in turn, before those in turn, or only the newest one.",
         examples=["latest"],
     )
     description: Text = Field("", description="For people.", examples=["what it is for"])
