@@ -28,6 +28,7 @@ def test_folder_is_complete_and_second_run_touches_nothing(protocols: list[Proto
     assert set(files) == {
         tmp_path / "CMakeLists.txt",
         tmp_path / "diffdrive.hpp",
+        tmp_path / "diffdrive_link.hpp",
         *(tmp_path / header.relative_to(core) for header in core.rglob("*.h*")),
     }
     assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == files
