@@ -81,6 +81,12 @@ class Uart {
 
   std::size_t receive_position() const { return place_; }
 
+  /// Beyond what a port must have, for vendors' drivers on top of this: DMA stops where it is.
+  void stop_receive() {
+    receiving_ = false;
+    idle_at_ = never;
+  }
+
   bool start_transmit(const std::uint8_t* bytes, std::size_t size) {
     if (transmitting() || refuse_transmits_ != 0 || draw_.chance(behaviour.transmit_refused)) {
       if (!transmitting() && refuse_transmits_ != 0) --refuse_transmits_;
@@ -229,8 +235,7 @@ class Uart {
       case Event::pended: return handler.on_pended();
       case Event::line_error:
       case Event::dma_error:
-        receiving_ = false;
-        idle_at_ = never;
+        stop_receive();
         aborting_ = true;
         aborted_at_ = now_ + draw_.below(behaviour.abort_time + 1);
         return;
