@@ -10,7 +10,7 @@ import pytest
 from tests.shared import ROOT
 
 BUILD = ROOT / "build" / "ports"
-PORTS = ["fake", "bare_metal", "gd32_spl", "posix", "stm32_hal", "stm32_hal_registered"]
+PORTS = ["fake", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "stm32_hal_registered"]
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ CPP_RULES: dict[str, tuple[set[str], set[str] | None]] = {
 }
 GENERATED = re.compile(r"^[a-z0-9_]+\.hpp$")
 # What the vendors' own headers are called, which a port is written for. They are no part of this project.
-VENDOR = re.compile(r"^(stm32[a-z0-9]+xx_hal|gd32f[a-z0-9]+)\.h$")
+VENDOR = re.compile(r"^(stm32[a-z0-9]+xx_hal|gd32f[a-z0-9]+|FreeRTOS|task)\.h$")
 
 # Python: module -> packages of this project that it must not import. A longer name goes before a shorter one.
 PYTHON_RULES: dict[str, set[str]] = {
