@@ -81,6 +81,7 @@ struct Bench {
 TEST_CASE("bytes go into the ring in circles, and every half of it is told") {
   Bench bench;
   bench.uart.received(9, bench);  // before the start: nowhere to put it
+  CHECK_FALSE(bench.uart.receiving());
   REQUIRE(bench.uart.start_receive(bench.ring.data(), bench.ring.size()));
   CHECK(bench.registers.receive_interrupt);
   for (std::uint8_t i = 1; i <= 11; ++i) bench.uart.received(i, bench);

@@ -132,6 +132,18 @@ TEST_CASE("a damaged byte is in the ring or not, as the family has it") {
   }
 }
 
+TEST_CASE("where errors do not stop reception they are told, and bytes go on into the ring") {
+  Bench bench;
+  bench.uart.behaviour.errors_stop = false;
+  REQUIRE(bench.start());
+  bench.in.put(1, 0, Fault::framing);
+  bench.in.put(Bytes{2, 3}, 0);
+  bench.run(30'000);
+  CHECK(bench.log == "e");
+  CHECK(bench.uart.receiving());
+  CHECK(bench.uart.receive_position() == 3);
+}
+
 TEST_CASE("until the error's interrupt runs DMA goes on; while it is being stopped a start is refused") {
   Bench bench;
   bench.uart.behaviour.abort_time = 50'000;

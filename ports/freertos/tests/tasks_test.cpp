@@ -31,6 +31,7 @@ struct Port {
   std::string log;
 
   bool start_receive(std::uint8_t*, std::size_t size) { return size != 0; }
+  bool receiving() const { return true; }
   std::size_t receive_position() const { return 7; }
   bool start_transmit(const std::uint8_t*, std::size_t size) { return size != 0; }
   void stop_transmit() { log += 's'; }
@@ -107,6 +108,7 @@ TEST_CASE("the send task is a port around its driver") {
   std::array<std::uint8_t, 4> bytes{};
   CHECK(task.start_receive(bytes.data(), 4));
   CHECK_FALSE(task.start_receive(bytes.data(), 0));
+  CHECK(task.receiving());
   CHECK(task.receive_position() == 7);
   CHECK(task.start_transmit(bytes.data(), 4));
   CHECK_FALSE(task.start_transmit(bytes.data(), 0));

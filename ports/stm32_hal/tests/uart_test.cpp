@@ -114,11 +114,23 @@ TEST_CASE("a start is refused while the HAL still stops DMA, and works afterward
   REQUIRE(bench.start());
   bench.in.put(1, 0, fake::Fault::noise);
   bench.uart.mask(10'000);
+  CHECK(bench.port.receiving());
   bench.board.run(10'000);
   REQUIRE_FALSE(bench.uart.receiving());
   CHECK_FALSE(bench.start());
   bench.board.run(70'000);
   CHECK(events.started);
+}
+
+TEST_CASE("an error ends reception, and a start begins it") {
+  Bench bench;
+  CHECK_FALSE(bench.port.receiving());
+  bench.uart.refuse_receives(2);
+  CHECK_FALSE(bench.start());
+  CHECK_FALSE(bench.port.receiving());
+  CHECK_FALSE(bench.start());
+  REQUIRE(bench.start());
+  CHECK(bench.port.receiving());
 }
 
 TEST_CASE("a start while reception runs begins the ring anew, with no HAL_BUSY in the way") {

@@ -32,6 +32,9 @@ class Uart {
     return true;
   }
 
+  /// No error stops it.
+  bool receiving() const { return size_ != 0; }
+
   /// Any context.
   std::size_t receive_position() const { return place_.load(std::memory_order_acquire); }  // pairs with `received`
 

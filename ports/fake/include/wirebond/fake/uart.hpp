@@ -5,48 +5,11 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/fake/behaviour.hpp"
 #include "wirebond/fake/draw.hpp"
 #include "wirebond/fake/line.hpp"
 
 namespace wirebond::fake {
-
-/// What an interrupt may be raised for. All have one priority: none interrupts another.
-enum class Event : std::uint8_t {
-  half,
-  full,
-  idle,
-  transmitted,
-  line_error,  ///< framing, noise, overrun: the vendor's handler stops reception, then tells of it
-  dma_error,   ///< of a run that died; the vendor's handler gives reception up as well
-  pended,
-};
-inline constexpr std::size_t events = 7;
-
-/// How the UART behaves. As it stands: without a fault, and every interrupt is served at once. Chances are per million.
-struct Behaviour {
-  Time restart_gap = 0;         ///< from `start_transmit` to the first start bit; each run costs it
-  Time interrupt_delay = 0;     ///< an interrupt is served so much later at most; each time another delay is drawn
-  Time abort_time = 0;          ///< at most, from the error's interrupt to `on_error`, while DMA is being stopped
-  bool keeps_damaged = true;    ///< DMA still moves the byte that has the error (F4); false: it does not (G4)
-  std::uint32_t spurious = 0;   ///< for each byte: an idle event between two bytes without a pause
-  std::uint32_t swallowed = 0;  ///< for each half, full or idle event: it never comes
-  std::uint32_t receive_refused = 0;   ///< for each `start_receive`
-  std::uint32_t transmit_refused = 0;  ///< for each `start_transmit`
-  std::uint32_t transmit_dies = 0;     ///< for each byte sent: DMA stops with an error and no complete event comes
-};
-
-/// What the UART did, beside the fates that its lines keep.
-struct UartCounts {
-  std::uint64_t written = 0;           ///< bytes that DMA wrote into the ring
-  std::uint64_t receive_starts = 0;    ///< `start_receive` that succeeded
-  std::uint64_t receive_refused = 0;   ///< that did not
-  std::uint64_t errors = 0;            ///< error events that were served
-  std::uint64_t runs = 0;              ///< `start_transmit` that succeeded
-  std::uint64_t transmit_refused = 0;  ///< that did not
-  std::uint64_t taken = 0;             ///< bytes of those runs: on the line + broken off + waiting
-  std::uint64_t broken_off = 0;        ///< never put on the line: the run was stopped, or died
-  std::uint64_t runs_completed = 0;    ///< complete events that were served
-};
 
 /// Satisfies what Link asks of a port; beside it, `run` lets time pass. The handler of `run` is a Link, or anything
 /// with its `on_received`, `on_transmitted`, `on_error` and `on_pended`, which may call the port. One thread.
@@ -78,6 +41,8 @@ class Uart {
     ++counts_.receive_starts;
     return true;
   }
+
+  bool receiving() const { return receiving_; }
 
   std::size_t receive_position() const { return place_; }
 
@@ -166,7 +131,6 @@ class Uart {
   // ---- the truth
 
   const UartCounts& counts() const { return counts_; }
-  bool receiving() const { return receiving_; }
   bool transmitting() const {
     return run_left_ != 0 || completes_at_ != never || flag(Event::transmitted).due != never;
   }
@@ -234,6 +198,8 @@ class Uart {
       case Event::transmitted: ++counts_.runs_completed; return handler.on_transmitted();
       case Event::pended: return handler.on_pended();
       case Event::line_error:
+        if (!behaviour.errors_stop) return ++counts_.errors, handler.on_error();
+        [[fallthrough]];
       case Event::dma_error:
         stop_receive();
         aborting_ = true;

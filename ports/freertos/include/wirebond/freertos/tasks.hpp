@@ -109,6 +109,7 @@ class SendTask {
 
   // The port.
   bool start_receive(std::uint8_t* ring, std::size_t size) { return port_.start_receive(ring, size); }
+  bool receiving() const { return port_.receiving(); }
   std::size_t receive_position() const { return port_.receive_position(); }
   bool start_transmit(const std::uint8_t* bytes, std::size_t size) { return port_.start_transmit(bytes, size); }
   void stop_transmit() { port_.stop_transmit(); }

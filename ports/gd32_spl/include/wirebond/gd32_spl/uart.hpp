@@ -46,6 +46,9 @@ class Uart {
     return true;
   }
 
+  /// Framing and noise errors do not stop DMA; a bus error does.
+  bool receiving() const { return (DMA_CHCTL(wiring_.dma, wiring_.receive_channel) & DMA_CHXCTL_CHEN) != 0; }
+
   /// Any context.
   std::size_t receive_position() const {
     const std::size_t position = size_ - dma_transfer_number_get(wiring_.dma, wiring_.receive_channel);

@@ -58,6 +58,8 @@ class Port {
     return true;
   }
 
+  bool receiving() const { return receiving_.load(std::memory_order_relaxed); }
+
   /// Any thread.
   std::size_t receive_position() const { return place_.load(std::memory_order_acquire); }  // pairs with `receive`
 

@@ -40,6 +40,9 @@ class Uart {
     return HAL_UARTEx_ReceiveToIdle_DMA(&handle_, ring, static_cast<std::uint16_t>(size)) == HAL_OK;
   }
 
+  /// False after an error: in DMA mode the HAL ends reception for each.
+  bool receiving() const { return handle_.RxState == HAL_UART_STATE_BUSY_RX; }
+
   /// Any context.
   std::size_t receive_position() const {
     const std::size_t size = handle_.RxXferSize;
