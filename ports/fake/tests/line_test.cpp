@@ -64,6 +64,7 @@ TEST_CASE("what is forgotten stays in the counts, and what travels is kept") {
   CHECK(line.read(20'000) == Bytes{1, 2});
   line.forget();
   CHECK(line.bytes().size() == 1);
+  CHECK(line.forgotten() == 2);
   CHECK(line.read(30'000) == Bytes{3});
   CHECK(line.count(Fate::received) == 3);
   CHECK(line.closes());

@@ -226,6 +226,27 @@ TEST_CASE("a run that dies tells of an error, never of its completion") {
   CHECK(bench.uart.start_transmit(bytes.data(), 1));
 }
 
+TEST_CASE("a reset leaves nothing behind: no reception, no run, no event") {
+  Bench bench;
+  bench.uart.behaviour.abort_time = 50'000;
+  REQUIRE(bench.start());
+  const Bytes bytes = counting(5);
+  REQUIRE(bench.uart.start_transmit(bytes.data(), bytes.size()));
+  bench.uart.pend();
+  bench.in.put(counting(4), 0);
+  bench.in.put(5, 0, Fault::framing);
+  bench.uart.mask(55'000);
+  bench.run(55'000);  // the error was served, and DMA is being stopped
+  bench.log.clear();
+  bench.uart.reset();
+  bench.run(1'000'000);
+  CHECK(bench.log.empty());
+  CHECK(bench.uart.receive_position() == 0);
+  CHECK_FALSE(bench.uart.receiving());
+  CHECK_FALSE(bench.uart.transmitting());
+  CHECK(bench.start());
+}
+
 TEST_CASE("starts are refused as often as the script says") {
   Bench bench;
   bench.uart.refuse_receives(2);

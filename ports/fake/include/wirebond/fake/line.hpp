@@ -141,8 +141,11 @@ class Line {
   bool closes() const { return std::accumulate(count_.begin(), count_.end(), std::uint64_t{0}) == put_; }
   /// Every byte since the start, or since `forget`.
   const std::deque<LineByte>& bytes() const { return bytes_; }
+  /// How many bytes were put before the first of `bytes`.
+  std::uint64_t forgotten() const { return forgotten_; }
   /// Drop the bytes that arrived; the counts stay.
   void forget() {
+    forgotten_ += arrived_;
     bytes_.erase(bytes_.begin(), bytes_.begin() + static_cast<std::ptrdiff_t>(arrived_));
     arrived_ = 0;
   }
@@ -179,6 +182,7 @@ class Line {
   std::deque<LineByte> bytes_;
   std::size_t arrived_ = 0;  ///< of `bytes_`: all before it are settled, and it travels
   std::uint64_t put_ = 0;
+  std::uint64_t forgotten_ = 0;
   std::array<std::uint64_t, fates> count_{};
 };
 

@@ -84,6 +84,16 @@ class Uart {
 
   // ---- scripts
 
+  /// What the MCU's reset does to it. The lines go on, and so do the counts.
+  void reset() {
+    stop_receive();
+    stop_transmit();
+    place_ = 0;
+    aborting_ = false;
+    aborted_at_ = never;
+    flags_ = {};
+    masked_until_ = 0;
+  }
   void refuse_receives(std::uint32_t count) { refuse_receives_ = count; }
   void refuse_transmits(std::uint32_t count) { refuse_transmits_ = count; }
   /// Memory that DMA cannot reach.
