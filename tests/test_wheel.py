@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.shared import ROOT
+from wirebond.codegen import PORTS
 
 pytestmark = pytest.mark.long  # it compiles the engine
 
@@ -66,7 +67,7 @@ def test_wheel_holds_headers_files_types_and_one_engine(wheel: Path) -> None:
         for folder, endings in {
             "cmake": (".cmake",),
             "core/include": (".hpp", ".h"),
-            "ports/posix/include": (".hpp",),
+            **{f"ports/{port}/include": (".hpp",) for port in PORTS},
             "protocols": (".yaml", ".json"),
             "firmware": (".hpp", ".cpp"),
         }.items()

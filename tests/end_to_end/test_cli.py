@@ -148,6 +148,12 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
             "--amalgamate is for --lang cpp and c",
         ),
         (["gen", DIFFDRIVE, "--out", DIFFDRIVE], 2, "is a file"),
+        (["gen", DIFFDRIVE, "--port", "avr", "--out", "/tmp/never"], 2, "expected bare_metal, freertos, gd32_spl"),
+        (
+            ["gen", DIFFDRIVE, "--lang", "python", "--port", "posix", "--out", "/tmp/never"],
+            2,
+            "--port is for the C++ of a firmware",
+        ),
         (["gen", DIFFDRIVE, "--out", f"{DIFFDRIVE}/below/it"], 2, "diffdrive.yaml is a file; --out names a folder"),
         (["gen", DIFFDRIVE, "--out", "/proc/generated"], 1, "cannot write /proc/generated: No such file or directory"),
         (["frobnicate"], 2, "No such command"),

@@ -23,9 +23,14 @@ def core_include() -> Path:
     return _find("core/include")
 
 
+def port_include(port: str) -> Path:
+    """The folder that holds ``wirebond/<port>/*.hpp``."""
+    return _find(f"ports/{port}/include")
+
+
 def posix_include() -> Path:
     """The folder that holds ``wirebond/posix/*.hpp``."""
-    return _find("ports/posix/include")
+    return port_include("posix")
 
 
 def cmake() -> Path:

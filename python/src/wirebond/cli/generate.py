@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from wirebond.cli.output import console
 from wirebond.codec import load
-from wirebond.codegen import generate_c, generate_cpp, generate_python
+from wirebond.codegen import PORTS, generate_c, generate_cpp, generate_python, port_headers, write_files
 from wirebond.errors import UsageError, WirebondError
 from wirebond.protocol.model import Protocol
 
@@ -27,14 +27,19 @@ AMALGAMATED: dict[str, Generator] = {
 }
 
 
-def generate(path: Path, language: str, out: Path, amalgamate: bool) -> None:
-    """Write the files of this language into ``out`` and print their paths."""
+def generate(path: Path, language: str, out: Path, amalgamate: bool, ports: Sequence[str]) -> None:
+    """Write the files of this language, and the headers of these ports, into ``out``; print their paths."""
     if language not in LANGUAGES:
         raise UsageError(f"--lang is '{language}'; expected {', '.join(LANGUAGES)}")
     if amalgamate and language not in AMALGAMATED:
         raise UsageError(
             f"--amalgamate is for --lang {' and '.join(AMALGAMATED)}; a {language} module is one file anyway"
         )
+    for port in ports:
+        if port not in PORTS:
+            raise UsageError(f"--port is '{port}'; expected {', '.join(PORTS)}")
+    if ports and language == "python":
+        raise UsageError("--port is for the C++ of a firmware; a Python program opens its port by itself")
     write = AMALGAMATED[language] if amalgamate else LANGUAGES[language]
     model = load(path).model
     for folder in (out, *out.parents):
@@ -44,6 +49,8 @@ def generate(path: Path, language: str, out: Path, amalgamate: bool) -> None:
             break
     try:
         files = write(model, out)
+        for port in ports:
+            files += write_files(out, port_headers(port))
     except OSError as error:
         raise WirebondError(f"cannot write {error.filename or out}: {error.strerror}; name another --out") from error
     for written in files:

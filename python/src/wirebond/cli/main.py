@@ -143,11 +143,14 @@ def gen(
     amalgamate: Annotated[
         bool, typer.Option("--amalgamate", help="One header with the core in it (for c: .h and .cpp), no folder.")
     ] = False,
+    port: Annotated[
+        list[str] | None, typer.Option(help="Add this port's headers: stm32_hal, gd32_spl, freertos and others.")
+    ] = None,
 ) -> None:
     """Generate code for a firmware or a host: a self-contained folder, one header, or a Python module."""
     from wirebond.cli.generate import generate
 
-    generate(file, lang, out, amalgamate)
+    generate(file, lang, out, amalgamate, port or [])
 
 
 @app.command()

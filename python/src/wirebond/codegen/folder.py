@@ -7,8 +7,10 @@ from pathlib import Path
 
 import jinja2
 
-from wirebond.paths import core_include
+from wirebond.paths import core_include, port_include
 
+# The ports that a firmware may be given. `fake` is for tests.
+PORTS = ("bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal")
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -25,11 +27,19 @@ def render(template: str, **values: object) -> str:
 
 def core_headers() -> dict[str, str]:
     """The text of each core header, by the name under which it is included."""
-    core = core_include()
+    return _headers(core_include())
+
+
+def port_headers(port: str) -> dict[str, str]:
+    """The text of each header of a port, by the name under which it is included. They need no others."""
+    return _headers(port_include(port))
+
+
+def _headers(folder: Path) -> dict[str, str]:
     return {
-        header.relative_to(core).as_posix(): header.read_text(encoding="utf-8")
+        header.relative_to(folder).as_posix(): header.read_text(encoding="utf-8")
         for pattern in ("*.hpp", "*.h")
-        for header in core.rglob(pattern)
+        for header in folder.rglob(pattern)
     }
 
 

@@ -1,0 +1,14 @@
+// The part of the double that FreeRTOS declares in this header.
+#pragma once
+
+#include "FreeRTOS.h"
+
+enum eNotifyAction { eSetBits };
+
+TaskHandle_t xTaskCreateStatic(TaskFunction_t run, const char* name, std::uint32_t stack_words, void* parameters,
+                               UBaseType_t priority, StackType_t* stack, StaticTask_t* memory);
+BaseType_t xTaskNotify(TaskHandle_t task, std::uint32_t value, eNotifyAction action);
+BaseType_t xTaskNotifyFromISR(TaskHandle_t task, std::uint32_t value, eNotifyAction action, BaseType_t* woken);
+BaseType_t xTaskNotifyWait(std::uint32_t clear_on_entry, std::uint32_t clear_on_exit, std::uint32_t* value,
+                           TickType_t ticks);
+TickType_t xTaskGetTickCount();

@@ -1,0 +1,147 @@
+// A port: a USART of a GD32F30x or GD32F4xx through the vendor's standard peripheral library, with DMA in and out.
+#pragma once
+
+#if __has_include("gd32f30x.h")
+#include "gd32f30x.h"
+#elif __has_include("gd32f4xx.h")
+#include "gd32f4xx.h"
+#else
+#error "neither gd32f30x.h nor gd32f4xx.h is on the include path"
+#endif
+
+#include <cstddef>
+#include <cstdint>
+
+namespace wirebond::gd32_spl {
+
+/// What is connected to what, by the names of the vendor's library.
+struct Wiring {
+  std::uint32_t usart;  ///< USART0
+  std::uint32_t dma;    ///< DMA0
+  dma_channel_enum receive_channel;
+  dma_channel_enum transmit_channel;
+  IRQn_Type interrupt;  ///< USART0_IRQn
+};
+
+/// Your project sets up clocks, pins, the USART (speed and format), and both channels by `dma_init` with the USART's
+/// data register as their peripheral address, 8 bits wide: receive circular, transmit not. It enables the three
+/// interrupts with one priority. The rest is done here; forward the three handlers:
+///   USARTn_IRQHandler -> uart.usart_interrupt(link)       of the receive channel  -> uart.receive_interrupt(link)
+///                                                         of the transmit channel -> uart.transmit_interrupt(link)
+/// All functions but `pend` and `receive_position` are for these interrupts; Link keeps to that.
+class Uart {
+ public:
+  explicit Uart(const Wiring& wiring) : wiring_(wiring) {}
+
+  bool start_receive(std::uint8_t* ring, std::size_t size) {
+    if (!stop(wiring_.receive_channel)) return false;
+    set_memory(wiring_.receive_channel, ring);
+    dma_transfer_number_config(wiring_.dma, wiring_.receive_channel, static_cast<std::uint32_t>(size));
+    dma_interrupt_enable(wiring_.dma, wiring_.receive_channel, DMA_CHXCTL_HTFIE | DMA_CHXCTL_FTFIE);
+    size_ = size;
+    forget_flags();
+    USART_CTL2(wiring_.usart) |= USART_CTL2_DENR | USART_CTL2_ERRIE;
+    usart_interrupt_enable(wiring_.usart, USART_INT_IDLE);
+    dma_channel_enable(wiring_.dma, wiring_.receive_channel);
+    return true;
+  }
+
+  /// Framing and noise errors do not stop DMA; a bus error does.
+  bool receiving() const { return (DMA_CHCTL(wiring_.dma, wiring_.receive_channel) & DMA_CHXCTL_CHEN) != 0; }
+
+  /// Any context.
+  std::size_t receive_position() const {
+    const std::size_t position = size_ - dma_transfer_number_get(wiring_.dma, wiring_.receive_channel);
+    return position == size_ ? 0 : position;  // the counter may be read at 0, before it starts the next round
+  }
+
+  /// A run is complete when DMA has read it: its last two bytes are then in the USART, and the next run follows them
+  /// without a gap.
+  bool start_transmit(const std::uint8_t* bytes, std::size_t size) {
+    if (dma_transfer_number_get(wiring_.dma, wiring_.transmit_channel) != 0) return false;  // one is under way
+    if (!stop(wiring_.transmit_channel)) return false;
+    set_memory(wiring_.transmit_channel, bytes);
+    dma_transfer_number_config(wiring_.dma, wiring_.transmit_channel, static_cast<std::uint32_t>(size));
+    dma_interrupt_enable(wiring_.dma, wiring_.transmit_channel, DMA_CHXCTL_FTFIE);
+    USART_CTL2(wiring_.usart) |= USART_CTL2_DENT;
+    dma_channel_enable(wiring_.dma, wiring_.transmit_channel);
+    return true;
+  }
+
+  void stop_transmit() {
+    static_cast<void>(stop(wiring_.transmit_channel));  // if the channel hangs, the next start says so
+    dma_transfer_number_config(wiring_.dma, wiring_.transmit_channel, 0);
+  }
+
+  /// Any task, any interrupt.
+  void pend() { NVIC_SetPendingIRQ(wiring_.interrupt); }
+
+  /// The tightly coupled memory of GD32F4xx is for the core alone. DMA counts bytes in 16 bits.
+  bool reaches(const void* bytes, std::size_t size) const {
+    const auto address = reinterpret_cast<std::uintptr_t>(bytes);
+    return size <= 0xFFFF && (address + size <= 0x1000'0000 || address >= 0x1001'0000);
+  }
+
+  // ---- the three handlers
+
+  template <class Link>
+  void usart_interrupt(Link& link) {
+    // In this order: reading the status, as these do, and then the data register clears the flags.
+    const bool error =
+        is_up(USART_INT_FLAG_ERR_ORERR) || is_up(USART_INT_FLAG_ERR_NERR) || is_up(USART_INT_FLAG_ERR_FERR);
+    const bool idle = is_up(USART_INT_FLAG_IDLE);
+    if (error || idle) static_cast<void>(usart_data_receive(wiring_.usart));
+    if (error) link.on_error();
+    if (idle) link.on_received();
+    link.on_pended();
+  }
+
+  template <class Link>
+  void receive_interrupt(Link& link) {
+    clear(wiring_.receive_channel, DMA_INT_FLAG_HTF);
+    clear(wiring_.receive_channel, DMA_INT_FLAG_FTF);
+    link.on_received();
+  }
+
+  template <class Link>
+  void transmit_interrupt(Link& link) {
+    if (dma_interrupt_flag_get(wiring_.dma, wiring_.transmit_channel, DMA_INT_FLAG_FTF) == RESET) return;
+    clear(wiring_.transmit_channel, DMA_INT_FLAG_FTF);
+    link.on_transmitted();
+  }
+
+ private:
+  /// False if the channel does not stop: DMA must end the transfer of one byte first, and ends it within a few cycles.
+  bool stop(dma_channel_enum channel) {
+    dma_channel_disable(wiring_.dma, channel);
+    for (int tries = 0; (DMA_CHCTL(wiring_.dma, channel) & DMA_CHXCTL_CHEN) != 0; ++tries) {
+      if (tries == 100) return false;
+    }
+    clear(channel, DMA_INT_FLAG_HTF);  // GD32F4xx raises a flag when a channel is stopped, too
+    clear(channel, DMA_INT_FLAG_FTF);
+    return true;
+  }
+
+  void set_memory(dma_channel_enum channel, const std::uint8_t* bytes) {
+    const auto address = static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(bytes));
+#if defined(GD32F4XX_H)
+    dma_memory_address_config(wiring_.dma, channel, DMA_MEMORY_0, address);
+#else
+    dma_memory_address_config(wiring_.dma, channel, address);
+#endif
+  }
+
+  void clear(dma_channel_enum channel, std::uint32_t flag) { dma_interrupt_flag_clear(wiring_.dma, channel, flag); }
+
+  bool is_up(usart_interrupt_flag_enum flag) const { return usart_interrupt_flag_get(wiring_.usart, flag) != RESET; }
+
+  void forget_flags() {
+    static_cast<void>(is_up(USART_INT_FLAG_IDLE));
+    static_cast<void>(usart_data_receive(wiring_.usart));
+  }
+
+  Wiring wiring_;
+  std::size_t size_ = 0;
+};
+
+}  // namespace wirebond::gd32_spl

@@ -1,0 +1,134 @@
+// The double's functions: registers and flags, and the UART of fake/ behind them.
+#include "gd32f30x.h"
+
+#include <array>
+
+#include "board.hpp"
+
+using wirebond::fake::Uart;
+
+namespace {
+
+struct Channel {
+  std::uint32_t control = 0;
+  std::uint32_t flags = 0;
+  std::uint32_t number = 0;
+  std::uint8_t* memory = nullptr;
+  bool hangs = false;
+};
+
+struct Registers {
+  Uart* uart = nullptr;
+  std::uint8_t* memory = nullptr;
+  std::array<Channel, 8> channels{};
+  std::uint32_t control_2 = 0;
+  std::uint32_t status = 0;  ///< a bit for each usart_interrupt_flag_enum
+  bool idle_enabled = false;
+};
+
+Registers registers;
+Channel& of(dma_channel_enum channel) { return registers.channels[channel]; }
+
+}  // namespace
+
+Board::Board(Uart& uart, std::uint8_t* memory) {
+  registers = {};
+  registers.uart = &uart;
+  registers.memory = memory;
+}
+
+Board::~Board() { registers = {}; }
+
+void Board::run(wirebond::fake::Time until) { registers.uart->run(until, *this); }
+
+void Board::hang(dma_channel_enum channel) { of(channel).hangs = true; }
+
+void Board::on_received() {
+  const std::size_t place = registers.uart->receive_position();
+  const std::uint32_t size = of(DMA_CH4).number;
+  if (place == 0 || place == size / 2) {
+    of(DMA_CH4).flags |= place == 0 ? DMA_INTF_FTFIF : DMA_INTF_HTFIF;
+    if ((of(DMA_CH4).control & of(DMA_CH4).flags) != 0) DMA0_Channel4_IRQHandler();
+  } else if (registers.idle_enabled) {
+    registers.status |= 1u << USART_INT_FLAG_IDLE;
+    USART0_IRQHandler();
+  }
+}
+
+void Board::on_transmitted() {
+  of(DMA_CH3).flags |= DMA_INTF_FTFIF;
+  if ((of(DMA_CH3).control & DMA_CHXCTL_FTFIE) != 0) DMA0_Channel3_IRQHandler();
+}
+
+void Board::on_error() {
+  registers.status |= 1u << USART_INT_FLAG_ERR_FERR;
+  if ((registers.control_2 & USART_CTL2_ERRIE) != 0) USART0_IRQHandler();
+}
+
+void Board::on_pended() { USART0_IRQHandler(); }
+
+std::uint32_t& DMA_CHCTL(std::uint32_t, dma_channel_enum channel) { return of(channel).control; }
+std::uint32_t& USART_CTL2(std::uint32_t) { return registers.control_2; }
+
+void dma_channel_enable(std::uint32_t, dma_channel_enum channel) {
+  Channel& it = of(channel);
+  it.control |= DMA_CHXCTL_CHEN;
+  if (channel == DMA_CH4) {
+    registers.uart->start_receive(it.memory, it.number);
+  } else {
+    registers.uart->start_transmit(it.memory, it.number);
+  }
+}
+
+void dma_channel_disable(std::uint32_t, dma_channel_enum channel) {
+  if (of(channel).hangs) return;
+  of(channel).control &= ~DMA_CHXCTL_CHEN;
+  if (channel == DMA_CH4) {
+    registers.uart->stop_receive();
+  } else {
+    of(channel).number = static_cast<std::uint32_t>(registers.uart->waiting());
+    registers.uart->stop_transmit();
+  }
+}
+
+void dma_memory_address_config(std::uint32_t, dma_channel_enum channel, std::uint32_t address) {
+  const auto base = static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(registers.memory));
+  of(channel).memory = registers.memory + static_cast<std::int32_t>(address - base);
+}
+
+void dma_transfer_number_config(std::uint32_t, dma_channel_enum channel, std::uint32_t number) {
+  of(channel).number = number;
+}
+
+std::uint32_t dma_transfer_number_get(std::uint32_t, dma_channel_enum channel) {
+  if (channel == DMA_CH4) return of(channel).number - static_cast<std::uint32_t>(registers.uart->receive_position());
+  if (!registers.uart->transmitting()) return (of(channel).control & DMA_CHXCTL_CHEN) != 0 ? 0 : of(channel).number;
+  return 1 + static_cast<std::uint32_t>(registers.uart->waiting());
+}
+
+void dma_interrupt_enable(std::uint32_t, dma_channel_enum channel, std::uint32_t source) {
+  of(channel).control |= source;
+}
+
+FlagStatus dma_interrupt_flag_get(std::uint32_t, dma_channel_enum channel, std::uint32_t flag) {
+  return (of(channel).flags & flag) != 0 ? SET : RESET;
+}
+
+void dma_interrupt_flag_clear(std::uint32_t, dma_channel_enum channel, std::uint32_t flag) {
+  of(channel).flags &= ~flag;
+}
+
+std::uint16_t usart_data_receive(std::uint32_t) {
+  registers.status = 0;  // the status was read before
+  return 0;
+}
+
+void usart_interrupt_enable(std::uint32_t, usart_interrupt_enum) { registers.idle_enabled = true; }
+
+FlagStatus usart_interrupt_flag_get(std::uint32_t, usart_interrupt_flag_enum flag) {
+  return (registers.status >> flag & 1) != 0 ? SET : RESET;
+}
+
+void NVIC_SetPendingIRQ(IRQn_Type interrupt) {
+  if (interrupt == USART0_IRQn) registers.uart->pend();
+}

@@ -1,0 +1,88 @@
+// A port: a UART of an STM32 through the vendor's HAL, with circular DMA in and DMA out. It defines no HAL callback.
+#pragma once
+
+// The HAL of the family whose headers are there. For another family, include its HAL before this header.
+#ifndef HAL_UART_MODULE_ENABLED
+#if __has_include("stm32f4xx_hal.h")
+#include "stm32f4xx_hal.h"
+#elif __has_include("stm32g4xx_hal.h")
+#include "stm32g4xx_hal.h"
+#elif __has_include("stm32h7xx_hal.h")
+#include "stm32h7xx_hal.h"
+#endif
+#ifndef HAL_UART_MODULE_ENABLED
+#error "no HAL with HAL_UART_MODULE_ENABLED: add its folder to the include path, or include it before this header"
+#endif
+#endif
+
+#include <cstddef>
+#include <cstdint>
+
+#include "wirebond/stm32_hal/reach.hpp"
+
+namespace wirebond::stm32_hal {
+
+/// The UART is initialised by your project: CubeMX's MX_USARTn_UART_Init with a circular RX DMA and a normal TX DMA.
+/// All functions but `pend` are for the UART's interrupt and its DMA's, which have one priority; Link keeps to that.
+///
+/// Forward three callbacks of the HAL (or `register_events`), and pass on `pend` from the UART's handler:
+///   HAL_UARTEx_RxEventCallback -> link.on_received()     HAL_UART_TxCpltCallback -> link.on_transmitted()
+///   HAL_UART_ErrorCallback     -> link.on_error()        USARTn_IRQHandler, after the HAL's -> link.on_pended()
+class Uart {
+ public:
+  /// `interrupt`: the UART's own, USART3_IRQn for instance. `handle` outlives this object.
+  Uart(UART_HandleTypeDef& handle, IRQn_Type interrupt) : handle_(handle), interrupt_(interrupt) {}
+
+  /// False while DMA is still being stopped after an error: the HAL tells HAL_BUSY or HAL_ERROR.
+  bool start_receive(std::uint8_t* ring, std::size_t size) {
+    // After a DMA error the HAL calls itself ready with the stream still running, and then starts never again.
+    if (HAL_UART_AbortReceive(&handle_) != HAL_OK) return false;
+    return HAL_UARTEx_ReceiveToIdle_DMA(&handle_, ring, static_cast<std::uint16_t>(size)) == HAL_OK;
+  }
+
+  /// False after an error: in DMA mode the HAL ends reception for each.
+  bool receiving() const { return handle_.RxState == HAL_UART_STATE_BUSY_RX; }
+
+  /// Any context.
+  std::size_t receive_position() const {
+    const std::size_t size = handle_.RxXferSize;
+    const std::size_t position = size - __HAL_DMA_GET_COUNTER(handle_.hdmarx);
+    return position == size ? 0 : position;  // the counter may be read at 0, before it starts the next round
+  }
+
+  bool start_transmit(const std::uint8_t* bytes, std::size_t size) {
+    auto* mutable_bytes = const_cast<std::uint8_t*>(bytes);  // older HALs lack the const, and do not write either
+    return HAL_UART_Transmit_DMA(&handle_, mutable_bytes, static_cast<std::uint16_t>(size)) == HAL_OK;
+  }
+
+  void stop_transmit() { static_cast<void>(HAL_UART_AbortTransmit(&handle_)); }
+
+  /// Any task, any interrupt.
+  void pend() { NVIC_SetPendingIRQ(interrupt_); }
+
+  /// The HAL counts bytes in 16 bits.
+  bool reaches(const void* bytes, std::size_t size) const {
+    return size <= 0xFFFF && dma_reaches(family, reinterpret_cast<std::uintptr_t>(bytes), size);
+  }
+
+ private:
+  UART_HandleTypeDef& handle_;
+  IRQn_Type interrupt_;
+};
+
+#if defined(USE_HAL_UART_REGISTER_CALLBACKS) && USE_HAL_UART_REGISTER_CALLBACKS == 1
+/// In place of the three callbacks: the HAL calls this link for this UART. Once, after the HAL initialised the UART,
+/// and again if it does so again. `link` is an object at namespace scope. False: the HAL refuses, for the UART is not
+/// ready.
+template <auto& link>
+bool register_events(UART_HandleTypeDef& handle) {
+  const auto received = [](UART_HandleTypeDef*, std::uint16_t) { link.on_received(); };
+  const auto transmitted = [](UART_HandleTypeDef*) { link.on_transmitted(); };
+  const auto error = [](UART_HandleTypeDef*) { link.on_error(); };
+  return HAL_UART_RegisterRxEventCallback(&handle, received) == HAL_OK &&
+         HAL_UART_RegisterCallback(&handle, HAL_UART_TX_COMPLETE_CB_ID, transmitted) == HAL_OK &&
+         HAL_UART_RegisterCallback(&handle, HAL_UART_ERROR_CB_ID, error) == HAL_OK;
+}
+#endif
+
+}  // namespace wirebond::stm32_hal

@@ -1,0 +1,30 @@
+// A board with one UART for the tests: the double of the HAL, and the interrupts that it serves.
+#pragma once
+
+#include "stm32f4xx_hal.h"
+#include "wirebond/fake/uart.hpp"
+
+extern UART_HandleTypeDef huart3;
+
+/// What CubeMX generates, with the line that the guide adds. The test defines it.
+extern "C" void USART3_IRQHandler(void);
+
+/// Gives `huart3` a simulated UART to stand for; its `run` lets time pass.
+class Board {
+ public:
+  explicit Board(wirebond::fake::Uart& uart);
+  ~Board();
+  Board(const Board&) = delete;
+  Board& operator=(const Board&) = delete;
+
+  void run(wirebond::fake::Time until) { uart_.run(until, *this); }
+
+  // what the vendor's interrupt handlers do with the hardware's events
+  void on_received();
+  void on_transmitted();
+  void on_error();
+  void on_pended();
+
+ private:
+  wirebond::fake::Uart& uart_;
+};

@@ -1,0 +1,214 @@
+// The port on the double of the HAL: it keeps the contract of a port, whatever the hardware and the HAL answer.
+#include "wirebond/stm32_hal/uart.hpp"
+
+#include <doctest/doctest.h>
+
+#include <array>
+#include <cstdint>
+#include <cstring>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "board.hpp"
+#include "stm32f4xx_hal.h"
+
+namespace fake = wirebond::fake;
+using wirebond::stm32_hal::dma_reaches;
+using wirebond::stm32_hal::Family;
+using Bytes = std::vector<std::uint8_t>;
+
+namespace {
+
+/// In the place of a Link: writes down its events, and restarts reception as a Link does.
+struct Events {
+  wirebond::stm32_hal::Uart uart{huart3, USART3_IRQn};
+  std::array<std::uint8_t, 16> ring{};
+  std::string log;
+  bool started = false;
+
+  void on_received() { log += 'r'; }
+  void on_transmitted() { log += 't'; }
+  void on_error() {
+    log += 'e';
+    started = uart.start_receive(ring.data(), ring.size());
+  }
+  void on_pended() { log += 'p'; }
+};
+
+Events events;
+
+/// A fresh board and fresh events for each test.
+struct Bench {
+  fake::Line in{1'000'000, 10};
+  fake::Line out{1'000'000, 10};
+  fake::Uart uart{in, out};
+  Board board{uart};
+  wirebond::stm32_hal::Uart& port = events.uart;
+
+  Bench() {
+    events.ring = {};
+    events.log.clear();
+    events.started = false;
+#if USE_HAL_UART_REGISTER_CALLBACKS == 1
+    REQUIRE(wirebond::stm32_hal::register_events<events>(huart3));
+#endif
+  }
+
+  bool start() { return port.start_receive(events.ring.data(), events.ring.size()); }
+};
+
+}  // namespace
+
+// What a user writes, as docs/firmware.md says.
+extern "C" {
+#if USE_HAL_UART_REGISTER_CALLBACKS != 1
+void HAL_UARTEx_RxEventCallback(UART_HandleTypeDef* handle, uint16_t) {
+  if (handle == &huart3) events.on_received();
+}
+void HAL_UART_TxCpltCallback(UART_HandleTypeDef* handle) {
+  if (handle == &huart3) events.on_transmitted();
+}
+void HAL_UART_ErrorCallback(UART_HandleTypeDef* handle) {
+  if (handle == &huart3) events.on_error();
+}
+#endif
+void USART3_IRQHandler(void) { events.on_pended(); }
+}
+
+TEST_CASE("received bytes are in the ring up to the position, in circles") {
+  Bench bench;
+  CHECK(bench.port.receive_position() == 0);  // before the first start
+  REQUIRE(bench.start());
+  bench.in.put(Bytes{1, 2, 3}, 0);
+  bench.board.run(50'000);
+  CHECK(bench.port.receive_position() == 3);
+  CHECK(events.ring[2] == 3);
+  CHECK(events.log == "r");
+  bench.in.put(Bytes(13, 9), 50'000);
+  bench.board.run(180'000);
+  CHECK(bench.port.receive_position() == 0);
+  bench.in.put(Bytes{4}, 200'000);
+  bench.board.run(300'000);
+  CHECK(bench.port.receive_position() == 1);
+  CHECK(events.ring[0] == 4);
+}
+
+TEST_CASE("after a line error the ring begins anew, and bytes come again") {
+  Bench bench;
+  REQUIRE(bench.start());
+  bench.in.put(1, 0);
+  bench.in.put(2, 0, fake::Fault::framing);
+  bench.board.run(20'000);
+  CHECK(events.log == "e");
+  CHECK(events.started);
+  CHECK(bench.port.receive_position() == 0);
+  bench.in.put(7, 30'000);
+  bench.board.run(40'000);
+  CHECK(events.ring[0] == 7);
+}
+
+TEST_CASE("a start is refused while the HAL still stops DMA, and works afterwards") {
+  Bench bench;
+  bench.uart.behaviour.abort_time = 50'000;
+  REQUIRE(bench.start());
+  bench.in.put(1, 0, fake::Fault::noise);
+  bench.uart.mask(10'000);
+  CHECK(bench.port.receiving());
+  bench.board.run(10'000);
+  REQUIRE_FALSE(bench.uart.receiving());
+  CHECK_FALSE(bench.start());
+  bench.board.run(70'000);
+  CHECK(events.started);
+}
+
+TEST_CASE("an error ends reception, and a start begins it") {
+  Bench bench;
+  CHECK_FALSE(bench.port.receiving());
+  bench.uart.refuse_receives(2);
+  CHECK_FALSE(bench.start());
+  CHECK_FALSE(bench.port.receiving());
+  CHECK_FALSE(bench.start());
+  REQUIRE(bench.start());
+  CHECK(bench.port.receiving());
+}
+
+TEST_CASE("a start while reception runs begins the ring anew, with no HAL_BUSY in the way") {
+  Bench bench;
+  REQUIRE(bench.start());
+  bench.in.put(Bytes{1, 2}, 0);
+  bench.board.run(50'000);
+  CHECK(bench.start());
+  CHECK(bench.port.receive_position() == 0);
+}
+
+TEST_CASE("a run leaves whole, and completes once") {
+  Bench bench;
+  const Bytes bytes{1, 2, 3};
+  REQUIRE(bench.port.start_transmit(bytes.data(), bytes.size()));
+  CHECK_FALSE(bench.port.start_transmit(bytes.data(), bytes.size()));  // HAL_BUSY
+  bench.board.run(100'000);
+  CHECK(events.log == "t");
+  CHECK(bench.out.read(100'000) == bytes);
+  CHECK(bench.port.start_transmit(bytes.data(), bytes.size()));
+}
+
+TEST_CASE("HAL_ERROR at a start is an answer, and the next start works") {
+  Bench bench;
+  bench.uart.refuse_transmits(1);
+  const Bytes bytes{1};
+  CHECK_FALSE(bench.port.start_transmit(bytes.data(), bytes.size()));
+  CHECK(bench.port.start_transmit(bytes.data(), bytes.size()));
+}
+
+TEST_CASE("a stopped run completes never, and another can begin") {
+  Bench bench;
+  const Bytes bytes{1, 2, 3};
+  REQUIRE(bench.port.start_transmit(bytes.data(), bytes.size()));
+  bench.board.run(15'000);
+  bench.port.stop_transmit();
+  bench.board.run(100'000);
+  CHECK(events.log.empty());
+  CHECK(bench.port.start_transmit(bytes.data(), bytes.size()));
+  bench.board.run(200'000);
+  CHECK(events.log == "t");
+}
+
+TEST_CASE("a run whose DMA dies is told as an error; reception and sending go on after it") {
+  Bench bench;
+  REQUIRE(bench.start());
+  const Bytes bytes{1, 2, 3};
+  REQUIRE(bench.port.start_transmit(bytes.data(), bytes.size()));
+  bench.board.run(5'000);
+  bench.uart.kill_transmit();
+  bench.board.run(50'000);
+  CHECK(events.log == "e");
+  CHECK(events.started);
+  CHECK(bench.port.start_transmit(bytes.data(), bytes.size()));
+}
+
+TEST_CASE("pend runs the UART's own handler") {
+  Bench bench;
+  bench.port.pend();
+  CHECK(events.log.empty());
+  bench.board.run(1);
+  CHECK(events.log == "p");
+}
+
+TEST_CASE("memory that DMA cannot reach is refused, also where a buffer only touches it") {
+  static_assert(wirebond::stm32_hal::family == Family::f4);
+  CHECK(dma_reaches(Family::f4, 0x2000'0000, 1024));
+  CHECK_FALSE(dma_reaches(Family::f4, 0x1000'0000, 1));
+  CHECK_FALSE(dma_reaches(Family::f4, 0x1000'FFFF, 2));
+  CHECK(dma_reaches(Family::f4, 0x1001'0000, 2));
+  CHECK_FALSE(dma_reaches(Family::g4, 0x1000'7FFF, 1));
+  CHECK(dma_reaches(Family::g4, 0x2001'8000, 64));  // the same memory, where DMA finds it
+  CHECK_FALSE(dma_reaches(Family::h7, 0x2001'FFFF, 64));
+  CHECK_FALSE(dma_reaches(Family::h7, 0x0000'0000, 64));
+  CHECK(dma_reaches(Family::h7, 0x2400'0000, 64));
+  CHECK(dma_reaches(Family::other, 0x1000'0000, 64));
+  Bench bench;
+  std::array<std::uint8_t, 1> bytes{};
+  CHECK(bench.port.reaches(bytes.data(), 1));
+  CHECK_FALSE(bench.port.reaches(bytes.data(), 0x1'0000));  // more than the HAL can count
+}

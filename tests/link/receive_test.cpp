@@ -1,0 +1,86 @@
+// What Link does with what a UART makes of a bad line: errors, restarts, laps. Each frame that came whole is delivered.
+#include <doctest/doctest.h>
+
+#include <cstdint>
+
+#include "board.hpp"
+#include "wires.hpp"
+
+using wirebond::fake::Event;
+
+TEST_CASE_TEMPLATE("with 1 % of bytes in error every frame that came whole is delivered once, in order", Wire,
+                   Enterprize, Native) {
+  for (const bool errors_stop : {true, false}) {
+    for (const bool keeps_damaged : {true, false}) {
+      CAPTURE(errors_stop);
+      CAPTURE(keeps_damaged);
+      Board<Wire> board(errors_stop ? 1 : 2);
+      board.to_mcu.faults.framing = 10'000;
+      board.uart.behaviour.errors_stop = errors_stop;
+      board.uart.behaviour.keeps_damaged = keeps_damaged;
+      board.uart.behaviour.interrupt_delay = 20'000;
+      board.uart.behaviour.abort_time = 10'000;
+      board.uart.behaviour.spurious = 10'000;
+      board.uart.behaviour.receive_refused = 100'000;
+      for (std::uint32_t step = rounds(3'000, 300'000); step != 0; --step) {
+        for (std::uint64_t frames = board.draw.below(4); frames != 0; --frames) {
+          board.peer.send(board.now + board.draw.below(300'000));
+        }
+        board.pass(board.draw.below(1'000'000));
+        board.check();
+      }
+      for (int i = 0; i < 200; ++i) board.pass(1'000'000);
+      board.check(true);
+      CHECK(board.link->counters().line_errors > 100);
+      CHECK(board.handler.commands.size() > board.peer.sent() / 2);
+      CHECK(board.handler.commands.size() < board.peer.sent());
+      MESSAGE("lost " << board.peer.lost() << " of " << board.peer.came() << " mended " << board.peer.mended());
+    }
+  }
+}
+
+TEST_CASE_TEMPLATE("a reader that is lapped loses what was overwritten, counts it, and nothing else", Wire, Enterprize,
+                   Native) {
+  Board<Wire, 256> board(3);
+  board.uart.behaviour.interrupt_delay = 50'000;
+  for (std::uint32_t step = rounds(2'000, 200'000); step != 0; --step) {
+    for (std::uint64_t frames = board.draw.below(40); frames != 0; --frames) board.peer.send(board.now);
+    board.pass(board.draw.chance(200'000) ? board.draw.below(20'000'000) : 500'000);
+    board.check();
+  }
+  CHECK(board.link->receive_account().laps > 100);
+  CHECK(board.handler.commands.size() > 1'000);
+  // Once it is read in time again, nothing is lost.
+  while (board.to_mcu.next_arrival() != wirebond::fake::never) board.pass(500'000);
+  for (int i = 0; i < 100; ++i) board.pass(1'000'000);
+  const std::size_t before = board.handler.commands.size();
+  for (int i = 0; i < 100; ++i) {
+    board.peer.send(board.now);
+    board.pass(500'000);
+  }
+  board.pass(1'000'000);
+  CHECK(board.handler.commands.size() == before + 100);
+}
+
+TEST_CASE_TEMPLATE("half, full and idle events in any order, held back for long or never, lose nothing", Wire,
+                   Enterprize, Native) {
+  for (const Event missing : {Event::half, Event::full, Event::idle}) {
+    Board<Wire> board(4);
+    board.uart.behaviour.interrupt_delay = 400'000;
+    board.uart.behaviour.spurious = 50'000;
+    board.uart.hold(missing);
+    for (std::uint32_t step = rounds(1'000, 100'000); step != 0; --step) {
+      for (std::uint64_t frames = board.draw.below(5); frames != 0; --frames) {
+        board.peer.send(board.now + board.draw.below(500'000));
+      }
+      if (board.draw.chance(20'000)) board.uart.mask(board.now + board.draw.below(1'000'000));
+      board.pass(board.draw.below(800'000));
+      board.check();
+      if (board.draw.chance(5'000)) board.uart.release(missing);
+      if (board.draw.chance(5'000)) board.uart.hold(missing);
+    }
+    for (int i = 0; i < 200; ++i) board.pass(1'000'000);
+    board.check(true);
+    CHECK(board.handler.commands.size() == board.peer.sent());
+  }
+}
