@@ -2,11 +2,9 @@
 // and in the simulation; only the Board differs.
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
 
-#include "diffdrive.hpp"  // generated: wirebond gen protocols/diffdrive.yaml --lang cpp
+#include "diffdrive_link.hpp"  // generated: wirebond gen protocols/diffdrive.yaml --lang cpp
 
 namespace rover {
 
@@ -15,6 +13,9 @@ constexpr float low_battery_v = 10.5F;        ///< three lithium cells at 3.5 V
 constexpr float default_max_linear = 2.0F;    ///< m/s
 constexpr float default_max_angular = 3.14F;  ///< rad/s
 
+/// A receive ring for 22 ms of the line, and room for four frames: put it where the UART's DMA reaches it.
+using Buffers = diffdrive::McuBuffers<256, 64, 4>;
+
 /// What the firmware asks of a board. Called from `Rover`'s own functions only.
 ///
 ///   void set_wheel_speeds(float left_m_s, float right_m_s);
@@ -22,37 +23,25 @@ constexpr float default_max_angular = 3.14F;  ///< rad/s
 ///   float battery_v();
 ///   bool estop_pressed();
 ///   bool charging();
-///   void transmit(const std::uint8_t* bytes, std::size_t size);
 ///   void report(const char* event);           // for a log; may do nothing
 ///
-/// One task or one main loop calls everything here. Times are microseconds and may wrap.
-template <class Board>
+/// `poll` runs everything here in its own context. Times are microseconds and may wrap.
+template <class Board, class Port>
 class Rover {
  public:
-  Rover(Board& board, std::uint32_t now_us)
-      : board_(board),
-        now_us_(now_us),
-        deadlines_(diffdrive::mcu_deadlines, now_us),
-        odometry_(diffdrive::Odometry::Info::every_us, now_us) {
+  using Link = diffdrive::McuLink<Rover, Port, Buffers>;
+
+  Rover(Board& board, Port& port, Buffers& buffers) : board_(board), link_(*this, port, buffers) {
     board_.set_wheel_speeds(0.0F, 0.0F);  // until the first valid command
   }
 
-  /// Bytes from the UART. `size` 0 says that a read found nothing.
-  void receive(const std::uint8_t* bytes, std::size_t size, std::uint32_t now_us) {
-    now_us_ = now_us;
-    if (size != 0) {
-      receiver_.feed(bytes, size, now_us, *this, deadlines_);
-    } else {
-      receiver_.idle(now_us, *this, deadlines_);
-    }
-  }
+  /// For the UART's interrupt, which calls the link's `on_...` functions.
+  Link& link() { return link_; }
 
-  /// Call it at least every few milliseconds.
+  /// Call it every few milliseconds.
   void poll(std::uint32_t now_us) {
-    now_us_ = now_us;
-    deadlines_.poll(now_us, [this](std::uint8_t action) { diffdrive::act_at_mcu(action, *this); });
+    link_.poll(now_us);
     if (board_.estop_pressed()) halt();
-    if (odometry_.due(now_us)) send(diffdrive::Odometry{board_.take_left_ticks(), board_.take_right_ticks()});
   }
 
   // ---- messages
@@ -71,7 +60,7 @@ class Rover {
     if (stopped_by_silence()) status.errors |= diffdrive::Status::Errors::comm_timeout;
     if (board_.estop_pressed()) status.state |= diffdrive::Status::State::estop;
     if (board_.charging()) status.state |= diffdrive::Status::State::charging;
-    send(status);
+    static_cast<void>(link_.send(status));  // what the queue has no room for is counted there
   }
 
   void on(const diffdrive::Parameter& parameter) {
@@ -79,11 +68,17 @@ class Rover {
     switch (parameter.name) {
       case Name::clear_safe_mode:
         if (in_safe_mode()) board_.report("safe_mode ends");
-        deadlines_.recover(static_cast<std::uint8_t>(diffdrive::Action::safe_mode), now_us_);
+        link_.recover(diffdrive::Action::safe_mode);
         break;
       case Name::max_linear: max_linear_ = limited(parameter.value, default_max_linear); break;
       case Name::max_angular: max_angular_ = limited(parameter.value, default_max_angular); break;
     }
+  }
+
+  bool fill(diffdrive::Odometry& odometry) {
+    odometry.left_ticks = board_.take_left_ticks();
+    odometry.right_ticks = board_.take_right_ticks();
+    return true;
   }
 
   // ---- deadlines of the protocol file
@@ -98,8 +93,8 @@ class Rover {
     board_.report("safe_mode");
   }
 
-  bool in_safe_mode() const { return deadlines_.struck(static_cast<std::uint8_t>(diffdrive::Action::safe_mode)); }
-  bool stopped_by_silence() const { return deadlines_.struck(static_cast<std::uint8_t>(diffdrive::Action::stop)); }
+  bool in_safe_mode() const { return link_.struck(diffdrive::Action::safe_mode); }
+  bool stopped_by_silence() const { return link_.struck(diffdrive::Action::stop); }
 
  private:
   void halt() { board_.set_wheel_speeds(0.0F, 0.0F); }
@@ -109,20 +104,8 @@ class Rover {
     return value > bound ? bound : value < -bound ? -bound : value;
   }
 
-  template <class Message>
-  void send(const Message& message) {
-    std::array<std::uint8_t, Message::Info::max_frame_bytes> frame;
-    std::size_t size = 0;
-    if (diffdrive::encode(message, frame.data(), frame.size(), size) == wirebond::Status::ok) {
-      board_.transmit(frame.data(), size);
-    }
-  }
-
   Board& board_;
-  std::uint32_t now_us_;
-  diffdrive::Receiver<diffdrive::FromHost> receiver_;
-  wirebond::Deadlines<diffdrive::mcu_deadlines.size()> deadlines_;
-  wirebond::Periodic<> odometry_;
+  Link link_;
   float max_linear_ = default_max_linear;
   float max_angular_ = default_max_angular;
 };

@@ -12,6 +12,7 @@
 
 #include "plant.hpp"
 #include "rover.hpp"
+#include "wirebond/posix/port.hpp"
 #include "wirebond/posix/pty.hpp"
 
 namespace {
@@ -26,8 +27,7 @@ std::uint64_t monotonic_us() {
 
 class SimulatedBoard {
  public:
-  SimulatedBoard(rover::Plant& plant, int uart, std::uint64_t start_us)
-      : plant_(plant), uart_(uart), start_us_(start_us) {}
+  SimulatedBoard(rover::Plant& plant, std::uint64_t start_us) : plant_(plant), start_us_(start_us) {}
 
   void set_wheel_speeds(float left_m_s, float right_m_s) {
     plant_.left.set_speed(static_cast<double>(left_m_s));
@@ -38,17 +38,12 @@ class SimulatedBoard {
   float battery_v() const { return plant_.battery_v(); }
   bool estop_pressed() const { return plant_.estop_pressed; }
   bool charging() const { return plant_.charging; }
-  void transmit(const std::uint8_t* bytes, std::size_t size) {
-    // Nobody listens and the pty is full: the bytes are lost, as on a wire without a listener.
-    static_cast<void>(!::write(uart_, bytes, size));
-  }
   void report(const char* event) const {
     std::printf("%.3f %s\n", static_cast<double>(monotonic_us() - start_us_) * 1e-6, event);
   }
 
  private:
   rover::Plant& plant_;
-  int uart_;
   std::uint64_t start_us_;
 };
 
@@ -102,23 +97,26 @@ int main(int argument_count, char** arguments) {
 
   const std::uint64_t start_us = monotonic_us();
   rover::Plant plant;
-  SimulatedBoard board(plant, pty.controller.get(), start_us);
-  rover::Rover<SimulatedBoard> rover(board, static_cast<std::uint32_t>(start_us));
+  SimulatedBoard board(plant, start_us);
+  rover::Buffers buffers{};
+  wirebond::posix::Port uart(pty.controller.get());
+  rover::Rover<SimulatedBoard, wirebond::posix::Port> rover(board, uart, buffers);
+  if (!uart.start(rover.link())) {
+    std::fprintf(stderr, "the system has no descriptor left: %s\n", std::strerror(errno));
+    return 3;
+  }
   Operator person;
   bool has_stdin = true;
   std::uint64_t before_us = start_us;
   for (;;) {
-    pollfd watched[2] = {{pty.controller.get(), POLLIN, 0}, {has_stdin ? STDIN_FILENO : -1, POLLIN, 0}};
-    ::poll(watched, 2, tick_ms);
-    if (has_stdin && watched[1].revents != 0 && !person.read(plant)) {
+    pollfd watched = {has_stdin ? STDIN_FILENO : -1, POLLIN, 0};
+    ::poll(&watched, 1, tick_ms);
+    if (has_stdin && watched.revents != 0 && !person.read(plant)) {
       if (ends_with_stdin) return 0;
       has_stdin = false;
     }
     const std::uint64_t now_us = monotonic_us();
     for (; before_us + 1000 <= now_us; before_us += 1000) plant.step(1e-3, static_cast<double>(rover::track_m));
-    std::uint8_t bytes[512];
-    const ssize_t got = ::read(pty.controller.get(), bytes, sizeof bytes);
-    rover.receive(bytes, got > 0 ? static_cast<std::size_t>(got) : 0, static_cast<std::uint32_t>(now_us));
-    rover.poll(static_cast<std::uint32_t>(monotonic_us()));
+    rover.poll(static_cast<std::uint32_t>(now_us));
   }
 }

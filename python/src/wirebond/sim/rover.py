@@ -52,7 +52,7 @@ def build(folder: Path | None = None) -> Path:
         )
     unfinished = program.with_suffix(f".{os.getpid()}")
     command = [
-        *compiler, "-std=c++17", "-O2", f"-I{generated}", f"-I{paths.firmware() / 'rover'}",
+        *compiler, "-std=c++17", "-O2", "-pthread", f"-I{generated}", f"-I{paths.firmware() / 'rover'}",
         f"-I{paths.posix_include()}", str(paths.firmware() / "rover" / "host" / "main.cpp"), "-o", str(unfinished),
     ]  # fmt: skip
     result = subprocess.run(command, capture_output=True, text=True, check=False)
