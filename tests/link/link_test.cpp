@@ -350,6 +350,46 @@ TEST_CASE("a silent line is listened to anew every second, lest the UART hangs")
   CHECK(bench.link.counters().receive_restarts == 3);
 }
 
+// ---- subscriptions
+
+namespace {
+
+struct Shared : wirebond::Subscribed {
+  void on(const diffdrive::Velocity&) { ++own; }
+  void stop() {}
+  void safe_mode() {}
+  int own = 0;
+};
+
+std::string seen_by;
+const wirebond::Subscription<diffdrive::Velocity> first([](const diffdrive::Velocity&) { seen_by += "1"; });
+
+}  // namespace
+
+TEST_CASE("a message goes to its handler and to every subscription, as long as that lives") {
+  ScriptedPort port;
+  Shared shared;
+  diffdrive::McuBuffers<64, 64, 4> buffers;
+  diffdrive::McuLink link{shared, port, buffers};
+  link.poll(0);
+  const auto arrive = [&](std::uint32_t now_us) {
+    Bytes frame(diffdrive::Velocity::Info::max_frame_bytes);
+    std::size_t size = 0;
+    REQUIRE(diffdrive::encode(diffdrive::Velocity{}, frame.data(), frame.size(), size) == wirebond::Status::ok);
+    port.arrive(frame);
+    link.poll(now_us);
+  };
+  {
+    const wirebond::Subscription<diffdrive::Velocity> second([](const diffdrive::Velocity&) { seen_by += "2"; });
+    const wirebond::Subscription<diffdrive::StatusQuery> other([](const diffdrive::StatusQuery&) { seen_by += "x"; });
+    arrive(ms);
+    CHECK(seen_by == "21");
+  }
+  arrive(2 * ms);
+  CHECK(seen_by == "211");
+  CHECK(shared.own == 2);
+}
+
 // ---- services
 
 namespace {

@@ -17,6 +17,7 @@
 #include "wirebond/schedule.hpp"
 #include "wirebond/services.hpp"
 #include "wirebond/status.hpp"
+#include "wirebond/subscription.hpp"
 
 namespace wirebond {
 
@@ -193,6 +194,7 @@ class Link {
       detail::serve<Protocol>(message, link.handler_, link.now(), link.peer_,
                               [this](const auto& answer) { static_cast<void>(link.send(answer)); });
       if constexpr (detail::HasOn<Handler, Message>::value) link.handler_.on(message);
+      if constexpr (std::is_base_of_v<Subscribed, Handler>) Subscription<Message>::publish(message);
     }
     void unknown(const Frame& frame) { hand_over_unknown(frame, link.handler_); }
   };

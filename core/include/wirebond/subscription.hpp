@@ -1,0 +1,46 @@
+// Functions that want every message of a kind, from any source file; several for one message. No link, no queue.
+#pragma once
+
+namespace wirebond {
+
+/// A handler derives from it to let subscriptions see its link's messages, after its own `on`.
+struct Subscribed {};
+
+/// A variable of this type subscribes a function for as long as it lives:
+///
+///     static wirebond::Subscription<diffdrive::Velocity> log_velocity([](const diffdrive::Velocity& v) { ... });
+///
+/// At namespace scope of any source file it is there before `main`. The function runs inside `poll`, for the messages
+/// of every link whose handler is `Subscribed`; in which order several run is not told. It takes two words and no heap.
+/// Make and destroy subscriptions while no link is polled, or in the context that polls.
+template <class Message>
+class Subscription {
+ public:
+  using Function = void (*)(const Message&);
+
+  explicit Subscription(Function function) : function_(function), next_(first_) { first_ = this; }
+  ~Subscription() {
+    Subscription** place = &first_;
+    while (*place != this) place = &(*place)->next_;
+    *place = next_;
+  }
+  Subscription(const Subscription&) = delete;
+  Subscription& operator=(const Subscription&) = delete;
+
+  /// Call each function. One of them may end its own subscription.
+  static void publish(const Message& message) {
+    for (Subscription* subscription = first_; subscription != nullptr;) {
+      Subscription* const next = subscription->next_;
+      subscription->function_(message);
+      subscription = next;
+    }
+  }
+
+ private:
+  static inline Subscription* first_ = nullptr;  // set before any constructor runs, whatever the order of source files
+
+  Function function_;
+  Subscription* next_;
+};
+
+}  // namespace wirebond
