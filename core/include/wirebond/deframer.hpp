@@ -41,7 +41,7 @@ namespace detail {
 /// Counts bytes up to the largest frame: in two bytes where the format is a constant that needs no more.
 template <class Source>
 constexpr bool has_short_frames() {
-  if constexpr (Source::is_constant) {
+  if constexpr (folds<Source>(0)) {
     return max_wire_bytes(Source{}.format()) <= 0xFFFF;
   } else {
     return false;

@@ -25,7 +25,7 @@ WIREBOND_INLINE constexpr std::size_t workspace_bytes(const Source& source) {
 namespace detail {
 
 /// Where in its memory a StreamDeframer carries bytes. A constant source joins seams only, and these at the front.
-template <class Source, bool IsConstant = Source::is_constant>
+template <class Source, bool IsFolded = folds<Source>(0)>
 class CarryPlace {
  public:
   explicit CarryPlace(const Source&) {}
