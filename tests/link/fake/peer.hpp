@@ -34,17 +34,17 @@ class Peer {
     to_mcu_.put(frame, now);
   }
 
-  /// The first `size` bytes of a command, as a host leaves them that restarts half-way.
-  void send_part(std::size_t size, Time now) {
-    std::vector<std::uint8_t> frame = next_frame();
-    if (size < frame.size()) frame.resize(size);
-    if (size >= frame.size()) sent_.push_back({to_mcu_.put_count() + frame.size(), frame.size(), number_ - 1});
-    to_mcu_.put(frame, now);
+  /// The first bytes of a command, `left_out` less than all, as a host leaves it that restarts half-way.
+  void send_part(std::size_t left_out, Time now) {
+    const std::vector<std::uint8_t> frame = next_frame();
+    to_mcu_.put(frame.data(), left_out < frame.size() ? frame.size() - left_out : 1, now);
+    sent_.push_back({to_mcu_.put_count(), never_whole, number_ - 1});
   }
 
   /// Compare what the MCU's handler got with what came whole into its memory: each once, in order. Frames may be
-  /// missing only where the ring was lapped. (A frame whose first bytes were lost may be mended by equal bytes of an
-  /// earlier one that lost its end: nobody can tell.) `complete`: nothing is on its way.
+  /// missing only where the ring was lapped. (A frame that lost its first bytes may be mended by equal bytes of an
+  /// earlier one that lost its end, and one that lost its end by the next: nobody can tell.) `complete`: nothing is on
+  /// its way.
   void check(const std::vector<std::uint32_t>& delivered, const wirebond::ReceiveAccount& ring, bool complete = false) {
     learn();
     if (ring.laps != laps_) waits_since_ = memory_bytes_;
@@ -97,6 +97,8 @@ class Peer {
   const auto& receiver() const { return receiver_; }
 
  private:
+  static constexpr std::size_t never_whole = ~std::size_t{0};
+
   struct Sent {
     std::uint64_t end;  ///< bytes on the line up to its last one
     std::size_t size;

@@ -34,7 +34,7 @@ TEST_CASE_TEMPLATE("with 1 % of bytes in error every frame that came whole is de
       CHECK(board.link->counters().line_errors > 100);
       CHECK(board.handler.commands.size() > board.peer.sent() / 2);
       CHECK(board.handler.commands.size() < board.peer.sent());
-      MESSAGE("lost " << board.peer.lost() << " of " << board.peer.came() << " mended " << board.peer.mended());
+      CHECK(board.peer.mended() * 20 < board.peer.came());
     }
   }
 }
