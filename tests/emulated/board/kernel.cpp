@@ -1,4 +1,4 @@
-// What the FreeRTOS kernel asks of a program: its broken assumptions end the run with a sentence.
+// What the FreeRTOS kernel asks of a program: broken assumptions end the run with a sentence, and idleness is rest.
 #include "FreeRTOS.h"
 #include "report.hpp"
 #include "task.h"
@@ -15,3 +15,5 @@ extern "C" void vApplicationStackOverflowHook(TaskHandle_t, char* name) {
   board::print(": ");
   board::fail("the task's stack is too small");
 }
+
+extern "C" void vApplicationIdleHook() { asm volatile("wfi"); }

@@ -17,15 +17,20 @@ struct Events {
   static constexpr std::uint32_t pended = 1U << 2;       ///< software asked for the interrupt
 };
 
-/// `event_interrupt` is raised by software; its handler calls `take_events`. `bytes_a_tick`: the line's rate, in bytes
-/// for each call of `on_tick`.
+/// `event_interrupt` is raised by software; its handler calls `take_events`. `pace` is this line's timer: it runs while
+/// bytes come or go, so that an emulated board with nothing to do costs this machine nothing.
 class SoftwareDma {
  public:
-  SoftwareDma(Usart& usart, Interrupt usart_interrupt, Interrupt event_interrupt, std::size_t bytes_a_tick)
+  /// The line's pace, both ways: that of 2 Mbaud with two stop bits.
+  static constexpr std::uint32_t tick_us = 22;
+  static constexpr std::size_t bytes_a_tick = 4;
+
+  SoftwareDma(Usart& usart, Interrupt usart_interrupt, Interrupt event_interrupt, Timer& pace, Interrupt pace_interrupt)
       : usart_(usart),
         usart_interrupt_(usart_interrupt),
         event_interrupt_(event_interrupt),
-        bytes_a_tick_(bytes_a_tick) {}
+        pace_(pace),
+        pace_interrupt_(pace_interrupt) {}
   SoftwareDma(const SoftwareDma&) = delete;
   SoftwareDma& operator=(const SoftwareDma&) = delete;
 
@@ -33,12 +38,15 @@ class SoftwareDma {
 
   /// Begin circular reception, from the ring's first byte.
   void start_receive(std::uint8_t* ring, std::size_t size) {
-    usart_.control1 = Usart::enable | Usart::transmitter;
+    nvic::disable(usart_interrupt_);  // not the receiver: bytes that come meanwhile wait
     ring_ = ring;
     ring_size_ = size;
     position_ = 0;
-    nvic::enable(usart_interrupt_, hardware_priority);
     usart_.control1 = Usart::enable | Usart::transmitter | Usart::receiver | Usart::receive_interrupt;
+    nvic::set_priority(usart_interrupt_, hardware_priority);
+    nvic::set_priority(pace_interrupt_, hardware_priority);
+    nvic::enable(pace_interrupt_);
+    nvic::enable(usart_interrupt_);
   }
 
   std::size_t receive_position() const { return position_; }
@@ -47,7 +55,8 @@ class SoftwareDma {
   bool start_transmit(const std::uint8_t* bytes, std::size_t size) {
     if (left_ != 0) return false;
     next_ = bytes;
-    left_ = size;  // the last store: from here on the tick sends
+    left_ = size;  // before the look at the pace, which stops when nothing is left
+    if (!is_ticking_) start_pace();
     return true;
   }
 
@@ -72,11 +81,12 @@ class SoftwareDma {
   /// The USART's interrupt: a byte has come.
   void on_byte() {
     if ((usart_.status & Usart::received) == 0) return;
-    if (received_in_tick_ == bytes_a_tick_) {  // the other side waits until the byte is taken
-      usart_.control1 &= ~Usart::receive_interrupt;
+    if (received_in_tick_ == bytes_a_tick) {  // the other side waits until the byte is taken
+      nvic::disable(usart_interrupt_);        // to clear `receive_interrupt` does not end the machine's request
       return;
     }
     ++received_in_tick_;
+    if (!is_ticking_) start_pace();
     ring_[position_] = static_cast<std::uint8_t>(usart_.data);
     const std::size_t next = position_ + 1 == ring_size_ ? 0 : position_ + 1;
     position_ = next;
@@ -84,14 +94,13 @@ class SoftwareDma {
     if (next == 0 || next == ring_size_ / 2) raise(Events::received);
   }
 
-  /// The line's pace.
+  /// The interrupt of the pace, every `tick_us`.
   void on_tick() {
+    pace_.status = 0;
     if (left_ != 0) {
-      std::size_t now = left_ < bytes_a_tick_ ? left_ : bytes_a_tick_;
+      std::size_t now = left_ < bytes_a_tick ? left_ : bytes_a_tick;
       left_ -= now;
-      for (; now != 0; --now) {
-        while ((usart_.status & Usart::transmit_empty) == 0) {
-        }
+      for (; now != 0; --now) {  // the machine takes a byte at once, whatever its status register says
         usart_.data = *next_;
         next_ = next_ + 1;
       }
@@ -101,22 +110,33 @@ class SoftwareDma {
       idle_is_told_ = true;
       raise(Events::received);
     }
+    if (received_in_tick_ == 0 && left_ == 0) {
+      is_ticking_ = false;
+      pace_.control1 = 0;
+    }
     received_in_tick_ = 0;
-    if (ring_ != nullptr) usart_.control1 |= Usart::receive_interrupt;
+    if (ring_ != nullptr) nvic::enable(usart_interrupt_);
   }
 
  private:
+  void start_pace() {
+    start_ticks(pace_, tick_us);
+    is_ticking_ = true;  // afterwards: whoever comes between starts it too, which does no harm
+  }
+
   Usart& usart_;
   const Interrupt usart_interrupt_;
   const Interrupt event_interrupt_;
-  const std::size_t bytes_a_tick_;
-  std::uint8_t* ring_ = nullptr;
-  std::size_t ring_size_ = 0;
+  Timer& pace_;
+  const Interrupt pace_interrupt_;
+  std::uint8_t* volatile ring_ = nullptr;
+  volatile std::size_t ring_size_ = 0;
   volatile std::size_t position_ = 0;
   std::size_t received_in_tick_ = 0;
   bool idle_is_told_ = true;
   const std::uint8_t* volatile next_ = nullptr;
   volatile std::size_t left_ = 0;
+  volatile bool is_ticking_ = false;
   std::atomic<std::uint32_t> events_{0};
 };
 

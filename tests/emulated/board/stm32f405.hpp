@@ -14,7 +14,6 @@ struct Usart {
   Register baud;
   Register control1;
 
-  static constexpr std::uint32_t transmit_empty = 1U << 7;
   static constexpr std::uint32_t received = 1U << 5;
   static constexpr std::uint32_t enable = 1U << 13;
   static constexpr std::uint32_t receive_interrupt = 1U << 5;
@@ -63,34 +62,46 @@ inline Timer& timer5 = *reinterpret_cast<Timer*>(0x40000C00);
 
 namespace nvic {
 
-/// Let `interrupt` run from here on. `priority`: 0 is the most urgent, 15 the least.
-inline void enable(Interrupt interrupt, std::uint8_t priority) {
-  const auto number = static_cast<std::uint32_t>(interrupt);
-  reinterpret_cast<volatile std::uint8_t*>(0xE000E400)[number] = static_cast<std::uint8_t>(priority << 4);
-  reinterpret_cast<Register*>(0xE000E100)[number / 32] = 1U << (number % 32);
+/// 0 is the most urgent, 15 the least.
+inline void set_priority(Interrupt interrupt, std::uint8_t priority) {
+  reinterpret_cast<volatile std::uint8_t*>(0xE000E400)[static_cast<std::uint32_t>(interrupt)] =
+      static_cast<std::uint8_t>(priority << 4);
 }
 
-/// Ask for `interrupt` to run. Any context.
-inline void pend(Interrupt interrupt) {
+namespace detail {
+
+/// Of registers with a bit for each interrupt, where writing 1 does something and 0 nothing.
+inline void write_bit(std::uintptr_t registers, Interrupt interrupt) {
   const auto number = static_cast<std::uint32_t>(interrupt);
-  reinterpret_cast<Register*>(0xE000E200)[number / 32] = 1U << (number % 32);
+  reinterpret_cast<Register*>(registers)[number / 32] = 1U << (number % 32);
 }
+
+}  // namespace detail
+
+inline void enable(Interrupt interrupt) { detail::write_bit(0xE000E100, interrupt); }
+inline void disable(Interrupt interrupt) { detail::write_bit(0xE000E180, interrupt); }
+
+/// Ask for `interrupt` to run. Any context.
+inline void pend(Interrupt interrupt) { detail::write_bit(0xE000E200, interrupt); }
 
 }  // namespace nvic
 
+// ---- time: programs see a processor of 170 MHz that makes one instruction in each cycle
+
+constexpr std::uint32_t instructions_per_us = 170;
+
 /// From here on `timer.count` has microseconds, and wraps as 32 bits do.
 inline void start_clock(Timer& timer) {
-  timer.prescaler = 1000 - 1;
+  timer.prescaler = instructions_per_us - 1;
   timer.reload = 0xFFFFFFFF;
   timer.control1 = Timer::enable;
 }
 
-/// From here on `interrupt` comes every `period_ns` and a little; its handler clears `timer.status`.
-inline void start_ticks(Timer& timer, Interrupt interrupt, std::uint32_t period_ns, std::uint8_t priority) {
-  nvic::enable(interrupt, priority);
-  timer.reload = period_ns;
+/// From here on the timer's interrupt comes every `period_us`; its handler clears `timer.status`.
+inline void start_ticks(Timer& timer, std::uint32_t period_us) {
   timer.interrupts = Timer::update;
   timer.control1 = Timer::enable;
+  timer.reload = period_us * instructions_per_us;  // in the emulated machine this is what starts a stopped timer again
 }
 
 }  // namespace board

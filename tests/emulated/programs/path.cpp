@@ -1,21 +1,17 @@
 // The way of a byte through the emulated board, without a link: what the host commands comes back, as long as it asks.
 // A task of FreeRTOS waits for the events of reception, decodes, encodes, and waits for the end of each transmission.
-#include "FreeRTOS.h"
-#include "emulated_uart.hpp"
+#include "board.hpp"
 #include "enterprize.hpp"
-#include "report.hpp"
-#include "task.h"
 
 namespace {
 
-constexpr std::uint32_t tick_ns = 5000;
-constexpr std::size_t bytes_a_tick = 8;
 constexpr float last = -1.0F;  // in x_vel: the host has sent its last command
 
-board::SoftwareDma dma(board::usart1, board::Interrupt::usart1, board::Interrupt::dma2_stream7, bytes_a_tick);
+board::SoftwareDma dma(board::usart1, board::Interrupt::usart1, board::Interrupt::dma2_stream7, board::timer3,
+                       board::Interrupt::timer3);
 board::EmulatedUart uart(dma);
 std::uint8_t ring[256];
-TaskHandle_t echo_task;
+board::Task echo_task;
 
 class Echo {
  public:
@@ -72,24 +68,17 @@ void run(void*) {
 }  // namespace
 
 extern "C" void usart1_interrupt() { dma.on_byte(); }
-
-extern "C" void timer3_interrupt() {
-  board::timer3.status = 0;
-  dma.on_tick();
-}
+extern "C" void timer3_interrupt() { dma.on_tick(); }
 
 extern "C" void dma2_stream7_interrupt() {
   BaseType_t woken = pdFALSE;
-  xTaskNotifyFromISR(echo_task, dma.take_events(), eSetBits, &woken);
+  xTaskNotifyFromISR(echo_task.handle(), dma.take_events(), eSetBits, &woken);
   portYIELD_FROM_ISR(woken);
 }
 
 int main() {
-  static StaticTask_t task;
-  static StackType_t stack[512];
-  board::start_clock(board::timer2);
-  board::nvic::enable(board::Interrupt::dma2_stream7, 6);
-  echo_task = xTaskCreateStatic(run, "echo", 512, nullptr, 2, stack, &task);
-  board::start_ticks(board::timer3, board::Interrupt::timer3, tick_ns, board::SoftwareDma::hardware_priority);
-  vTaskStartScheduler();
+  board::nvic::set_priority(board::Interrupt::dma2_stream7, board::uart_priority);
+  board::nvic::enable(board::Interrupt::dma2_stream7);
+  echo_task.start(run, "echo", 2);
+  board::run_tasks();
 }
