@@ -15,7 +15,10 @@ class Body {
   float position_m() const { return position_m_; }
 
   void push(float rad_s) { pitch_rate_rad_s_ += rad_s; }
-  void put_up() { pitch_rad_ = pitch_rate_rad_s_ = 0.0F; }
+  void put_up() {
+    pitch_rad_ = put_up_rad;
+    pitch_rate_rad_s_ = 0.0F;
+  }
 
   void step(float seconds) {
     constexpr float gravity_m_s2 = 9.81F;
@@ -35,8 +38,10 @@ class Body {
   }
 
  private:
+  static constexpr float put_up_rad = 0.02F;  // nobody puts it up exactly
+
   float output_ = 0.0F;
-  float pitch_rad_ = 0.02F;  // nobody puts it up exactly
+  float pitch_rad_ = put_up_rad;
   float pitch_rate_rad_s_ = 0.0F;
   float speed_m_s_ = 0.0F;
   float position_m_ = 0.0F;
