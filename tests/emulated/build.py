@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import functools
 import hashlib
 import shutil
 import tempfile
@@ -15,12 +17,13 @@ from wirebond.codegen import generate_cpp
 
 HERE = Path(__file__).parent
 BOARD = HERE / "board"
+TASKS = ROOT / "ports" / "freertos" / "include"
 BUILD = ROOT / "build" / "emulated"
 CRATES = ROOT / "build" / "freertos"  # setup/freertos says what lies there
 KERNEL_FILES = ("tasks.c", "list.c", "portable/GCC/ARM_CM4F/port.c")
 
 PROCESSOR = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
-SHARED_FLAGS = ["-O2", "-g1", "-ffunction-sections", "-fdata-sections"]
+FLAGS = [*PROCESSOR, "-O2", "-g1", "-ffunction-sections", "-fdata-sections"]
 CPP_FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics"]
 LINK_FLAGS = ["-nostartfiles", "--specs=nano.specs", "-Wl,--gc-sections", "-Wl,--fatal-warnings"]
 
@@ -40,29 +43,41 @@ def build(program: Path, protocol: str, *, includes: Sequence[Path] = (), defini
     """
     BUILD.mkdir(parents=True, exist_ok=True)
     tree = kernel()
-    flags = [*PROCESSOR, *SHARED_FLAGS, *(f"-D{definition}" for definition in definitions)]
-    kernel_includes = [f"-isystem{tree / 'include'}", f"-isystem{tree / 'portable/GCC/ARM_CM4F'}"]
+    flags = [*FLAGS, *CPP_FLAGS, *(f"-D{definition}" for definition in definitions)]
     with tempfile.TemporaryDirectory(dir=BUILD) as name:
         folder = Path(name)
         headers = generate_cpp(wirebond.load(PROTOCOLS / f"{protocol}.yaml").model, folder / "generated")
-        own = [*BOARD.iterdir(), program, *(path for base in includes for path in base.rglob("*.[ch]pp"))]
+        shared = (TASKS, *includes)
+        own = [*BOARD.iterdir(), program, *(path for base in shared for path in base.rglob("*.[ch]pp"))]
         version = run(["arm-none-eabi-g++", "--version"])
-        how = [version, *flags, *CPP_FLAGS, *LINK_FLAGS, *KERNEL_FILES, tree.parent.name]
+        how = [version, *flags, *LINK_FLAGS, *KERNEL_FILES, tree.parent.name]
         content = hashlib.sha256("\0".join(how).encode())
         for path in sorted([*headers, *own]):
             content.update(path.name.encode() + b"\0" + path.read_bytes())
         elf = BUILD / f"{program.stem}_{content.hexdigest()[:16]}.elf"
         if elf.exists():
             return elf
-        objects = []
-        for file in KERNEL_FILES:
-            objects.append(folder / f"{Path(file).stem}.o")
-            c = ["arm-none-eabi-gcc", *flags, *kernel_includes, f"-I{BOARD}"]
-            run([*c, "-c", str(tree / file), "-o", str(objects[-1])])
         made = folder / "made"
-        sources = [str(path) for path in (program, BOARD / "startup.cpp", BOARD / "kernel.cpp", *objects)]
-        folders = [f"-I{path}" for path in (BOARD, folder / "generated", *includes)]
-        cpp = ["arm-none-eabi-g++", *flags, *CPP_FLAGS, *folders, *kernel_includes]
+        sources = [str(path) for path in (program, BOARD / "startup.cpp", BOARD / "kernel.cpp", *_kernel_objects(tree))]
+        folders = [f"-I{path}" for path in (BOARD, folder / "generated", *shared)]
+        cpp = ["arm-none-eabi-g++", *flags, *folders, *_kernel_includes(tree)]
         run([*cpp, *sources, *LINK_FLAGS, "-T", str(BOARD / "stm32f405.ld"), "-o", str(made)])
         shutil.move(made, elf)  # a rename within one file system: others see all of it or nothing
         return elf
+
+
+@functools.cache
+def _kernel_objects(tree: Path) -> list[Path]:
+    """Compiled once for each process; each has its own folder, so that none sees a half-written file."""
+    folder = Path(tempfile.mkdtemp(dir=BUILD, prefix="kernel_"))
+    atexit.register(shutil.rmtree, folder)
+    objects = []
+    for file in KERNEL_FILES:
+        objects.append(folder / f"{Path(file).stem}.o")
+        command = ["arm-none-eabi-gcc", *FLAGS, *_kernel_includes(tree), f"-I{BOARD}"]
+        run([*command, "-c", str(tree / file), "-o", str(objects[-1])])
+    return objects
+
+
+def _kernel_includes(tree: Path) -> list[str]:
+    return [f"-isystem{tree / 'include'}", f"-isystem{tree / 'portable/GCC/ARM_CM4F'}"]

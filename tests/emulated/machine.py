@@ -10,13 +10,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-PATIENCE = 120.0  # seconds: a bound for slow machines, not an expectation
+PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
 UARTS = 2
 
 
 class Machine:
     """Runs ``program`` (an ELF file). ``ports``: the ttys of USART1 and USART2. Ends with its ``with`` block, or with
-    this process, however that ends.
+    this process, however that ends. Comes up when the program says ``ready``: from then on it loses no byte.
 
     The processor makes one instruction in a nanosecond of its own time, and skips the time in which it has nothing to
     do; so its time has nothing to do with ours.
@@ -43,8 +43,7 @@ class Machine:
         self._seen: list[str] = []
         threading.Thread(target=self._collect, daemon=True).start()
         self.ports: list[str] = []
-        while len(self.ports) < UARTS:
-            line = self.line()
+        while (line := self.line()) != "ready":
             found = re.search(r"redirected to (\S+)", line)
             if found is not None:
                 self.ports.append(found.group(1))

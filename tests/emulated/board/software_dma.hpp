@@ -30,7 +30,10 @@ class SoftwareDma {
         usart_interrupt_(usart_interrupt),
         event_interrupt_(event_interrupt),
         pace_(pace),
-        pace_interrupt_(pace_interrupt) {}
+        pace_interrupt_(pace_interrupt) {
+    // The machine throws away what comes before this; afterwards it keeps the other side waiting.
+    usart_.control1 = Usart::enable | Usart::transmitter | Usart::receiver | Usart::receive_interrupt;
+  }
   SoftwareDma(const SoftwareDma&) = delete;
   SoftwareDma& operator=(const SoftwareDma&) = delete;
 
@@ -42,7 +45,6 @@ class SoftwareDma {
     ring_ = ring;
     ring_size_ = size;
     position_ = 0;
-    usart_.control1 = Usart::enable | Usart::transmitter | Usart::receiver | Usart::receive_interrupt;
     nvic::set_priority(usart_interrupt_, hardware_priority);
     nvic::set_priority(pace_interrupt_, hardware_priority);
     nvic::enable(pace_interrupt_);

@@ -1,56 +1,55 @@
-// Tasks of FreeRTOS without a heap, and how a UART's events reach its link. No protocol, no register.
+// How a UART's events reach its link, and how the tasks begin. No protocol, no register.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 
-#include "FreeRTOS.h"
+#include "report.hpp"
 #include "software_dma.hpp"
-#include "task.h"
+#include "stm32f405.hpp"
+#include "wirebond/freertos/tasks.hpp"
 
 namespace board {
 
-/// A task with its memory. Make it an object that lives for ever.
-class Task {
+constexpr std::size_t stack_words = 512;  ///< of each task
+
+/// Of the UART's interrupt, which stands for that of its DMA too: the kernel may be called.
+constexpr std::uint8_t uart_priority = 6;
+
+inline std::uint32_t clock_us() { return timer2.count; }
+
+/// Polls a link when bytes came, and each millisecond.
+template <class Link>
+class ReceiveTask : public wirebond::freertos::ReceiveTask<Link, stack_words> {
  public:
-  void start(TaskFunction_t function, const char* name, UBaseType_t priority, void* argument = nullptr) {
-    handle_ = xTaskCreateStatic(function, name, stack_words, argument, priority, stack_, &task_);
-  }
-  TaskHandle_t handle() const { return handle_; }
-
- private:
-  static constexpr std::size_t stack_words = 512;
-
-  StaticTask_t task_;
-  StackType_t stack_[stack_words];
-  TaskHandle_t handle_ = nullptr;
+  explicit ReceiveTask(Link& link) : wirebond::freertos::ReceiveTask<Link, stack_words>(link, 1, clock_us) {}
 };
 
-/// For the handler of the event interrupt: tells the link what happened, and wakes the task that polls it.
+/// The UART's interrupt may run from here on.
+inline void enable_uart(Interrupt events) {
+  nvic::set_priority(events, uart_priority);
+  nvic::enable(events);
+}
+
+/// For the handler of the UART's interrupt: tells the link what happened. Did bytes come?
 template <class Link>
-void forward_events(SoftwareDma& dma, Link& link, const Task& polling) {
+bool forward_events(SoftwareDma& dma, Link& link) {
   const std::uint32_t events = dma.take_events();
   if ((events & Events::transmitted) != 0) link.on_transmitted();
   if ((events & Events::pended) != 0) link.on_pended();
-  if ((events & Events::received) == 0) return;
-  link.on_received();
-  BaseType_t woken = pdFALSE;
-  vTaskNotifyGiveFromISR(polling.handle(), &woken);
-  portYIELD_FROM_ISR(woken);
+  if ((events & Events::received) != 0) link.on_received();
+  return (events & Events::received) != 0;
 }
 
-/// For a task: polls the link when bytes came, and each millisecond.
+/// The same, and wakes the task that polls the link.
 template <class Link>
-void poll_once(Link& link) {
-  ulTaskNotifyTake(pdTRUE, pdMS_TO_TICKS(1));
-  link.poll(timer2.count);
+void forward_events(SoftwareDma& dma, Link& link, ReceiveTask<Link>& task) {
+  if (forward_events(dma, link)) task.wake();
 }
 
-/// Priorities of interrupts: that of the UART and its DMA may call the kernel.
-constexpr std::uint8_t uart_priority = 6;
-
-/// The tasks run, and the clock. Does not return.
+/// The tasks run, and the clock; the test may send from here on. Does not return.
 inline void run_tasks() {
+  print("ready\n");
   start_clock(timer2);
   vTaskStartScheduler();
 }
