@@ -1,0 +1,83 @@
+"""Compiles programs for the emulated board: the tests' own files, the FreeRTOS kernel, generated headers."""
+
+from __future__ import annotations
+
+import atexit
+import functools
+import hashlib
+import shutil
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import wirebond
+from tests.conformance.build import run
+from tests.shared import PROTOCOLS, ROOT
+from wirebond.codegen import generate_cpp
+
+HERE = Path(__file__).parent
+BOARD = HERE / "board"
+TASKS = ROOT / "ports" / "freertos" / "include"
+BUILD = ROOT / "build" / "emulated"
+CRATES = ROOT / "build" / "freertos"  # setup/freertos says what lies there
+KERNEL_FILES = ("tasks.c", "list.c", "portable/GCC/ARM_CM4F/port.c")
+
+PROCESSOR = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
+FLAGS = [*PROCESSOR, "-O2", "-g1", "-ffunction-sections", "-fdata-sections"]
+CPP_FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics"]
+LINK_FLAGS = ["-nostartfiles", "--specs=nano.specs", "-Wl,--gc-sections", "-Wl,--fatal-warnings"]
+
+
+def kernel() -> Path:
+    """The kernel's tree. AssertionError, with what to do, where it was not fetched."""
+    found = sorted(CRATES.glob("freertos-next-*/FreeRTOS-Kernel"))
+    assert found, f"no FreeRTOS kernel lies in {CRATES.relative_to(ROOT)}; `make build/freertos.stamp` fetches it"
+    return found[-1]
+
+
+def build(program: Path, protocol: str, *, includes: Sequence[Path] = (), definitions: Sequence[str] = ()) -> Path:
+    """The ELF file of ``program``, a C++ file, with the kernel and the header of ``protocols/<protocol>.yaml``.
+
+    It is compiled only if none of the same sources, flags and compiler is there. Several processes may ask at once.
+    AssertionError with the compiler's words when it does not compile.
+    """
+    BUILD.mkdir(parents=True, exist_ok=True)
+    tree = kernel()
+    flags = [*FLAGS, *CPP_FLAGS, *(f"-D{definition}" for definition in definitions)]
+    with tempfile.TemporaryDirectory(dir=BUILD) as name:
+        folder = Path(name)
+        headers = generate_cpp(wirebond.load(PROTOCOLS / f"{protocol}.yaml").model, folder / "generated")
+        shared = (TASKS, *includes)
+        own = [*BOARD.iterdir(), program, *(path for base in shared for path in base.rglob("*.[ch]pp"))]
+        version = run(["arm-none-eabi-g++", "--version"])
+        how = [version, *flags, *LINK_FLAGS, *KERNEL_FILES, tree.parent.name]
+        content = hashlib.sha256("\0".join(how).encode())
+        for path in sorted([*headers, *own]):
+            content.update(path.name.encode() + b"\0" + path.read_bytes())
+        elf = BUILD / f"{program.stem}_{content.hexdigest()[:16]}.elf"
+        if elf.exists():
+            return elf
+        made = folder / "made"
+        sources = [str(path) for path in (program, BOARD / "startup.cpp", BOARD / "kernel.cpp", *_kernel_objects(tree))]
+        folders = [f"-I{path}" for path in (BOARD, folder / "generated", *shared)]
+        cpp = ["arm-none-eabi-g++", *flags, *folders, *_kernel_includes(tree)]
+        run([*cpp, *sources, *LINK_FLAGS, "-T", str(BOARD / "stm32f405.ld"), "-o", str(made)])
+        shutil.move(made, elf)  # a rename within one file system: others see all of it or nothing
+        return elf
+
+
+@functools.cache
+def _kernel_objects(tree: Path) -> list[Path]:
+    """Compiled once for each process; each has its own folder, so that none sees a half-written file."""
+    folder = Path(tempfile.mkdtemp(dir=BUILD, prefix="kernel_"))
+    atexit.register(shutil.rmtree, folder)
+    objects = []
+    for file in KERNEL_FILES:
+        objects.append(folder / f"{Path(file).stem}.o")
+        command = ["arm-none-eabi-gcc", *FLAGS, *_kernel_includes(tree), f"-I{BOARD}"]
+        run([*command, "-c", str(tree / file), "-o", str(objects[-1])])
+    return objects
+
+
+def _kernel_includes(tree: Path) -> list[str]:
+    return [f"-isystem{tree / 'include'}", f"-isystem{tree / 'portable/GCC/ARM_CM4F'}"]

@@ -1,0 +1,86 @@
+"""An emulated board as a process: its UARTs are ttys of this machine, its report is text."""
+
+from __future__ import annotations
+
+import queue
+import re
+import subprocess
+import threading
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
+UARTS = 2
+
+
+class Machine:
+    """Runs ``program`` (an ELF file). ``ports``: the ttys of USART1 and USART2. Ends with its ``with`` block, or with
+    this process, however that ends. Comes up when the program says ``ready``: from then on it loses no byte.
+
+    The processor makes one instruction in a nanosecond of its own time, and skips the time in which it has nothing to
+    do; so its time has nothing to do with ours.
+    """
+
+    def __init__(self, program: Path) -> None:
+        self._process = subprocess.Popen(
+            [
+                "setpriv", "--pdeathsig=KILL", "qemu-system-arm",
+                "-machine", "netduinoplus2", "-icount", "shift=0,sleep=off",
+                "-display", "none", "-monitor", "none",
+                *["-serial", "pty"] * UARTS,
+                "-chardev", "stdio,id=report,signal=off",
+                "-semihosting-config", "enable=on,target=native,chardev=report",
+                "-kernel", str(program),
+            ],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )  # fmt: skip
+        self._lines: queue.Queue[str | None] = queue.Queue()
+        self._seen: list[str] = []
+        threading.Thread(target=self._collect, daemon=True).start()
+        self.ports: list[str] = []
+        while (line := self.line()) != "ready":
+            found = re.search(r"redirected to (\S+)", line)
+            if found is not None:
+                self.ports.append(found.group(1))
+
+    def _collect(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self._lines.put(line.rstrip("\n"))
+        self._lines.put(None)
+
+    def line(self) -> str:
+        """The next line of the report. AssertionError, with all lines before, where none comes."""
+        try:
+            line = self._lines.get(timeout=PATIENCE)
+        except queue.Empty:
+            line = None
+        assert line is not None, "\n".join(["the emulated program says no more; it said", *self._seen])
+        self._seen.append(line)
+        return line
+
+    def report(self) -> dict[str, int]:
+        """The lines ``name value`` up to the line ``end``."""
+        values = {}
+        while (line := self.line()) != "end":
+            name, _, value = line.rpartition(" ")
+            assert value.isdigit(), "\n".join(self._seen)
+            values[name] = int(value)
+        return values
+
+    def close(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,105 @@
+"""The firmwares on the emulated board, under FreeRTOS, against the host's engine."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wirebond
+from tests.emulated.build import HERE, build
+from tests.emulated.machine import PATIENCE, Machine
+from tests.shared import ROOT, codec
+
+FIRMWARE = ROOT / "firmware"
+
+
+def program(name: str, protocol: str, *definitions: str) -> Path:
+    source = HERE / "programs" / f"{name}.cpp"
+    return build(source, protocol, includes=[FIRMWARE / name], definitions=definitions)
+
+
+def messages(link: wirebond.Link) -> Iterator[wirebond.Message]:
+    """What comes, for as long as it takes."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        yield from link.receive(0.1)
+    raise AssertionError("what the test waits for does not come")
+
+
+def answer(link: wirebond.Link, name: str) -> dict[str, Any]:
+    """The fields of the next message of this name."""
+    return next(m.fields for m in messages(link) if m.name == name)
+
+
+def test_echo_sends_back_what_came_on_two_links_at_once() -> None:
+    commands = [{"x_vel": float(n), "y_vel": 0.5 * n, "w_vel": -1.0 * n} for n in range(200)]
+    enterprize = codec("enterprize")
+    with (
+        Machine(program("echo", "enterprize")) as machine,
+        wirebond.open(enterprize, machine.ports[0]) as first,
+        wirebond.open(enterprize, machine.ports[1]) as second,
+    ):
+        for command in commands:
+            first.send("chassis_cmd", command)
+            second.send("chassis_cmd", command | {"w_vel": 7.0})
+        came = [messages(first), messages(second)]
+        assert [next(came[0]).fields for _ in commands] == commands
+        assert [next(came[1]).fields for _ in commands] == [command | {"w_vel": 7.0} for command in commands]
+        for link in (first, second):
+            assert link.stats.receive.bytes == link.stats.receive.frame_bytes
+
+
+@pytest.mark.parametrize(
+    "frames", [pytest.param(500, id="short"), pytest.param(20_000, id="long", marks=pytest.mark.long)]
+)
+def test_four_tasks_of_the_gimbal_send_at_1_khz_and_what_arrives_is_what_left(frames: int) -> None:
+    aim = {"main_target_yaw": 0.5, "main_target_pitch": -0.25, "l_target_yaw": 0.1, "l_target_pitch": 0.2}
+    with (
+        Machine(program("gimbal", "enterprize", f"FRAMES={frames}U")) as machine,
+        wirebond.open(codec("enterprize"), machine.ports[0]) as link,
+    ):
+        link.send("sentry_gimbal_cmd", r_target_yaw=0.0, r_target_pitch=0.0, l_shoot_mode=0, r_shoot_mode=0, **aim)
+        report = machine.report()
+        came = messages(link)
+        arrived = [next(came).fields for _ in range(report["sent"])]
+        assert link.receive(0.2) == []
+        assert link.stats.receive.bytes == link.stats.receive.frame_bytes
+    assert report["offered"] == 4 * frames == report["accepted"] + report["refused"]
+    assert report["accepted"] == report["sent"]
+    for sender in range(4):
+        counts = [fields["target_color"] for fields in arrived if fields["cur_cv_mode"] == sender]
+        steps = [(after - before) % 256 for before, after in pairwise(counts)]
+        assert 0 not in steps, "a message came twice"
+        assert sum(steps) < frames
+    assert arrived[-1]["big_q"][0] == pytest.approx(math.cos(0.25) * math.cos(0.125), abs=1e-6)
+    assert arrived[-1]["small_q"][3] == pytest.approx(math.sin(0.05) * math.cos(0.1), abs=1e-6)
+
+
+def test_balance_bot_stands_once_it_is_tuned_over_the_link() -> None:
+    with (
+        Machine(program("balance", "pid_tuner")) as machine,
+        wirebond.open(codec("pid_tuner"), machine.ports[0]) as link,
+    ):
+        assert answer(link, "motors") == {"left": 0.0, "right": 0.0}
+        for gains in ({"idx": 0, "p": 10.0, "i": 0.1, "d": 0.3}, {"idx": 1, "p": 0.2, "i": 9.0, "d": 9.0}):
+            link.send("pid", gains)
+            assert answer(link, "acknowledge") == {"of": 1, "result": "accepted"}
+        link.send("read_gains", idx=1)
+        assert answer(link, "gains")["i"] == pytest.approx(0.2 / 200)
+
+        came = messages(link)
+        next(m for m in came if m.name == "motors" and m.fields["left"] != 0.0)
+        next(m for m in came if m.name == "attitude" and abs(m.fields["pitch"]) > 1e-4)
+        still = 0
+        for message in came:
+            if message.name != "attitude":
+                continue
+            still = still + 1 if abs(message.fields["pitch"]) < 0.01 else 0
+            if still == 100:  # two seconds of the bot's
+                break
