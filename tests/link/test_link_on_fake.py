@@ -7,8 +7,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-
 from tests.shared import PROTOCOLS, ROOT
+
 from wirebond.codegen import generate_cpp
 from wirebond.protocol.loader import load
 
