@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import jinja2
@@ -14,15 +15,20 @@ PORTS = ("bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal")
 TEMPLATES = Path(__file__).parent / "templates"
 
 
-def render(template: str, **values: object) -> str:
-    environment = jinja2.Environment(  # noqa: S701 source code is no markup
+@cache
+def _environment() -> jinja2.Environment:
+    """One for all, because it keeps the templates that it has compiled."""
+    return jinja2.Environment(  # noqa: S701 source code is no markup
         loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    return environment.get_template(template).render(**values)
+
+
+def render(template: str, **values: object) -> str:
+    return _environment().get_template(template).render(**values)
 
 
 def core_headers() -> dict[str, str]:
