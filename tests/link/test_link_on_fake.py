@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-from pathlib import Path
 
 import pytest
 from tests.shared import PROTOCOLS, ROOT
@@ -12,27 +11,26 @@ from tests.shared import PROTOCOLS, ROOT
 from wirebond.codegen import generate_cpp
 from wirebond.protocol.loader import load
 
-BUILD = ROOT / "build" / "link"
 
-
-@pytest.fixture(scope="module")
-def program() -> Path:
-    generated = BUILD / "generated"
+def build(sanitize: bool) -> str:
+    """The tests' program; with sanitizers its compilation takes minutes."""
+    folder = ROOT / "build" / ("link-sanitized" if sanitize else "link")
     for name in ("diffdrive", "enterprize", "native"):
-        generate_cpp(load(PROTOCOLS / f"{name}.yaml"), generated)
+        generate_cpp(load(PROTOCOLS / f"{name}.yaml"), folder / "generated")
+    options = [f"-DWIREBOND_GENERATED={folder / 'generated'}", f"-DWIREBOND_SANITIZE={'ON' if sanitize else 'OFF'}"]
     source = str(ROOT / "tests" / "link" / "fake")
-    _run(["cmake", "-S", source, "-B", str(BUILD), "-G", "Ninja", f"-DWIREBOND_GENERATED={generated}"])
-    _run(["cmake", "--build", str(BUILD)])
-    return BUILD / "link_tests"
+    _run(["cmake", "-S", source, "-B", str(folder), "-G", "Ninja", *options])
+    _run(["cmake", "--build", str(folder)])
+    return str(folder / "link_tests")
 
 
-def test_link_keeps_its_promises_on_a_bad_uart(program: Path) -> None:
-    _run([str(program), "--no-version"])
+def test_link_keeps_its_promises_on_a_bad_uart() -> None:
+    _run([build(sanitize=False), "--no-version"])
 
 
 @pytest.mark.long
-def test_link_keeps_its_promises_on_a_bad_uart_for_long(program: Path) -> None:
-    _run([str(program), "--no-version"], {"WIREBOND_LONG": "1"})
+def test_link_keeps_its_promises_on_a_bad_uart_for_long() -> None:
+    _run([build(sanitize=True), "--no-version"], {"WIREBOND_LONG": "1"})
 
 
 def _run(command: list[str], more: dict[str, str] | None = None) -> None:

@@ -87,7 +87,7 @@ class Board {
   /// All of it, after a poll.
   void check(bool complete = false) {
     check_sums();
-    peer.check(handler.commands, link->receive_account(), complete);
+    peer.check(handler.commands, link->receive_account(), link->counters().line_errors, complete);
   }
 
   wirebond::fake::Draw draw;
