@@ -358,6 +358,11 @@ TEST_CASE("a receiver frees a frame behind a false start when the line is idle")
 TEST_CASE("facts of the file are constants") {
   static_assert(diffdrive::Velocity::Info::id == 0x01);
   static_assert(diffdrive::Velocity::Info::every_us == 50'000);
+  static_assert(diffdrive::Velocity::Info::queue == wirebond::Queue::normal);
+  static_assert(diffdrive::max_run_bytes == 11 && diffdrive::max_age_ms == 0);
+  static_assert(log_protocol::max_run_bytes == 43 && log_protocol::max_age_ms == 1500);
+  static_assert(log_protocol::FromMcu::LatestMessages::size == 1);
+  static_assert(log_protocol::FromHost::LatestMessages::size == 0);
   static_assert(diffdrive::Velocity::Info::sender == wirebond::End::host);
   static_assert(diffdrive::Velocity::Info::max_frame_bytes == 11);
   static_assert(diffdrive::mcu_deadlines.size() == 2);

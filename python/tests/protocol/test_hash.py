@@ -95,6 +95,7 @@ def test_swapped_fields_change_the_hash() -> None:
         ("crc-16/modbus", "modbus"),
         ("id: 0x01", "id: 1"),
         ("sender: host\n", "sender: host\n    every: 1 s\n    description: words\n"),
+        ("sender: host\n", "sender: host\n    queue: latest\n"),
     ],
 )
 def test_what_bytes_do_not_show_leaves_the_hash_alone(old: str, new: str) -> None:

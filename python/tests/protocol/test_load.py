@@ -15,6 +15,7 @@ from wirebond.protocol import (
     PartKind,
     PayloadRule,
     Protocol,
+    Queue,
     Recover,
     load,
     loads,
@@ -100,6 +101,8 @@ def test_what_a_file_leaves_out_has_the_documented_defaults() -> None:
     protocol = rover(SIMPLE)
     assert (protocol.link.baud, protocol.link.data_bits, protocol.link.parity) == (115200, 8, "none")
     assert protocol.link.stop_bits == 1
+    assert (protocol.link.max_run, protocol.link.max_age) == (0.001, None)
+    assert {message.queue for message in protocol.messages} == {Queue.NORMAL}
     assert protocol.frame.parts[3].order == ByteOrder.LITTLE
     assert (protocol.idle, protocol.description, protocol.emergency_stop) == (None, "", None)
     assert protocol.path == "<text>"

@@ -26,7 +26,7 @@ from wirebond.codegen.cpp_struct import (
 )
 from wirebond.codegen.folder import core_headers, render, write_files
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import Algorithm, BitRole, End, Message, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model import Algorithm, BitRole, End, Message, PartKind, PayloadRule, Protocol, Queue
 from wirebond.protocol.plan import MessageRow, Number, Plan, Position, plan_for
 
 
@@ -56,6 +56,7 @@ def cpp_header(protocol: Protocol) -> str:
         hash=f"0x{protocol_hash(protocol):016X}",
         stop_bits=real(protocol.link.stop_bits, "float"),
         idle_us=round(protocol.idle_seconds * 1e6),
+        max_age_ms=round((protocol.link.max_age or 0) * 1e3),
         types=_type_views(protocol),
         messages=_message_views(protocol),
         formats=[(end.value, format_lines(plan)) for end, plan in plans.items()],
@@ -84,6 +85,7 @@ class MessageView:
     max_payload: int
     max_frame: int
     every_us: int
+    queue: str
     reply: int  # index of the message that answers it, or -1
     types: list[list[str]]  # declared in it
     members: list[str]
@@ -137,6 +139,7 @@ def _message_views(protocol: Protocol) -> list[MessageView]:
             max_payload=message.max_payload,
             max_frame=protocol.max_wire_bytes(message.max_payload),
             every_us=round((message.every or 0) * 1e6),
+            queue=message.queue.value,
             reply=indices.get(message.reply or "", -1),
             types=type_blocks(structs[message.name]),
             members=member_lines(structs[message.name]),
@@ -170,6 +173,8 @@ def message_comment(message: Message) -> str:
     facts = [way]
     if message.every:
         facts.append(f"every {message.every * 1000:g} ms")
+    if message.queue != Queue.NORMAL:
+        facts.append({Queue.URGENT: "urgent", Queue.LATEST: "only the newest waits"}[message.queue])
     if message.reply:
         facts.append(f"answered by {message.reply}")
     text = comment_text(message.description)
@@ -300,6 +305,7 @@ class SourceView:
     shapes: tuple[tuple[str, str], ...]  # id, shape
     expected: tuple[tuple[int, str, str], ...]  # index, id, shape of the messages that only their request tells
     structs: tuple[str, ...]
+    latest: tuple[str, ...]  # of these, those of `queue: latest`
 
 
 def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
@@ -317,6 +323,7 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
             (row.index, id_literal(protocol, row.id), shape(row)) for row in plan.messages if row.only_expected
         ),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
+        latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
     )
 
 

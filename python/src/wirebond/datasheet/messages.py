@@ -13,7 +13,18 @@ from wirebond.explain.judge import id_text as id_number
 from wirebond.lint.wording import seconds
 from wirebond.protocol.field_values import number_text
 from wirebond.protocol.messages import spoken
-from wirebond.protocol.model import BitOrder, End, Field, FieldKind, Message, OnRange, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model import (
+    BitOrder,
+    End,
+    Field,
+    FieldKind,
+    Message,
+    OnRange,
+    PartKind,
+    PayloadRule,
+    Protocol,
+    Queue,
+)
 from wirebond.protocol.spelling import field_type
 
 
@@ -55,6 +66,10 @@ def _message(codec: Codec, message: Message) -> list[str]:
     facts.append(f"sent by {'both ends' if message.sender == End.BOTH else 'the ' + spoken(message.sender)}")
     if message.every is not None:
         facts.append(f"every {seconds(message.every)}")
+    if message.queue == Queue.URGENT:
+        facts.append("urgent: before all messages that are not")
+    elif message.queue == Queue.LATEST:
+        facts.append("of which only the newest waits for the line")
     if message.reply is not None:
         facts.append(f"answered by {message.reply}")
     text = ", ".join(facts)

@@ -22,6 +22,7 @@ from wirebond.protocol.model import (
     PartKind,
     PayloadRule,
     Protocol,
+    Queue,
     Recover,
     Service,
 )
@@ -47,6 +48,7 @@ __all__ = [
     "Problem",
     "Protocol",
     "ProtocolFileError",
+    "Queue",
     "Recover",
     "Service",
     "load",

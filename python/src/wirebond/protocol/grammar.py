@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, PlainValidator
+from pydantic import AfterValidator, ConfigDict, Field, PlainValidator
 
 from wirebond.protocol.document import Number
 from wirebond.protocol.field_grammar import Fields, FieldSyntax
@@ -43,6 +43,15 @@ def _data_bits(value: object) -> int:
     return 8
 
 
+MAX_AGE = 30.0  # seconds: what the 16-bit millisecond stamp of a queued frame can tell, with room to look late
+
+
+def _max_age(seconds: float) -> float:
+    if not 0.001 <= seconds <= MAX_AGE:
+        raise wrong(f"frames can wait for 1 ms to {MAX_AGE:g} s; without `max_age` they wait as long as it takes")
+    return seconds
+
+
 class Link(Syntax):
     """Settings of the serial line."""
 
@@ -56,6 +65,15 @@ class Link(Syntax):
         "none", description="Parity bit of a byte.", examples=["none"]
     )
     stop_bits: StopBits = Field(1, description="Stop bits of a byte: 1, 1.5 or 2.", examples=[1])
+    max_run: Duration = Field(
+        0.001,
+        description="Frames that the MCU hands to the line at once take no longer than this, unless it is one. An "
+        "urgent frame waits for them.",
+        examples=["1 ms"],
+    )
+    max_age: Annotated[Duration, AfterValidator(_max_age)] | None = Field(
+        None, description="Frames that waited longer than this at the MCU expire.", examples=["100 ms"]
+    )
 
 
 # ---- messages ------------------------------------------------------------------------------------
@@ -74,6 +92,11 @@ class MessageHead(Syntax):
         int | None,
         PlainValidator(whole(0, 255), json_schema_input_type=Annotated[int, Field(ge=0, le=255)]),
     ] = Field(None, description="Byte that a check with `seed: message` counts behind its range.", examples=[50])
+    queue: Annotated[str, one_word("normal", "urgent", "latest")] = Field(
+        "normal",
+        description="How it waits for the line at the MCU: in turn, before all others, or only the newest one.",
+        examples=["latest"],
+    )
     description: Text = Field("", description="For people.", examples=["what it is for"])
 
 

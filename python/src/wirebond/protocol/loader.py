@@ -81,4 +81,4 @@ def _byte_order(root: Mapping) -> ByteOrder:
 
 
 def _link(syntax: Link) -> LinkSettings:
-    return LinkSettings(syntax.baud, syntax.data_bits, syntax.parity, syntax.stop_bits)
+    return LinkSettings(syntax.baud, syntax.data_bits, syntax.parity, syntax.stop_bits, syntax.max_run, syntax.max_age)

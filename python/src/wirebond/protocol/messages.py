@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from wirebond.protocol import names
 from wirebond.protocol.document import Mapping, Node
 from wirebond.protocol.grammar import MessageHead
-from wirebond.protocol.model import End, Message
+from wirebond.protocol.model import End, Message, Queue
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.structs import Types, read_fields
 from wirebond.protocol.syntax import readable
@@ -69,6 +69,7 @@ def _read_message(name: str, place: Place, node: Mapping, types: Types) -> Entry
         every=head.every,
         reply=head.reply,
         seed=head.seed,
+        queue=Queue(head.queue),
         description=head.description,
     )
     return Entry(name, place, node, message, complete)

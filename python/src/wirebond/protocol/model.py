@@ -52,6 +52,14 @@ class OnRange(StrEnum):
     CLAMP = "clamp"
 
 
+class Queue(StrEnum):
+    """How a message waits for the line at its sender."""
+
+    NORMAL = "normal"
+    URGENT = "urgent"  # before all that is not
+    LATEST = "latest"  # only the newest one
+
+
 class Recover(StrEnum):
     NEXT_MESSAGE = "next_message"
     EXPLICIT = "explicit"
@@ -171,6 +179,7 @@ class Message:
     reply: str | None = None
     description: str = ""
     seed: int | None = None  # counted by the frame's seeded check, not sent
+    queue: Queue = Queue.NORMAL
 
     @property
     def min_payload(self) -> int:
@@ -340,11 +349,17 @@ class LinkSettings:
     data_bits: int = 8
     parity: str = "none"
     stop_bits: float = 1
+    max_run: float = 0.001  # seconds of line that one run of frames takes at most, unless it is a single frame
+    max_age: float | None = None  # seconds; frames that waited longer expire
 
     @property
     def bits_per_byte(self) -> float:
         """Start bit, data, parity and stop bits."""
         return 1 + self.data_bits + (self.parity != "none") + self.stop_bits
+
+    @property
+    def max_run_bytes(self) -> int:
+        return max(1, int(self.max_run * self.baud / self.bits_per_byte))
 
 
 @dataclass(frozen=True)
