@@ -90,6 +90,7 @@ build/freertos.stamp: setup/freertos/Cargo.toml setup/freertos/Cargo.lock
 build/setup-test.stamp: build/setup.stamp build/freertos.stamp
 	@setup/system-packages.sh clang++-14=clang-14 clang-format-14=clang-format-14 arm-none-eabi-g++=gcc-arm-none-eabi \
 	  /usr/lib/arm-none-eabi/include/c++=libstdc++-arm-none-eabi-newlib /usr/include/doctest/doctest.h=doctest-dev \
+	  /usr/include/relacy/relacy.hpp=relacy-dev \
 	  /usr/lib/clang/14/lib/linux/libclang_rt.asan-x86_64.a=libclang-rt-14-dev llvm-cov-14=llvm-14 valgrind=valgrind \
 	  qemu-system-arm=qemu-system-arm setpriv=util-linux
 	@touch $@

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from bench import collateral, columns, m4_cost, work_per_byte
+from bench import collateral, columns, m4_cost, send_queue, work_per_byte
 from bench.peers.work import Flat
 
 
@@ -25,6 +25,11 @@ def test_damage_is_seen_by_the_measure_itself() -> None:
     lossy[sent.starts[::10]] = 0
     outcome = collateral.run(sent, collateral.Traffic(lossy, sent.starts, sent.sizes), chunk=64)
     assert outcome.collateral == 100
+
+
+def test_no_frame_is_lost_between_threads() -> None:
+    lost = [figure.value for figure in send_queue.measure(frames=20_000) if "lost" in figure.key]
+    assert lost == [0, 0, 0, 0]
 
 
 def test_work_per_byte_is_bounded_for_the_worst_input() -> None:

@@ -252,7 +252,8 @@ class Outbox {
     return account_at(message);
   }
 
-  /// The most that was ever in use.
+  /// Bytes of the ring that are in use now, and the most that ever were.
+  std::size_t used_bytes() const { return ring_.used_bytes(); }
   std::size_t peak_bytes() const { return ring_.peak_bytes(); }
   std::size_t peak_frames() const { return ring_.peak_entries(); }
   std::size_t peak_urgent_bytes() const { return urgent_.peak_bytes(); }

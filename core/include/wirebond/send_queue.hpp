@@ -134,7 +134,6 @@ class SendQueue {
     Entry& entry = entry_of(ticket.number);
     entry.place_.store(word_of(ticket.begin, ticket.size), std::memory_order_relaxed);
     entry.state_.store(ticket.label | open, Orders::opens);
-    note_peak(ticket);
     return Refusal::none;
   }
 
@@ -218,9 +217,9 @@ class SendQueue {
   std::size_t used_bytes() const { return distance(position_of(load(tail_)), position_of(load(head_))); }
   std::size_t used_entries() const { return distance(number_of(load(tail_)), number_of(load(head_))); }
 
-  /// The most that these ever were.
-  std::size_t peak_bytes() const { return position_of(load(peak_)); }
-  std::size_t peak_entries() const { return number_of(load(peak_)); }
+  /// The most that these ever were when the consumer looked, or are now.
+  std::size_t peak_bytes() const { return larger(position_of(load(peak_)), used_bytes()); }
+  std::size_t peak_entries() const { return larger(number_of(load(peak_)), used_entries()); }
 
  private:
   using Word = typename Atomics::Word;
@@ -240,6 +239,7 @@ class SendQueue {
   static Position number_of(Word word) { return static_cast<Position>(word >> position_bits); }
   static Position size_in(Word place) { return static_cast<Position>(place >> position_bits); }
   static Word word_of(Position low, Position high) { return low | static_cast<Word>(high) << position_bits; }
+  static std::size_t larger(std::size_t a, std::size_t b) { return a < b ? b : a; }
   static Position distance(Position from, Position to) { return static_cast<Position>(to - from); }
 
   static State kind_of(std::uint32_t state) { return static_cast<State>(state & 0xFFu); }
@@ -288,18 +288,6 @@ class SendQueue {
     Entry& entry = entry_of(ticket.number);
     entry.place_.store(word_of(ticket.begin, used), std::memory_order_relaxed);
     entry.state_.store(ticket.label | state, Orders::closes);
-  }
-
-  void note_peak(const Ticket& ticket) {
-    const Word tail = load(tail_);  // as `take` found it, or later: then less was in use, and a smaller peak is noted
-    const Position bytes = distance(position_of(tail), static_cast<Position>(ticket.begin + ticket.size));
-    const Position entries = distance(number_of(tail), static_cast<Position>(ticket.number + 1));
-    Atomics::update(peak_, std::memory_order_relaxed, [&](Word& peak) {
-      if (bytes <= position_of(peak) && entries <= number_of(peak)) return false;
-      peak = word_of(bytes > position_of(peak) ? bytes : position_of(peak),
-                     entries > number_of(peak) ? entries : number_of(peak));
-      return true;
-    });
   }
 
   State look_at(Position number) const { return kind_of(entry_of(number).state_.load(Orders::looks)); }
@@ -359,21 +347,31 @@ class SendQueue {
     const Word before = load(tail_);
     Position position = position_of(before);
     Position number = number_of(before);
-    while (number != number_of(load(head_)) && look_at(number) == gone) {
-      // Only now, behind look_at: before its sender closed the frame it may have moved the head back.
-      const Word head = load(head_);
+    Word head = load(head_);
+    note_peak(distance(position, position_of(head)), distance(number, number_of(head)));
+    while (number != number_of(head) && look_at(number) == gone) {
+      head = load(head_);  // behind look_at: before its sender closed the frame it may have moved the head back
       const Position following = static_cast<Position>(number + 1);
       if (following == number_of(head)) {
         position = position_of(head);
-      } else if (look_at(following) == vacant) {
-        break;  // its sender is about to say where it begins
-      } else {
+      } else if (look_at(following) != vacant) {
         position = begin_of(following);
+      } else {
+        break;  // its sender is about to say where it begins
       }
       entry_of(number).state_.store(vacant, std::memory_order_relaxed);
       number = following;
     }
     if (number != number_of(before)) tail_.store(word_of(position, number), Orders::frees);
+  }
+
+  /// Only the consumer frees room, so the most that was in use is what it finds before it does.
+  void note_peak(Position bytes, Position entries) {
+    const Word peak = load(peak_);
+    if (bytes <= position_of(peak) && entries <= number_of(peak)) return;
+    peak_.store(word_of(bytes > position_of(peak) ? bytes : position_of(peak),
+                        entries > number_of(peak) ? entries : number_of(peak)),
+                std::memory_order_relaxed);
   }
 
   std::uint8_t* ring_;
@@ -382,7 +380,7 @@ class SendQueue {
   Position entry_mask_;
   Atomic<Word> head_{};  // where the next frame begins, and its number; senders move it
   Atomic<Word> tail_{};  // where the oldest frame begins whose room is not free, and its number; the consumer moves it
-  Atomic<Word> peak_{};  // most bytes and entries in use
+  Atomic<Word> peak_{};  // most bytes and entries in use; the consumer's to write
   // The consumer's own:
   Position run_first_ = 0;
   Position run_frames_ = 0;

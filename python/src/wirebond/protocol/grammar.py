@@ -94,7 +94,7 @@ class MessageHead(Syntax):
     ] = Field(None, description="Byte that a check with `seed: message` counts behind its range.", examples=[50])
     queue: Annotated[str, one_word("normal", "urgent", "latest")] = Field(
         "normal",
-        description="How it waits for the line at the MCU: in turn, before those in turn, or only the newest one.",
+        description="How it waits for the line at the MCU: in turn, before all others, or only the newest one.",
         examples=["latest"],
     )
     description: Text = Field("", description="For people.", examples=["what it is for"])

@@ -1,0 +1,186 @@
+// The send queue under relacy: every byte of a frame is a variable that must not be raced for, and frames must come
+// whole, once, and in order for each sender. `relacy_queue SCENE SITE full|bound|random AMOUNT`: SITE is a member of
+// SendQueueOrders that is weakened to relaxed, or `none`. Prints how many executions were tried; exit code 0: no fault,
+// 1: a fault.
+#include <array>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <iostream>
+#include <string>
+#include <utility>
+
+#include "wirebond/send_queue.hpp"
+// Relacy comes after the header under test.
+#include "relacy_policy.hpp"
+
+namespace {
+
+using wirebond::Refusal;
+using wirebond::Run;
+using wirebond::SendQueueOrders;
+
+constexpr unsigned senders = 2;
+constexpr std::size_t capacity = 8;
+constexpr std::size_t entry_count = 2;
+constexpr std::size_t reserved_bytes = 4;
+
+/// A sender's frame: its bytes are all of the same value. Sender 0 needs less than it reserves.
+int value_of(unsigned sender, unsigned number) { return static_cast<int>(1 + sender * 16 + number); }
+std::size_t used_by(unsigned sender) { return sender == 0 ? 2 : reserved_bytes; }
+
+/// Two frames from each of two senders; what was sent is taken when they have ended. Small enough to try everything.
+struct Reserving {
+  static constexpr unsigned frames_each = 2;
+  static constexpr unsigned threads = senders;
+  static constexpr unsigned takes = 0;
+  static constexpr unsigned retries = 0;
+};
+/// One frame from each of two senders, while the consumer looks once.
+struct Passing {
+  static constexpr unsigned frames_each = 1;
+  static constexpr unsigned threads = senders + 1;
+  static constexpr unsigned takes = 1;
+  static constexpr unsigned retries = 0;
+};
+/// So many frames that room and entries are used again, and the consumer is at work all the time.
+struct Circling {
+  static constexpr unsigned frames_each = 4;
+  static constexpr unsigned threads = senders + 1;
+  static constexpr unsigned takes = 12;
+  static constexpr unsigned retries = 6;
+};
+
+/// The queue's orders, chosen when the program starts, so that one of them can be weakened.
+struct ChosenOrders {
+  static inline std::memory_order opens = SendQueueOrders::opens;
+  static inline std::memory_order closes = SendQueueOrders::closes;
+  static inline std::memory_order looks = SendQueueOrders::looks;
+  static inline std::memory_order frees = SendQueueOrders::frees;
+  static inline std::memory_order finds = SendQueueOrders::finds;
+  static inline std::memory_order gives_back = SendQueueOrders::gives_back;
+  static inline std::memory_order takes = SendQueueOrders::takes;
+
+  /// False: there is no such site.
+  static bool weaken(const std::string& site) {
+    const std::pair<const char*, std::memory_order*> sites[] = {
+        {"opens", &opens}, {"closes", &closes},         {"looks", &looks}, {"frees", &frees},
+        {"finds", &finds}, {"gives_back", &gives_back}, {"takes", &takes}};
+    for (const auto& [name, order] : sites) {
+      if (site != name) continue;
+      *order = std::memory_order_relaxed;
+      return true;
+    }
+    return site == "none";
+  }
+};
+
+template <class Scene>
+struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
+  using Queue = wirebond::SendQueue<WatchedAtomics, ChosenOrders>;
+
+  std::array<std::uint8_t, capacity> ring{};  // places only: what is written there is in `bytes`
+  std::array<rl::var<int>, capacity> bytes;
+  std::array<typename Queue::Entry, entry_count> entries;
+  Queue queue{ring.data(), capacity, entries.data(), entry_count};
+  // Each written by one thread.
+  std::array<unsigned, senders> accepted{};
+  std::array<unsigned, senders> came{};
+  std::array<unsigned, senders> newest{};
+
+  void thread(unsigned index) {
+    if (index < senders) {
+      for (unsigned number = 1; number <= Scene::frames_each; ++number) send(index, number);
+    } else {
+      for (unsigned i = 0; i < Scene::takes; ++i) {
+        if (!take()) rl::yield(1, $);
+      }
+    }
+  }
+
+  void after() {
+    while (take()) {
+    }
+    for (unsigned sender = 0; sender < senders; ++sender) RL_ASSERT(came[sender] == accepted[sender]);
+    RL_ASSERT(queue.used_bytes() == 0 && queue.used_entries() == 0);
+  }
+
+ private:
+  void send(unsigned sender, unsigned number) {
+    typename Queue::Ticket ticket;
+    for (unsigned tried = 0; queue.take(reserved_bytes, 0, 0, ticket) != Refusal::none; ++tried) {
+      if (tried == Scene::retries) return;
+      rl::yield(1, $);
+    }
+    for (std::size_t i = 0; i < reserved_bytes; ++i) {
+      bytes[static_cast<std::size_t>(ticket.data - ring.data()) + i]($) = value_of(sender, number);
+    }
+    queue.commit(ticket, used_by(sender));
+    ++accepted[sender];
+  }
+
+  bool take() {
+    const Run run = queue.next(capacity);
+    if (run.size == 0) return false;
+    std::size_t at = static_cast<std::size_t>(run.data - ring.data());
+    for (std::size_t frame = 0; frame < run.frames; ++frame) {
+      const int value = bytes[at]($);
+      const unsigned sender = static_cast<unsigned>(value - 1) / 16;
+      const unsigned number = static_cast<unsigned>(value - 1) % 16;
+      RL_ASSERT(sender < senders && number > newest[sender]);
+      newest[sender] = number;
+      for (std::size_t i = 0; i < used_by(sender); ++i) RL_ASSERT(bytes[at + i]($) == value);
+      at += used_by(sender);
+      ++came[sender];
+    }
+    queue.end_run();
+    RL_ASSERT(queue.used_bytes() <= capacity && queue.used_entries() <= entry_count);
+    return true;
+  }
+};
+
+template <class Scene>
+int explore(const std::string& mode, unsigned amount) {
+  // Not a string stream: while a test runs, memory is relacy's.
+  std::ostream silent(nullptr);
+  const bool reports = std::getenv("RELACY_REPORT") != nullptr;
+  rl::test_params params;
+  params.output_stream = reports ? &std::cout : &silent;
+  params.progress_stream = &silent;
+  params.execution_depth_limit = 4000;
+  if (mode == "full") {
+    params.search_type = rl::fair_full_search_scheduler_type;
+  } else if (mode == "bound") {
+    params.search_type = rl::fair_context_bound_scheduler_type;
+    params.context_bound = amount;
+  } else {
+    params.search_type = rl::random_scheduler_type;
+    params.iteration_count = amount;
+  }
+  const bool held = rl::simulate<Senders<Scene>>(params);
+  std::printf("%s after %llu executions\n", held ? "no fault" : rl::test_result_str(params.test_result),
+              static_cast<unsigned long long>(params.stop_iteration));
+  return held ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  if (count != 5) {
+    std::fprintf(stderr, "usage: relacy_queue reserving|passing|circling SITE full|bound|random AMOUNT\n");
+    return 2;
+  }
+  const std::string scene = arguments[1];
+  const std::string site = arguments[2];
+  const std::string mode = arguments[3];
+  const unsigned amount = static_cast<unsigned>(std::atoi(arguments[4]));
+  if (!ChosenOrders::weaken(site)) {
+    std::fprintf(stderr, "there is no site %s\n", site.c_str());
+    return 2;
+  }
+  if (scene == "reserving") return explore<Reserving>(mode, amount);
+  if (scene == "passing") return explore<Passing>(mode, amount);
+  if (scene == "circling") return explore<Circling>(mode, amount);
+  std::fprintf(stderr, "there is no scene %s\n", scene.c_str());
+  return 2;
+}
