@@ -14,6 +14,8 @@ from wirebond.protocol.model import Field, FieldKind, OnRange
 # What C++ does not judge: its bool and text take any byte, its flags any bit.
 ONLY_IN_PYTHON = (" is not UTF-8", ", a bool is 0 or 1", " has unnamed bits set: ")
 FLOAT_ERROR = 2.0**-22
+FLOAT_STEP = 2.0**-149  # between neighbours near zero, where numbers have fewer digits (subnormal)
+DOUBLE_STEP = 2.0**-1074
 DOUBLE_ERROR = 2.0**-50
 
 
@@ -118,6 +120,6 @@ def _is_same(field: Field | None, value: Any, token: str) -> bool:
         value = min(max(value, field.minimum), field.maximum)
     if field.kind != FieldKind.FLOAT and not field.is_scaled:
         return int(token) == value
-    error = FLOAT_ERROR if real_type(field) == "float" else DOUBLE_ERROR
+    error, step = (FLOAT_ERROR, FLOAT_STEP) if real_type(field) == "float" else (DOUBLE_ERROR, DOUBLE_STEP)
     size = max(abs(value), abs(float(field.offset)))
-    return math.isclose(float.fromhex(token), value, rel_tol=0, abs_tol=error * size)
+    return math.isclose(float.fromhex(token), value, rel_tol=0, abs_tol=error * size + step)
