@@ -48,6 +48,7 @@ def difference(codec: Codec, message: Message, handed: Handed) -> str:
             else:
                 letters = next(found)
                 same = _is_same(described, value, letters)
+                is_whole = is_whole and not _loses_digits(described, value)
             if not same:
                 return f"{path} is {letters!r}, the engine has {value!r}"
     except StopIteration:
@@ -55,12 +56,20 @@ def difference(codec: Codec, message: Message, handed: Handed) -> str:
     if list(found):
         return "there are more values than the engine has"
     if not is_whole:
-        return ""  # what no sender may send, or a text with zeros in it, which ends there in Python
+        return ""  # what no sender may send, a text with zeros in it, which ends there in Python, or lost digits
     try:
         again = codec.encode(message.name, message.fields)
     except MessageError:
         again = None
     return "" if again == handed.again else f"encodes again as {handed.again!r}, the engine as {again!r}"
+
+
+def _loses_digits(field: Field | None, value: Any) -> bool:
+    """Is it a scaled float so near zero that it has fewer digits than its wire number, or than it will have again?"""
+    if field is None or field.kind != FieldKind.FLOAT or not field.is_scaled or not math.isfinite(value):
+        return False
+    least = 2.0 ** (-126 if field.size == 4 else -1022)  # the smallest float with all its digits
+    return bool(0 < min(abs(value), abs(value / float(field.scale))) < least)
 
 
 Leaf = tuple[str, Field | None, Any]  # path, field (None: a number of elements), value

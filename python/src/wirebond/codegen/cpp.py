@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -116,6 +117,11 @@ class MessageView:
     def writes_values(self) -> bool:
         """Is anything but padding written?"""
         return any("message" in line for line in self.write)
+
+    @property
+    def reads_payload(self) -> bool:
+        """Is any byte of it looked at? Not where all is padding, whose size is all that it has."""
+        return any(re.search(r"\bpayload\b", line) for line in self.read)
 
 
 def shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
