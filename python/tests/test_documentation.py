@@ -33,7 +33,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from wirebond.codegen import generate_c, generate_python
+from wirebond.codegen import generate_c, generate_cpp, generate_python
 from wirebond.protocol import ProtocolFileError, loads
 from wirebond.sim import pty_port
 from wirebond.sim.virtual_mcu import VirtualMcu
@@ -42,7 +42,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 LINKED = [*PAGES, ROOT / "CHANGELOG.md", ROOT / "firmware" / "README.md"]
 PORT = "/dev/ttyUSB0"
-LANGUAGES = {"yaml", "yaml wrong", "python", "console", "cpp", "c", "output", "cmake", "json", "text"}
+LANGUAGES = {"yaml", "yaml wrong", "python", "console", "cpp", "c", "output", "cmake", "makefile", "json", "text"}
 RUN = ("wirebond ", "echo ")  # commands that a page may show with their output
 QUICK = [
     "-O0",
@@ -121,6 +121,7 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("generated")
     for path in sorted((ROOT / "protocols").glob("*.yaml")):
         generate_c(wirebond.load(path).model, folder)
+        generate_cpp(wirebond.load(path).model, folder)  # has the link's header, too
     for block in blocks_of("yaml"):
         if is_whole_file(block):
             generate_c(loads(block.text), folder)
@@ -244,7 +245,14 @@ def test_cpp_compiles(block: Block, generated: Path, tmp_path: Path) -> None:
     source.write_text(block.text, encoding="utf-8")
     if "wirebond/posix/" in block.text:  # tests/end_to_end/test_cpp_host.py builds it as its page says, and runs it
         return
-    compile_and_run(block, [*CXX, f"-I{generated}", str(source)], tmp_path)
+    compile_and_run(block, [*CXX, f"-I{generated}", *port_folders(block, tmp_path), str(source)], tmp_path)
+
+
+def port_folders(block: Block, folder: Path) -> list[str]:
+    """Where the ports that the block includes lie, and the doubles of their vendors' headers."""
+    ports = sorted(set(re.findall(r"wirebond/(\w+)/", block.text)))
+    (folder / "usart.h").write_text('#include "stm32f4xx_hal.h"\nextern UART_HandleTypeDef huart3;\n', encoding="utf-8")
+    return [f"-I{folder}", *(f"-I{ROOT / 'ports' / port / part}" for port in ports for part in ("include", "tests"))]
 
 
 @pytest.mark.parametrize("block", blocks_of("c"), ids=by_place)

@@ -1,0 +1,121 @@
+"""docs/firmware.md, followed to the letter: its source file and its lines in projects as CubeMX makes them."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.shared import PROTOCOLS, ROOT
+from wirebond.codegen import generate_cpp, port_headers, write_files
+from wirebond.protocol.loader import load
+
+PAGE = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
+TARGET = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
+
+# What CubeMX 6.12 writes, without what the guide does not touch: a Makefile for C, a CMakeLists.txt for C.
+MAKEFILE = f"""\
+TARGET = robot
+BUILD_DIR = build
+CC = arm-none-eabi-gcc
+C_INCLUDES = -ICore/Inc
+CFLAGS = {" ".join(TARGET)} $(C_INCLUDES) -Os -Wall -Werror -fdata-sections -ffunction-sections
+OBJECTS = $(BUILD_DIR)/main.o
+$(BUILD_DIR)/%.o: Core/Src/%.c Makefile | $(BUILD_DIR)
+\t$(CC) -c $(CFLAGS) $< -o $@
+$(BUILD_DIR):
+\tmkdir $@
+{{lines}}
+# link
+$(BUILD_DIR)/$(TARGET).elf: $(OBJECTS) Makefile
+\t$(CC) -r -nostdlib $(OBJECTS) -o $@
+"""
+CMAKE = f"""\
+cmake_minimum_required(VERSION 3.22)
+set(CMAKE_PROJECT_NAME robot)
+set(CMAKE_SYSTEM_NAME Generic)
+set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
+set(CMAKE_C_COMPILER arm-none-eabi-gcc)
+set(CMAKE_CXX_COMPILER arm-none-eabi-g++)
+set(CMAKE_C_FLAGS "{" ".join(TARGET)} -Os -Wall -Werror")
+set(CMAKE_CXX_FLAGS "${{CMAKE_C_FLAGS}} -fno-rtti -fno-exceptions -fno-threadsafe-statics")
+project(${{CMAKE_PROJECT_NAME}} LANGUAGES C ASM)
+add_library(${{CMAKE_PROJECT_NAME}} STATIC Core/Src/main.c)
+target_include_directories(${{CMAKE_PROJECT_NAME}} PRIVATE Core/Inc)
+"""
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+
+
+def run(*command: str | Path, cwd: Path) -> None:
+    done = subprocess.run(list(map(str, command)), cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{command}\n{done.stdout[-3000:]}{done.stderr[-3000:]}"
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A project with the page's source file, and a double of the HAL in the place of the vendor's."""
+    for folder in ("Core/Src", "Core/Inc"):
+        (tmp_path / folder).mkdir(parents=True)
+    generate_cpp(load(PROTOCOLS / "diffdrive.yaml"), tmp_path / "generated")
+    write_files(tmp_path / "generated", port_headers("stm32_hal"))
+    (tmp_path / "Core/Src/rover_link.cpp").write_text(blocks("cpp")[0], encoding="utf-8")
+    main = "void rover_link_poll(unsigned long);\nint main(void) {\n  for (;;) rover_link_poll(0);\n}\n"
+    (tmp_path / "Core/Src/main.c").write_text(main, encoding="utf-8")
+    hal = ROOT / "ports" / "stm32_hal" / "tests" / "stm32f4xx_hal.h"
+    (tmp_path / "Core/Inc/stm32f4xx_hal.h").write_text(hal.read_text(encoding="utf-8"), encoding="utf-8")
+    usart = '#include "stm32f4xx_hal.h"\nextern UART_HandleTypeDef huart3;\n'
+    (tmp_path / "Core/Inc/usart.h").write_text(usart, encoding="utf-8")
+    return tmp_path
+
+
+def test_makefile_lines_build_it(project: Path) -> None:
+    (lines,) = blocks("makefile")
+    (project / "Makefile").write_text(MAKEFILE.replace("{lines}", lines), encoding="utf-8")
+    run("make", "build/robot.elf", cwd=project)
+
+
+def test_cmake_lines_build_it(project: Path) -> None:
+    (lines,) = blocks("cmake")
+    (project / "CMakeLists.txt").write_text(CMAKE + lines, encoding="utf-8")
+    run("cmake", "-S", ".", "-B", "build", "-G", "Ninja", cwd=project)
+    run("cmake", "--build", "build", cwd=project)
+
+
+# ---- the vendor's own headers, where they are: STM32_HAL_PATH is an STM32Cube package, or a folder with several
+
+HAL = Path(os.environ.get("STM32_HAL_PATH", "/nonexistent"))
+FAMILIES = {"f4": "STM32F407xx", "g4": "STM32G473xx"}
+
+
+@pytest.mark.skipif(not HAL.is_dir(), reason="STM32_HAL_PATH names no folder with the vendor's HAL")
+@pytest.mark.parametrize("callbacks", ["0U", "1U"])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_it_compiles_against_the_vendors_hal(family: str, callbacks: str, project: Path) -> None:
+    hal, device = f"stm32{family}xx_hal", f"stm32{family}xx"
+    templates = sorted(HAL.rglob(f"{hal}_conf_template.h"))
+    if not templates:
+        pytest.skip(f"STM32_HAL_PATH has no HAL of the {family.upper()}")
+    (project / "Core/Inc/stm32f4xx_hal.h").unlink()
+    configuration = templates[0].read_text(encoding="utf-8")
+    configuration = re.sub(r"(USE_HAL_UART_REGISTER_CALLBACKS\s+)\dU", rf"\g<1>{callbacks}", configuration)
+    (project / "Core/Inc" / f"{hal}_conf.h").write_text(configuration, encoding="utf-8")
+    usart = f'#include "{hal}.h"\nextern UART_HandleTypeDef huart3;\n'
+    (project / "Core/Inc/usart.h").write_text(usart, encoding="utf-8")
+    source = project / "Core/Src/rover_link.cpp"
+    if callbacks == "1U":  # the call that replaces the three functions, as the page has it
+        text = source.read_text(encoding="utf-8").replace("namespace {", "").replace("}  // namespace", "")
+        text = re.sub(r"^void HAL_.*?^}$", "", text, flags=re.MULTILINE | re.DOTALL)
+        text += "bool begin() { return wirebond::stm32_hal::register_events<rover_link>(huart3); }\n"
+        source.write_text(text, encoding="utf-8")
+    folders = {templates[0].parent, *(path.parent for path in HAL.rglob(f"{device}.h"))}
+    folders |= {path.parent for path in sorted(HAL.rglob("core_cm4.h"))[:1]}
+    vendor = [part for folder in sorted(folders) for part in ("-isystem", str(folder))]
+    flags = ["-std=c++17", "-Os", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti", *TARGET]
+    folder = ["-Igenerated", "-isystem", "Core/Inc", f"-D{FAMILIES[family]}", *vendor]
+    run("arm-none-eabi-g++", *flags, *folder, "-c", source, "-o", "rover_link.o", cwd=project)
