@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from bench import collateral, columns, m4_cost, send_queue, work_per_byte
+from bench import collateral, columns, m4_cost, m4_runtime, send_queue, work_per_byte
 from bench.peers.work import Flat
 
 
@@ -41,6 +41,11 @@ def test_generated_code_on_a_cortex_m4_agrees_with_the_host_and_keeps_its_cost()
     """``measure`` fails where a frame is not found or comes out as another."""
     for figure in m4_cost.measure(("-O2",)):
         assert figure.met, f"{figure.key}: {figure.value:.0f} instructions"
+
+
+def test_a_link_on_a_cortex_m4_takes_little_memory_and_its_stack_has_a_bound() -> None:
+    for figure in m4_runtime.measure_memory(("diffdrive",)):
+        assert figure.met, f"{figure.key}: {figure.value:.0f} {figure.unit}"
 
 
 def test_all_codecs_make_the_same_of_the_same_frames() -> None:

@@ -1,0 +1,240 @@
+"""What a link costs a Cortex-M: instructions of a send and of each interrupt, flash, RAM, stack, masked interrupts.
+
+Counted and measured on generated code; bench/README.md says how. The processor's share is computed from the counts.
+"""
+
+from __future__ import annotations
+
+import random
+import shutil
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tests.streams import random_values
+
+import wirebond
+from bench.collateral import PROTOCOL, SEED
+from bench.cortex_m4 import M0, M4, Processor, Program, compile_program
+from bench.figures import ROOT, Figure
+from bench.m4_cost import FOLDER, MESSAGES, ROUNDS, samples
+from bench.native import BUILD
+from bench.stack_depth import stack_depth
+from wirebond.codegen import generate_cpp
+from wirebond.codegen.cpp import struct_names
+from wirebond.codegen.names import namespace
+from wirebond.protocol.model import End, Protocol
+
+CODEC = wirebond.load(PROTOCOL)
+LAYOUTS = {"field_msg": "BHHB8H8H???", "sentry_gimbal_msg": "BBf4f4f"}  # the structs' members, as `struct` has them
+COMMAND = "make bench ONLY=m4_runtime"
+PROTOCOLS = ("diffdrive", "pid_tuner", "enterprize", "native")
+INTERRUPT = ("on_received", "on_transmitted", "on_pended", "on_error")
+LINK = ("poll", *INTERRUPT)  # what every firmware calls
+REPEATED = ("poll_times", "poll_frames", "on_received_times", "on_transmitted_times", "on_pended_times")
+CLOCK_HZ = 170e6
+SENT_A_SECOND = 4000  # seed 000's overload test: four senders at 1 kHz
+RECEIVED_A_SECOND = 8240  # the same, as its authors counted it
+RUNS_A_SECOND = 1000  # a run is a millisecond of line
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Of the buffers: bytes to receive, bytes and frames to send."""
+
+    receive: int
+    send: int
+    frames: int
+
+
+ROVER = Sizes(256, 64, 4)  # as firmware/rover has them
+OTHERS = Sizes(256, 256, 4)
+LARGE = Sizes(512, 16384, 512)  # so that every message of a count finds room
+
+
+def measure() -> list[Figure]:
+    return [*_instructions(), *measure_memory(), *_masked()]
+
+
+def _figure(key: str, value: float, unit: str, goal: float | None = None) -> Figure:
+    return Figure(key, value, unit, goal, COMMAND)
+
+
+def _difference(program: Program, function: str, rounds: tuple[int, int], *arguments: int) -> float:
+    """Instructions of one round."""
+    counts = []
+    for times in rounds:
+        assert program.call(function, times, *arguments) == 0, f"{function} does not do its work"
+        counts.append(program.counts.total())
+    return (counts[1] - counts[0]) / (rounds[1] - rounds[0])
+
+
+# ---- instructions, at -O2
+
+
+def _instructions() -> list[Figure]:
+    sends = []
+    for name in MESSAGES:
+        program, _ = runtime("enterprize", "-O2", LARGE, counting=True)
+        sends.append(_send_cost(program, name))
+    send = max(cost for cost, _ in sends)
+    exclusive = max(stores for _, stores in sends)
+    program.call("on_pended")  # the first run
+    transmitted = _difference(program, "on_transmitted_times", (10, 40))
+    received = _difference(program, "on_received_times", ROUNDS)
+    pended = _difference(program, "on_pended_times", ROUNDS)
+    idle = _difference(program, "poll_times", ROUNDS)
+    frame = _receive_cost(program)
+    sending = 100 * (SENT_A_SECOND * send + RUNS_A_SECOND * transmitted) / CLOCK_HZ
+    receiving = 100 * (RECEIVED_A_SECOND * frame + RUNS_A_SECOND * (received + idle)) / CLOCK_HZ
+    return [
+        _figure("m4_send_instructions", send, "instructions", 400.0),
+        _figure("m4_send_exclusive_stores", exclusive, "exclusive stores"),
+        _figure("m4_on_transmitted_instructions", transmitted, "instructions"),
+        _figure("m4_on_received_instructions", received, "instructions"),
+        _figure("m4_on_pended_instructions", pended, "instructions"),
+        _figure("m4_poll_instructions", idle, "instructions"),
+        _figure("m4_receive_instructions", frame, "instructions"),
+        _figure("m4_sending_share", sending, "% (computed)"),
+        _figure("m4_receiving_share", receiving, "% (computed)"),
+    ]
+
+
+def _send_cost(program: Program, name: str) -> tuple[float, float]:
+    """Instructions and exclusive stores of one send. Fails where what lies in the queue is not the message's frame."""
+    (_, values), *_ = samples(name)
+    program.call("poll")
+    program.write(f"{name}_value", struct.pack(f"@{LAYOUTS[name]}", *_flat(values)))
+    frame = CODEC.encode(name, values)
+    assert program.call(f"send_{name}", sum(ROUNDS)) == 0, f"{name} is refused"
+    queued = program.read("buffers", LARGE.receive + len(frame) * sum(ROUNDS))[LARGE.receive :]
+    assert queued == frame * sum(ROUNDS), f"what lies in the queue is not {name}"
+    program.call("on_pended")
+    program.call("on_transmitted_times", sum(ROUNDS))  # all leave: from here on no send makes a new high-water mark
+    cost = _difference(program, f"send_{name}", ROUNDS)
+    program.call(f"send_{name}", 1)
+    return cost, float(program.exclusive_stores())
+
+
+def _receive_cost(program: Program) -> float:
+    """Instructions of a poll that finds one whole frame."""
+    message = CODEC.model.message("sentry_gimbal_cmd")
+    frame = CODEC.encode(message.name, random_values(message, random.Random(SEED)))
+    program.write("buffers", frame * (LARGE.receive // len(frame)))
+    return _difference(program, "poll_frames", (3, 10), len(frame))
+
+
+def _flat(values: dict[str, Any]) -> Iterator[Any]:
+    for value in values.values():
+        yield from value if isinstance(value, list | tuple) else (value,)
+
+
+# ---- memory, at -Os
+
+
+def measure_memory(protocols: Sequence[str] = PROTOCOLS) -> list[Figure]:
+    """AssertionError where the stack of one of a link's functions has no bound."""
+    figures = []
+    for name in protocols:
+        program, graph = runtime(name, "-Os", ROVER if name == "diffdrive" else OTHERS)
+        flash, ram = float(program.flash_bytes), float(program.sizes["runtime"])
+        if name == "diffdrive":
+            sends = [f"send_{m.name}" for m in _model(name).messages if m.sent_by(End.MCU)]
+            figures += [
+                _figure("m4_flash_bytes", flash, "bytes", 6144.0),
+                _figure("m4_ram_bytes", ram, "bytes", 400.0),
+                _figure("m4_send_stack_bytes", max(stack_depth(graph, send) for send in sends), "bytes"),
+                _figure("m4_poll_stack_bytes", stack_depth(graph, "poll"), "bytes"),
+                _figure("m4_interrupt_stack_bytes", max(stack_depth(graph, i) for i in INTERRUPT), "bytes"),
+            ]
+        else:
+            figures += [
+                _figure(f"m4_flash_bytes_{name}", flash, "bytes"),
+                _figure(f"m4_ram_bytes_{name}", ram, "bytes"),
+            ]
+    return figures
+
+
+# ---- interrupts masked, on a processor without exclusive access
+
+
+def _masked() -> list[Figure]:
+    program, _ = runtime("diffdrive", "-Os", ROVER, M0)
+    program.call("poll")
+    for _ in range(3):  # full at once, and refused
+        for _ in range(6):
+            program.call("send_odometry", 1)
+        for _ in range(6):
+            program.call("on_transmitted")
+            program.call("on_pended")
+    assert program.longest_masked > 0, "nothing is masked: this processor has exclusive access"
+    return [_figure("m0_masked_instructions", program.longest_masked, "instructions")]
+
+
+# ---- the program
+
+
+def runtime(
+    protocol: str, optimise: str, sizes: Sizes, processor: Processor = M4, *, counting: bool = False
+) -> tuple[Program, Path]:
+    """The program of bench/firmware/runtime.cpp for a protocol, and its call graph. ``counting``: with the functions
+    that repeat."""
+    model = _model(protocol)
+    name = f"runtime_{protocol}_{processor.name}_{sizes.send}"
+    folder = BUILD / name
+    shutil.rmtree(folder, ignore_errors=True)
+    generate_cpp(model, folder)
+    (folder / "handler.hpp").write_text(_handler(model), encoding="utf-8")
+    (folder / "sends.hpp").write_text(_sends(model), encoding="utf-8")
+    definitions = {"RECEIVE_BYTES": sizes.receive, "SEND_BYTES": sizes.send, "SEND_FRAMES": sizes.frames}
+    more = [*(f"-D{key}={value}U" for key, value in definitions.items()), "-ffunction-sections", "-Wl,--gc-sections"]
+    source = FOLDER / "runtime.cpp"
+    keep = [*LINK, *(f"send_{m.name}" for m in model.messages if m.sent_by(End.MCU)), *(REPEATED if counting else ())]
+    elf = compile_program(source, optimise, [folder], keep=keep, processor=processor, more=more, name=name)
+    more += ["-fcallgraph-info=su", "-fno-ipa-icf", "-c"]  # functions that are alike are not told of twice else
+    parts = compile_program(source, optimise, [folder], keep=keep, processor=processor, more=more, name=f"{name}_")
+    return Program(elf, processor), parts.with_suffix(".ci")
+
+
+def _model(protocol: str) -> Protocol:
+    return wirebond.load(ROOT / "protocols" / f"{protocol}.yaml").model
+
+
+def _handler(model: Protocol) -> str:
+    """A handler that has every message and every deadline's function; an empty one each, in another file as it were."""
+    actions = dict.fromkeys(d.then for d in model.deadlines if d.at == End.MCU)
+    return "\n".join(
+        [
+            f'#include "{model.name}_link.hpp"',
+            f"namespace protocol = {namespace(model.name)};",
+            "struct Handler {",
+            "  template <class Message> __attribute__((noinline)) void on(const Message& message) {",
+            '    asm volatile("" : : "r"(&message) : "memory");',
+            "    ++calls;",
+            "  }",
+            "  std::uint32_t calls = 0;",
+            *(f'  void {action}() {{ asm volatile(""); }}' for action in actions),
+            "};",
+            "",
+        ]
+    )
+
+
+def _sends(model: Protocol) -> str:
+    """A value of each message that the MCU sends, and a function that sends it a number of times. 0: all accepted."""
+    structs = struct_names(model)
+    names = [m.name for m in model.messages if m.sent_by(End.MCU)]
+    return "\n".join(
+        [
+            'extern "C" {',
+            *(f"protocol::{structs[name]} {name}_value;" for name in names),
+            *(
+                f"std::uint32_t send_{name}(std::uint32_t times) {{ return send({name}_value, times); }}"
+                for name in names
+            ),
+            "}",
+            "",
+        ]
+    )
