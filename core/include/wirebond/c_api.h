@@ -1,4 +1,5 @@
-// What the C headers of all protocols share: answers, counters, frames. C99, C11 and C++; no function lives here.
+// What the C headers of all protocols share: answers, counters, frames, a link's port. C99, C11 and C++; no function
+// lives here.
 #ifndef WIREBOND_C_API_H
 #define WIREBOND_C_API_H
 
@@ -16,11 +17,13 @@
 extern "C" {
 #endif
 
-/// What became of an encode. Only WIREBOND_OK means that bytes were produced.
+/// What became of an encode or a send. Only WIREBOND_OK means that bytes were produced.
 typedef enum wirebond_status {
   WIREBOND_OK,
   WIREBOND_OUT_OF_RANGE,  ///< a field is outside its range, not finite, or does not fit its wire type
-  WIREBOND_TOO_SMALL      ///< the caller's buffer cannot hold the frame
+  WIREBOND_TOO_SMALL,     ///< the caller's buffer cannot hold the frame
+  WIREBOND_QUEUE_FULL,    ///< no room in the link's send queue now
+  WIREBOND_LINK_DOWN      ///< the link has not started, or its port does not work
 } wirebond_status_t;
 
 /// Why received bytes were thrown away: the index into the arrays of wirebond_account_t.
@@ -82,6 +85,128 @@ typedef struct wirebond_frame {
 #define WIREBOND_RECEIVER_BYTES(workspace) ((workspace) + 12 * sizeof(void*) + 36 * sizeof(uint32_t))
 /// Room for so many deadlines.
 #define WIREBOND_DEADLINES_BYTES(rules) (2 * sizeof(void*) + (rules)*5 * sizeof(uint32_t))
+
+// ---- links ----------------------------------------------------------------------------------------------------------
+
+/// A UART, as a link asks for it. Each function must be there; `context` is given to each. A table may be `const` and
+/// in flash, and outlives its link. "The interrupt" is that of the UART and those of its DMA, which must have one
+/// priority, so that they never interrupt each other. Where there is none, whoever polls the link stands for it.
+///
+/// In turn the interrupt calls the link: ..._link_on_received, _on_transmitted, _on_error and _on_pended.
+typedef struct wirebond_port {
+  void* context;
+  /// Start circular reception into ring[0 .. size), or start it again at ring[0]. False: refused; the link tries again
+  /// from its poll. The first poll, then the interrupt.
+  bool (*start_receive)(void* context, uint8_t* ring, size_t size);
+  /// Is reception under way? False where an error has stopped it. The interrupt.
+  bool (*receiving)(void* context);
+  /// Where in the ring DMA writes next: 0 .. size - 1, which is (size - NDTR) modulo size. Any task, any interrupt.
+  size_t (*receive_position)(void* context);
+  /// Start sending bytes[0 .. size); they stay valid until ..._on_transmitted. False: busy, or an error; the link
+  /// offers the same bytes again from its poll. The interrupt.
+  bool (*start_transmit)(void* context, const uint8_t* bytes, size_t size);
+  /// Break off what `start_transmit` began; no transmit-complete event comes for it after this. The interrupt.
+  void (*stop_transmit)(void* context);
+  /// Let the UART's own interrupt run soon (NVIC_SetPendingIRQ); it then calls ..._on_pended. Any task, any interrupt;
+  /// never blocks.
+  void (*pend)(void* context);
+  /// Can the UART's DMA reach all of bytes[0 .. size)? The link stays down where it cannot. From its poll.
+  bool (*reaches)(void* context, const void* bytes, size_t size);
+} wirebond_port_t;
+
+/// How a link stands.
+typedef enum wirebond_link_state {
+  WIREBOND_STATE_DOWN,   ///< not polled yet, or its port does not work: nothing is sent or received
+  WIREBOND_STATE_STALE,  ///< it runs, and no valid frame came for a second
+  WIREBOND_STATE_UP      ///< valid frames come
+} wirebond_link_state_t;
+
+/// What is known of the file that the other end was built from.
+typedef enum wirebond_peer {
+  WIREBOND_PEER_UNKNOWN,   ///< it has not said hello
+  WIREBOND_PEER_SAME,      ///< the same wire
+  WIREBOND_PEER_DIFFERENT  ///< another protocol hash: its messages may mean something else
+} wirebond_peer_t;
+
+/// How severe a log line is.
+typedef enum wirebond_level {
+  WIREBOND_LEVEL_DEBUG,
+  WIREBOND_LEVEL_INFO,
+  WIREBOND_LEVEL_WARNING,
+  WIREBOND_LEVEL_ERROR
+} wirebond_level_t;
+
+/// What happened to the line and the port, modulo 2^32.
+typedef struct wirebond_link_counters {
+  uint32_t line_errors;        ///< framing, noise, overrun and DMA errors that the port told of
+  uint32_t receive_restarts;   ///< reception was begun again, after an error or for silence
+  uint32_t transmit_retries;   ///< the port did not take a run: busy, or an error
+  uint32_t transmit_timeouts;  ///< a run did not leave in time, and was broken off
+} wirebond_link_counters_t;
+
+/// Where every byte went that was handed out from the receive ring, as wirebond_account_t says it; a link does not
+/// count the candidates that it rejects.
+typedef struct wirebond_link_account {
+  uint32_t bytes;
+  uint32_t frame_bytes;
+  uint32_t fill_bytes;
+  uint32_t pending_bytes;
+  uint32_t discarded_bytes[WIREBOND_CAUSE_COUNT];
+
+  uint32_t frames;
+  uint32_t unknown_frames;
+} wirebond_link_account_t;
+
+/// What became of the bytes that DMA wrote, modulo 2^32: received = handed_out + lapped + still unread.
+typedef struct wirebond_receive_account {
+  uint32_t received;    ///< bytes that DMA wrote into the ring
+  uint32_t handed_out;  ///< of these, given to the receiver; its own account says where they went
+  uint32_t lapped;      ///< of these, written over before they were read
+  uint32_t laps;        ///< how often that happened
+  uint32_t overtaken;   ///< handed out, and written over while they were read: the ring is too small
+} wirebond_receive_account_t;
+
+/// Why a frame was not accepted: the index into wirebond_send_account_t::refused_by.
+typedef enum wirebond_refusal {
+  WIREBOND_REFUSED_NONE,       ///< stays 0
+  WIREBOND_REFUSED_FULL,       ///< no room, because finished frames wait for the line
+  WIREBOND_REFUSED_HELD,       ///< no room, because frames that left lie behind one that its sender has not finished
+  WIREBOND_REFUSED_RANGE,      ///< a field was out of range
+  WIREBOND_REFUSED_DOWN,       ///< the link was down
+  WIREBOND_REFUSED_ABANDONED,  ///< its sender gave its room back
+  WIREBOND_REFUSAL_COUNT
+} wirebond_refusal_t;
+
+/// What became of each frame that somebody wanted to send, modulo 2^32. Exact while no sender is inside a call:
+/// offered == accepted + unfinished + the sum of refused_by;
+/// accepted == sent + queued + replaced + expired + aborted.
+typedef struct wirebond_send_account {
+  uint32_t offered;
+  uint32_t accepted;
+  uint32_t refused_by[WIREBOND_REFUSAL_COUNT];
+  uint32_t sent;
+  uint32_t replaced;    ///< by a newer frame of a message of `queue: latest`
+  uint32_t expired;     ///< waited for longer than the file's `max_age`
+  uint32_t aborted;     ///< in a run that was broken off; some of its frames may have arrived
+  uint32_t queued;      ///< finished and not gone, now
+  uint32_t unfinished;  ///< being written by their senders, now
+} wirebond_send_account_t;
+
+/// One parameter's range and its first value.
+typedef struct wirebond_parameter_rule {
+  float least;
+  float most;
+  float initial;
+} wirebond_parameter_rule_t;
+
+/// The parameters that the host may read and set. An index is a place in both arrays, which are yours and outlive the
+/// link. Opening the link writes each `initial` to `values`; what the host sets is written there inside the link's
+/// poll, one word at a time, so that other tasks may read it.
+typedef struct wirebond_parameters {
+  const wirebond_parameter_rule_t* rules;
+  float* values;
+  size_t count;  ///< of both; 0: there are none
+} wirebond_parameters_t;
 
 #ifdef __cplusplus
 }

@@ -18,6 +18,8 @@ namespace wirebond::c {
 static_assert(static_cast<int>(Status::ok) == WIREBOND_OK);
 static_assert(static_cast<int>(Status::out_of_range) == WIREBOND_OUT_OF_RANGE);
 static_assert(static_cast<int>(Status::too_small) == WIREBOND_TOO_SMALL);
+static_assert(static_cast<int>(Status::queue_full) == WIREBOND_QUEUE_FULL);
+static_assert(static_cast<int>(Status::link_down) == WIREBOND_LINK_DOWN);
 static_assert(static_cast<int>(Cause::no_start) == WIREBOND_NO_START);
 static_assert(static_cast<int>(Cause::constant_mismatch) == WIREBOND_CONSTANT_MISMATCH);
 static_assert(static_cast<int>(Cause::length_out_of_range) == WIREBOND_LENGTH_OUT_OF_RANGE);
@@ -55,19 +57,27 @@ inline wirebond_violations_t to_c(const Violations& counts) {
           counts.clamped,    counts.wrong_count,  counts.rejected};
 }
 
-template <class Source>
-wirebond_account_t account_of(const Receiver<Source>& receiver) {
-  const ByteAccount<std::uint32_t>& from = receiver.account();
-  wirebond_account_t account{};
+/// Where a receiver's bytes went. `Account`: one of C's, of receivers or of links.
+template <class Account, class Receiver>
+Account bytes_of(const Receiver& receiver) {
+  const auto& from = receiver.account();
+  Account account{};
   account.bytes = receiver.bytes();
   account.frame_bytes = from.frame_bytes;
   account.fill_bytes = from.fill_bytes;
   account.pending_bytes = static_cast<std::uint32_t>(receiver.pending());
+  for (std::size_t cause = 0; cause < cause_count; ++cause)
+    account.discarded_bytes[cause] = from.discarded_bytes[cause];
   account.frames = from.frames;
   account.unknown_frames = from.unknown_frames;
+  return account;
+}
+
+template <class Source>
+wirebond_account_t account_of(const Receiver<Source>& receiver) {
+  auto account = bytes_of<wirebond_account_t>(receiver);
   for (std::size_t cause = 0; cause < cause_count; ++cause) {
-    account.discarded_bytes[cause] = from.discarded_bytes[cause];
-    account.rejected_candidates[cause] = from.rejected_candidates[cause];
+    account.rejected_candidates[cause] = receiver.account().rejected_candidates[cause];
   }
   return account;
 }

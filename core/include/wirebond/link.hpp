@@ -115,7 +115,8 @@ class Link {
     Log line{};
     line.level = static_cast<decltype(line.level)>(level);
     const std::size_t room = line.text.capacity;
-    static_cast<void>(line.text.assign(text.substr(0, room)));
+    // Not `substr`: unoptimised, it asks for the C++ library's exception.
+    static_cast<void>(line.text.assign({text.data(), text.size() < room ? text.size() : room}));
     return send(line);
   }
 

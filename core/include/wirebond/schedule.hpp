@@ -35,14 +35,15 @@ class Schedule<MessageList<Messages...>> {
   /// For each message that is due and that the handler has `bool fill(Message&)` for: fill it, and hand it to `send`
   /// unless the answer is false. After a stall the old rhythm goes on, without a burst.
   template <class Handler, class Send>
-  void poll(std::uint32_t now_us, Handler& handler, Send&& send) {
+  void poll([[maybe_unused]] std::uint32_t now_us, [[maybe_unused]] Handler& handler, [[maybe_unused]] Send&& send) {
     [[maybe_unused]] std::size_t place = 0;
     (offer<Messages>(due_us_[place++], now_us, handler, send), ...);
   }
 
  private:
   template <class Message, class Handler, class Send>
-  static void offer(std::uint32_t& due_us, std::uint32_t now_us, Handler& handler, Send& send) {
+  static void offer([[maybe_unused]] std::uint32_t& due_us, [[maybe_unused]] std::uint32_t now_us,
+                    [[maybe_unused]] Handler& handler, [[maybe_unused]] Send& send) {
     if constexpr (detail::HasFill<Handler, Message>::value) {
       Periodic<> rhythm(Message::Info::every_us, due_us);
       if (!rhythm.due(now_us)) return;

@@ -48,6 +48,9 @@ struct ParameterRule {
   float least;
   float most;
   float initial;
+
+  /// Finite, and within the range?
+  bool allows(float value) const { return is_finite(value) && value >= least && value <= most; }
 };
 
 /// As the parameter service's `result` has it.
@@ -69,8 +72,7 @@ class Parameters {
   /// Takes a finite value within the rule's range; any other answer than `ok` changes nothing.
   ParameterResult set(std::size_t index, float value) {
     if (index >= Size) return ParameterResult::no_such_index;
-    const ParameterRule& rule = (*rules_)[index];
-    if (!is_finite(value) || value < rule.least || value > rule.most) return ParameterResult::out_of_range;
+    if (!(*rules_)[index].allows(value)) return ParameterResult::out_of_range;
     values_[index] = value;
     return ParameterResult::ok;
   }

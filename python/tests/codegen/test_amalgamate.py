@@ -52,13 +52,14 @@ def test_two_headers_work_together_and_need_no_folder(
 
 
 @pytest.mark.parametrize("name", ["native", "shapes"])
-def test_c_is_a_header_and_a_source(
+def test_c_is_headers_and_sources_alone(
     name: str, protocols: list[Protocol], strict: list[str], shell: Shell, tmp_path: Path
 ) -> None:
     files = generate_c(of_name(protocols, name), tmp_path, amalgamate=True)
-    assert files == [tmp_path / f"{name}.cpp", tmp_path / f"{name}.h"]
-    shell(["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", "-x", "c", str(files[1])])
-    shell(["g++", *strict, "-fsyntax-only", str(files[0])])
+    assert [path.name for path in files] == [f"{name}.cpp", f"{name}.h", f"{name}_link.cpp", f"{name}_link.h"]
+    headers, sources = map(str, files[1::2]), map(str, files[::2])
+    shell(["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", "-x", "c", *headers])
+    shell(["g++", *strict, "-fsyntax-only", *sources])
 
 
 def test_second_run_touches_nothing(protocols: list[Protocol], tmp_path: Path) -> None:

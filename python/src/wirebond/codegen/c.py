@@ -1,4 +1,4 @@
-"""C99 for one protocol: a header for C firmware, and the .cpp behind it that hands every call on to the C++ header."""
+"""C99 for one protocol: headers for C firmware, and the .cpp behind each that hands every call on to a C++ header."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from wirebond.codegen.amalgamate import amalgamated
-from wirebond.codegen.c_names import Names, header_name
-from wirebond.codegen.c_struct import Declarations, Declarer
-from wirebond.codegen.cpp import cpp_header, id_literal, message_comment, shapes
+from wirebond.codegen.c_link import link_view
+from wirebond.codegen.c_names import Names, header_name, link_name
+from wirebond.codegen.c_struct import Declarations, Declarer, MessageView
+from wirebond.codegen.cpp import cpp_header, id_literal, link_header, message_comment, shapes
 from wirebond.codegen.cpp_field import comment_text
 from wirebond.codegen.cpp_number import real
 from wirebond.codegen.folder import core_headers, render, write_files
@@ -19,20 +20,22 @@ from wirebond.protocol.plan import plan_for
 
 
 def generate_c(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
-    """Write ``<protocol>.h``, ``.cpp`` and ``.hpp``, the core headers and a ``CMakeLists.txt`` into ``out``; return
-    their paths, sorted. With ``amalgamate`` all of it is one ``.h`` and one ``.cpp``. As ``generate_cpp`` otherwise."""
-    name, core = header_name(protocol.name), core_headers()
-    header, source = c_texts(protocol)
-    cpp = {f"{protocol.name}.hpp": cpp_header(protocol)}
+    """Write ``<protocol>.h`` and ``.cpp``, ``<protocol>_link.h`` and ``.cpp``, the C++ headers behind them, the core
+    headers and a ``CMakeLists.txt`` into ``out``; return their paths, sorted.
+
+    With ``amalgamate`` it is the first four files alone. As ``generate_cpp`` otherwise.
+    """
+    core, texts = core_headers(), c_texts(protocol)
+    cpp = {f"{protocol.name}.hpp": cpp_header(protocol), f"{protocol.name}_link.hpp": link_header(protocol)}
     if amalgamate:
-        header, source = amalgamated(header, core), amalgamated(source, cpp | core)
-        return write_files(out, {f"{name}.h": header, f"{name}.cpp": source})
-    cmake = render("c_CMakeLists.txt.j2", protocol=protocol, source=f"{name}.cpp")
-    return write_files(out, {f"{name}.h": header, f"{name}.cpp": source, "CMakeLists.txt": cmake, **cpp, **core})
+        return write_files(out, {name: amalgamated(text, cpp | core) for name, text in texts.items()})
+    sources = [name for name in texts if name.endswith(".cpp")]
+    cmake = render("c_CMakeLists.txt.j2", protocol=protocol, sources=sources)
+    return write_files(out, {**texts, "CMakeLists.txt": cmake, **cpp, **core})
 
 
-def c_texts(protocol: Protocol) -> tuple[str, str]:
-    """The texts of ``<protocol>.h`` and ``<protocol>.cpp``."""
+def c_texts(protocol: Protocol) -> dict[str, str]:
+    """The texts of ``<protocol>.h`` and ``.cpp``, and of ``<protocol>_link.h`` and ``.cpp``, by the files' names."""
     names = Names(protocol.name)
     constants = {
         word: names.constant(word)
@@ -61,6 +64,7 @@ def c_texts(protocol: Protocol) -> tuple[str, str]:
         "prefix": protocol.name,
         "guard": f"WIREBOND_GENERATED_{protocol.name.upper()}_H",
         "hash": f"0x{protocol_hash(protocol):016X}",
+        "link_name": link_name(protocol.name),
         "constants": constants,
         "parity": {"none": "N", "even": "E", "odd": "O"}[protocol.link.parity],
         "stop_bits": real(protocol.link.stop_bits, "float"),
@@ -79,24 +83,16 @@ def c_texts(protocol: Protocol) -> tuple[str, str]:
             (v for v in views if protocol.emergency_stop and v.name == protocol.emergency_stop.message), None
         ),
     }
-    return render("c.h.j2", **values), render("c.cpp.j2", **values)
+    values["link"] = link_view(protocol, names, views)
+    return {
+        f"{header_name(protocol.name)}.h": render("c.h.j2", **values),
+        f"{header_name(protocol.name)}.cpp": render("c.cpp.j2", **values),
+        f"{link_name(protocol.name)}.h": render("c_link.h.j2", **values),
+        f"{link_name(protocol.name)}.cpp": render("c_link.cpp.j2", **values),
+    }
 
 
 # ---- messages ---------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class MessageView:
-    name: str
-    comment: str
-    facts: list[tuple[str, str, str]]  # constant, literal, comment
-    declared: Declarations
-    type_name: str  # empty where it has no member
-    cpp: str
-    functions: dict[str, str]
-    index: int
-    sender: End
-    reply: str | None
 
 
 def _facts(protocol: Protocol, names: Names, index: int) -> list[tuple[str, str, str]]:

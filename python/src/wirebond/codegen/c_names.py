@@ -24,6 +24,11 @@ def header_name(protocol: str) -> str:
     return protocol + "_protocol" if protocol in SYSTEM_HEADERS else protocol
 
 
+def link_name(protocol: str) -> str:
+    """The same for the link's header and source."""
+    return protocol + "_link"
+
+
 def member_name(name: str) -> str:
     """A member of a struct, from what it is called in C++."""
     return name + "_" if name in C_KEYWORDS else name

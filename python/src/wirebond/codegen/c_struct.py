@@ -10,7 +10,7 @@ from wirebond.codegen.c_names import Names, member_name
 from wirebond.codegen.cpp_field import NUMBERS, element_type, hex_literal, member_comment
 from wirebond.codegen.cpp_number import integer, real, real_type, wire_integer
 from wirebond.codegen.cpp_struct import Member, Shape
-from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.model import End, Field, FieldKind
 
 _INT_MAX = 2**31 - 1
 
@@ -52,6 +52,22 @@ class Declarations:
     constants: list[Constants]
     limits: list[tuple[str, str]]  # name, literal
     structs: list[CStruct]
+
+
+@dataclass(frozen=True)
+class MessageView:
+    """A message as C sees it."""
+
+    name: str
+    comment: str
+    facts: list[tuple[str, str, str]]  # constant, literal, comment
+    declared: Declarations
+    type_name: str  # empty where it has no member
+    cpp: str
+    functions: dict[str, str]
+    index: int
+    sender: End
+    reply: str | None
 
 
 class Declarer:

@@ -1,0 +1,109 @@
+"""The generated C API of links: a C program opens, receives, sends and fails on it, without a C++ library."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import wirebond
+from tests.shared import PROTOCOLS, ROOT
+from tests.test_c_api import AWKWARD, C_COMPILERS, CPP, CPP_COMPILERS, LONG, QUICK, SANITIZE, STRICT, run
+from wirebond.codegen import generate_c
+from wirebond.protocol.loader import loads
+
+PROGRAM = ROOT / "tests" / "link" / "c_link_test.c"
+SIZES = ["-DNATIVE_LINK_COUNT=2", "-DDIFFDRIVE_LINK_RECEIVE_BYTES=64", "-DDIFFDRIVE_LINK_SEND_FRAMES=4"]
+NAMES = ("diffdrive", "native")
+
+
+@pytest.fixture(scope="module")
+def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("c_link")
+    for name in NAMES:
+        generate_c(wirebond.load(PROTOCOLS / f"{name}.yaml").model, folder)
+    return folder
+
+
+@pytest.mark.parametrize("sanitize", [pytest.param(SANITIZE, id="sanitized"), pytest.param([], id="plain", marks=LONG)])
+def test_a_program_in_c_drives_links_over_a_port_in_c(sanitize: list[str], generated: Path, tmp_path: Path) -> None:
+    objects = []
+    for name in (name + kind for name in NAMES for kind in ("", "_link")):
+        objects.append(str(tmp_path / f"{name}.o"))
+        command = ["g++", *CPP, *QUICK, *SIZES, *sanitize, f"-I{generated}", "-c", str(generated / f"{name}.cpp")]
+        run([*command, "-o", objects[-1]])
+    built = tmp_path / "program"
+    run(["gcc", "-std=c99", *STRICT, *sanitize, f"-I{generated}", str(PROGRAM), *objects, "-o", str(built)])
+    assert run([str(built)]) == "0\n"
+
+
+# That the headers are C++ as well is shown for all protocols in test_c_api.py.
+@pytest.mark.parametrize("compiler", [name for name in C_COMPILERS if not name.endswith("cpp")])
+def test_program_is_plain_c_everywhere(compiler: str, generated: Path) -> None:
+    run([*C_COMPILERS[compiler], *STRICT, f"-I{generated}", "-fsyntax-only", str(PROGRAM)])
+
+
+@pytest.mark.parametrize("name", [pytest.param("diffdrive", marks=LONG), "native"])
+@pytest.mark.parametrize(
+    "compiler", ["cortex-m4", *(pytest.param(c, marks=LONG) for c in ("cortex-m0", "gcc", "clang"))]
+)
+def test_source_needs_no_cpp_library_and_runs_nothing_before_main(
+    compiler: str, name: str, generated: Path, tmp_path: Path
+) -> None:
+    """Users may not set -fno-threadsafe-statics: no guard of a static may be asked for either."""
+    made = tmp_path / "made.o"
+    macro = f'-D{name.upper()}_LINK_DMA_MEMORY=__attribute__((section(".dma")))'
+    source = str(generated / f"{name}_link.cpp")
+    run([*CPP_COMPILERS[compiler], *CPP, "-Os", macro, f"-I{generated}", "-c", source, "-o", str(made)])
+    tools = "arm-none-eabi-" if compiler.startswith("cortex") else ""
+    symbols = run([f"{tools}nm", "--undefined-only", "--format=just-symbols", str(made)]).split()
+    known = ("__aeabi_", "__gnu_thumb1_", "_GLOBAL_OFFSET_TABLE_")
+    memory = {"memcpy", "memset", "memmove", "memchr", "memcmp", "bcmp"}
+    assert [symbol for symbol in symbols if symbol not in memory and not symbol.startswith(known)] == []
+    sections = run([f"{tools}objdump", "--section-headers", str(made)])
+    assert ".init_array" not in sections
+    assert " .dma " in sections
+
+
+@pytest.mark.parametrize(
+    ("macro", "told"),
+    [
+        ("NATIVE_LINK_COUNT=0", "set NATIVE_LINK_COUNT to the number of this firmware's links"),
+        ("NATIVE_LINK_RECEIVE_BYTES=100", "set NATIVE_LINK_RECEIVE_BYTES to a power of two"),
+        ("NATIVE_LINK_SEND_BYTES=64", "set NATIVE_LINK_SEND_BYTES to a power of two, at least twice 55"),
+        ("NATIVE_LINK_SEND_FRAMES=1", "set NATIVE_LINK_SEND_FRAMES to a power of two"),
+    ],
+)
+def test_a_size_that_cannot_be_says_what_to_set(macro: str, told: str, generated: Path) -> None:
+    command = ["g++", *CPP, "-fsyntax-only", f"-D{macro}", f"-I{generated}", str(generated / "native_link.cpp")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert told in done.stderr
+
+
+MORE_AWKWARD = """\
+  link: {id: 8, sender: mcu, every: 1 s, fields: {count: {type: u8, enum: {a: 0}}, open: {type: u8, enum: {b: 1}}}}
+  link_handlers: {id: 9, sender: both, every: 1 s, fields: {gap: {type: padding, size: 3}}}
+deadlines:
+  - {message: t, at: mcu, after: 3 s, then: velocity}
+  - {message: t, at: mcu, after: 4 s, then: fill}
+  - {message: t, at: mcu, after: 5 s, then: link_state}
+"""
+
+
+def test_names_that_are_hard_on_a_link_do_not_meet(tmp_path: Path) -> None:
+    """A message and an action of one name, messages that are called as parts of the link, actions as its own words."""
+    before, _, after = AWKWARD.partition("deadlines: [")
+    rest = after.partition("\n")[2]
+    generate_c(loads(before + MORE_AWKWARD + rest), tmp_path)
+    header = tmp_path / "string_link.h"
+    run(["gcc", "-std=c99", *STRICT, "-fsyntax-only", "-x", "c", f"-I{tmp_path}", str(header)])
+    source = str(tmp_path / "string_link.cpp")
+    run(["g++", *CPP, *QUICK, f"-I{tmp_path}", "-c", source, "-o", str(tmp_path / "made.o")])
+    text = header.read_text(encoding="utf-8")
+    assert "typedef struct string_link_2 string_link_2_t;" in text
+    assert "(*on_velocity)(void* context, const string_velocity_t* message);" in text
+    assert "(*on_velocity_2)(void* context);" in text
+    assert "string_send_link_handlers(string_link_2_t* link);" in text
+    assert "STRING_LINK_COUNT_A" in (tmp_path / "string_protocol.h").read_text(encoding="utf-8")
