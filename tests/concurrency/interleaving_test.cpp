@@ -4,8 +4,10 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "fiber.hpp"
@@ -49,7 +51,7 @@ class World {
   }
 
   void drop() {
-    auto grant = outbox_.reserve(7);
+    auto grant = outbox_.reserve(5);
     for (std::size_t i = 0; i < grant.size(); ++i) grant.data()[i] = 0xDD;
   }
 
@@ -68,6 +70,16 @@ class World {
     }
     outbox_.sent();
     return run.size != 0;
+  }
+
+  /// The consumer frees what was given up, and takes nothing.
+  void look() { outbox_.expire_older(0, 1); }
+
+  /// Is there no more in use than the ring has, and no less than what waits?
+  bool has_right_room() const {
+    std::size_t waiting = 0;
+    for (std::size_t sender = 0; sender < senders; ++sender) waiting += accepted_[sender] - came_[sender];
+    return outbox_.used_bytes() <= Config::ring_bytes && outbox_.used_bytes() >= 6 * waiting;
   }
 
   /// Take all that is left; then nothing may be missing, and the account and the room must be what they were at first.
@@ -189,13 +201,12 @@ std::size_t nest_all_scripts(unsigned taken, unsigned before) {
   return runs;
 }
 
-/// A sender that is suspended before its step `at` of one push, and goes on when it is resumed.
+/// Somebody who is suspended before step `at` of what he does, and goes on when he is resumed.
 class Suspended {
  public:
-  Suspended(World& world, std::size_t sender, unsigned at, bool shrinks)
-      : at_(at), fiber_([=, &world] { world.push(sender, shrinks); }) {}
+  Suspended(unsigned at, std::function<void()> act) : at_(at), fiber_(std::move(act)) {}
 
-  /// Run up to the step. False: the push ended before.
+  /// Run up to the step. False: it ended before.
   bool start() {
     current_ = this;
     HookedAtomics::hook = [] {
@@ -241,8 +252,8 @@ TEST_CASE("two senders suspended at every step delay no other sender's frame, wh
             world.push(5);
             world.take();
           }
-          Suspended first(world, 0, first_at, false);
-          Suspended second(world, 1, second_at, true);
+          Suspended first(first_at, [&] { world.push(0); });
+          Suspended second(second_at, [&] { world.push(1, true); });
           first_ends = !first.start();
           second_ends = !second.start();
           // A third one sends until there is no more room, twice round the ring where it may.
@@ -266,6 +277,57 @@ TEST_CASE("two senders suspended at every step delay no other sender's frame, wh
     }
   }
   CHECK(held > 100);
+}
+
+TEST_CASE("a sender and the consumer suspended at every step, in each other's middle") {
+  for (const Act act : {push_two, push_shrunk, drop}) {
+    for (unsigned waiting = 0; waiting < 3; ++waiting) {
+      for (const bool takes : {true, false}) {
+        for (unsigned sender_at = 0, sender_ends = 0; sender_ends == 0; ++sender_at) {
+          for (unsigned consumer_at = 0, consumer_ends = 0; consumer_ends == 0; ++consumer_at) {
+            CAPTURE(act);
+            CAPTURE(waiting);
+            CAPTURE(sender_at);
+            CAPTURE(consumer_at);
+            World world;
+            Suspended sender(sender_at, [&] {
+              if (act == drop) return world.drop();
+              world.push(0, act == push_shrunk);
+              if (act == push_two) world.push(0);
+            });
+            Suspended consumer(consumer_at, [&] { takes ? static_cast<void>(world.take()) : world.look(); });
+            sender_ends = !sender.start();
+            for (unsigned i = 0; i < waiting; ++i) world.push(1);
+            consumer_ends = !consumer.start();
+            sender.finish();
+            world.push(0);
+            consumer.finish();
+            REQUIRE(world.has_right_room());
+            REQUIRE(world.ends_well());
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("a sender suspended at every step of reserve is not refused where there is room when it goes on") {
+  for (unsigned laps = 0; laps < 12; ++laps) {
+    for (unsigned at = 0, ends = 0; ends == 0; ++at) {
+      CAPTURE(laps);
+      CAPTURE(at);
+      World world;
+      Suspended sender(at, [&] { world.push(0); });
+      ends = !sender.start();
+      for (unsigned i = 0; i < laps; ++i) {
+        world.push(1);
+        world.take();
+      }
+      sender.finish();
+      REQUIRE(world.accepted(0) == 1);
+      REQUIRE(world.ends_well());
+    }
+  }
 }
 
 TEST_CASE("random schedules of four senders and the consumer, a step at a time") {
