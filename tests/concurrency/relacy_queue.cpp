@@ -1,7 +1,8 @@
 // The send queue under relacy: every byte of a frame is a variable that must not be raced for, and frames must come
 // whole, once, and in order for each sender. `relacy_queue SCENE SITE full|bound|random AMOUNT`: SITE is a member of
-// SendQueueOrders that is weakened to relaxed, or `none`. Prints how many executions were tried; exit code 0: no fault,
-// 1: a fault.
+// SendQueueOrders that is weakened to relaxed, or `none`. `bound` tries every schedule with at most AMOUNT preemptions;
+// `full` has no such bound, and takes longer than anybody waits. Prints how many executions were tried; exit code 0: no
+// fault, 1: a fault. With RELACY_REPORT set it prints the faulty execution as well.
 #include <array>
 #include <cstdint>
 #include <cstdio>
@@ -29,11 +30,11 @@ constexpr std::size_t reserved_bytes = 4;
 int value_of(unsigned sender, unsigned number) { return static_cast<int>(1 + sender * 16 + number); }
 std::size_t used_by(unsigned sender) { return sender == 0 ? 2 : reserved_bytes; }
 
-/// Two frames from each of two senders; what was sent is taken when they have ended. Small enough to try everything.
-struct Reserving {
+/// Two frames from each of two senders, while the consumer looks twice.
+struct Pairs {
   static constexpr unsigned frames_each = 2;
-  static constexpr unsigned threads = senders;
-  static constexpr unsigned takes = 0;
+  static constexpr unsigned threads = senders + 1;
+  static constexpr unsigned takes = 2;
   static constexpr unsigned retries = 0;
 };
 /// One frame from each of two senders, while the consumer looks once.
@@ -167,7 +168,7 @@ int explore(const std::string& mode, unsigned amount) {
 
 int main(int count, char** arguments) {
   if (count != 5) {
-    std::fprintf(stderr, "usage: relacy_queue reserving|passing|circling SITE full|bound|random AMOUNT\n");
+    std::fprintf(stderr, "usage: relacy_queue pairs|passing|circling SITE full|bound|random AMOUNT\n");
     return 2;
   }
   const std::string scene = arguments[1];
@@ -178,7 +179,7 @@ int main(int count, char** arguments) {
     std::fprintf(stderr, "there is no site %s\n", site.c_str());
     return 2;
   }
-  if (scene == "reserving") return explore<Reserving>(mode, amount);
+  if (scene == "pairs") return explore<Pairs>(mode, amount);
   if (scene == "passing") return explore<Passing>(mode, amount);
   if (scene == "circling") return explore<Circling>(mode, amount);
   std::fprintf(stderr, "there is no scene %s\n", scene.c_str());

@@ -64,9 +64,10 @@ def test_the_model_checker_finds_no_fault_in_two_million_executions(relacy: Path
 
 
 @pytest.mark.long
-def test_every_schedule_of_two_senders_and_a_consumer_with_two_preemptions_is_good(relacy: Path) -> None:
-    """And every value that a load may see in it."""
-    result = run(relacy, "passing", "none", "bound", "2")
+@pytest.mark.parametrize(("scene", "preemptions"), [("passing", 2), ("pairs", 1)])
+def test_every_schedule_with_few_preemptions_is_good(relacy: Path, scene: str, preemptions: int) -> None:
+    """And every value that a load may see in it: one or two frames from each of two senders, and the consumer."""
+    result = run(relacy, scene, "none", "bound", str(preemptions))
     assert result.returncode == 0, result.stdout
 
 
