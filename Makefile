@@ -6,7 +6,7 @@ SHELL := bash
 VENV   := .venv
 PYTHON := $(abspath $(VENV))/bin/python
 NATIVE := CMakeLists.txt pyproject.toml $(shell find core/include ports/posix python/native -name '*.[ch]pp')
-CPP_SOURCES = $(shell git ls-files '*.cpp' '*.hpp' '*.h')
+CPP_SOURCES = $(shell git ls-files '*.cpp' '*.hpp' '*.h' '*.c')
 
 # ---- for users
 

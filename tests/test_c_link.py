@@ -31,8 +31,9 @@ def test_a_program_in_c_drives_links_over_a_port_in_c(sanitize: list[str], gener
     objects = []
     for name in (name + kind for name in NAMES for kind in ("", "_link")):
         objects.append(str(tmp_path / f"{name}.o"))
-        command = ["g++", *CPP, *QUICK, *SIZES, *sanitize, f"-I{generated}", "-c", str(generated / f"{name}.cpp")]
-        run([*command, "-o", objects[-1]])
+        command = ["g++", *CPP, *QUICK, *SIZES, f"-I{generated}", "-c", str(generated / f"{name}.cpp")]
+        # What links do not call is sanitized in test_c_api.py.
+        run([*command, *(sanitize if name.endswith("_link") else []), "-o", objects[-1]])
     built = tmp_path / "program"
     run(["gcc", "-std=c99", *STRICT, *sanitize, f"-I{generated}", str(PROGRAM), *objects, "-o", str(built)])
     assert run([str(built)]) == "0\n"
@@ -66,20 +67,20 @@ def test_source_needs_no_cpp_library_and_runs_nothing_before_main(
     assert " .dma " in sections
 
 
-@pytest.mark.parametrize(
-    ("macro", "told"),
-    [
-        ("NATIVE_LINK_COUNT=0", "set NATIVE_LINK_COUNT to the number of this firmware's links"),
-        ("NATIVE_LINK_RECEIVE_BYTES=100", "set NATIVE_LINK_RECEIVE_BYTES to a power of two"),
-        ("NATIVE_LINK_SEND_BYTES=64", "set NATIVE_LINK_SEND_BYTES to a power of two, at least twice 55"),
-        ("NATIVE_LINK_SEND_FRAMES=1", "set NATIVE_LINK_SEND_FRAMES to a power of two"),
-    ],
-)
-def test_a_size_that_cannot_be_says_what_to_set(macro: str, told: str, generated: Path) -> None:
-    command = ["g++", *CPP, "-fsyntax-only", f"-D{macro}", f"-I{generated}", str(generated / "native_link.cpp")]
+def test_a_size_that_cannot_be_says_what_to_set(generated: Path) -> None:
+    wrong = {
+        "NATIVE_LINK_COUNT": (0, "to the number of this firmware's links"),
+        "NATIVE_LINK_RECEIVE_BYTES": (100, "to a power of two"),
+        "NATIVE_LINK_SEND_BYTES": (64, "to a power of two, at least twice 55"),
+        "NATIVE_LINK_SEND_FRAMES": (1, "to a power of two"),
+    }
+    macros = [f"-D{macro}={value}" for macro, (value, _) in wrong.items()]
+    command = ["g++", *CPP, "-fsyntax-only", *macros, f"-I{generated}", str(generated / "native_link.cpp")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode != 0
-    assert told in done.stderr
+    assert [
+        f"set {macro} {told}" for macro, (_, told) in wrong.items() if f"set {macro} {told}" not in done.stderr
+    ] == []
 
 
 MORE_AWKWARD = """\

@@ -259,13 +259,14 @@ def port_folders(block: Block, folder: Path) -> list[str]:
 def test_c_compiles_and_needs_no_cpp_library(block: Block, generated: Path, tmp_path: Path) -> None:
     source = tmp_path / "example.c"
     source.write_text(block.text, encoding="utf-8")
-    objects = []
-    for name in re.findall(r'^#include "(\w+)\.h"', block.text, re.MULTILINE):
+    objects: list[str] = []
+    included = re.findall(r'^#include "(\w+)\.h"', block.text, re.MULTILINE)
+    for name in included if "int main(" in block.text else ():
         objects.append(str(tmp_path / f"{name}.o"))
         made = run(*CXX, f"-I{generated}", "-c", str(generated / f"{name}.cpp"), "-o", objects[-1])
         assert made.returncode == 0, made.stderr
-    linked = objects if "int main(" in block.text else []
-    compile_and_run(block, [*CC, f"-I{generated}", str(source), *linked], tmp_path)
+    folders = [f"-I{generated}", *port_folders(block, tmp_path), f"-I{ROOT / 'ports' / 'stm32_hal' / 'tests'}"]
+    compile_and_run(block, [*CC, *folders, str(source), *objects], tmp_path)
 
 
 def compile_and_run(block: Block, compiler: list[str], folder: Path) -> None:
