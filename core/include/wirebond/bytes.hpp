@@ -17,6 +17,12 @@
 #define WIREBOND_INLINE inline
 #define WIREBOND_INLINE_LAMBDA
 #endif
+// What is inlined for speed, and called where the compiler was asked for small code.
+#if defined(__OPTIMIZE_SIZE__)
+#define WIREBOND_QUICK inline
+#else
+#define WIREBOND_QUICK WIREBOND_INLINE
+#endif
 #if defined(__GNUC__)
 #define WIREBOND_NOINLINE __attribute__((noinline))
 #else

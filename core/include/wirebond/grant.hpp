@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/bytes.hpp"
+
 namespace wirebond {
 
 /// Why a frame was not accepted.
@@ -35,7 +37,7 @@ class [[nodiscard]] Grant {
   Grant(const Grant&) = delete;
   Grant& operator=(const Grant&) = delete;
   Grant& operator=(Grant&&) = delete;
-  ~Grant() { give_back(); }
+  WIREBOND_QUICK ~Grant() { give_back(); }
 
   bool ok() const { return owner_ != nullptr; }
   Refusal refusal() const { return refusal_; }  ///< `none` where it was granted
@@ -45,7 +47,7 @@ class [[nodiscard]] Grant {
 
   /// The frame is the first `used` bytes, 1 .. size(). Ends the grant. Where `used` is anything else there is no frame:
   /// the grant is given back.
-  void commit(std::size_t used) {
+  WIREBOND_QUICK void commit(std::size_t used) {
     if (owner_ == nullptr) return;
     if (used == 0 || used > ticket_.size) return give_back();
     owner_->commit(ticket_, used);
@@ -53,7 +55,7 @@ class [[nodiscard]] Grant {
   }
 
   /// End the grant without a frame. Nothing happens where it has ended already.
-  void give_back(Refusal why = Refusal::abandoned) {
+  WIREBOND_QUICK void give_back(Refusal why = Refusal::abandoned) {
     if (owner_ == nullptr) return;
     owner_->abandon(ticket_, why);
     owner_ = nullptr;

@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "wirebond/atomics.hpp"
+#include "wirebond/bytes.hpp"
 #include "wirebond/grant.hpp"
 #include "wirebond/latest_slots.hpp"
 #include "wirebond/message_list.hpp"
@@ -138,7 +139,7 @@ class Outbox {
 
   /// Room for a frame of at most `size` bytes. `now_ms` modulo 2^16: from when its age counts. `message` is the account
   /// that it belongs to, where each message has one. `Queue::urgent` without an urgent queue is refused as `full`.
-  Grant<Outbox> reserve(std::size_t size, Queue queue = Queue::normal, std::uint16_t now_ms = 0,
+  WIREBOND_QUICK Grant<Outbox> reserve(std::size_t size, Queue queue = Queue::normal, std::uint16_t now_ms = 0,
                         std::uint8_t message = 0) {
     Ticket ticket;
     const std::uint8_t account = account_of(message);
@@ -169,7 +170,7 @@ class Outbox {
 
   /// Room for a frame of this message, where its file says that it waits.
   template <class Message>
-  Grant<Outbox> reserve_for(std::size_t size, std::uint16_t now_ms = 0) {
+  WIREBOND_QUICK Grant<Outbox> reserve_for(std::size_t size, std::uint16_t now_ms = 0) {
     if constexpr (Message::Info::queue == Queue::latest) {
       constexpr std::size_t slot = Config::Latest::template index_of<Message>();
       static_assert(slot < slot_count, "a message of `queue: latest` needs a slot: name it in the config's Latest");
@@ -261,7 +262,7 @@ class Outbox {
 
   // ---- for Grant ----------------------------------------------------------------------------------------------------
 
-  void commit(const Ticket& ticket, std::size_t used) {
+  WIREBOND_QUICK void commit(const Ticket& ticket, std::size_t used) {
     Ledger& ledger = ledgers_[ticket.account];
     ledger.accept();  // before the consumer can see the frame, so that it is not sent before it was accepted
     if (is_in_slot(ticket)) {

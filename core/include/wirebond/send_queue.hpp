@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "wirebond/atomics.hpp"
+#include "wirebond/bytes.hpp"
 #include "wirebond/grant.hpp"
 
 namespace wirebond {
@@ -104,7 +105,7 @@ class SendQueue {
   }
 
   /// `reserve` for owners of grants of their own.
-  Refusal take(std::size_t size, std::uint8_t tag, std::uint16_t stamp, Ticket& ticket) {
+  WIREBOND_QUICK Refusal take(std::size_t size, std::uint8_t tag, std::uint16_t stamp, Ticket& ticket) {
     if (size == 0 || size > largest_frame()) return Refusal::full;
     for (;;) {
       Word seen{};
@@ -138,7 +139,7 @@ class SendQueue {
   }
 
   /// The frame is the first `used` bytes, 1 .. ticket.size. From here on it is the consumer's.
-  void commit(const Ticket& ticket, std::size_t used) { close(ticket, static_cast<Position>(used), ready); }
+  WIREBOND_QUICK void commit(const Ticket& ticket, std::size_t used) { close(ticket, static_cast<Position>(used), ready); }
 
   /// There is no frame. Its room is free as soon as the consumer has looked.
   void abandon(const Ticket& ticket, Refusal) { close(ticket, 0, gone); }
@@ -275,7 +276,7 @@ class SendQueue {
     return Refusal::full;
   }
 
-  void close(const Ticket& ticket, Position used, State state) {
+  WIREBOND_QUICK void close(const Ticket& ticket, Position used, State state) {
     if (used < ticket.size) {  // the last one to take room gives the rest back; else it stays with this frame
       const Word end =
           word_of(static_cast<Position>(ticket.begin + ticket.size), static_cast<Position>(ticket.number + 1));
