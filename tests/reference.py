@@ -187,7 +187,7 @@ def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> 
                 result.rejected_candidates[rejected.cause] += 1
                 if at + end > max(blame_end, at):
                     blame_end, blame = at + end, rejected.cause
-                failed = end if protocol.frame.is_strict else 1
+                failed = end if protocol.frame.is_strict and not outcome else 1  # its closing delimiter was found
             else:
                 result.frames.append(Frame(at, stream[at : at + end], message_id, name))
                 at += end

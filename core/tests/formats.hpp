@@ -192,6 +192,15 @@ struct Doubled {
   }
 };
 
+/// The same; what failed is not looked through again.
+struct StrictDoubled : Doubled {
+  static constexpr FrameFormat make() {
+    FrameFormat format = Doubled::make();
+    format.skips_failed = true;
+    return format;
+  }
+};
+
 /// Payload, exclusive-or of it, CR LF; there is no id, and nothing is stuffed.
 struct Lines {
   static constexpr std::array<MessageRow, 1> rows = {{{0, {0, 0, 20}}}};

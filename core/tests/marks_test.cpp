@@ -138,6 +138,16 @@ TEST_CASE("skips_failed: a false start that fails in its header costs one byte")
   });
 }
 
+TEST_CASE("skips_failed: without its closing delimiter a candidate costs one byte, and what begins in it is found") {
+  for_both_sources<StrictDoubled>([](const auto& source) {
+    const Bytes frame = frame_of(source, 0x10, {1, 2});
+    const std::size_t longest = wirebond::max_wire_bytes(source.format());
+    Watched<decltype(source)> recorder(source);
+    recorder.feed(Bytes{0x10, 0x02} + Bytes(longest - 3, 0x41) + frame);  // its last byte is the first of the frame
+    CHECK(recorder.frames().size() == 1);
+  });
+}
+
 TEST_CASE("skips_failed: an incomplete frame is given up with all that it held") {
   for_both_sources<Strict>([](const auto& source) {
     const Bytes inner = frame_of(source, 0x01, {1, 2});

@@ -303,8 +303,10 @@ bool holds_delimiter(const wirebond::FrameFormat& format, const std::uint8_t* wi
   return false;
 }
 
-/// Guarantee 1: a frame whose bytes arrive whole is delivered, unless a delivered one overlaps it.
+/// Guarantee 1: a frame whose bytes arrive whole is delivered, unless a delivered one overlaps it. `resync: strict`
+/// gives that up: what a failed candidate covers is skipped.
 void expect_intact_frames(const wirebond::FrameFormat& format, const Stream& stream, const std::vector<Found>& frames) {
+  if (format.skips_failed) return;
   const bool marked = wirebond::delimiter_bytes(format) != 0;
   for (const Stream::Piece& piece : stream.pieces) {
     if (!piece.is_intact) continue;

@@ -346,7 +346,8 @@ class Deframer {
         at += verdict.bytes;
       } else {  // an opening delimiter may stand inside: as data, or because the candidate began in garbage
         reject(verdict.cause, verdict.bytes);
-        const std::size_t failed = format.skips_failed ? verdict.bytes : 1;
+        const bool is_closed = end.kind == detail::BlockEnd::closing;
+        const std::size_t failed = format.skips_failed && is_closed ? verdict.bytes : 1;
         discard(failed);
         at += failed;
       }

@@ -168,7 +168,8 @@ def _in_brackets(protocol: Protocol, stream: bytes, sender: End | None, opening:
             result.rejected[judged.cause] += 1
             if blame is None or at + judged.extent > max(blame.offset + blame.extent, at):
                 blame = judged
-            failed = judged.extent if protocol.frame.is_strict else 1
+            is_closed = judged.end is not None and judged.extent == judged.end + len(closing) - at
+            failed = judged.extent if protocol.frame.is_strict and is_closed else 1
         for place in range(at, at + failed):
             result.blamed[place] = blame if blame is not None and place < blame.offset + blame.extent else None
         at += failed
