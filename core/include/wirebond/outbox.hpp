@@ -140,7 +140,7 @@ class Outbox {
   /// Room for a frame of at most `size` bytes. `now_ms` modulo 2^16: from when its age counts. `message` is the account
   /// that it belongs to, where each message has one. `Queue::urgent` without an urgent queue is refused as `full`.
   WIREBOND_QUICK Grant<Outbox> reserve(std::size_t size, Queue queue = Queue::normal, std::uint16_t now_ms = 0,
-                        std::uint8_t message = 0) {
+                                       std::uint8_t message = 0) {
     Ticket ticket;
     const std::uint8_t account = account_of(message);
     ledgers_[account].offer();

@@ -139,7 +139,9 @@ class SendQueue {
   }
 
   /// The frame is the first `used` bytes, 1 .. ticket.size. From here on it is the consumer's.
-  WIREBOND_QUICK void commit(const Ticket& ticket, std::size_t used) { close(ticket, static_cast<Position>(used), ready); }
+  WIREBOND_QUICK void commit(const Ticket& ticket, std::size_t used) {
+    close(ticket, static_cast<Position>(used), ready);
+  }
 
   /// There is no frame. Its room is free as soon as the consumer has looked.
   void abandon(const Ticket& ticket, Refusal) { close(ticket, 0, gone); }
