@@ -79,22 +79,28 @@ class ReceiveRing {
     } while (written_.load(std::memory_order_acquire) != written);
   }
 
-  /// The next bytes in one piece, as far as `look` saw; none: all is read. Bytes that were lapped are left out, and
-  /// counted: half a ring of the newest is kept, so that the DMA is not met again at once.
+  /// The next bytes in one piece, as far as `look` saw; none: all is read. Bytes that DMA wrote over are left out, and
+  /// counted. After a lap half a ring of the newest is kept, so that the DMA is not met again at once.
   Span next() {
-    if (seen_ - read_ > size()) skip_to(seen_ - size() / 2);
-    while (hole_ahead() && next_hole() == read_) pass_hole();
-    if (seen_ == read_) return {nullptr, 0};
-    Count end = read_ + size() - (read_ & mask_);
-    if (hole_ahead() && next_hole() - read_ < end - read_) end = next_hole();
-    if (seen_ - read_ < end - read_) end = seen_;
-    return {bytes_ + (read_ & mask_), end - read_};
+    bool lapped = false;
+    for (;;) {
+      while (hole_ahead() && next_hole() == read_) pass_hole();
+      const Count size = piece();
+      const Count lost = size == 0 ? 0 : written_over(seen_, size);
+      if (lost == 0) {
+        if (lapped) laps_ += 1;
+        return {bytes_ + (read_ & mask_), size};
+      }
+      lapped = true;
+      lapped_ += lost;
+      read_ += lost;
+    }
   }
 
   /// The first `count` bytes of `next` were read.
   void consumed(std::size_t count) {
-    const Count written = written_.load(std::memory_order_acquire);
-    if (written - read_ > size()) overtaken_ += static_cast<Count>(count);
+    const Count written = written_.load(std::memory_order_acquire);  // pairs with `advance` and `restart`
+    if (written_over(written, static_cast<Count>(count)) != 0) overtaken_ += static_cast<Count>(count);
     read_ += static_cast<Count>(count);
   }
 
@@ -145,16 +151,32 @@ class ReceiveRing {
     return bytes;
   }
 
-  void skip_to(Count target) {
-    laps_ += 1;
-    while (hole_ahead() && next_hole() - read_ < target - read_) {
-      lapped_ += next_hole() - read_;
-      const Count end = round_up(next_hole());
-      if (end - read_ > target - read_) target = end;
-      pass_hole();
+  /// Bytes from `read_` on that lie in one piece and were seen.
+  Count piece() const {
+    Count end = read_ + size() - (read_ & mask_);
+    if (hole_ahead() && next_hole() - read_ < end - read_) end = next_hole();
+    return (seen_ - read_ < end - read_ ? seen_ : end) - read_;
+  }
+
+  /// How many bytes from `read_` on, of which `piece` lie in one piece, DMA wrote over until it came to `written`.
+  Count written_over(Count written, Count piece) const {
+    const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
+    std::uint8_t hole = holes_passed_.load(std::memory_order_relaxed);
+    const bool is_ended = hole != noted && holes_[hole % hole_capacity] - read_ < written - read_;
+    const Count end = is_ended ? holes_[hole % hole_capacity] : written;
+    if (end - read_ > size()) return end - read_ - size() / 2;
+    // What began again at the ring's front since: the longest of these went over all places below its length.
+    Count longest = 0;
+    for (Count from = round_up(end); hole != noted && from - read_ < written - read_; ++hole) {
+      const std::uint8_t following = static_cast<std::uint8_t>(hole + 1);
+      const bool is_last = following == noted || holes_[following % hole_capacity] - read_ >= written - read_;
+      const Count to = is_last ? written : holes_[following % hole_capacity];
+      if (to - from > longest) longest = to - from;
+      from = round_up(to);
     }
-    lapped_ += target - read_;
-    read_ = target;
+    const Count place = read_ & mask_;
+    if (place >= longest) return 0;
+    return longest - place < piece ? longest - place : piece;
   }
 
   const std::uint8_t* bytes_;
