@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 
 import pytest
@@ -15,7 +16,7 @@ from wirebond.protocol.plan import ids_collide
 
 FORMATS = {path.stem: path for folder in (PROTOCOLS, ROOT / "tests" / "formats") for path in folder.glob("*.yaml")}
 FORMATS |= {f"contrib-{path.stem}": path for path in (PROTOCOLS / "contrib").glob("*.yaml")}
-STREAMS = 12  # a format and sender
+STREAMS = int(os.environ.get("WIREBOND_STREAMS", "12"))  # a format and sender
 
 
 def stream_for(proto: Codec, source: random.Random) -> bytes:

@@ -53,6 +53,7 @@ def test_engine_is_clean_under_the_sanitizers() -> None:
         "ASAN_OPTIONS": "detect_leaks=0",  # the interpreter's own
         "PYTHONPATH": os.pathsep.join([str(site), packages, str(ROOT)]),
         "PYTHONDONTWRITEBYTECODE": "1",
+        "WIREBOND_STREAMS": "4",
     }
     # -S: without it the development install of the package would come first.
     command = [sys.executable, "-S", "-m", "pytest", "-p", "no:cacheprovider", "-k", f"not ({NOT_WITH_SANITIZERS})"]
