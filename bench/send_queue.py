@@ -34,14 +34,14 @@ def run(program: Path, kind: str, senders: int, frames: int) -> dict[str, Any]:
 def measure(frames: int = FRAMES) -> list[Figure]:
     program = stress()
     figures = []
-    for senders in (4, 8):
+    for lost_key, senders in (("queue_lost_4_producers", 4), ("queue_lost_8_producers", 8)):
         queue = run(program, "outbox", senders, frames)
         control = run(program, "mutex", senders, frames)
         lost = queue["lost"] + (not queue["balances"])
         rate = queue["accepted"] / queue["processor_seconds"]
         control_rate = control["accepted"] / control["processor_seconds"]
         figures += [
-            Figure(f"queue_lost_{senders}_producers", lost, "frames", 0, COMMAND),
+            Figure(lost_key, lost, "frames", 0, COMMAND),
             Figure(f"mutex_lost_{senders}_producers", control["lost"], "frames", None, COMMAND),
             Figure(f"queue_rate_{senders}_producers", rate, "frames/s", None, COMMAND),
             Figure(f"mutex_rate_{senders}_producers", control_rate, "frames/s", None, COMMAND),
