@@ -267,14 +267,17 @@ WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candid
   if constexpr (Source::is_constant) {
     if (format.layout_count == 1) return detail::examine_layout(source, 0, candidate, available, block, frame);
   }
-  // Several layouts: the first that holds. A rejection is told for the layout that got furthest.
+  // Several layouts: the first that holds. A rejection is told for the layout that got furthest: one whose bits "there
+  // or not" differ is not meant at all, so of two that blame as many bytes any other cause says more.
   Verdict best{Outcome::reject, Cause::constant_mismatch, 0};
   for (std::size_t i = 0; i < format.layout_count; ++i) {
     const Verdict verdict = detail::examine_layout(source, i, candidate, available, block, frame);
     if (verdict.outcome == Outcome::frame) return verdict;
+    const bool further =
+        verdict.bytes > best.bytes || (verdict.bytes == best.bytes && best.cause == Cause::constant_mismatch);
     const bool better = i == 0 || (verdict.outcome == Outcome::need_more
                                        ? best.outcome != Outcome::need_more || verdict.bytes < best.bytes
-                                       : best.outcome != Outcome::need_more && verdict.bytes > best.bytes);
+                                       : best.outcome != Outcome::need_more && further);
     if (better) best = verdict;
   }
   return best;
