@@ -26,7 +26,9 @@ class Shortcut {
     const Layout& layout = format.layouts[0];
     const bool applies = format.layout_count == 1 && read_head(format, layout) && read_checks(format, layout, crcs);
     least_ = !applies ? SIZE_MAX : outside_ > sizeof(std::uint64_t) ? outside_ : sizeof(std::uint64_t);
-    if (format.framing == Framing::by_start) least_by_start_ = least_;
+    if (applies && format.framing == Framing::by_start) {
+      least_by_start_ = layout.prefix > sizeof(std::uint32_t) ? layout.prefix : sizeof(std::uint32_t);
+    }
     seals_ = applies && format.framing == Framing::by_start && layout.payload_size == PayloadSize::by_length &&
              layout.length_unit == 1 && layout.header_count == 0 && !has_late_constants_ && layout.prefix <= 8 &&
              layout.suffix == layout.checks[layout.check_count - 1u].bytes;
@@ -36,7 +38,7 @@ class Shortcut {
 
   /// Bytes that must be there before anything is said; more than any window has where the shortcut does not apply.
   std::size_t least() const { return least_; }
-  /// The same for frames that are found by their start.
+  /// The same for frames that are found by their start: what their head needs.
   std::size_t least_by_start() const { return least_by_start_; }
 
   /// Whether so few bytes can only be waited with: fewer than the prefix, whose only constant is their first byte.
@@ -52,12 +54,12 @@ class Shortcut {
     std::size_t size = 0;     ///< of the whole frame
   };
 
-  /// Whether examine_head would say that the head holds; fills `head` then. `available` is at least least();
-  /// `whole`: the frame has `available` bytes.
+  /// Whether examine_head would say that the head holds; fills `head` then. `available` is at least least(), or
+  /// least_by_start(); `whole`: the frame has `available` bytes.
   template <class Source>
   WIREBOND_INLINE bool head_holds(const Source& source, const std::uint8_t* candidate, std::size_t available,
                                   bool whole, Head& head) const {
-    const std::uint64_t first = load<std::uint64_t>(candidate);
+    const std::uint64_t first = available >= 8 ? load<std::uint64_t>(candidate) : short_word(candidate, available);
     if ((first & constant_bits_) != constants_) return false;
     const std::uint64_t word = swaps_ ? __builtin_bswap64(first) : first;
     head.id = static_cast<std::uint32_t>(id_.of(word));
@@ -109,6 +111,12 @@ class Shortcut {
   }
 
  private:
+  /// The first 4 to 7 bytes and zeros behind them, as if they were eight in memory.
+  WIREBOND_INLINE static std::uint64_t short_word(const std::uint8_t* bytes, std::size_t size) {
+    const std::size_t behind = size - sizeof(std::uint32_t);
+    return load<std::uint32_t>(bytes) | std::uint64_t{load<std::uint32_t>(bytes + behind)} << (8 * behind);
+  }
+
   /// Payloads whose size is not in the length, and messages that must be known.
   bool special_size_holds(std::size_t available, Head& head) const {
     if (payload_size_ == PayloadSize::by_id && !head.shape->known()) return false;

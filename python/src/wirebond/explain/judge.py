@@ -251,7 +251,9 @@ def _is_nearer(found: Judgement, best: Judgement) -> bool:
     waits, best_waits = found.outcome == Outcome.INCOMPLETE, best.outcome == Outcome.INCOMPLETE
     if waits:
         return not best_waits or found.extent < best.extent
-    return not best_waits and found.extent > best.extent
+    # A form whose bits "there or not" differ is not meant at all: of two that go as far, any other cause says more.
+    nearness = (found.extent, found.cause != "constant_mismatch")
+    return not best_waits and nearness > (best.extent, best.cause != "constant_mismatch")
 
 
 class _Decided(Exception):  # noqa: N818  (an outcome, not an error)
