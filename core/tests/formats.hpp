@@ -53,9 +53,6 @@ struct HeaderChecked {
     layout.checks[1] = {0, {0, false}, {-2, true}, {-2, true}, 2, ByteOrder::little, 0, 0};
     return format;
   }
-  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
-    return wirebond::crc_update<16, 0x1021, true>(reg, bytes, size);
-  }
 };
 
 /// AA 55, id, four payload bytes, two reserved ones, exclusive-or of all, 0D.
@@ -81,9 +78,6 @@ struct FixedSize {
     layout.checks[0] = {0, {0, false}, {-2, true}, {-2, true}, 1};
     return format;
   }
-  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
-    return wirebond::sum_update({CheckKind::exclusive_or, 8}, reg, bytes, size);
-  }
 };
 
 /// 7A, id, length, payload, high byte of the sum of these three, 7B. Nothing checks the length by itself.
@@ -108,9 +102,6 @@ struct WeakSum {
     layout.checks[0] = {0, {1, false}, {-2, true}, {-2, true}, 1, ByteOrder::little, 8};
     return format;
   }
-  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
-    return wirebond::sum_update({CheckKind::sum, 16}, reg, bytes, size);
-  }
 };
 
 /// COBS between zeros: id, payload, CRC.
@@ -132,9 +123,6 @@ struct Delimited {
     layout.check_count = 1;
     layout.checks[0] = {0, {0, false}, {-2, true}, {-2, true}, 2};
     return format;
-  }
-  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
-    return wirebond::crc_update<16, 0x1021, true>(reg, bytes, size);
   }
 };
 
@@ -160,9 +148,6 @@ struct BigEndian {
     layout.checks[0] = {0, {1, false}, {-4, true}, {-4, true}, 2, ByteOrder::big};
     return format;
   }
-  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
-    return wirebond::crc_update<16, 0x1021, false>(reg, bytes, size);
-  }
 };
 
 /// DLE STX, id, payload, exclusive-or of both, DLE ETX; among the three a DLE (10) is sent twice.
@@ -186,9 +171,6 @@ struct Doubled {
     layout.check_count = 1;
     layout.checks[0] = {0, {0, false}, {-1, true}, {-1, true}, 1};
     return format;
-  }
-  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
-    return wirebond::sum_update({CheckKind::exclusive_or, 8}, reg, bytes, size);
   }
 };
 
@@ -219,9 +201,6 @@ struct Lines {
     layout.checks[0] = {0, {0, false}, {-1, true}, {-1, true}, 1};
     return format;
   }
-  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
-    return wirebond::sum_update({CheckKind::exclusive_or, 8}, reg, bytes, size);
-  }
 };
 
 /// 0x00, id, COBS of the payload and an exclusive-or of it, exclusive-or of all as it is sent, 0xFE, 0x00.
@@ -249,9 +228,6 @@ struct PartlyStuffed {
     layout.checks[1] = {0, {0, false}, {-2, true}, {-2, true}, 1};
     layout.checks[1].on_wire = true;
     return format;
-  }
-  static std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
-    return wirebond::sum_update({CheckKind::exclusive_or, 8}, reg, bytes, size);
   }
 };
 
@@ -286,8 +262,14 @@ struct Constant {
     }
     return {};
   }
-  std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
-    return Format::check_update(algorithm, reg, bytes, size);
+  /// The only algorithm that these formats have, as generated code would call it.
+  std::uint64_t check_update(unsigned, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
+    constexpr const CheckAlgorithm& a = value.algorithms[0];
+    if constexpr (a.kind == CheckKind::crc) {
+      return wirebond::crc_update<a.width_bits, a.poly, a.reflect_in>(reg, bytes, size);
+    } else {
+      return wirebond::sum_update(a, reg, bytes, size);
+    }
   }
 };
 
