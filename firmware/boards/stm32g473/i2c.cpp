@@ -7,8 +7,8 @@ namespace board {
 
 namespace {
 
-/// RM0440, 41.4.9, in steps of ten cycles of 170 MHz, 59 ns: the clock is low for 26 steps and high for 15, which with
-/// its edges is 2.5 us; data changes 4 steps after the clock falls, and 7 before it rises.
+/// RM0440, I2C_TIMINGR, in steps of ten cycles of 170 MHz, 59 ns: the clock is low for 26 steps and high for 15, which
+/// with its edges is 2.5 us; data changes 4 steps after the clock falls, and 7 before it rises.
 constexpr std::uint32_t timing = 9U << 28 | 6U << 20 | 4U << 16 | 14U << 8 | 25U;
 
 }  // namespace
