@@ -20,6 +20,6 @@ def test_firmware_behaves_on_a_simulated_board(firmware: str, protocol: str, tmp
     generate_cpp(wirebond.load(PROTOCOLS / f"{protocol}.yaml").model, tmp_path)
     program = tmp_path / "program"
     test = str(FIRMWARE / "tests" / f"{firmware}_test.cpp")
-    includes = [f"-I{tmp_path}", f"-I{FIRMWARE / firmware}"]
+    includes = [f"-I{tmp_path}", f"-I{FIRMWARE / firmware}", f"-I{ROOT / 'ports' / 'fake' / 'include'}"]
     run(["g++", *FLAGS, *includes, test, "-DDOCTEST_CONFIG_IMPLEMENT_WITH_MAIN", "-o", str(program)])
     run([str(program), "--no-version"])

@@ -1,7 +1,11 @@
-"""The unit tests of the ports, built and run with sanitizers: the UART for tests, and each port on it."""
+"""The unit tests of the ports, built and run with sanitizers: the UART for tests, and each port on it.
+
+The port for STM32 also runs on the vendor's own drivers, where STM32_HAL_PATH names them.
+"""
 
 from __future__ import annotations
 
+import os
 import subprocess
 from pathlib import Path
 
@@ -10,12 +14,14 @@ import pytest
 from tests.shared import ROOT
 
 BUILD = ROOT / "build" / "ports"
+HAL = Path(os.environ.get("STM32_HAL_PATH", "/nonexistent"))
 PORTS = ["fake", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "stm32_hal_registered"]
 
 
 @pytest.fixture(scope="module")
 def build() -> Path:
-    _run(["cmake", "-S", str(ROOT / "ports"), "-B", str(BUILD), "-G", "Ninja"])
+    hal = f"-DSTM32_HAL_PATH={HAL if HAL.is_dir() else ''}"
+    _run(["cmake", "-S", str(ROOT / "ports"), "-B", str(BUILD), "-G", "Ninja", hal])
     return BUILD
 
 
@@ -23,6 +29,14 @@ def build() -> Path:
 def test_unit_tests_pass(port: str, build: Path) -> None:
     _run(["cmake", "--build", str(build), "--target", f"{port}_tests"])
     _run([str(build / f"{port}_tests"), "--no-version"])
+
+
+@pytest.mark.skipif(not HAL.is_dir(), reason="STM32_HAL_PATH names no folder with the vendor's HAL")
+def test_port_for_stm32_works_on_the_vendors_own_drivers(build: Path) -> None:
+    drivers = "Drivers/STM32F4xx_HAL_Driver"
+    if not [*HAL.glob(drivers), *HAL.glob(f"*/{drivers}")]:
+        pytest.skip("STM32_HAL_PATH has no HAL of the F4")
+    test_unit_tests_pass("stm32_hal_vendor", build)
 
 
 def _run(command: list[str]) -> None:

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "pid_tuner.hpp"  // generated: wirebond gen protocols/pid_tuner.yaml
+#include "pid_tuner_link.hpp"  // generated: wirebond gen protocols/pid_tuner.yaml
 
 namespace balance {
 
@@ -16,36 +16,36 @@ constexpr float upright_rad = 0.05F;             ///< somebody has put it up aga
 constexpr float largest_gain = 1000.0F;          ///< of each kind; larger ones are refused
 constexpr float velocity_p_for_each_i = 200.0F;  ///< the outer loop's i follows from its p
 
+/// A receive ring for 44 ms of the line, and room for what two loops report: put it where the UART's DMA reaches it.
+using Buffers = pid_tuner::McuBuffers<512, 256>;
+
 /// What the firmware asks of a board. Called from `Balance`'s own functions only.
 ///
 ///   float pitch_rad();                        // positive: it leans forwards
 ///   float pitch_rate_rad_s();
 ///   float speed_m_s();                        // of the wheels
 ///   void set_motors(float left, float right); // -1 to 1 of full voltage, positive: forwards
-///   wirebond::Status send(const Message&);    // the link's
 ///
-/// A handler of a link. One task or one main loop calls `step` and the link's `poll`.
-template <class Board>
+/// `poll` runs everything here in its own context. Times are microseconds and may wrap.
+template <class Board, class Port>
 class Balance {
  public:
-  explicit Balance(Board& board) : board_(board) { rest(); }  // all gains are 0 until the first message
+  using Link = pid_tuner::McuLink<Balance, Port, Buffers>;
 
-  /// Control, every `step_us`.
-  void step() {
-    constexpr float step_s = static_cast<float>(step_us) * 1e-6F;
-    pitch_ = board_.pitch_rad();
-    pitch_rate_ = board_.pitch_rate_rad_s();
-    if (!stands()) {
-      rest();
-      return;
-    }
-    // The outer loop leans against the way that the wheels go; the inner one drives the wheels under the body.
-    const float speed = board_.speed_m_s();
-    travelled_ = limited(travelled_ + speed * step_s, most_travelled_m);
-    setpoint_ = limited(-(velocity_.p * speed + velocity_.i * travelled_), most_lean_rad);
-    const float error = pitch_ - setpoint_;
-    error_sum_ = limited(error_sum_ + error * step_s, most_error_sum_rad_s);
-    drive(limited(balance_.p * error + balance_.i * error_sum_ + balance_.d * pitch_rate_, 1.0F));
+  Balance(Board& board, Port& port, Buffers& buffers) : board_(board), link_(*this, port, buffers) {
+    rest();  // all gains are 0 until the first message
+  }
+
+  /// For the UART's interrupt, which calls the link's `on_...` functions.
+  Link& link() { return link_; }
+
+  /// Messages, and control every `step_us`. Call it every millisecond.
+  void poll(std::uint32_t now_us) {
+    link_.poll(now_us);
+    if (now_us - stepped_us_ < step_us) return;
+    // In rhythm, unless that was missed: a loop that makes up for lost steps would act on one and the same angle.
+    stepped_us_ = now_us - stepped_us_ < 2 * step_us ? stepped_us_ + step_us : now_us;
+    step();
   }
 
   // ---- messages
@@ -69,7 +69,7 @@ class Balance {
       return;
     }
     const Gains& gains = request.idx == balance_index ? balance_ : velocity_;
-    static_cast<void>(board_.send(pid_tuner::Gains{request.idx, gains.p, gains.i, gains.d}));
+    static_cast<void>(link_.send(pid_tuner::Gains{request.idx, gains.p, gains.i, gains.d}));
   }
 
   bool fill(pid_tuner::Attitude& attitude) {
@@ -108,6 +108,23 @@ class Balance {
     rest();
   }
 
+  void step() {
+    constexpr float step_s = static_cast<float>(step_us) * 1e-6F;
+    pitch_ = board_.pitch_rad();
+    pitch_rate_ = board_.pitch_rate_rad_s();
+    if (!stands()) {
+      rest();
+      return;
+    }
+    // The outer loop leans against the way that the wheels go; the inner one drives the wheels under the body.
+    const float speed = board_.speed_m_s();
+    travelled_ = limited(travelled_ + speed * step_s, most_travelled_m);
+    setpoint_ = limited(-(velocity_.p * speed + velocity_.i * travelled_), most_lean_rad);
+    const float error = pitch_ - setpoint_;
+    error_sum_ = limited(error_sum_ + error * step_s, most_error_sum_rad_s);
+    drive(limited(balance_.p * error + balance_.i * error_sum_ + balance_.d * pitch_rate_, 1.0F));
+  }
+
   bool stands() {
     const float lean = pitch_ < 0.0F ? -pitch_ : pitch_;
     if (lean > fallen_rad) fallen_ = true;
@@ -127,10 +144,11 @@ class Balance {
   }
 
   void acknowledge(std::uint32_t of, pid_tuner::Acknowledge::Result result) {
-    static_cast<void>(board_.send(pid_tuner::Acknowledge{static_cast<std::uint8_t>(of), result}));
+    static_cast<void>(link_.send(pid_tuner::Acknowledge{static_cast<std::uint8_t>(of), result}));
   }
 
   Board& board_;
+  Link link_;
   Gains balance_;
   Gains velocity_;
   float pitch_ = 0.0F;
@@ -139,6 +157,7 @@ class Balance {
   float error_sum_ = 0.0F;
   float travelled_ = 0.0F;
   float output_ = 0.0F;
+  std::uint32_t stepped_us_ = 0;
   bool fallen_ = true;  // until it was seen upright
 };
 

@@ -47,4 +47,13 @@ class Body {
   float position_m_ = 0.0F;
 };
 
+/// A body in somebody's hand, who puts it up whenever its motors rest.
+class HeldBody : public Body {
+ public:
+  void set_motors(float left, float right) {
+    if (left == 0.0F && right == 0.0F) put_up();
+    Body::set_motors(left, right);
+  }
+};
+
 }  // namespace balance

@@ -16,6 +16,9 @@ namespace gimbal {
 constexpr std::size_t senders = 4;
 constexpr std::uint32_t period_us = 1000;
 
+/// A receive ring for 2.8 ms of the line, and room for 22 messages: put it where the UART's DMA reaches it.
+using Buffers = enterprize::McuBuffers<512, 1024>;
+
 struct Pose {
   float yaw_rad;
   float pitch_rad;
@@ -25,15 +28,24 @@ struct Pose {
 ///
 ///   Pose small_head(); Pose big_head();       // measured; from any of the senders' tasks
 ///   float bullet_speed_m_s();                 // the same
-///   void aim(const Pose& left, const Pose& right, const Pose& main);    // in the link's `poll`, as the next one
-///   void shoot(std::uint8_t left_mode, std::uint8_t right_mode);
-///   wirebond::Status send(const Message&);    // the link's
+///   void aim(const Pose& left, const Pose& right, const Pose& main);    // in `poll`, as the next one
+///   void shoot(std::uint8_t left_mode, std::uint8_t right_mode);        // 0: not
 ///
-/// A handler of a link.
-template <class Board>
+/// `poll` runs messages in its own context. Times are microseconds and may wrap.
+template <class Board, class Port>
 class Gimbal {
  public:
-  explicit Gimbal(Board& board) : board_(board) {}
+  using Link = enterprize::McuLink<Gimbal, Port, Buffers>;
+
+  Gimbal(Board& board, Port& port, Buffers& buffers) : board_(board), link_(*this, port, buffers) {
+    board_.shoot(0, 0);  // until the first valid command; the heads stay where they are until then
+  }
+
+  /// For the UART's interrupt, which calls the link's `on_...` functions.
+  Link& link() { return link_; }
+
+  /// Call it every millisecond or two.
+  void poll(std::uint32_t now_us) { link_.poll(now_us); }
 
   /// The work of sender 0 to 3, every `period_us`. Each has a task of its own; they may interrupt each other anywhere.
   /// The message's `cur_cv_mode` tells the sender, and its `target_color` counts, so that the host sees what it lost.
@@ -44,7 +56,7 @@ class Gimbal {
     message.bullet_speed = board_.bullet_speed_m_s();
     message.small_q = attitude(board_.small_head());
     message.big_q = attitude(board_.big_head());
-    return board_.send(message);
+    return link_.send(message);
   }
 
   // ---- messages and the link's state, in `poll`
@@ -68,6 +80,7 @@ class Gimbal {
   }
 
   Board& board_;
+  Link link_;
   std::array<std::uint8_t, senders> counts_{};  // each of one sender alone
 };
 

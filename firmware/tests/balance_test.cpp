@@ -1,4 +1,4 @@
-// The balance bot against its simulated body.
+// The balance bot against its simulated body, over a simulated UART.
 #include "balance.hpp"
 
 #include <doctest/doctest.h>
@@ -8,8 +8,12 @@
 #include <vector>
 
 #include "body.hpp"
+#include "wirebond/fake/line.hpp"
+#include "wirebond/fake/uart.hpp"
 
 namespace {
+
+namespace fake = wirebond::fake;
 
 struct Bench {
   float pitch_rad() const { return body.pitch_rad(); }
@@ -19,39 +23,60 @@ struct Bench {
     output = left;
     body.set_motors(left, right);
   }
-  wirebond::Status send(const pid_tuner::Acknowledge& message) {
-    answers.push_back(message);
-    return wirebond::Status::ok;
-  }
-  wirebond::Status send(const pid_tuner::Gains& message) {
-    gains = message;
-    return wirebond::Status::ok;
-  }
 
   balance::Body body;
   float output = 99.0F;  // neither end of the range: the firmware must set it
-  std::vector<pid_tuner::Acknowledge> answers;
-  pid_tuner::Gains gains{};
 };
 
+/// The firmware on a simulated UART, and what a host at the other end hears.
 struct Bot {
+  fake::Line in{pid_tuner::baud, 10};
+  fake::Line out{pid_tuner::baud, 10};
+  fake::Uart uart{in, out};
+  fake::Time now = 0;
   Bench bench;
-  balance::Balance<Bench> firmware{bench};
+  balance::Buffers buffers{};
+  balance::Balance<Bench, fake::Uart> firmware{bench, uart, buffers};
+  pid_tuner::Receiver<pid_tuner::FromMcu> receiver;
+  std::vector<pid_tuner::Acknowledge> answers;
+  pid_tuner::Gains gains{};
+  pid_tuner::Attitude attitude{};
+  pid_tuner::Motors motors{99.0F, 99.0F};
+
+  void on(const pid_tuner::Acknowledge& message) { answers.push_back(message); }
+  void on(const pid_tuner::Gains& message) { gains = message; }
+  void on(const pid_tuner::Attitude& message) { attitude = message; }
+  void on(const pid_tuner::Motors& message) { motors = message; }
 
   void run(float seconds) {
-    const int steps = static_cast<int>(seconds * 1e6F / static_cast<float>(balance::step_us));
-    for (int i = 0; i < steps; ++i) {
-      firmware.step();
-      for (std::uint32_t ms = 0; ms < balance::step_us / 1000; ++ms) bench.body.step(1e-3F);
+    for (int left_ms = static_cast<int>(std::lround(seconds * 1e3F)); left_ms > 0; --left_ms) {
+      bench.body.step(1e-3F);
+      now += 1'000'000;
+      uart.run(now, firmware.link());
+      firmware.poll(static_cast<std::uint32_t>(now / 1000));
+      const std::vector<std::uint8_t> bytes = out.read(now);
+      receiver.feed(bytes.data(), bytes.size(), static_cast<std::uint32_t>(now / 1000), *this);
+      in.forget();
+      out.forget();
     }
   }
+  /// The frame travels, and so does the answer.
+  template <class Message>
+  void send(const Message& message) {
+    std::uint8_t frame[Message::Info::max_frame_bytes];
+    std::size_t size = 0;
+    REQUIRE(pid_tuner::encode(message, frame, sizeof frame, size) == wirebond::Status::ok);
+    in.put(frame, size, now);
+    run(0.01F);
+  }
   void tune() {
-    firmware.on(pid_tuner::Pid{0, 10.0F, 0.1F, 0.3F});
-    firmware.on(pid_tuner::Pid{1, 0.2F, 0.0F, 0.0F});
+    run(0.001F);  // the first poll starts the link
+    send(pid_tuner::Pid{0, 10.0F, 0.1F, 0.3F});
+    send(pid_tuner::Pid{1, 0.2F, 0.0F, 0.0F});
   }
   pid_tuner::Gains read(std::uint8_t index) {
-    firmware.on(pid_tuner::ReadGains{index});
-    return bench.gains;
+    send(pid_tuner::ReadGains{index});
+    return gains;
   }
 };
 
@@ -85,7 +110,7 @@ TEST_CASE("the motors stop when gains change, and it goes on standing with the n
   bot.run(0.02F);
   REQUIRE(bot.bench.output != 0.0F);
   for (const std::uint8_t index : {std::uint8_t{0}, std::uint8_t{1}}) {
-    bot.firmware.step();
+    bot.run(0.02F);
     REQUIRE(bot.bench.output != 0.0F);
     bot.firmware.on(index == 0 ? pid_tuner::Pid{0, 12.0F, 0.1F, 0.4F} : pid_tuner::Pid{1, 0.18F, 0.0F, 0.0F});
     CHECK(bot.bench.output == 0.0F);
@@ -96,12 +121,13 @@ TEST_CASE("the motors stop when gains change, and it goes on standing with the n
 
 TEST_CASE("of the outer loop, i is p/200 whatever is sent") {
   Bot bot;
-  bot.firmware.on(pid_tuner::Pid{1, 50.0F, 7.0F, 7.0F});
+  bot.run(0.001F);
+  bot.send(pid_tuner::Pid{1, 50.0F, 7.0F, 7.0F});
   const pid_tuner::Gains gains = bot.read(1);
   CHECK(gains.p == 50.0F);
   CHECK(gains.i == 0.25F);
   CHECK(gains.d == 0.0F);
-  bot.firmware.on(pid_tuner::Pid{0, 50.0F, 7.0F, 6.0F});
+  bot.send(pid_tuner::Pid{0, 50.0F, 7.0F, 6.0F});
   CHECK(bot.read(0).i == 7.0F);
   CHECK(bot.read(0).d == 6.0F);
 }
@@ -109,14 +135,14 @@ TEST_CASE("of the outer loop, i is p/200 whatever is sent") {
 TEST_CASE("each change is answered, and what is refused changes nothing") {
   Bot bot;
   bot.tune();
-  bot.firmware.on(pid_tuner::Pid{2, 1.0F, 1.0F, 1.0F});
-  bot.firmware.on(pid_tuner::Pid{0, 1001.0F, 0.0F, 0.0F});
-  bot.firmware.on(pid_tuner::ReadGains{2});
+  bot.send(pid_tuner::Pid{2, 1.0F, 1.0F, 1.0F});
+  bot.send(pid_tuner::Pid{0, 1001.0F, 0.0F, 0.0F});
+  bot.send(pid_tuner::ReadGains{2});
   const std::vector<Result> results = {Result::accepted, Result::accepted, Result::unknown_index, Result::out_of_range,
                                        Result::unknown_index};
-  REQUIRE(bot.bench.answers.size() == results.size());
-  for (std::size_t i = 0; i < results.size(); ++i) CHECK(bot.bench.answers[i].result == results[i]);
-  CHECK(bot.bench.answers.back().of == pid_tuner::ReadGains::Info::id);
+  REQUIRE(bot.answers.size() == results.size());
+  for (std::size_t i = 0; i < results.size(); ++i) CHECK(bot.answers[i].result == results[i]);
+  CHECK(bot.answers.back().of == pid_tuner::ReadGains::Info::id);
   CHECK(bot.read(0).p == 10.0F);
 }
 
@@ -136,12 +162,37 @@ TEST_CASE("fallen, its motors rest until somebody puts it up") {
 TEST_CASE("what it sends at its rhythm is what the loops see and put out") {
   Bot bot;
   bot.tune();
-  bot.run(0.02F);
-  pid_tuner::Attitude attitude;
-  pid_tuner::Motors motors;
-  REQUIRE(bot.firmware.fill(attitude));
-  REQUIRE(bot.firmware.fill(motors));
-  CHECK(std::fabs(attitude.pitch - bot.bench.body.pitch_rad()) < 0.05F);
-  CHECK(motors.left == bot.bench.output);
-  CHECK(motors.right == bot.bench.output);
+  bot.run(0.5F);
+  bot.bench.body.push(1.0F);
+  bot.run(0.1F);
+  CHECK(bot.attitude.pitch != 0.0F);
+  CHECK(std::fabs(bot.attitude.pitch - bot.bench.body.pitch_rad()) < 0.05F);
+  CHECK(bot.motors.left != 0.0F);
+  CHECK(std::fabs(bot.motors.left - bot.bench.output) < 0.5F);
+  CHECK(bot.motors.right == bot.motors.left);
+}
+
+TEST_CASE("control comes every 5 ms of its clock, also while that wraps and after a pause") {
+  struct Counter {
+    float pitch_rad() { return ++steps, 0.0F; }
+    float pitch_rate_rad_s() const { return 0.0F; }
+    float speed_m_s() const { return 0.0F; }
+    void set_motors(float, float) {}
+    int steps = 0;
+  } board;
+  fake::Line line{pid_tuner::baud, 10};
+  fake::Uart uart{line, line};
+  balance::Buffers buffers{};
+  balance::Balance<Counter, fake::Uart> firmware(board, uart, buffers);
+  std::uint32_t now_us = 0xFFFF'0000U;
+  firmware.poll(now_us);
+  board.steps = 0;
+  for (int ms = 0; ms < 200; ++ms) firmware.poll(now_us += 1000);
+  CHECK(board.steps == 40);
+  firmware.poll(now_us += 100'000);
+  CHECK(board.steps == 41);
+  for (int ms = 0; ms < 4; ++ms) firmware.poll(now_us += 1000);
+  CHECK(board.steps == 41);
+  firmware.poll(now_us += 1000);
+  CHECK(board.steps == 42);
 }

@@ -25,7 +25,8 @@ CPP_RULES: dict[str, tuple[set[str], set[str] | None]] = {
 }
 GENERATED = re.compile(r"^[a-z0-9_]+\.hpp$")
 # What the vendors' own headers are called, which a port is written for. They are no part of this project.
-VENDOR = re.compile(r"^(stm32[a-z0-9]+xx_hal|gd32f[a-z0-9]+|FreeRTOS|task)\.h$")
+VENDOR = re.compile(r"^(stm32[a-z0-9]+xx_hal(_[a-z0-9]+)?|gd32f[a-z0-9]+|FreeRTOS|task)\.h$")
+MAY_USE_VENDOR = ("ports/", "firmware/boards/")
 
 # Python: module -> packages of this project that it must not import. A longer name goes before a shorter one.
 PYTHON_RULES: dict[str, set[str]] = {
@@ -67,10 +68,11 @@ def cpp_problems() -> list[str]:
                 if found is None:
                     continue
                 bracket, header = found.groups()
-                where = f"{path.relative_to(ROOT)}:{number}: {folder} must not include {header}"
+                relative = path.relative_to(ROOT).as_posix()
+                where = f"{relative}:{number}: {folder} must not include {header}"
                 if bracket == "<" and standard is not None and header not in standard:
                     problems.append(f"{where}; its standard headers are {', '.join(sorted(standard))}")
-                elif bracket == '"' and folder == "ports" and VENDOR.match(header):
+                elif bracket == '"' and relative.startswith(MAY_USE_VENDOR) and VENDOR.match(header):
                     continue
                 elif bracket == '"' and not _cpp_allowed(path, header, allowed):
                     problems.append(f"{where}; it may use {', '.join(sorted(allowed))}")

@@ -103,3 +103,46 @@ def test_balance_bot_stands_once_it_is_tuned_over_the_link() -> None:
             still = still + 1 if abs(message.fields["pitch"]) < 0.01 else 0
             if still == 100:  # two seconds of the bot's
                 break
+
+
+def events_until(machine: Machine, last: str) -> list[tuple[str, int]]:
+    """What the rover reports, up to the first event of this name, in milliseconds of its own clock."""
+    events = []
+    while not events or events[-1][0] != last:
+        name, _, when = machine.line().rpartition(" ")
+        events.append((name, int(when)))
+    return events
+
+
+def test_rover_drives_on_command_and_silence_stops_it_on_time() -> None:
+    with (
+        Machine(program("rover", "diffdrive")) as machine,
+        wirebond.open(codec("diffdrive"), machine.ports[0]) as link,
+    ):
+        # Silence counts from start-up, by the machine's clock; its poll may be some milliseconds late.
+        (stop, stopped), (safe_mode, safe) = events_until(machine, "safe_mode")
+        assert (stop, safe_mode) == ("stop", "safe_mode")
+        assert 1000 <= stopped < 1100
+        assert 3000 <= safe < 3100
+
+        link.send("velocity", linear=0.5, angular=0.0)  # of no effect in safe mode
+        link.send("status_query")
+        answer(link, "status")
+        odometry = (message.fields for message in messages(link) if message.name == "odometry")
+        assert [next(odometry) for _ in range(5)] == [{"left_ticks": 0, "right_ticks": 0}] * 5
+
+        end = time.monotonic() + PATIENCE
+        while True:  # the machine's time is faster than ours: seconds of silence may pass between two commands
+            assert time.monotonic() < end
+            link.send("parameter", name="clear_safe_mode", value=0)
+            link.send("velocity", linear=0.0, angular=1.0)
+            if any(
+                m.name == "odometry" and m.fields["left_ticks"] < -10 < 10 < m.fields["right_ticks"]
+                for m in link.receive(0.02)
+            ):
+                break
+        *_, (stop, stopped), (_, safe) = events_until(machine, "safe_mode")
+        assert stop == "stop"
+        assert 1900 <= safe - stopped < 2100  # both count from the last velocity
+        link.send("status_query")
+        assert answer(link, "status")["errors"] == ["comm_timeout"]

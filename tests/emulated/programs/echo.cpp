@@ -2,28 +2,28 @@
 #include "echo.hpp"
 
 #include "board.hpp"
-#include "enterprize_link.hpp"
 
 namespace {
 
+struct NoLight {
+  void blink() {}
+};
+
 struct Line {
+  using Echo = echo::Echo<NoLight, board::EmulatedUart>;
+
   Line(board::Usart& usart, board::Interrupt usart_interrupt, board::Interrupt events, board::Timer& pace,
        board::Interrupt pace_interrupt)
-      : dma(usart, usart_interrupt, events, pace, pace_interrupt), uart(dma), echo(*this), link(echo, uart, buffers) {
+      : dma(usart, usart_interrupt, events, pace, pace_interrupt) {
     board::enable_uart(events);
   }
 
-  template <class Message>
-  wirebond::Status send(const Message& message) {
-    return link.send(message);
-  }
-
   board::SoftwareDma dma;
-  board::EmulatedUart uart;
-  wirebond::Buffers<enterprize::AtMcu, 512, 1024, 64> buffers;
-  echo::Echo<Line> echo;
-  enterprize::McuLink<echo::Echo<Line>, board::EmulatedUart, wirebond::Buffers<enterprize::AtMcu, 512, 1024, 64>> link;
-  board::ReceiveTask<decltype(link)> task{link};
+  board::EmulatedUart uart{dma};
+  echo::Buffers buffers;
+  NoLight light;
+  Echo echo{light, uart, buffers};
+  board::ReceiveTask<Echo::Link> task{echo.link()};
 };
 
 Line first(board::usart1, board::Interrupt::usart1, board::Interrupt::dma2_stream7, board::timer3,
@@ -37,8 +37,8 @@ extern "C" void usart1_interrupt() { first.dma.on_byte(); }
 extern "C" void timer3_interrupt() { first.dma.on_tick(); }
 extern "C" void timer4_interrupt() { second.dma.on_tick(); }
 extern "C" void usart2_interrupt() { second.dma.on_byte(); }
-extern "C" void dma2_stream7_interrupt() { board::forward_events(first.dma, first.link, first.task); }
-extern "C" void dma2_stream2_interrupt() { board::forward_events(second.dma, second.link, second.task); }
+extern "C" void dma2_stream7_interrupt() { board::forward_events(first.dma, first.echo.link(), first.task); }
+extern "C" void dma2_stream2_interrupt() { board::forward_events(second.dma, second.echo.link(), second.task); }
 
 int main() {
   first.task.start("first", 2);

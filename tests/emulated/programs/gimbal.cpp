@@ -5,49 +5,36 @@
 #include <atomic>
 
 #include "board.hpp"
+#include "heads.hpp"
 
 // FRAMES: that each sender offers, from the build.
 namespace {
 
-/// Heads that are where they are told to be.
-class Heads {
+class AimedHeads : public gimbal::Heads {
  public:
-  gimbal::Pose small_head() const { return {small_yaw_, small_pitch_}; }
-  gimbal::Pose big_head() const { return {big_yaw_, big_pitch_}; }
   float bullet_speed_m_s() const { return 25.0F; }
   void aim(const gimbal::Pose& left, const gimbal::Pose&, const gimbal::Pose& main) {
-    small_yaw_ = left.yaw_rad;
-    small_pitch_ = left.pitch_rad;
-    big_yaw_ = main.yaw_rad;
-    big_pitch_ = main.pitch_rad;
+    Heads::aim(left, main);
     is_aimed = true;
   }
   void shoot(std::uint8_t, std::uint8_t) {}
-  template <class Message>
-  wirebond::Status send(const Message& message);
 
   std::atomic<bool> is_aimed{false};
-
- private:
-  std::atomic<float> small_yaw_{0.0F}, small_pitch_{0.0F}, big_yaw_{0.0F}, big_pitch_{0.0F};
 };
 
-Heads heads;
-gimbal::Gimbal<Heads> firmware(heads);
+using Gimbal = gimbal::Gimbal<AimedHeads, board::EmulatedUart>;
+
+AimedHeads heads;
 board::SoftwareDma dma(board::usart1, board::Interrupt::usart1, board::Interrupt::dma2_stream7, board::timer3,
                        board::Interrupt::timer3);
 board::EmulatedUart uart(dma);
-wirebond::Buffers<enterprize::AtMcu, 512, 1024> buffers;
-enterprize::McuLink link{firmware, uart, buffers};
-board::ReceiveTask link_task{link};
+gimbal::Buffers buffers;
+Gimbal firmware(heads, uart, buffers);
+Gimbal::Link& link = firmware.link();
+board::ReceiveTask<Gimbal::Link> link_task{link};
 std::array<wirebond::freertos::StaticTask<board::stack_words>, gimbal::senders> sender_tasks;
 wirebond::freertos::StaticTask<board::stack_words> report_task;
 std::atomic<std::uint32_t> ended{0};
-
-template <class Message>
-wirebond::Status Heads::send(const Message& message) {
-  return link.send(message);
-}
 
 void send_at_rhythm(void* argument) {
   while (!heads.is_aimed) vTaskDelay(1);  // what is sent before the host is there goes nowhere

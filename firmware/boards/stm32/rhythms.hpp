@@ -1,0 +1,24 @@
+// Four timers, each with an interrupt of its own priority: without an RTOS, they are what four tasks are with one.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "family.hpp"
+
+namespace board {
+
+constexpr std::size_t rhythms = 4;
+
+/// The least urgent of them, 0, to the most urgent one. All are less urgent than the UART's interrupt, which a sender
+/// pends: so what it queued begins to leave before it returns.
+constexpr std::uint32_t rhythm_priority(std::size_t rhythm) { return 5 - static_cast<std::uint32_t>(rhythm); }
+
+/// `run` is called for each rhythm every `period_us`. They begin 5 us apart, the least urgent first: so each is
+/// interrupted by the next in the middle of its work, as tasks are.
+void start_rhythms(void (*run)(std::size_t rhythm), std::uint32_t period_us);
+
+/// For the timers' handlers.
+void on_rhythm(std::size_t rhythm);
+
+}  // namespace board
