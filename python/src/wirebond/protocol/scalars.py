@@ -192,11 +192,13 @@ def _hex_bytes(most: int) -> Callable[[object], bytes]:
     return check
 
 
+def _bytes_pattern(most: int) -> str:
+    return _BYTE.pattern if most == 1 else f"{_BYTE.pattern}( +{_BYTE.pattern}){{0,{most - 1}}}"
+
+
 def _bytes_schema(most: int) -> Any:
-    one = "0x[0-9a-fA-F]{1,2}"
-    pattern = f"^{one}$" if most == 1 else f"^{one}( +{one}){{0,{most - 1}}}$"
     # Editors read a single 0xAA as the integer 170.
-    return Annotated[int, Field(ge=0, le=255)] | Annotated[str, Field(pattern=pattern)]
+    return Annotated[int, Field(ge=0, le=255)] | Annotated[str, Field(pattern=f"^{_bytes_pattern(most)}$")]
 
 
 def _bytes_type(most: int) -> Any:
@@ -438,8 +440,8 @@ class WhenText:
     magic: bytes
 
 
-_WHEN_BIT = re.compile(r"([a-z][a-z0-9_]*) *& *(0x[0-9A-Fa-f]{1,8}|[0-9]{1,10})")
-_WHEN_MAGIC = re.compile(r"magic *== *((?:0x[0-9A-Fa-f]{2} *){1,4})")
+_WHEN_BIT = re.compile(r"([a-z][a-z0-9_]*) *& *(0x[0-9A-Fa-f]{1,8}|[1-9][0-9]{0,9})")
+_WHEN_MAGIC = re.compile(r"magic *== *(.+)")
 
 
 def _when(value: object) -> WhenText:
@@ -448,7 +450,7 @@ def _when(value: object) -> WhenText:
         raise wrong(f"{describe(value)} is not a condition; {advice}")
     match = _WHEN_MAGIC.fullmatch(value)
     if match:
-        return WhenText("", 0, bytes(int(word, 16) for word in match[1].split()))
+        return WhenText("", 0, _hex_bytes(4)(match[1]))
     match = _WHEN_BIT.fullmatch(value)
     if match is None:
         raise wrong(f"{describe(value)} is not a condition; {advice}")
@@ -462,7 +464,9 @@ When = Annotated[
     WhenText,
     PlainValidator(
         _when,
-        json_schema_input_type=Annotated[str, Field(pattern=rf"^({_WHEN_BIT.pattern}|{_WHEN_MAGIC.pattern})$")],
+        json_schema_input_type=Annotated[
+            str, Field(pattern=rf"^({_WHEN_BIT.pattern}|magic *== *{_bytes_pattern(4)})$")
+        ],
     ),
 ]
 
