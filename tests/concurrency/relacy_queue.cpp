@@ -1,19 +1,16 @@
 // The send queue under relacy: every byte of a frame is a variable that must not be raced for, and frames must come
 // whole, once, and in order for each sender. `relacy_queue SCENE SITE full|bound|random AMOUNT`: SITE is a member of
-// SendQueueOrders that is weakened to relaxed, or `none`. `bound` tries every schedule with at most AMOUNT preemptions;
-// `full` has no such bound, and takes longer than anybody waits. Prints how many executions were tried; exit code 0: no
-// fault, 1: a fault. With RELACY_REPORT set it prints the faulty execution as well.
+// SendQueueOrders that is weakened to relaxed, or `none`. `full` takes longer than anybody waits.
 #include <array>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
-#include <iostream>
 #include <string>
 #include <utility>
 
 #include "wirebond/send_queue.hpp"
 // Relacy comes after the header under test.
-#include "relacy_policy.hpp"
+#include "relacy_search.hpp"
 
 namespace {
 
@@ -140,30 +137,6 @@ struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
   }
 };
 
-template <class Scene>
-int explore(const std::string& mode, unsigned amount) {
-  // Not a string stream: while a test runs, memory is relacy's.
-  std::ostream silent(nullptr);
-  const bool reports = std::getenv("RELACY_REPORT") != nullptr;
-  rl::test_params params;
-  params.output_stream = reports ? &std::cout : &silent;
-  params.progress_stream = &silent;
-  params.execution_depth_limit = 4000;
-  if (mode == "full") {
-    params.search_type = rl::fair_full_search_scheduler_type;
-  } else if (mode == "bound") {
-    params.search_type = rl::fair_context_bound_scheduler_type;
-    params.context_bound = amount;
-  } else {
-    params.search_type = rl::random_scheduler_type;
-    params.iteration_count = amount;
-  }
-  const bool held = rl::simulate<Senders<Scene>>(params);
-  std::printf("%s after %llu executions\n", held ? "no fault" : rl::test_result_str(params.test_result),
-              static_cast<unsigned long long>(params.stop_iteration));
-  return held ? 0 : 1;
-}
-
 }  // namespace
 
 int main(int count, char** arguments) {
@@ -179,9 +152,9 @@ int main(int count, char** arguments) {
     std::fprintf(stderr, "there is no site %s\n", site.c_str());
     return 2;
   }
-  if (scene == "pairs") return explore<Pairs>(mode, amount);
-  if (scene == "passing") return explore<Passing>(mode, amount);
-  if (scene == "circling") return explore<Circling>(mode, amount);
+  if (scene == "pairs") return explore<Senders<Pairs>>(mode, amount);
+  if (scene == "passing") return explore<Senders<Passing>>(mode, amount);
+  if (scene == "circling") return explore<Senders<Circling>>(mode, amount);
   std::fprintf(stderr, "there is no scene %s\n", scene.c_str());
   return 2;
 }
