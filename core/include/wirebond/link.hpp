@@ -49,14 +49,15 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 /// `Protocol`: an end of a generated header (`diffdrive::McuLink` fills it in). `Port`: see docs/firmware.md.
 /// `Memory`: a `Buffers`.
 ///
-/// `handler` may have, each of them if it wants it:
-///   void on(const Message&)             for a message that came and passed its field rules
-///   void unknown(const Frame&)          for a frame of no known message
-///   bool fill(Message&)                 for a message with `every:`, when it is due; false: not this time
-///   void stop() ...                     one function for each `then:` of the file's deadlines at this end; these it
-///   must have void link_state(LinkState)          when the state changes auto& parameters()                  a
-///   `Parameters`, for the parameter service void parameter_set(index, value)    after a parameter was set: the hook to
-///   store it
+/// `handler` must have a function for each `then:` of the file's deadlines at this end, such as `void stop()`. It may
+/// have, each of them if it wants it:
+/// - `void on(const Message&)`: a message came and passed its field rules
+/// - `void unknown(const Frame&)`: a frame of no known message came
+/// - `bool fill(Message&)`: a message with `every:` is due; false: not this time
+/// - `void link_state(LinkState)`: the state has changed
+/// - `auto& parameters()`: its `Parameters`, for the parameter service
+/// - `void parameter_set(index, value)`: a parameter was set; here it is stored
+///
 /// All of them run inside `poll`, in its context.
 ///
 /// Contexts: `send` and `log` from any task or interrupt. `poll` from one: a task, the main loop, or an interrupt. The
