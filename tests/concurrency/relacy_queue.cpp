@@ -1,6 +1,7 @@
 // The send queue under relacy: every byte of a frame is a variable that must not be raced for, and frames must come
-// whole, once, and in order for each sender. `relacy_queue SCENE SITE full|bound|random AMOUNT`: SITE is a member of
-// SendQueueOrders that is weakened to relaxed, or `none`. `full` takes longer than anybody waits.
+// whole, once, and in order for each sender. `relacy_queue SCENE SITE full|whole|bound|random AMOUNT`: SITE is a
+// member of SendQueueOrders that is weakened to relaxed, or `none`. Of the scenes only `alone` is small enough for
+// `whole`, and none for `full`.
 #include <array>
 #include <cstdint>
 #include <cstdio>
@@ -19,30 +20,42 @@ using wirebond::Run;
 using wirebond::SendQueueOrders;
 
 constexpr unsigned senders = 2;
-constexpr std::size_t capacity = 8;
-constexpr std::size_t entry_count = 2;
 constexpr std::size_t reserved_bytes = 4;
 
 /// A sender's frame: its bytes are all of the same value. Sender 0 needs less than it reserves.
 int value_of(unsigned sender, unsigned number) { return static_cast<int>(1 + sender * 16 + number); }
 std::size_t used_by(unsigned sender) { return sender == 0 ? 2 : reserved_bytes; }
 
+/// Two frames from each of two senders, with room for all; the consumer looks when both are done.
+struct Alone {
+  static constexpr std::size_t capacity = 16;
+  static constexpr std::size_t entry_count = 4;
+  static constexpr unsigned frames_each = 2;
+  static constexpr unsigned threads = senders;
+  static constexpr unsigned takes = 0;
+  static constexpr unsigned retries = 0;
+};
+/// Room for two frames, as all scenes below have it.
+struct Narrow {
+  static constexpr std::size_t capacity = 8;
+  static constexpr std::size_t entry_count = 2;
+};
 /// Two frames from each of two senders, while the consumer looks twice.
-struct Pairs {
+struct Pairs : Narrow {
   static constexpr unsigned frames_each = 2;
   static constexpr unsigned threads = senders + 1;
   static constexpr unsigned takes = 2;
   static constexpr unsigned retries = 0;
 };
 /// One frame from each of two senders, while the consumer looks once.
-struct Passing {
+struct Passing : Narrow {
   static constexpr unsigned frames_each = 1;
   static constexpr unsigned threads = senders + 1;
   static constexpr unsigned takes = 1;
   static constexpr unsigned retries = 0;
 };
 /// So many frames that room and entries are used again, and the consumer is at work all the time.
-struct Circling {
+struct Circling : Narrow {
   static constexpr unsigned frames_each = 4;
   static constexpr unsigned threads = senders + 1;
   static constexpr unsigned takes = 12;
@@ -76,6 +89,9 @@ struct ChosenOrders {
 template <class Scene>
 struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
   using Queue = wirebond::SendQueue<WatchedAtomics, ChosenOrders>;
+
+  static constexpr std::size_t capacity = Scene::capacity;
+  static constexpr std::size_t entry_count = Scene::entry_count;
 
   std::array<std::uint8_t, capacity> ring{};  // places only: what is written there is in `bytes`
   std::array<rl::var<int>, capacity> bytes;
@@ -141,7 +157,7 @@ struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
 
 int main(int count, char** arguments) {
   if (count != 5) {
-    std::fprintf(stderr, "usage: relacy_queue pairs|passing|circling SITE full|bound|random AMOUNT\n");
+    std::fprintf(stderr, "usage: relacy_queue alone|pairs|passing|circling SITE full|whole|bound|random AMOUNT\n");
     return 2;
   }
   const std::string scene = arguments[1];
@@ -152,6 +168,7 @@ int main(int count, char** arguments) {
     std::fprintf(stderr, "there is no site %s\n", site.c_str());
     return 2;
   }
+  if (scene == "alone") return explore<Senders<Alone>>(mode, amount);
   if (scene == "pairs") return explore<Senders<Pairs>>(mode, amount);
   if (scene == "passing") return explore<Senders<Passing>>(mode, amount);
   if (scene == "circling") return explore<Senders<Circling>>(mode, amount);

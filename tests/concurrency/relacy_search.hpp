@@ -1,5 +1,7 @@
-// How a scene is searched by relacy, as the command line says it. `bound` tries every schedule with at most AMOUNT
-// preemptions and every value that a load may see in it; `full` has no such bound; `random` draws AMOUNT executions.
+// How a scene is searched by relacy, as the command line says it. `full` tries every schedule and every value that a
+// load may see in it; `whole` the same without schedules that differ in nothing but their names (see Preemption);
+// `bound` every schedule with at most AMOUNT preemptions; `random` draws AMOUNT executions. A load may see one of a
+// word's newest three values at most.
 #pragma once
 
 #include <cstdio>
@@ -20,7 +22,8 @@ int explore(const std::string& mode, unsigned amount) {
   params.output_stream = reports ? &std::cout : &silent;
   params.progress_stream = &silent;
   params.execution_depth_limit = 4000;
-  if (mode == "full") {
+  Preemption::before_stores = mode != "whole";
+  if (mode == "full" || mode == "whole") {
     params.search_type = rl::fair_full_search_scheduler_type;
   } else if (mode == "bound") {
     params.search_type = rl::fair_context_bound_scheduler_type;

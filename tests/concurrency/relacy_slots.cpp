@@ -1,6 +1,6 @@
 // The slots of `latest` messages under relacy: every byte of a cell is a variable that must not be raced for, frames
-// come whole, and never an older one after a newer one. `relacy_slots SCENE SITE full|bound|random AMOUNT`: SITE is a
-// member of LatestSlotsOrders that is weakened to relaxed, or `none`.
+// come whole, and never an older one after a newer one. `relacy_slots SCENE SITE full|whole|bound|random AMOUNT`: SITE
+// is a member of LatestSlotsOrders that is weakened to relaxed, or `none`.
 #include <array>
 #include <cstdint>
 #include <cstdio>
@@ -141,7 +141,7 @@ struct Writers : rl::test_suite<Writers<Scene>, writers + 1> {
 
 int main(int count, char** arguments) {
   if (count != 5) {
-    std::fprintf(stderr, "usage: relacy_slots meeting|replacing SITE full|bound|random AMOUNT\n");
+    std::fprintf(stderr, "usage: relacy_slots meeting|replacing SITE full|whole|bound|random AMOUNT\n");
     return 2;
   }
   const std::string scene = arguments[1];
