@@ -74,24 +74,36 @@ def _difference(program: Program, function: str, rounds: tuple[int, int], *argum
 # ---- instructions, at -O2
 
 
-def _instructions() -> list[Figure]:
+def measure_send() -> list[Figure]:
+    """Of the message that is dearest to send."""
+    return _measure_send()[0]
+
+
+def _measure_send() -> tuple[list[Figure], Program]:
+    """And the program, with one message in its queue."""
     sends = []
     for name in MESSAGES:
         program, _ = runtime("enterprize", "-O2", LARGE, counting=True)
         sends.append(_send_cost(program, name))
-    send = max(cost for cost, _ in sends)
-    exclusive = max(stores for _, stores in sends)
+    figures = [
+        _figure("m4_send_instructions", max(cost for cost, _ in sends), "instructions", 400.0),
+        _figure("m4_send_exclusive_stores", max(stores for _, stores in sends), "exclusive stores"),
+    ]
+    return figures, program
+
+
+def _instructions() -> list[Figure]:
+    sends, program = _measure_send()
     program.call("on_pended")  # the first run
     transmitted = _difference(program, "on_transmitted_times", (10, 40))
     received = _difference(program, "on_received_times", ROUNDS)
     pended = _difference(program, "on_pended_times", ROUNDS)
     idle = _difference(program, "poll_times", ROUNDS)
     frame = _receive_cost(program)
-    sending = 100 * (SENT_A_SECOND * send + RUNS_A_SECOND * transmitted) / CLOCK_HZ
+    sending = 100 * (SENT_A_SECOND * sends[0].value + RUNS_A_SECOND * transmitted) / CLOCK_HZ
     receiving = 100 * (RECEIVED_A_SECOND * frame + RUNS_A_SECOND * (received + idle)) / CLOCK_HZ
     return [
-        _figure("m4_send_instructions", send, "instructions", 400.0),
-        _figure("m4_send_exclusive_stores", exclusive, "exclusive stores"),
+        *sends,
         _figure("m4_on_transmitted_instructions", transmitted, "instructions"),
         _figure("m4_on_received_instructions", received, "instructions"),
         _figure("m4_on_pended_instructions", pended, "instructions"),

@@ -61,6 +61,17 @@ struct Fixture {
 
 }  // namespace
 
+TEST_CASE("without a number of frames there is an entry for each 32 bytes, and always a power of two") {
+  CHECK(wirebond::default_frames(512) == 16);
+  CHECK(wirebond::default_frames(256) == 8);
+  CHECK(wirebond::default_frames(32) == 4);
+  for (std::size_t bytes = 2; bytes <= 32768; bytes *= 2) {
+    const std::size_t frames = wirebond::default_frames(bytes);
+    CHECK(frames >= 4);
+    CHECK((frames & (frames - 1)) == 0);
+  }
+}
+
 TEST_CASE("urgent frames go first at every run, the queue and the slots take turns") {
   Fixture at;
   for (std::uint8_t i = 1; i <= 4; ++i) CHECK(at.push<Plain>(i));

@@ -1,19 +1,17 @@
 // The send queue under relacy: every byte of a frame is a variable that must not be raced for, and frames must come
-// whole, once, and in order for each sender. `relacy_queue SCENE SITE full|bound|random AMOUNT`: SITE is a member of
-// SendQueueOrders that is weakened to relaxed, or `none`. `bound` tries every schedule with at most AMOUNT preemptions;
-// `full` has no such bound, and takes longer than anybody waits. Prints how many executions were tried; exit code 0: no
-// fault, 1: a fault. With RELACY_REPORT set it prints the faulty execution as well.
+// whole, once, and in order for each sender. `relacy_queue SCENE SITE full|whole|bound|random AMOUNT`: SITE is a
+// member of SendQueueOrders that is weakened to relaxed, or `none`. Of the scenes only `alone` is small enough for
+// `whole`, and none for `full`.
 #include <array>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
-#include <iostream>
 #include <string>
 #include <utility>
 
 #include "wirebond/send_queue.hpp"
 // Relacy comes after the header under test.
-#include "relacy_policy.hpp"
+#include "relacy_search.hpp"
 
 namespace {
 
@@ -22,30 +20,42 @@ using wirebond::Run;
 using wirebond::SendQueueOrders;
 
 constexpr unsigned senders = 2;
-constexpr std::size_t capacity = 8;
-constexpr std::size_t entry_count = 2;
 constexpr std::size_t reserved_bytes = 4;
 
 /// A sender's frame: its bytes are all of the same value. Sender 0 needs less than it reserves.
 int value_of(unsigned sender, unsigned number) { return static_cast<int>(1 + sender * 16 + number); }
 std::size_t used_by(unsigned sender) { return sender == 0 ? 2 : reserved_bytes; }
 
+/// Two frames from each of two senders, with room for all; the consumer looks when both are done.
+struct Alone {
+  static constexpr std::size_t capacity = 16;
+  static constexpr std::size_t entry_count = 4;
+  static constexpr unsigned frames_each = 2;
+  static constexpr unsigned threads = senders;
+  static constexpr unsigned takes = 0;
+  static constexpr unsigned retries = 0;
+};
+/// Room for two frames, as all scenes below have it.
+struct Narrow {
+  static constexpr std::size_t capacity = 8;
+  static constexpr std::size_t entry_count = 2;
+};
 /// Two frames from each of two senders, while the consumer looks twice.
-struct Pairs {
+struct Pairs : Narrow {
   static constexpr unsigned frames_each = 2;
   static constexpr unsigned threads = senders + 1;
   static constexpr unsigned takes = 2;
   static constexpr unsigned retries = 0;
 };
 /// One frame from each of two senders, while the consumer looks once.
-struct Passing {
+struct Passing : Narrow {
   static constexpr unsigned frames_each = 1;
   static constexpr unsigned threads = senders + 1;
   static constexpr unsigned takes = 1;
   static constexpr unsigned retries = 0;
 };
 /// So many frames that room and entries are used again, and the consumer is at work all the time.
-struct Circling {
+struct Circling : Narrow {
   static constexpr unsigned frames_each = 4;
   static constexpr unsigned threads = senders + 1;
   static constexpr unsigned takes = 12;
@@ -79,6 +89,9 @@ struct ChosenOrders {
 template <class Scene>
 struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
   using Queue = wirebond::SendQueue<WatchedAtomics, ChosenOrders>;
+
+  static constexpr std::size_t capacity = Scene::capacity;
+  static constexpr std::size_t entry_count = Scene::entry_count;
 
   std::array<std::uint8_t, capacity> ring{};  // places only: what is written there is in `bytes`
   std::array<rl::var<int>, capacity> bytes;
@@ -140,35 +153,11 @@ struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
   }
 };
 
-template <class Scene>
-int explore(const std::string& mode, unsigned amount) {
-  // Not a string stream: while a test runs, memory is relacy's.
-  std::ostream silent(nullptr);
-  const bool reports = std::getenv("RELACY_REPORT") != nullptr;
-  rl::test_params params;
-  params.output_stream = reports ? &std::cout : &silent;
-  params.progress_stream = &silent;
-  params.execution_depth_limit = 4000;
-  if (mode == "full") {
-    params.search_type = rl::fair_full_search_scheduler_type;
-  } else if (mode == "bound") {
-    params.search_type = rl::fair_context_bound_scheduler_type;
-    params.context_bound = amount;
-  } else {
-    params.search_type = rl::random_scheduler_type;
-    params.iteration_count = amount;
-  }
-  const bool held = rl::simulate<Senders<Scene>>(params);
-  std::printf("%s after %llu executions\n", held ? "no fault" : rl::test_result_str(params.test_result),
-              static_cast<unsigned long long>(params.stop_iteration));
-  return held ? 0 : 1;
-}
-
 }  // namespace
 
 int main(int count, char** arguments) {
   if (count != 5) {
-    std::fprintf(stderr, "usage: relacy_queue pairs|passing|circling SITE full|bound|random AMOUNT\n");
+    std::fprintf(stderr, "usage: relacy_queue alone|pairs|passing|circling SITE full|whole|bound|random AMOUNT\n");
     return 2;
   }
   const std::string scene = arguments[1];
@@ -179,9 +168,10 @@ int main(int count, char** arguments) {
     std::fprintf(stderr, "there is no site %s\n", site.c_str());
     return 2;
   }
-  if (scene == "pairs") return explore<Pairs>(mode, amount);
-  if (scene == "passing") return explore<Passing>(mode, amount);
-  if (scene == "circling") return explore<Circling>(mode, amount);
+  if (scene == "alone") return explore<Senders<Alone>>(mode, amount);
+  if (scene == "pairs") return explore<Senders<Pairs>>(mode, amount);
+  if (scene == "passing") return explore<Senders<Passing>>(mode, amount);
+  if (scene == "circling") return explore<Senders<Circling>>(mode, amount);
   std::fprintf(stderr, "there is no scene %s\n", scene.c_str());
   return 2;
 }

@@ -278,6 +278,29 @@ def test_demo_drives_the_rover_and_prints_a_summary(tmp_path: Path) -> None:
     assert "Traceback" not in result.stderr
 
 
+def test_log_lines_are_shown_as_their_text(tmp_path: Path) -> None:
+    file = tmp_path / "logged.yaml"
+    told = '  status:\n    log: "[battery] at {battery} V"\n    level: warning\n'
+    file.write_text(Path(DIFFDRIVE).read_text(encoding="utf-8").replace("  status:\n", told), encoding="utf-8")
+    frame = codec("diffdrive").encode("status", battery=12.25, errors=[], state=[])
+    (line,) = run("decode", str(file), "--hex", frame.hex()).stdout.splitlines()
+    assert json.loads(line)["log"] == {"level": "warning", "text": "[battery] at 12.250 V"}
+    assert "log" not in json.loads(run("decode", DIFFDRIVE, "--hex", frame.hex()).stdout)
+    pty = PtyPort()
+    command = [*COMMAND, "monitor", str(file), pty.path, "--seconds", "30"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        os.set_blocking(process.stdout.fileno(), False)
+        end = time.monotonic() + PATIENCE
+        while not (shown := process.stdout.readline()) and time.monotonic() < end:
+            pty.write(frame)  # until it listens
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        process.wait(PATIENCE)
+    pty.close()
+    assert shown.decode().partition(" ")[2] == "warning: [battery] at 12.250 V\n"
+
+
 def test_monitor_lives_on_when_its_port_goes_away(tmp_path: Path) -> None:
     pty = PtyPort()
     name = tmp_path / "tty"

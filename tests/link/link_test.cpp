@@ -6,7 +6,9 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "diffdrive_link.hpp"
@@ -26,6 +28,7 @@ struct ScriptedPort {
     size = bytes_size;
     place = 0;
     is_receiving = true;
+    if (error_behind_start) std::exchange(error_behind_start, nullptr)();
     return true;
   }
   bool receiving() const { return is_receiving; }
@@ -55,6 +58,7 @@ struct ScriptedPort {
   int transmit_starts = 0;
   int transmit_stops = 0;
   bool is_receiving = false;
+  std::function<void()> error_behind_start;  ///< an interrupt at the end of `start_receive`, once
   bool refuses_receive = false;
   bool refuses_transmit = false;
   bool is_reachable = true;
@@ -159,6 +163,42 @@ TEST_CASE("a port that refuses reception at first is asked again by each poll") 
   bench.port.refuses_receive = false;
   bench.poll();
   CHECK(bench.link.state() == wirebond::LinkState::stale);
+}
+
+TEST_CASE("events before the first poll are not the link's: nothing is counted as received, nothing is started") {
+  Bench bench;
+  bench.port.is_reachable = false;
+  bench.port.place = 40;  // of whoever used the DMA before
+  bench.link.on_received();
+  bench.link.on_error();
+  bench.link.on_pended();
+  CHECK(bench.port.receive_starts == 0);
+  bench.poll();
+  CHECK(bench.port.receive_starts == 0);
+  bench.port.is_reachable = true;
+  bench.poll();
+  CHECK(bench.port.receive_starts == 1);
+  bench.poll();
+  CHECK(bench.link.receive_account().received == 0);
+  CHECK(bench.link.counters().receive_restarts == 0);
+  bench.arrive(diffdrive::Velocity{0.5F, 0.0F});
+  bench.poll();
+  CHECK(bench.rover.velocities == std::vector<float>{0.5F});
+  CHECK(bench.link.receive_account().received == 11);
+}
+
+TEST_CASE("an error in the middle of the start does not leave the link deaf") {
+  Bench bench;
+  bench.port.error_behind_start = [&] {
+    bench.port.is_receiving = false;
+    bench.link.on_error();
+  };
+  bench.poll();
+  CHECK(bench.port.receive_starts == 2);
+  CHECK(bench.link.counters().receive_restarts == 1);
+  bench.arrive(diffdrive::Velocity{0.5F, 0.0F});
+  bench.poll();
+  CHECK(bench.rover.velocities == std::vector<float>{0.5F});
 }
 
 TEST_CASE("valid frames bring the link up, silence makes it stale, and a frame brings it up again") {
@@ -341,6 +381,33 @@ TEST_CASE("a frame survives restarts and pieces, and every byte is in the accoun
   CHECK(account.handed_out == total - 3);
   CHECK(bench.link.receiver().bytes() == account.handed_out);
   CHECK(bench.link.receiver().account().settled() + bench.link.receiver().pending() == account.handed_out);
+}
+
+TEST_CASE("bytes that come when a silent line is about to be listened to anew are kept, and reception runs on") {
+  for (const bool tells : {false, true}) {
+    CAPTURE(tells);
+    Bench bench;
+    bench.rover.has_odometry = false;
+    for (int i = 0; i < 1000; ++i) bench.poll();
+    bench.now_us += ms;
+    bench.link.poll(bench.now_us);
+    REQUIRE(bench.port.pended);
+    Bytes frame(diffdrive::Velocity::Info::max_frame_bytes);
+    std::size_t size = 0;
+    REQUIRE(diffdrive::encode(diffdrive::Velocity{0.5F, 0.0F}, frame.data(), frame.size(), size) ==
+            wirebond::Status::ok);
+    frame.resize(size);
+    bench.port.arrive({frame.begin(), frame.begin() + 5});
+    if (tells) bench.link.on_received();
+    bench.serve();
+    CHECK(bench.port.receive_starts == 1);
+    bench.port.arrive({frame.begin() + 5, frame.end()});
+    bench.poll();
+    CHECK(bench.rover.velocities == std::vector<float>{0.5F});
+    CHECK(bench.link.receive_account().lapped == 0);
+    for (int i = 0; i < 1001; ++i) bench.poll();  // silent again, and now it stays so
+    CHECK(bench.link.counters().receive_restarts == 1);
+  }
 }
 
 TEST_CASE("a silent line is listened to anew every second, lest the UART hangs") {

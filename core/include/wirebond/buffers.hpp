@@ -13,8 +13,8 @@ namespace wirebond {
 /// `ReceiveBytes` hold what comes between two polls, twice over; `SendBytes` at least two of the largest frames, and
 /// what docs/firmware.md says of senders that are pre-empted. Put it where the UART's DMA reaches it: `Link` asks its
 /// port, and stays down where it does not.
-template <class Protocol, std::size_t ReceiveBytes, std::size_t SendBytes, std::size_t SendFrames = 16,
-          class AtomicsPolicy = DefaultAtomics>
+template <class Protocol, std::size_t ReceiveBytes, std::size_t SendBytes,
+          std::size_t SendFrames = default_frames(SendBytes), class AtomicsPolicy = DefaultAtomics>
 struct Buffers {
   static_assert(ReceiveBytes >= 16 && (ReceiveBytes & (ReceiveBytes - 1)) == 0, "ReceiveBytes: a power of two");
 

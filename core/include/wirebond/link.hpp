@@ -49,14 +49,15 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 /// `Protocol`: an end of a generated header (`diffdrive::McuLink` fills it in). `Port`: see docs/firmware.md.
 /// `Memory`: a `Buffers`.
 ///
-/// `handler` may have, each of them if it wants it:
-///   void on(const Message&)             for a message that came and passed its field rules
-///   void unknown(const Frame&)          for a frame of no known message
-///   bool fill(Message&)                 for a message with `every:`, when it is due; false: not this time
-///   void stop() ...                     one function for each `then:` of the file's deadlines at this end; these it
-///   must have void link_state(LinkState)          when the state changes auto& parameters()                  a
-///   `Parameters`, for the parameter service void parameter_set(index, value)    after a parameter was set: the hook to
-///   store it
+/// `handler` must have a function for each `then:` of the file's deadlines at this end, such as `void stop()`. It may
+/// have, each of them if it wants it:
+/// - `void on(const Message&)`: a message came and passed its field rules
+/// - `void unknown(const Frame&)`: a frame of no known message came
+/// - `bool fill(Message&)`: a message with `every:` is due; false: not this time
+/// - `void link_state(LinkState)`: the state has changed
+/// - `auto& parameters()`: its `Parameters`, for the parameter service
+/// - `void parameter_set(index, value)`: a parameter was set; here it is stored
+///
 /// All of them run inside `poll`, in its context.
 ///
 /// Contexts: `send` and `log` from any task or interrupt. `poll` from one: a task, the main loop, or an interrupt. The
@@ -157,7 +158,10 @@ class Link {
   // ---- the UART's interrupt
 
   /// Half, full or idle: DMA moved on. Events may come in any order, merged, or in vain.
-  void on_received() { ring_.advance(port_.receive_position()); }
+  void on_received() {
+    if (state() == LinkState::down) return;  // not ours: where DMA stands before `start_receive` says nothing
+    ring_.advance(port_.receive_position());
+  }
 
   /// The run has left, its last bit included.
   void on_transmitted() {
@@ -169,11 +173,17 @@ class Link {
   /// Framing, noise, overrun or DMA error. Where reception stopped by it, it is begun again at once.
   void on_error() {
     counters_.line_errors += 1;
-    if (!port_.receiving()) restart_reception();
+    if (port_.receiving()) return;
+    if (state() == LinkState::down) {
+      wants_restart_.store(true, std::memory_order_relaxed);  // `start` may be just before the end of its work
+    } else {
+      restart_reception();
+    }
   }
 
   /// What `Port::pend` asked for.
   void on_pended() {
+    if (state() == LinkState::down) return;
     if (wants_restart_.load(std::memory_order_acquire)) restart_reception();
     if (wants_abort_.load(std::memory_order_acquire)) abort_run();
     if (!transmitting_.load(std::memory_order_relaxed)) begin_run();
@@ -223,10 +233,11 @@ class Link {
       schedule_.start(now_us);
     }
     if (!port_.reaches(memory_.receive.data(), memory_.receive.size()) ||
-        !port_.reaches(memory_.send.data(), memory_.send.size()) ||
-        !port_.start_receive(memory_.receive.data(), memory_.receive.size())) {
+        !port_.reaches(memory_.send.data(), memory_.send.size())) {
       return;
     }
+    wants_restart_.store(false, std::memory_order_relaxed);  // by errors from before; one from now on counts
+    if (!port_.start_receive(memory_.receive.data(), memory_.receive.size())) return;
     heard_us_ = line_moved_us_ = now_us;
     change(LinkState::stale);
     if constexpr (!std::is_same_v<typename Protocol::Hello::Message, NoService>) {
@@ -257,7 +268,7 @@ class Link {
   void supervise(std::uint32_t now_us) {
     if (state() == LinkState::up && now_us - heard_us_ >= timeout_us) change(LinkState::stale);
     bool asks = wants_run_.load(std::memory_order_relaxed) || wants_restart_.load(std::memory_order_relaxed);
-    if (now_us - line_moved_us_ >= timeout_us) {  // an idle line loses nothing by it
+    if (now_us - line_moved_us_ >= timeout_us) {
       line_moved_us_ = now_us;
       wants_restart_.store(true, std::memory_order_release);  // pairs with on_pended
       asks = true;
@@ -283,6 +294,11 @@ class Link {
 
   void restart_reception() {
     ring_.advance(port_.receive_position());
+    if (port_.receiving() && !ring_.is_all_read()) {  // the line is not silent: bytes came since poll found it so
+      wants_restart_.store(false, std::memory_order_relaxed);
+      return;
+    }
+    // A byte that DMA takes from here on until the port has stopped it is lost, and nobody can count it.
     const bool done = ring_.can_restart() && port_.start_receive(memory_.receive.data(), memory_.receive.size());
     wants_restart_.store(!done, std::memory_order_relaxed);  // poll asks again
     if (!done) return;

@@ -17,6 +17,10 @@
 
 namespace wirebond {
 
+/// Frames that may wait in a queue of so many bytes, unless said: one for each 32 bytes, and at least 4. An entry takes
+/// 8 bytes on an MCU.
+constexpr std::size_t default_frames(std::size_t queue_bytes) { return queue_bytes < 128 ? 4 : queue_bytes / 32; }
+
 /// How large an outbox is. Derive from it and name what differs.
 struct OutboxConfig {
   using Atomics = DefaultAtomics;

@@ -48,6 +48,11 @@ class ReceiveRing {
     written_.store(written + ahead(place, written), std::memory_order_release);  // pairs with `look`
   }
 
+  /// Has the reader read all that DMA wrote until the last `advance`?
+  bool is_all_read() const {
+    return read_.load(std::memory_order_acquire) == written_.load(std::memory_order_relaxed);  // pairs with `pass`
+  }
+
   /// May DMA be begun again? Not while the reader is so many restarts behind that one more could not be noted.
   bool can_restart() const {
     // Pairs with `pass_hole`: what the reader passed may be written again.
@@ -84,16 +89,16 @@ class ReceiveRing {
   Span next() {
     bool lapped = false;
     for (;;) {
-      while (hole_ahead() && next_hole() == read_) pass_hole();
+      while (hole_ahead() && next_hole() == read()) pass_hole();
       const Count size = piece();
       const Count lost = size == 0 ? 0 : written_over(seen_, size);
       if (lost == 0) {
         if (lapped) laps_ += 1;
-        return {bytes_ + (read_ & mask_), size};
+        return {bytes_ + (read() & mask_), size};
       }
       lapped = true;
       lapped_ += lost;
-      read_ += lost;
+      pass(lost);
     }
   }
 
@@ -101,13 +106,13 @@ class ReceiveRing {
   void consumed(std::size_t count) {
     const Count written = written_.load(std::memory_order_acquire);  // pairs with `advance` and `restart`
     if (written_over(written, static_cast<Count>(count)) != 0) overtaken_ += static_cast<Count>(count);
-    read_ += static_cast<Count>(count);
+    pass(static_cast<Count>(count));
   }
 
   ReceiveAccount account() const {
     ReceiveAccount account;
     account.received = seen_ - hole_bytes_ - holes_before(seen_);
-    account.handed_out = read_ - hole_bytes_ - lapped_;
+    account.handed_out = read() - hole_bytes_ - lapped_;
     account.lapped = lapped_;
     account.laps = laps_;
     account.overtaken = overtaken_;
@@ -115,27 +120,29 @@ class ReceiveRing {
   }
 
   /// Bytes that `look` saw and that were not read yet.
-  std::size_t unread() const { return seen_ - read_ - holes_before(seen_); }
+  std::size_t unread() const { return seen_ - read() - holes_before(seen_); }
 
  private:
   static constexpr std::uint8_t hole_capacity = 4;  // restarts between two reads
 
   Count size() const { return mask_ + 1; }
+  Count read() const { return read_.load(std::memory_order_relaxed); }  // for the reader, who alone writes it
+  void pass(Count count) { read_.store(read() + count, std::memory_order_release); }  // pairs with `is_all_read`
   Count round_up(Count position) const { return (position + mask_) & ~mask_; }
   Count ahead(std::size_t place, Count written) const { return (static_cast<Count>(place) - written) & mask_; }
 
   /// Is there a hole that the reader has yet to pass, within what it saw?
   bool hole_ahead() const {
     const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
-    return noted != holes_passed_.load(std::memory_order_relaxed) && next_hole() - read_ < seen_ - read_;
+    return noted != holes_passed_.load(std::memory_order_relaxed) && next_hole() - read() < seen_ - read();
   }
 
   Count next_hole() const { return holes_[holes_passed_.load(std::memory_order_relaxed) % hole_capacity]; }
 
   void pass_hole() {
-    const Count end = round_up(next_hole());
-    hole_bytes_ += end - next_hole();
-    read_ = end;
+    const Count length = round_up(next_hole()) - next_hole();
+    hole_bytes_ += length;
+    pass(length);
     const std::uint8_t passed = holes_passed_.load(std::memory_order_relaxed);
     holes_passed_.store(static_cast<std::uint8_t>(passed + 1), std::memory_order_release);  // pairs with `restart`
   }
@@ -146,35 +153,35 @@ class ReceiveRing {
     Count bytes = 0;
     for (std::uint8_t i = holes_passed_.load(std::memory_order_relaxed); i != noted; ++i) {
       const Count begin = holes_[i % hole_capacity];
-      if (begin - read_ < limit - read_) bytes += round_up(begin) - begin;
+      if (begin - read() < limit - read()) bytes += round_up(begin) - begin;
     }
     return bytes;
   }
 
-  /// Bytes from `read_` on that lie in one piece and were seen.
+  /// Bytes from `read()` on that lie in one piece and were seen.
   Count piece() const {
-    Count end = read_ + size() - (read_ & mask_);
-    if (hole_ahead() && next_hole() - read_ < end - read_) end = next_hole();
-    return (seen_ - read_ < end - read_ ? seen_ : end) - read_;
+    Count end = read() + size() - (read() & mask_);
+    if (hole_ahead() && next_hole() - read() < end - read()) end = next_hole();
+    return (seen_ - read() < end - read() ? seen_ : end) - read();
   }
 
-  /// How many bytes from `read_` on, of which `piece` lie in one piece, DMA wrote over until it came to `written`.
+  /// How many bytes from `read()` on, of which `piece` lie in one piece, DMA wrote over until it came to `written`.
   Count written_over(Count written, Count piece) const {
     const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
     std::uint8_t hole = holes_passed_.load(std::memory_order_relaxed);
-    const bool is_ended = hole != noted && holes_[hole % hole_capacity] - read_ < written - read_;
+    const bool is_ended = hole != noted && holes_[hole % hole_capacity] - read() < written - read();
     const Count end = is_ended ? holes_[hole % hole_capacity] : written;
-    if (end - read_ > size()) return end - read_ - size() / 2;
+    if (end - read() > size()) return end - read() - size() / 2;
     // What began again at the ring's front since: the longest of these went over all places below its length.
     Count longest = 0;
-    for (Count from = round_up(end); hole != noted && from - read_ < written - read_; ++hole) {
+    for (Count from = round_up(end); hole != noted && from - read() < written - read(); ++hole) {
       const std::uint8_t following = static_cast<std::uint8_t>(hole + 1);
-      const bool is_last = following == noted || holes_[following % hole_capacity] - read_ >= written - read_;
+      const bool is_last = following == noted || holes_[following % hole_capacity] - read() >= written - read();
       const Count to = is_last ? written : holes_[following % hole_capacity];
       if (to - from > longest) longest = to - from;
       from = round_up(to);
     }
-    const Count place = read_ & mask_;
+    const Count place = read() & mask_;
     if (place >= longest) return 0;
     return longest - place < piece ? longest - place : piece;
   }
@@ -185,8 +192,8 @@ class ReceiveRing {
   std::array<Count, hole_capacity> holes_{};   ///< where holes begin; by the interrupt
   std::atomic<std::uint8_t> holes_noted_{0};   ///< by the interrupt
   std::atomic<std::uint8_t> holes_passed_{0};  ///< by the reader
+  std::atomic<Count> read_{0};                 ///< by the reader
   Count seen_ = 0;
-  Count read_ = 0;
   Count hole_bytes_ = 0;  ///< in the holes that were passed
   Count lapped_ = 0;
   Count laps_ = 0;

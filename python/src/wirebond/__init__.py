@@ -18,6 +18,7 @@ from wirebond.errors import (
 )
 from wirebond.link import Link, LinkStats, SendStats
 from wirebond.link import open_link as open
+from wirebond.log import LogLine
 
 __version__ = "0.1.0"
 
@@ -28,6 +29,7 @@ __all__ = [
     "Link",
     "LinkDownError",
     "LinkStats",
+    "LogLine",
     "Message",
     "MessageError",
     "PortError",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from wirebond import _engine
 from wirebond.errors import MessageError, UsageError
+from wirebond.log import LogLine, log_line
 from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
 from wirebond.protocol.model import End, Protocol
@@ -251,6 +252,11 @@ class Codec:
             asking = ", ".join(m.name for m in self.model.messages if m.reply is not None) or "none"
             raise UsageError(f"{request} has no `reply` in {self.name}; messages that have one: {asking}")
         return reply
+
+    def log_line(self, message: Message) -> LogLine | None:
+        """What a received message says in the log, with its level; None where it is no log line."""
+        index = self._index.get(message.name)
+        return None if index is None else log_line(self.model, self.model.messages[index], message.fields)
 
     def request_for(self, reply: str) -> str | None:
         """The first message that ``reply`` answers."""

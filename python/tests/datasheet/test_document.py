@@ -9,7 +9,9 @@ import pytest
 from markdown_it import MarkdownIt
 
 import wirebond
+from wirebond.codec import Codec
 from wirebond.datasheet import examples, frame, markdown
+from wirebond.protocol import loads
 from wirebond.protocol.model import FieldKind, PartKind
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -96,3 +98,11 @@ def test_text_of_the_file_cannot_break_a_table(tmp_path: Path) -> None:
 def test_every_kind_of_the_model_has_its_words_and_example_values() -> None:
     assert set(frame._CONTENTS) == set(PartKind)
     assert set(examples._VALUES) == set(FieldKind)
+
+
+def test_a_log_line_stands_with_its_text_and_level() -> None:
+    text = (ROOT / "protocols" / "diffdrive.yaml").read_text(encoding="utf-8")
+    logged = text.replace("  status:\n", '  status:\n    log: "battery at {battery} V"\n    level: warning\n', 1)
+    section = markdown(Codec(loads(logged))).split("### Message status\n")[1].split("\n### ")[0]
+    assert "a log line (warning)" in section
+    assert "The host shows it as: `battery at {battery} V`" in section

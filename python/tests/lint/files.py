@@ -17,9 +17,15 @@ def shipped(name: str) -> Codec:
     return load(PROTOCOLS / f"{name}.yaml")
 
 
-def made(frame: str = DEFAULT_FRAME, messages: str = DEFAULT_MESSAGES, rest: str = "", baud: int = 115200) -> Codec:
-    text = f"wirebond: 1\nprotocol: made\nlink: {{baud: {baud}}}\nframe: {frame}\nmessages: {messages}\n{rest}\n"
-    return Codec(loads(text))
+def made(
+    frame: str = DEFAULT_FRAME,
+    messages: str = DEFAULT_MESSAGES,
+    rest: str = "",
+    baud: int = 115200,
+    max_run: str = "1 ms",
+) -> Codec:
+    link = f"{{baud: {baud}, max_run: {max_run}}}"
+    return Codec(loads(f"wirebond: 1\nprotocol: made\nlink: {link}\nframe: {frame}\nmessages: {messages}\n{rest}\n"))
 
 
 def rules(findings: list[Finding]) -> list[str]:

@@ -9,7 +9,7 @@ from wirebond.lint import identity, line_budget, schedule, stuffing, urgent_wait
 from wirebond.lint.findings import Finding, Severity
 from wirebond.lint.places import Places
 from wirebond.lint.wording import percent
-from wirebond.protocol.model import Protocol
+from wirebond.protocol.model import End, Protocol
 
 NOWHERE = Places()
 DRIVE = "{drive: {id: 1, sender: host, every: 50 ms, fields: {speed: {type: i16}}}}"
@@ -18,7 +18,7 @@ STOP = "emergency_stop: {message: drive, speed: 0}"
 
 def waits(model: Protocol) -> list[Finding]:
     directions = line_budget.budgets(model, line_budget.scheduled_loads(model))
-    return urgent_wait.judge(model, [urgent_wait.urgent_wait(budget) for budget in directions], NOWHERE)
+    return urgent_wait.judge(model, [urgent_wait.urgent_wait(model, budget) for budget in directions], NOWHERE)
 
 
 # ---- an urgent frame
@@ -28,8 +28,26 @@ def test_an_urgent_frame_waits_for_one_millisecond_of_line_or_the_longest_frame(
     fast, slow = shipped("native").model, shipped("pid_tuner").model
     for model, expected in ((fast, 0.001), (slow, 18 * 10 / 115200)):
         directions = line_budget.budgets(model, [])
-        assert urgent_wait.urgent_wait(directions[0]).seconds == pytest.approx(expected)
+        assert urgent_wait.urgent_wait(model, directions[0]).seconds == pytest.approx(expected)
         assert waits(model) == []
+
+
+@pytest.mark.parametrize(("max_run", "expected"), [("500 us", 0.0005), ("5 ms", 0.005), ("20 us", 11 * 10 / 921600)])
+def test_an_urgent_frame_of_the_mcu_waits_for_a_run_that_was_begun(max_run: str, expected: float) -> None:
+    """As long as the file lets a run be, or the longest frame if that takes longer."""
+    messages = "{state: {id: 1, sender: mcu, queue: urgent, fields: {x: {type: u16, count: 2}}}}"
+    frame = "[magic: 0xAA 0x55, length: u8, id: u8, payload: by_length, check: crc-16/modbus, tail: 0x0D]"
+    model = made(frame, messages, baud=921600, max_run=max_run).model
+    (of_mcu,) = [each for each in line_budget.budgets(model, []) if each.sender == End.MCU]
+    assert urgent_wait.urgent_wait(model, of_mcu).seconds == pytest.approx(expected)
+
+
+def test_a_run_that_is_longer_than_a_period_is_a_warning() -> None:
+    messages = "{fast: {id: 1, sender: mcu, every: 4 ms, fields: {x: {type: i16}}}}"
+    (finding,) = waits(made(DEFAULT_FRAME, messages, max_run="5 ms").model)
+    assert "waits up to 5 ms behind the frames of a run" in finding.sentence
+    assert finding.remedy == "lower `link: max_run`"
+    assert waits(made(DEFAULT_FRAME, messages, max_run="4 ms").model) == []
 
 
 def test_a_long_frame_in_the_way_of_a_fast_one_is_a_warning() -> None:

@@ -92,6 +92,7 @@ SYNTAX = [
     ("every: 50 ms", "every: @1 Hzz", "`Hzz` is not a unit of time"),
     ("every: 50 ms", "every: @9999 s", "possible are 1 us to 2147 s"),
     ("every: 50 ms", "queue: @newest", "`newest` is not possible here; possible: normal, urgent, latest"),
+    ("sender: mcu", "sender: mcu\n    log: hot\n    level: @warn", "did you mean `warning`?"),
     ("{baud: 115200}", "{max_age: @31 s}", "frames can wait for 1 ms to 30 s"),
     ("{baud: 115200}", "{max_run: @1}", "`1` has no unit"),
     ("every: 50 ms", "every: @often", "`often` is not a duration"),
@@ -225,6 +226,23 @@ MEANING = [
     ),
     ("type: text, max: 8}", "type: text, @max: 8}\n      more: {type: u8}", "so it must be the last"),
     ("type: text, max: 8", "type: u8, default: @0.5", "0.5 is not a whole number"),
+    # log lines
+    (
+        "sender: mcu",
+        "sender: mcu\n    log: @'{fault}'",
+        "there is no field `fault` to show here; did you mean `faults`?",
+    ),
+    (
+        "sender: mcu",
+        "sender: mcu\n    log: @'is {faults'",
+        "`{faults` names no field; write `{field}`, or `{{` for a brace",
+    ),
+    ("sender: mcu", "sender: mcu\n    log: @'{faults:x}'", "`{faults:x}` names no field"),
+    ("sender: mcu", "sender: mcu\n    log: @'faults}'", "`}` ends nothing here; write `}}` for a brace"),
+    ("sender: mcu", "sender: mcu\n    log: @' '", "a log line says something"),
+    ("sender: mcu", 'sender: mcu\n    log: @"a\\nb"', "one line of printable characters"),
+    ("sender: mcu", "sender: mcu\n    @level: error", "`level` belongs to a log line; add `log: ...`, or remove it"),
+    ("sender: host", "sender: @host\n    log: driven", "a log line is the MCU's; write `sender: mcu`, or remove `log`"),
     # deadlines and emergency stop
     ("{message: drive, at", "{message: @drve, at", "there is no message `drve`; did you mean `drive`?"),
     ("at: mcu", "at: @host", "`drive` comes from the host, so the host cannot miss it; write `at: mcu`"),

@@ -72,14 +72,15 @@ def encode_message(path: Path, name: str, words: list[str], as_json: bool) -> No
 def decode_bytes(path: Path, source: str | None, sender: str | None, hex_text: str | None, expect: str | None) -> int:
     if (source is None) == (hex_text is None):
         raise UsageError('give bytes one way: --hex "AA 55 …", the path of a capture, or - for stdin')
-    decoder = load(path).decoder(sender)
+    codec = load(path)
+    decoder = codec.decoder(sender)
     decoder.expect(expect)
     chunks = iter([parse_hex(hex_text)]) if hex_text is not None else _chunks(source or "-")
     for chunk in chunks:
         for message in decoder.feed(chunk):
-            print_message(message)
+            print_message(message, codec)
     for message in decoder.finish():
-        print_message(message)
+        print_message(message, codec)
     stats = decoder.stats
     errors.print(stats_line(stats))
     return 1 if stats.bytes and not stats.frames else 0

@@ -82,14 +82,17 @@ class Dashboard:
         table.add_column("last values", ratio=1, overflow="ellipsis", no_wrap=True)
         for name in sorted(self._seen):
             seen = self._seen[name]
-            fields = seen.last.fields if seen.last is not None else {}
-            text = Text(values_text(fields))
+            text = Text("" if seen.last is None else self._said(seen.last))
             if seen.last is not None and seen.last.violations:
                 text.append("  " + "; ".join(seen.last.violations), style="red")
             table.add_row(name, str(seen.count), f"{seen.rate(now):.1f} Hz", text)
         if not self._seen:
             table.add_row("-", "0", "", Text("nothing received yet", style="dim"))
         return table
+
+    def _said(self, message: Message) -> str:
+        line = self._link.codec.log_line(message)
+        return values_text(message.fields) if line is None else str(line)
 
     def _statistics(self, now: float, stats: LinkStats) -> Table:
         received, sent = self.line_use(now, stats)

@@ -52,13 +52,15 @@ def _print_messages(link: Link, end: float, as_json: bool) -> None:
     while (left := end - time.monotonic()) > 0:
         for message in link.receive(min(_REFRESH, left)):
             if as_json:
-                print_message(message)
+                print_message(message, link.codec)
             else:
-                console.print(_one_line(message), soft_wrap=True)
+                console.print(_one_line(message, link.codec), soft_wrap=True)
 
 
-def _one_line(message: Message) -> str:
-    text = f"{message.t:.3f} {message.name}  {values_text(message.fields)}"
+def _one_line(message: Message, codec: Codec) -> str:
+    line = codec.log_line(message)
+    said = f"{message.name}  {values_text(message.fields)}" if line is None else str(line)
+    text = f"{message.t:.3f} {said}"
     return escape(text + "".join(f"  ({v})" for v in message.violations))
 
 
@@ -100,7 +102,7 @@ def _send_once(link: Link, codec: Codec, name: str, values: dict[str, object]) -
     while (left := end - time.monotonic()) > 0:
         for message in link.receive(left):
             if message.name == reply:
-                print_message(message)
+                print_message(message, codec)
                 return 0
     errors.print(f"{name} was sent; no {reply} came back within {_REPLY_WAIT:g} s")
     return 1

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from wirebond.cli.values import hex_of, to_json
-from wirebond.codec import Message, Stats
+from wirebond.codec import Codec, Message, Stats
 
 console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -21,7 +21,7 @@ def fail(text: str) -> None:
     errors.print(f"[bold red]wirebond:[/] {escape(text)}")
 
 
-def message_dict(message: Message) -> dict[str, Any]:
+def message_dict(message: Message, codec: Codec) -> dict[str, Any]:
     """What a JSON line says of a message."""
     out: dict[str, Any] = {
         "t": round(message.t, 6),
@@ -32,16 +32,19 @@ def message_dict(message: Message) -> dict[str, Any]:
         "fields": message.fields,
         "raw": hex_of(message.raw),
     }
+    line = codec.log_line(message)
+    if line is not None:
+        out["log"] = {"level": line.level, "text": line.text}
     violations = message.violations
     if violations:
         out["violations"] = violations
     return out
 
 
-def print_message(message: Message) -> None:
+def print_message(message: Message, codec: Codec) -> None:
     """One JSON line, at once: a reader may wait for it."""
     try:
-        sys.stdout.write(to_json(message_dict(message)) + "\n")
+        sys.stdout.write(to_json(message_dict(message, codec)) + "\n")
         sys.stdout.flush()
     except BrokenPipeError:  # the reader has seen enough, as `head` has: that is no error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

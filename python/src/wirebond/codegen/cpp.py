@@ -199,6 +199,8 @@ def message_comment(message: Message) -> str:
         facts.append({Queue.URGENT: "urgent", Queue.LATEST: "only the newest waits"}[message.queue])
     if message.reply:
         facts.append(f"answered by {message.reply}")
+    if message.log is not None:
+        facts.append(f"a log line ({message.log_level}): {comment_text(message.log).rstrip('.')}")
     text = comment_text(message.description)
     return f"{text}{'' if text.endswith('.') or not text else '.'} {', '.join(facts)}.".strip()
 

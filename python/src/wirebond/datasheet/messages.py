@@ -70,10 +70,14 @@ def _message(codec: Codec, message: Message) -> list[str]:
         facts.append("urgent: before all messages that are not")
     elif message.queue == Queue.LATEST:
         facts.append("of which only the newest waits for the line")
+    if message.log is not None:
+        facts.append(f"a log line ({message.log_level})")
     if message.reply is not None:
         facts.append(f"answered by {message.reply}")
     text = ", ".join(facts)
     lines += [text[:1].upper() + text[1:] + ".", ""]
+    if message.log is not None:
+        lines += [f"The host shows it as: {_literal(message.log)}", ""]
     lines += _fields(codec.model, message)
     named: list[list[str]] = []
     for field in _all(message.fields):
@@ -178,6 +182,10 @@ def _names(field: Field) -> list[str]:
 
 def _span(least: int, most: int) -> str:
     return str(least) if least == most else f"{least} to {most}"
+
+
+def _literal(text: str) -> str:
+    return f"`` {text} ``" if "`" in text else f"`{text}`"
 
 
 def _stopped(text: str) -> str:

@@ -84,7 +84,7 @@ def check(
     strength = check_strength.measure_strength(measured, _SAMPLES * more, seed)
     noises = [noise.measure_noise(measured, end, _NOISE_BYTES * more, seed) for end in senders(model)]
     hold_backs = holdback.directions(measured, seed)
-    waits = [urgent.urgent_wait(budget) for budget in budgets]
+    waits = [urgent.urgent_wait(model, budget) for budget in budgets]
     zero = stuffing.measure_inserted_zero(measured, seed)
     findings = [
         *examples.judge(codec, where),

@@ -12,24 +12,33 @@ from wirebond.lint.wording import direction, seconds
 from wirebond.protocol.model import End, Message, Protocol
 
 RULE = "urgent-wait"
-MAX_RUN = 0.001  # seconds of line in one run; a longer frame is a run of its own
+_HOST_RUN = 0.001  # seconds of line that the host hands over at once; at the MCU it is the file's `max_run`
 
 
 @dataclass(frozen=True)
 class UrgentWait:
-    """One direction. ``seconds``: the longer of ``MAX_RUN`` and the longest frame's time on the line."""
+    """One direction. A run that was begun leaves first: frames that take no longer than ``max_run_seconds``, or a
+    single longer one."""
 
     sender: End
-    seconds: float
+    max_run_seconds: float
     longest_frame_seconds: float
 
+    @property
+    def seconds(self) -> float:
+        return max(self.max_run_seconds, self.longest_frame_seconds)
+
     def as_dict(self) -> dict[str, Any]:
-        return {"seconds": self.seconds, "longest_frame_seconds": self.longest_frame_seconds}
+        return {
+            "seconds": self.seconds,
+            "max_run_seconds": self.max_run_seconds,
+            "longest_frame_seconds": self.longest_frame_seconds,
+        }
 
 
-def urgent_wait(budget: Budget) -> UrgentWait:
-    frame = budget.longest_frame / budget.capacity
-    return UrgentWait(budget.sender, max(MAX_RUN, frame), frame)
+def urgent_wait(protocol: Protocol, budget: Budget) -> UrgentWait:
+    run = protocol.link.max_run if budget.sender == End.MCU else _HOST_RUN
+    return UrgentWait(budget.sender, run, budget.longest_frame / budget.capacity)
 
 
 def judge(protocol: Protocol, waits: list[UrgentWait], places: Places) -> list[Finding]:
@@ -49,14 +58,21 @@ def judge(protocol: Protocol, waits: list[UrgentWait], places: Places) -> list[F
         if wait.seconds <= limit:
             continue
         longest: Message = max(messages, key=lambda message: message.max_payload)
-        place = places.at("messages", longest.name)
+        if wait.max_run_seconds > wait.longest_frame_seconds:
+            place = places.at("link", "max_run")
+            behind, rule = "the frames of a run", "a run that was begun is sent to its end"
+            advice = "lower `link: max_run`"
+        else:
+            place = places.at("messages", longest.name)
+            behind, rule = f"`{longest.name}`", "a frame that was begun is sent to its end"
+            advice = f"shorten `{longest.name}`, send it in pieces, or raise the baud rate"
         found.append(
             Finding(
                 RULE,
                 Severity.WARNING,
-                f"{direction(wait.sender)} an urgent frame waits up to {seconds(wait.seconds)} behind `{longest.name}`",
-                f"a frame that was begun is sent to its end, and {why}",
-                f"shorten `{longest.name}`, send it in pieces, or raise the baud rate",
+                f"{direction(wait.sender)} an urgent frame waits up to {seconds(wait.seconds)} behind {behind}",
+                f"{rule}, and {why}",
+                advice,
                 place.line,
                 place.column,
             )

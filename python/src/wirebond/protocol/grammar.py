@@ -97,6 +97,14 @@ class MessageHead(Syntax):
         description="How it waits for the line at the MCU: in turn, before all others, or only the newest one.",
         examples=["latest"],
     )
+    log: Text | None = Field(
+        None,
+        description="The message is a log line of the MCU: this text, which the host shows, with values for `{field}`.",
+        examples=['"motor {motor} is too hot: {temperature} °C"'],
+    )
+    level: Annotated[str | None, one_word("debug", "info", "warning", "error")] = Field(
+        None, description="How severe the log line is; `info` unless said.", examples=["warning"]
+    )
     description: Text = Field("", description="For people.", examples=["what it is for"])
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from wirebond.protocol import names
 from wirebond.protocol.document import Mapping, Node
 from wirebond.protocol.grammar import MessageHead
-from wirebond.protocol.model import End, Message, Queue
+from wirebond.protocol.log_text import log_fault
+from wirebond.protocol.model import End, LogLevel, Message, Queue
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.structs import Types, read_fields
 from wirebond.protocol.syntax import readable
@@ -38,7 +39,7 @@ def read_messages(node: Node | None, types: Types, problems: Problems) -> Messag
         return found
     for name, entry in node.entries.items():
         if isinstance(entry.value, Mapping):
-            found[name] = _read_message(name, entry.key_place, entry.value, types)
+            found[name] = _read_message(name, entry.key_place, entry.value, types, problems)
         else:
             found[name] = Entry(name, entry.key_place, Mapping(entry.value.place), None, False)
     _check_type_names(found, types, problems)
@@ -55,12 +56,20 @@ def spoken(end: End) -> str:
     return "MCU" if end == End.MCU else end.value
 
 
-def _read_message(name: str, place: Place, node: Mapping, types: Types) -> Entry:
+def _read_message(name: str, place: Place, node: Mapping, types: Types, problems: Problems) -> Entry:
     fields, complete = read_fields(node.get("fields"), types)
     without_fields = Mapping(node.place, {key: entry for key, entry in node.entries.items() if key != "fields"})
     head = readable(MessageHead, without_fields)
     if head is None or names.fault(name):
         return Entry(name, place, node, None, complete)
+    if head.log is not None:
+        fault = log_fault(head.log, fields if complete else None)
+        if fault:
+            problems.add(node.value_place("log"), fault)
+        if head.sender == End.HOST:
+            problems.add(node.value_place("sender"), "a log line is the MCU's; write `sender: mcu`, or remove `log`")
+    elif head.level is not None:
+        problems.add(node.key_place("level"), "`level` belongs to a log line; add `log: ...`, or remove it")
     message = Message(
         name=name,
         id=head.id or 0,
@@ -70,6 +79,8 @@ def _read_message(name: str, place: Place, node: Mapping, types: Types) -> Entry
         reply=head.reply,
         seed=head.seed,
         queue=Queue(head.queue),
+        log=head.log,
+        log_level=LogLevel(head.level or LogLevel.INFO),
         description=head.description,
     )
     return Entry(name, place, node, message, complete)

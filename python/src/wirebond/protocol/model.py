@@ -60,6 +60,15 @@ class Queue(StrEnum):
     LATEST = "latest"  # only the newest one
 
 
+class LogLevel(StrEnum):
+    """How severe a log line is, in the order of the log service's numbers."""
+
+    DEBUG = "debug"
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
 class Recover(StrEnum):
     NEXT_MESSAGE = "next_message"
     EXPLICIT = "explicit"
@@ -180,6 +189,8 @@ class Message:
     description: str = ""
     seed: int | None = None  # counted by the frame's seeded check, not sent
     queue: Queue = Queue.NORMAL
+    log: str | None = None  # the text that it stands for, `{field}` where a value is shown
+    log_level: LogLevel = LogLevel.INFO
 
     @property
     def min_payload(self) -> int:
