@@ -318,4 +318,33 @@ def test_monitor_lives_on_when_its_port_goes_away(tmp_path: Path) -> None:
         name.unlink()  # before its number is free: another pty may get it
         pty.close()
         assert process.wait(PATIENCE) == 0
-        assert b"Traceback" not in process.stderr.read()
+        told = process.stderr.read().decode()
+        assert f"{name} is away; waiting for it to come back\n" in told
+        assert told.endswith(f"; {name} was away at the end\n")
+
+
+def test_a_repeated_send_whose_port_goes_away_says_that_it_could_not_stop(tmp_path: Path) -> None:
+    pty = PtyPort()
+    name = tmp_path / "tty"
+    name.symlink_to(pty.path)
+    words = ["command", "speed=1", "mode=manual", "--rate", "50", "--seconds", "3"]
+    with subprocess.Popen([*COMMAND, "send", NATIVE, str(name), *words], stderr=subprocess.PIPE) as process:
+        first_bytes(pty)
+        name.unlink()
+        pty.close()
+        assert process.wait(PATIENCE) == 3
+        assert process.stderr is not None
+        assert f"{name} is away, and the emergency stop could not be sent\n" in process.stderr.read().decode()
+
+
+def test_what_the_mcu_sends_is_refused_before_a_port_is_touched() -> None:
+    result = run("send", DIFFDRIVE, "/nowhere", "odometry", "left_ticks=1", "right_ticks=2")
+    assert (result.returncode, result.stderr) == (1, "wirebond: odometry is sent by the mcu, not by the host\n")
+
+
+@pytest.mark.parametrize("name", ["there", "no/folder"])
+def test_a_link_that_cannot_be_made_is_named(name: str, tmp_path: Path) -> None:
+    (tmp_path / "there").touch()
+    result = run("sim", NATIVE, "--link", str(tmp_path / name), "--seconds", "0.1")
+    assert result.returncode == 2
+    assert result.stderr.startswith(f"wirebond: cannot make the link {tmp_path / name}: ")

@@ -16,8 +16,9 @@ from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.output import console, errors, print_message, stats_line, values_text
 from wirebond.cli.values import parse_assignments
 from wirebond.codec import Codec, Message, load
-from wirebond.errors import LinkDownError, QueueFullError, UsageError
+from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
 from wirebond.link import Link, open_link
+from wirebond.protocol.model import End
 from wirebond.sim.pty_port import PtyPort, run, symlinked
 from wirebond.sim.virtual_mcu import VirtualMcu
 
@@ -45,11 +46,17 @@ def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None,
             else:
                 _show_dashboard(link, f"{link.codec.name} on {port}", end)
         stats = link.stats.receive
-    errors.print(stats_line(stats))
+        is_away = link.state == "down"
+    errors.print(stats_line(stats) + (f"; {port} was away at the end" if is_away else ""))
 
 
 def _print_messages(link: Link, end: float, as_json: bool) -> None:
+    was_away = False
     while (left := end - time.monotonic()) > 0:
+        is_away = link.state == "down"
+        if is_away != was_away:
+            errors.print(f"{link.port} is away; waiting for it to come back" if is_away else f"{link.port} is back")
+            was_away = is_away
         for message in link.receive(min(_REFRESH, left)):
             if as_json:
                 print_message(message, link.codec)
@@ -85,6 +92,8 @@ def send_message(
         raise UsageError(f"--rate is {rate:g}; expected more than 0 and at most 10000 per second")
     codec = load(path)
     described = find_message(codec.model, name)
+    if not described.sent_by(End.HOST):
+        raise MessageError(f"{name} is sent by the mcu, not by the host")
     values = parse_assignments(described, words)
     codec.encode(name, values)  # wrong values are told before a port is touched
     with open_link(codec, port, baud) as link:
@@ -120,16 +129,19 @@ def _send_repeatedly(link: Link, codec: Codec, name: str, values: dict[str, obje
             except (LinkDownError, QueueFullError):
                 missed += 1  # the port may come back, the line may catch up: go on
             due = max(due + 1 / rate, time.monotonic())  # after a stall: no burst of old commands
+    told = f"sent {name} {sent} times"
     stop = codec.model.emergency_stop
-    ending = ""
-    if stop is not None and stop.message == name and link.state != "down":
+    ends_with_stop = stop is not None and stop.message == name
+    is_away = link.state == "down"
+    if ends_with_stop and not is_away:
         link.emergency_stop()
-        ending = ", then the emergency stop"
-    errors.print(
-        f"sent {name} {sent} times{ending}"
-        + (f"; {missed} times the port was away or its queue full" if missed else "")
-    )
-    return 0
+        told += ", then the emergency stop"
+    if missed:
+        told += f"; {missed} times the port was away or its queue full"
+    if is_away:
+        told += f"; {link.port} is away" + ("" if stop is None else ", and the emergency stop could not be sent")
+    errors.print(told)
+    return 3 if is_away else 0
 
 
 def simulate(path: Path, link: Path | None, seconds: float | None) -> None:

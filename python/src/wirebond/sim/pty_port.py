@@ -11,6 +11,7 @@ import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from wirebond.errors import UsageError
 from wirebond.sim.virtual_mcu import VirtualMcu
 
 _TICK = 0.002  # seconds between looks at the schedule
@@ -68,7 +69,12 @@ def symlinked(target: str, link: Path | None) -> Iterator[str]:
         return
     if link.is_symlink():
         link.unlink()
-    link.symlink_to(target)
+    try:
+        link.symlink_to(target)
+    except OSError as error:
+        raise UsageError(
+            f"cannot make the link {link}: {error.strerror}; name a file that is not there, in a folder that is"
+        ) from None
     try:
         yield str(link)
     finally:
