@@ -120,6 +120,7 @@ SYNTAX = [
     ("{idle: 0, manual: 1}", "{@a__b: 0, idle: 1}", "single underscores"),
     ("note: ", f"@{'n' * 65}: ", "is longer than 64 characters"),
     ("then: stop", "then: @Stop", "`Stop` is not a name"),
+    ("then: stop", "then: @parameters", "`parameters` is the function by which a handler gives its parameters"),
     ("at: mcu", "at: @both", "`both` is not possible here; "),
     # parts
     (

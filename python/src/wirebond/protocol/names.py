@@ -48,6 +48,13 @@ def protocol_fault(name: str) -> str:
     return fault(name)
 
 
+def action_fault(name: str) -> str:
+    """What is wrong with the name of a deadline's action, which becomes a function of the firmware's handler."""
+    if name == "parameters":  # core/include/wirebond/link.hpp; the others overload
+        return f"is the function by which a handler gives its parameters; write for example `{name}_expire`"
+    return ""
+
+
 def type_name(name: str) -> str:
     """The name of the C++ struct for a message: `status_query` becomes `StatusQuery`."""
     return "".join(word[:1].upper() + word[1:] for word in name.split("_"))

@@ -10,6 +10,7 @@ from wirebond.protocol.field_values import fit_value, settled
 from wirebond.protocol.grammar import DeadlineSyntax, EmergencyStopSyntax, Services
 from wirebond.protocol.messages import Entry, Messages, receiver_of, spoken
 from wirebond.protocol.model import Deadline, EmergencyStop, End, Field, FieldKind, Recover, Service
+from wirebond.protocol.names import action_fault
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.syntax import readable
 
@@ -33,6 +34,8 @@ def read_deadlines(node: Node | None, messages: Messages, problems: Problems) ->
             continue
         deadline = Deadline(syntax.message, End(syntax.at), syntax.after, syntax.then, Recover(syntax.recover))
         _check_deadline(deadline, item, messages, problems)
+        if fault := action_fault(deadline.then):
+            problems.add(item.value_place("then"), f"`{deadline.then}` {fault}")
         same = [d for d in deadlines if (d.message, d.at, d.then) == (deadline.message, deadline.at, deadline.then)]
         if same:
             problems.add(
