@@ -1,4 +1,4 @@
-// A link's own rules, one by one, on a port that does what the test says: start, states, sending, retries, services.
+// A link's own rules, one by one, on a port that does what the test says: start, states, sending, retries.
 #include "wirebond/link.hpp"
 
 #include <doctest/doctest.h>
@@ -13,57 +13,9 @@
 
 #include "diffdrive_link.hpp"
 #include "native_link.hpp"
+#include "scripted_port.hpp"
 
 namespace {
-
-using Bytes = std::vector<std::uint8_t>;
-constexpr std::uint32_t ms = 1000;
-
-/// Everything succeeds unless the test says otherwise; time stands still between two calls.
-struct ScriptedPort {
-  bool start_receive(std::uint8_t* bytes, std::size_t bytes_size) {
-    ++receive_starts;
-    if (refuses_receive) return false;
-    ring = bytes;
-    size = bytes_size;
-    place = 0;
-    is_receiving = true;
-    if (error_behind_start) std::exchange(error_behind_start, nullptr)();
-    return true;
-  }
-  bool receiving() const { return is_receiving; }
-  std::size_t receive_position() const { return place; }
-  bool start_transmit(const std::uint8_t* bytes, std::size_t bytes_size) {
-    ++transmit_starts;
-    if (refuses_transmit) return false;
-    run.assign(bytes, bytes + bytes_size);
-    return true;
-  }
-  void stop_transmit() { ++transmit_stops; }
-  void pend() { pended = true; }
-  bool reaches(const void*, std::size_t) const { return is_reachable; }
-
-  void arrive(const Bytes& bytes) {
-    for (const std::uint8_t byte : bytes) {
-      ring[place] = byte;
-      place = (place + 1) % size;
-    }
-  }
-
-  std::uint8_t* ring = nullptr;
-  std::size_t size = 0;
-  std::size_t place = 0;
-  Bytes run;
-  int receive_starts = 0;
-  int transmit_starts = 0;
-  int transmit_stops = 0;
-  bool is_receiving = false;
-  std::function<void()> error_behind_start;  ///< an interrupt at the end of `start_receive`, once
-  bool refuses_receive = false;
-  bool refuses_transmit = false;
-  bool is_reachable = true;
-  bool pended = false;
-};
 
 struct Rover {
   void on(const diffdrive::Velocity& velocity) { velocities.push_back(velocity.linear); }
@@ -455,119 +407,4 @@ TEST_CASE("a message goes to its handler and to every subscription, as long as t
   arrive(2 * ms);
   CHECK(seen_by == "211");
   CHECK(shared.own == 2);
-}
-
-// ---- services
-
-namespace {
-
-struct Arm {
-  void stop() {}
-  auto& parameters() { return table; }
-  void parameter_set(std::size_t index, float) { stored.push_back(index); }
-
-  static constexpr std::array<wirebond::ParameterRule, 2> rules = {{{0.0F, 10.0F, 1.0F}, {-1.0F, 1.0F, 0.5F}}};
-  wirebond::Parameters<2> table{rules};
-  std::vector<std::size_t> stored;
-};
-
-/// What the host's end decodes.
-struct Host {
-  void on(const native::Hello& message) { hellos.push_back(message.protocol_hash); }
-  void on(const native::Pong& message) { pongs.push_back(message.number); }
-  void on(const native::ClockReply& message) { clocks.push_back(message); }
-  void on(const native::Log& message) { lines.emplace_back(message.text.view()); }
-  void on(const native::ParameterValue& message) { values.push_back(message); }
-
-  std::vector<std::uint64_t> hellos;
-  std::vector<std::uint32_t> pongs;
-  std::vector<native::ClockReply> clocks;
-  std::vector<std::string> lines;
-  std::vector<native::ParameterValue> values;
-};
-
-struct ServiceBench {
-  template <class Message>
-  void ask(const Message& message) {
-    std::array<std::uint8_t, Message::Info::max_frame_bytes> frame;
-    std::size_t size = 0;
-    REQUIRE(native::encode(message, frame.data(), frame.size(), size) == wirebond::Status::ok);
-    port.arrive(Bytes(frame.data(), frame.data() + size));
-    link.on_received();
-    exchange();
-  }
-
-  void exchange() {
-    now_us += ms;
-    link.poll(now_us);
-    if (port.pended) link.on_pended();
-    port.pended = false;
-    while (!port.run.empty()) {
-      const Bytes run = port.run;
-      port.run.clear();
-      receiver.feed(run.data(), run.size(), now_us, host);
-      link.on_transmitted();
-    }
-  }
-
-  std::uint32_t now_us = 0;
-  ScriptedPort port;
-  Arm arm;
-  Host host;
-  native::Receiver<native::FromMcu> receiver;
-  native::McuBuffers<256, 512> buffers;
-  native::McuLink<Arm, ScriptedPort, decltype(buffers)> link{arm, port, buffers};
-};
-
-}  // namespace
-
-TEST_CASE("hello is said at the start and answered, and a peer of another file is told apart") {
-  ServiceBench bench;
-  bench.exchange();
-  CHECK(bench.host.hellos == std::vector<std::uint64_t>{native::protocol_hash});
-  CHECK(bench.link.peer() == wirebond::Peer::unknown);
-  bench.ask(native::Hello{native::protocol_hash, 1});
-  CHECK(bench.link.peer() == wirebond::Peer::same);
-  CHECK(bench.host.hellos.size() == 2);
-  bench.ask(native::Hello{native::protocol_hash + 1, 1});
-  CHECK(bench.link.peer() == wirebond::Peer::different);
-}
-
-TEST_CASE("pings come back with their number, clock requests with the time at this end") {
-  ServiceBench bench;
-  bench.exchange();
-  bench.ask(native::Ping{0xFEDCBA98u});
-  CHECK(bench.host.pongs == std::vector<std::uint32_t>{0xFEDCBA98u});
-  bench.ask(native::ClockRequest{123456789012u});
-  REQUIRE(bench.host.clocks.size() == 1);
-  CHECK(bench.host.clocks[0].host_us == 123456789012u);
-  CHECK(bench.host.clocks[0].received_us == bench.now_us);
-}
-
-TEST_CASE("log lines are cut to what their message holds") {
-  ServiceBench bench;
-  bench.exchange();
-  CHECK(bench.link.log(wirebond::Level::info, "motor 2 is warm") == wirebond::Status::ok);
-  CHECK(bench.link.log(wirebond::Level::error, std::string(100, 'x')) == wirebond::Status::ok);
-  bench.exchange();
-  CHECK(bench.host.lines == std::vector<std::string>{"motor 2 is warm", std::string(48, 'x')});
-}
-
-TEST_CASE("parameters are read, set within their range, and stored by the hook") {
-  ServiceBench bench;
-  bench.exchange();
-  using Result = native::ParameterValue::Result;
-  bench.ask(native::ParameterRead{0});
-  bench.ask(native::ParameterSet{1, -0.25F});
-  bench.ask(native::ParameterSet{1, 2.0F});
-  bench.ask(native::ParameterSet{7, 0.0F});
-  REQUIRE(bench.host.values.size() == 4);
-  CHECK(bench.host.values[0].value == 1.0F);
-  CHECK(bench.host.values[1].value == -0.25F);
-  CHECK(bench.host.values[1].result == Result::ok);
-  CHECK(bench.host.values[2].value == -0.25F);
-  CHECK(bench.host.values[2].result == Result::out_of_range);
-  CHECK(bench.host.values[3].result == Result::no_such_index);
-  CHECK(bench.arm.stored == std::vector<std::size_t>{1});
-  CHECK(bench.arm.parameters()[1] == -0.25F);
 }

@@ -19,7 +19,9 @@ def test_every_rule_of_the_link_holds(tmp_path: Path) -> None:
     for name in ("diffdrive", "native"):
         generate_cpp(load(PROTOCOLS / f"{name}.yaml"), tmp_path)
     program = tmp_path / "link_test"
-    sources = [str(ROOT / "tests" / "link" / "link_test.cpp"), str(ROOT / "core" / "tests" / "main.cpp")]
+    sources = [
+        str(path) for path in (*(ROOT / "tests" / "link").glob("*_test.cpp"), ROOT / "core" / "tests" / "main.cpp")
+    ]
     _run(["clang++-14", *FLAGS, *SANITIZE, *CALLS, f"-I{tmp_path}", *sources, "-o", str(program)])
     _run([str(program), "--no-version"])
 

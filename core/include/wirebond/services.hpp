@@ -95,16 +95,18 @@ template <class Handler>
 struct HasParameterSet<Handler, std::void_t<decltype(std::declval<Handler&>().parameter_set(std::size_t{}, 0.0F))>>
     : std::true_type {};
 
-/// The answer to a request for parameter `index`: the value in force and what became of the request.
+/// The answer to a request for parameter `index`: the value in force and what became of the request. A handler without
+/// `parameters()` has none.
 template <class Value, class Handler>
-Value parameter_value(Handler& handler, std::size_t index, ParameterResult result) {
+Value parameter_value([[maybe_unused]] Handler& handler, std::size_t index, ParameterResult result) {
   Value answer{};
   answer.index = static_cast<decltype(answer.index)>(index);
-  if (index < handler.parameters().size()) {
-    answer.value = static_cast<decltype(answer.value)>(handler.parameters()[index]);
-  } else {
-    result = ParameterResult::no_such_index;
+  bool is_there = false;
+  if constexpr (HasParameters<Handler>::value) {
+    is_there = index < handler.parameters().size();
+    if (is_there) answer.value = static_cast<decltype(answer.value)>(handler.parameters()[index]);
   }
+  if (!is_there) result = ParameterResult::no_such_index;
   answer.result = static_cast<decltype(answer.result)>(result);
   return answer;
 }
@@ -140,21 +142,22 @@ void serve(const Message& message, [[maybe_unused]] Handler& handler, [[maybe_un
     reply.sent_us = static_cast<decltype(reply.sent_us)>(now_us);
     send(reply);
   }
-  if constexpr (HasParameters<Handler>::value) {
-    if constexpr (std::is_same_v<Message, typename Protocol::Parameter::Read>) {
-      using Value = typename Protocol::Parameter::Value;
-      send(parameter_value<Value>(handler, static_cast<std::size_t>(message.index), ParameterResult::ok));
-    }
-    if constexpr (std::is_same_v<Message, typename Protocol::Parameter::Set>) {
-      using Value = typename Protocol::Parameter::Value;
-      const std::size_t index = static_cast<std::size_t>(message.index);
+  if constexpr (std::is_same_v<Message, typename Protocol::Parameter::Read>) {
+    using Value = typename Protocol::Parameter::Value;
+    send(parameter_value<Value>(handler, static_cast<std::size_t>(message.index), ParameterResult::ok));
+  }
+  if constexpr (std::is_same_v<Message, typename Protocol::Parameter::Set>) {
+    using Value = typename Protocol::Parameter::Value;
+    const std::size_t index = static_cast<std::size_t>(message.index);
+    ParameterResult result = ParameterResult::no_such_index;
+    if constexpr (HasParameters<Handler>::value) {
       const float value = static_cast<float>(message.value);
-      const ParameterResult result = handler.parameters().set(index, value);
+      result = handler.parameters().set(index, value);
       if constexpr (HasParameterSet<Handler>::value) {
         if (result == ParameterResult::ok) handler.parameter_set(index, value);
       }
-      send(parameter_value<Value>(handler, index, result));
     }
+    send(parameter_value<Value>(handler, index, result));
   }
 }
 
