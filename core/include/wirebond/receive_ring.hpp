@@ -89,12 +89,12 @@ class ReceiveRing {
   Span next() {
     bool lapped = false;
     for (;;) {
-      while (hole_ahead() && next_hole() == read()) pass_hole();
+      while (hole_ahead() && next_hole() == read_so_far()) pass_hole();
       const Count size = piece();
       const Count lost = size == 0 ? 0 : written_over(seen_, size);
       if (lost == 0) {
         if (lapped) laps_ += 1;
-        return {bytes_ + (read() & mask_), size};
+        return {bytes_ + (read_so_far() & mask_), size};
       }
       lapped = true;
       lapped_ += lost;
@@ -112,7 +112,7 @@ class ReceiveRing {
   ReceiveAccount account() const {
     ReceiveAccount account;
     account.received = seen_ - hole_bytes_ - holes_before(seen_);
-    account.handed_out = read() - hole_bytes_ - lapped_;
+    account.handed_out = read_so_far() - hole_bytes_ - lapped_;
     account.lapped = lapped_;
     account.laps = laps_;
     account.overtaken = overtaken_;
@@ -120,21 +120,22 @@ class ReceiveRing {
   }
 
   /// Bytes that `look` saw and that were not read yet.
-  std::size_t unread() const { return seen_ - read() - holes_before(seen_); }
+  std::size_t unread() const { return seen_ - read_so_far() - holes_before(seen_); }
 
  private:
   static constexpr std::uint8_t hole_capacity = 4;  // restarts between two reads
 
   Count size() const { return mask_ + 1; }
-  Count read() const { return read_.load(std::memory_order_relaxed); }  // for the reader, who alone writes it
-  void pass(Count count) { read_.store(read() + count, std::memory_order_release); }  // pairs with `is_all_read`
+  Count read_so_far() const { return read_.load(std::memory_order_relaxed); }  // for the reader, who alone writes it
+  void pass(Count count) { read_.store(read_so_far() + count, std::memory_order_release); }  // pairs with `is_all_read`
   Count round_up(Count position) const { return (position + mask_) & ~mask_; }
   Count ahead(std::size_t place, Count written) const { return (static_cast<Count>(place) - written) & mask_; }
 
   /// Is there a hole that the reader has yet to pass, within what it saw?
   bool hole_ahead() const {
     const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
-    return noted != holes_passed_.load(std::memory_order_relaxed) && next_hole() - read() < seen_ - read();
+    const Count read = read_so_far();
+    return noted != holes_passed_.load(std::memory_order_relaxed) && next_hole() - read < seen_ - read;
   }
 
   Count next_hole() const { return holes_[holes_passed_.load(std::memory_order_relaxed) % hole_capacity]; }
@@ -149,39 +150,42 @@ class ReceiveRing {
 
   /// Holes that are noted, within what was seen and not passed.
   Count holes_before(Count limit) const {
+    const Count read = read_so_far();
     const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
     Count bytes = 0;
     for (std::uint8_t i = holes_passed_.load(std::memory_order_relaxed); i != noted; ++i) {
       const Count begin = holes_[i % hole_capacity];
-      if (begin - read() < limit - read()) bytes += round_up(begin) - begin;
+      if (begin - read < limit - read) bytes += round_up(begin) - begin;
     }
     return bytes;
   }
 
-  /// Bytes from `read()` on that lie in one piece and were seen.
+  /// Bytes from `read_` on that lie in one piece and were seen.
   Count piece() const {
-    Count end = read() + size() - (read() & mask_);
-    if (hole_ahead() && next_hole() - read() < end - read()) end = next_hole();
-    return (seen_ - read() < end - read() ? seen_ : end) - read();
+    const Count read = read_so_far();
+    Count end = read + size() - (read & mask_);
+    if (hole_ahead() && next_hole() - read < end - read) end = next_hole();
+    return (seen_ - read < end - read ? seen_ : end) - read;
   }
 
-  /// How many bytes from `read()` on, of which `piece` lie in one piece, DMA wrote over until it came to `written`.
+  /// How many bytes from `read_` on, of which `piece` lie in one piece, DMA wrote over until it came to `written`.
   Count written_over(Count written, Count piece) const {
+    const Count read = read_so_far();
     const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
     std::uint8_t hole = holes_passed_.load(std::memory_order_relaxed);
-    const bool is_ended = hole != noted && holes_[hole % hole_capacity] - read() < written - read();
+    const bool is_ended = hole != noted && holes_[hole % hole_capacity] - read < written - read;
     const Count end = is_ended ? holes_[hole % hole_capacity] : written;
-    if (end - read() > size()) return end - read() - size() / 2;
+    if (end - read > size()) return end - read - size() / 2;
     // What began again at the ring's front since: the longest of these went over all places below its length.
     Count longest = 0;
-    for (Count from = round_up(end); hole != noted && from - read() < written - read(); ++hole) {
+    for (Count from = round_up(end); hole != noted && from - read < written - read; ++hole) {
       const std::uint8_t following = static_cast<std::uint8_t>(hole + 1);
-      const bool is_last = following == noted || holes_[following % hole_capacity] - read() >= written - read();
+      const bool is_last = following == noted || holes_[following % hole_capacity] - read >= written - read;
       const Count to = is_last ? written : holes_[following % hole_capacity];
       if (to - from > longest) longest = to - from;
       from = round_up(to);
     }
-    const Count place = read() & mask_;
+    const Count place = read & mask_;
     if (place >= longest) return 0;
     return longest - place < piece ? longest - place : piece;
   }
