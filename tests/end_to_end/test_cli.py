@@ -150,6 +150,11 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
         (["gen", DIFFDRIVE, "--out", DIFFDRIVE], 2, "is a file"),
         (["gen", DIFFDRIVE, "--port", "avr", "--out", "/tmp/never"], 2, "expected bare_metal, freertos, gd32_spl"),
         (
+            ["gen", DIFFDRIVE, "--lang", "c", "--port", "posix", "--out", "/tmp/never"],
+            2,
+            "in C a port is a table of functions",
+        ),
+        (
             ["gen", DIFFDRIVE, "--lang", "python", "--port", "posix", "--out", "/tmp/never"],
             2,
             "--port is for the C++ of a firmware",
@@ -340,6 +345,13 @@ def test_a_repeated_send_whose_port_goes_away_says_that_it_could_not_stop(tmp_pa
 def test_what_the_mcu_sends_is_refused_before_a_port_is_touched() -> None:
     result = run("send", DIFFDRIVE, "/nowhere", "odometry", "left_ticks=1", "right_ticks=2")
     assert (result.returncode, result.stderr) == (1, "wirebond: odometry is sent by the mcu, not by the host\n")
+
+
+def test_one_header_is_not_written_into_a_generated_folder(tmp_path: Path) -> None:
+    assert run("gen", DIFFDRIVE, "--out", str(tmp_path)).returncode == 0
+    result = run("gen", DIFFDRIVE, "--out", str(tmp_path), "--amalgamate")
+    assert result.returncode == 2
+    assert "name another --out" in result.stderr
 
 
 @pytest.mark.parametrize("name", ["there", "no/folder"])

@@ -40,6 +40,8 @@ def generate(path: Path, language: str, out: Path, amalgamate: bool, ports: Sequ
             raise UsageError(f"--port is '{port}'; expected {', '.join(PORTS)}")
     if ports and language == "python":
         raise UsageError("--port is for the C++ of a firmware; a Python program opens its port by itself")
+    if ports and language == "c":
+        raise UsageError("--port is for the C++ of a firmware; in C a port is a table of functions, as docs/c.md shows")
     write = AMALGAMATED[language] if amalgamate else LANGUAGES[language]
     model = load(path).model
     for folder in (out, *out.parents):
@@ -47,6 +49,10 @@ def generate(path: Path, language: str, out: Path, amalgamate: bool, ports: Sequ
             if not folder.is_dir():
                 raise UsageError(f"{folder} is a file; --out names a folder")
             break
+    if amalgamate and (out / "wirebond").is_dir():
+        raise UsageError(
+            f"{out} has a generated folder, which cannot be included beside one header that has all; name another --out"
+        )
     try:
         files = write(model, out)
         for port in ports:
