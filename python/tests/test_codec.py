@@ -27,7 +27,7 @@ PID = wirebond.load(PROTOCOLS / "pid_tuner.yaml")
 @pytest.mark.parametrize(
     ("message", "fields", "sentence"),
     [
-        ("velocty", {}, "diffdrive has no message 'velocty'; it has velocity, status_query"),
+        ("velocty", {}, "diffdrive has no message 'velocty'; did you mean velocity? it has velocity, status_query"),
         ("odometry", {"left_ticks": 0}, "odometry needs right_ticks, which has no default"),
         ("velocity", {"linear": 0, "angular": 0, "up": 1}, "velocity has no field 'up'; it has linear, angular"),
         ("velocity", {"linear": 2.5, "angular": 0}, "velocity.linear = 2.5 m/s is outside -2 ... 2 m/s"),

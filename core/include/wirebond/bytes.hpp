@@ -1,6 +1,10 @@
 // Bytes and numbers only: loads and stores in a stated byte order, at any alignment.
 #pragma once
 
+#if __cplusplus < 201703L
+#error Wirebond needs C++17: compile with -std=c++17 or newer
+#endif
+
 #include <array>
 #include <cstddef>
 #include <cstdint>

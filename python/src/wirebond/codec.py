@@ -14,6 +14,7 @@ from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
 from wirebond.protocol.model import End, Protocol
 from wirebond.protocol.plan import Layout, Variant, ids_collide, plan_for, variants
+from wirebond.protocol.problems import no_message
 
 if TYPE_CHECKING:
     import numpy as np
@@ -165,8 +166,7 @@ class Codec:
         """
         index = self._index.get(message)
         if index is None:
-            known = ", ".join(self._index)
-            raise MessageError(f"{self.name} has no message {message!r}; it has {known}")
+            raise MessageError(no_message(self.name, message, self._index))
         sender = self.model.messages[index].sender
         layout, numbers = self._layout_for(sender, header or {})
         everything = {**(values or {}), **fields}
@@ -246,7 +246,7 @@ class Codec:
         """The message that answers ``request``."""
         index = self._index.get(request)
         if index is None:
-            raise UsageError(f"{self.name} has no message {request!r}; it has {', '.join(self._index)}")
+            raise UsageError(no_message(self.name, request, self._index))
         reply = self.model.messages[index].reply
         if reply is None:
             asking = ", ".join(m.name for m in self.model.messages if m.reply is not None) or "none"

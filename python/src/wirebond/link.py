@@ -12,6 +12,7 @@ from wirebond import _engine
 from wirebond.codec import Codec, Message, Stats, load
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
 from wirebond.protocol.model import End, Recover
+from wirebond.protocol.problems import no_message
 from wirebond.typed import TypedMessage, name_and_values
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after it was last set
@@ -215,7 +216,7 @@ class Link:
     def _check_sender(self, message: str) -> None:
         known = {m.name: m for m in self.codec.model.messages}
         if message not in known:
-            raise MessageError(f"{self.codec.name} has no message {message!r}; it has {', '.join(known)}")
+            raise MessageError(no_message(self.codec.name, message, known))
         if not known[message].sent_by(End.HOST):
             raise MessageError(f"{message} is sent by the mcu, not by the host")
 

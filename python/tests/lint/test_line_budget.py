@@ -75,7 +75,7 @@ def test_parity_stop_bits_and_stuffing_are_counted() -> None:
         ("sentry_gimbal_msg=0", "is no load"),
         ("sentry_gimbal_msg=nan", "is no load"),
         ("", "is no load"),
-        ("sentry=1000", "no message 'sentry'; it has gimbal_msg"),
+        ("sentry=1000", "no message 'sentry'; did you mean "),
         ("robot:47=1000", "write host:47 or mcu:47"),
         ("mcu:-1=1000", "write host:47 or mcu:47"),
     ],

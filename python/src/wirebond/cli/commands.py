@@ -12,6 +12,7 @@ from wirebond.cli.values import hex_of, parse_assignments, parse_hex, to_json
 from wirebond.codec import load
 from wirebond.errors import MessageError, ProtocolFileError, UsageError
 from wirebond.protocol.model import Message, Protocol
+from wirebond.protocol.problems import no_message
 
 _CHUNK = 65536  # bytes read at a time
 
@@ -21,8 +22,7 @@ def find_message(model: Protocol, name: str) -> Message:
     try:
         return model.message(name)
     except KeyError:
-        known = ", ".join(m.name for m in model.messages)
-        raise MessageError(f"{model.name} has no message '{name}'; it has {known}") from None
+        raise MessageError(no_message(model.name, name, [m.name for m in model.messages])) from None
 
 
 def check_file(path: Path, as_json: bool, traffic: str | None, thorough: bool, strict: bool) -> int:

@@ -11,6 +11,7 @@ from wirebond.lint.frame_facts import ENDS, wire_bytes
 from wirebond.lint.places import Places
 from wirebond.lint.wording import count, direction, percent, rate
 from wirebond.protocol.model import End, LinkSettings, Message, Protocol
+from wirebond.protocol.problems import no_message
 
 RULE = "line-budget"
 _FULL = 1.0
@@ -132,8 +133,8 @@ def _claimed(protocol: Protocol, what: str, frames: float) -> list[Load]:
     try:
         message = protocol.message(what)
     except KeyError:
-        known = ", ".join(message.name for message in protocol.messages)
-        raise UsageError(f"--traffic: {protocol.name} has no message '{what}'; it has {known}") from None
+        names = [message.name for message in protocol.messages]
+        raise UsageError(f"--traffic: {no_message(protocol.name, what, names)}") from None
     return [Load(what, end, _longest(protocol, end, message), frames) for end in ENDS if message.sent_by(end)]
 
 

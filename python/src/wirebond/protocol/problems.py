@@ -70,6 +70,14 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
     return found[0] if found else ""
 
 
+def no_message(protocol: str, wanted: str, messages: Iterable[str]) -> str:
+    """That the protocol has no message of this name; the nearest, and all that there are."""
+    names = list(messages)
+    near = nearest(wanted, names)
+    hint = f"did you mean {near}? " if near else ""
+    return f"{protocol} has no message {wanted!r}; {hint}it has {', '.join(names)}"
+
+
 def suggestion(name: str, allowed: Iterable[str]) -> str:
     """What to write instead of ``name``: the nearest word, and all of them where they are few."""
     words = list(allowed)
