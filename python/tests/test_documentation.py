@@ -228,7 +228,7 @@ def test_commands_print_what_is_shown(page: Path, workspace: Path) -> None:
                 port = running.enter_context(virtual_mcu()) if PORT in command else PORT
                 result = subprocess.run(
                     ["bash", "-c", f"(exit {status}); {command.replace(PORT, port)}"],
-                    cwd=workspace, env=environment, timeout=60, check=False, text=True,
+                    cwd=workspace, env=environment, timeout=600, check=False, text=True,
                     stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                 )  # fmt: skip
             status = result.returncode
@@ -236,7 +236,7 @@ def test_commands_print_what_is_shown(page: Path, workspace: Path) -> None:
 
 
 def run(*command: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, check=False, capture_output=True, text=True, timeout=600)
 
 
 @pytest.mark.parametrize("block", blocks_of("cpp"), ids=by_place)
