@@ -54,20 +54,20 @@ class Machine:
             self._lines.put(line.rstrip("\n"))
         self._lines.put(None)
 
-    def line(self) -> str:
+    def line(self, patience: float = PATIENCE) -> str:
         """The next line of the report. AssertionError, with all lines before, where none comes."""
         try:
-            line = self._lines.get(timeout=PATIENCE)
+            line = self._lines.get(timeout=patience)
         except queue.Empty:
             line = None
         assert line is not None, "\n".join(["the emulated program says no more; it said", *self._seen])
         self._seen.append(line)
         return line
 
-    def report(self) -> dict[str, int]:
+    def report(self, patience: float = PATIENCE) -> dict[str, int]:
         """The lines ``name value`` up to the line ``end``."""
         values = {}
-        while (line := self.line()) != "end":
+        while (line := self.line(patience)) != "end":
             name, _, value = line.rpartition(" ")
             assert value.isdigit(), "\n".join(self._seen)
             values[name] = int(value)
