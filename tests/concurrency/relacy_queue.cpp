@@ -156,22 +156,9 @@ struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count != 5) {
-    std::fprintf(stderr, "usage: relacy_queue alone|pairs|passing|circling SITE full|whole|bound|random AMOUNT\n");
-    return 2;
-  }
-  const std::string scene = arguments[1];
-  const std::string site = arguments[2];
-  const std::string mode = arguments[3];
-  const unsigned amount = static_cast<unsigned>(std::atoi(arguments[4]));
-  if (!ChosenOrders::weaken(site)) {
-    std::fprintf(stderr, "there is no site %s\n", site.c_str());
-    return 2;
-  }
-  if (scene == "alone") return explore<Senders<Alone>>(mode, amount);
-  if (scene == "pairs") return explore<Senders<Pairs>>(mode, amount);
-  if (scene == "passing") return explore<Senders<Passing>>(mode, amount);
-  if (scene == "circling") return explore<Senders<Circling>>(mode, amount);
-  std::fprintf(stderr, "there is no scene %s\n", scene.c_str());
-  return 2;
+  return search<ChosenOrders>(count, arguments,
+                              {{"alone", explore<Senders<Alone>>},
+                               {"pairs", explore<Senders<Pairs>>},
+                               {"passing", explore<Senders<Passing>>},
+                               {"circling", explore<Senders<Circling>>}});
 }

@@ -4,6 +4,7 @@
 // word's newest three values at most.
 #pragma once
 
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
@@ -36,4 +37,37 @@ int explore(const std::string& mode, unsigned amount) {
   std::printf("%s after %llu executions\n", held ? "no fault" : rl::test_result_str(params.test_result),
               static_cast<unsigned long long>(params.stop_iteration));
   return held ? 0 : 1;
+}
+
+struct NamedScene {
+  const char* name;
+  int (*explore)(const std::string& mode, unsigned amount);
+};
+
+/// The program: SCENE SITE MODE AMOUNT. `Orders::weaken(site)` weakens the memory order of this name, or none; false:
+/// it has no such name. The exit code is that of `explore`, or 2 where the arguments are wrong.
+template <class Orders, std::size_t Count>
+int search(int argument_count, char** arguments, const NamedScene (&scenes)[Count]) {
+  if (argument_count != 5) {
+    std::fprintf(stderr, "usage: %s SCENE SITE full|whole|bound|random AMOUNT; the scenes are", arguments[0]);
+    for (const NamedScene& scene : scenes) std::fprintf(stderr, " %s", scene.name);
+    std::fprintf(stderr, "\n");
+    return 2;
+  }
+  const std::string wanted = arguments[1];
+  const std::string site = arguments[2];
+  const std::string mode = arguments[3];
+  if (mode != "full" && mode != "whole" && mode != "bound" && mode != "random") {
+    std::fprintf(stderr, "there is no mode %s\n", mode.c_str());
+    return 2;
+  }
+  if (!Orders::weaken(site)) {
+    std::fprintf(stderr, "there is no site %s\n", site.c_str());
+    return 2;
+  }
+  for (const NamedScene& scene : scenes) {
+    if (wanted == scene.name) return scene.explore(mode, static_cast<unsigned>(std::atoi(arguments[4])));
+  }
+  std::fprintf(stderr, "there is no scene %s\n", wanted.c_str());
+  return 2;
 }

@@ -140,20 +140,6 @@ struct Writers : rl::test_suite<Writers<Scene>, writers + 1> {
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count != 5) {
-    std::fprintf(stderr, "usage: relacy_slots meeting|replacing SITE full|whole|bound|random AMOUNT\n");
-    return 2;
-  }
-  const std::string scene = arguments[1];
-  const std::string site = arguments[2];
-  const std::string mode = arguments[3];
-  const unsigned amount = static_cast<unsigned>(std::atoi(arguments[4]));
-  if (!ChosenOrders::weaken(site)) {
-    std::fprintf(stderr, "there is no site %s\n", site.c_str());
-    return 2;
-  }
-  if (scene == "meeting") return explore<Writers<Meeting>>(mode, amount);
-  if (scene == "replacing") return explore<Writers<Replacing>>(mode, amount);
-  std::fprintf(stderr, "there is no scene %s\n", scene.c_str());
-  return 2;
+  return search<ChosenOrders>(count, arguments,
+                              {{"meeting", explore<Writers<Meeting>>}, {"replacing", explore<Writers<Replacing>>}});
 }
