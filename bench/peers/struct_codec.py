@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import struct
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -29,7 +30,7 @@ Columns = dict[int, NDArray[Any]]  # by id: an array with a named column for eac
 Takes = Mapping[int, Callable[[bytes], object]]  # by id: what to do with a payload
 
 
-class _Struct:
+class _Struct(ABC):
     """What both have in common: payloads that struct packs and unpacks."""
 
     def stream(self, samples: Iterable[Sample]) -> bytes:
@@ -69,11 +70,13 @@ class _Struct:
             for message_id, rows in columns.items()
         }
 
+    @abstractmethod
     def _frame(self, message_id: int, payload: bytes) -> bytes:
-        raise NotImplementedError
+        """The payload on the wire."""
 
+    @abstractmethod
     def _find(self, stream: bytes, takes: Takes) -> None:
-        raise NotImplementedError
+        """Hand the payload of each good frame to what takes its id."""
 
 
 class StructCrc(_Struct):
