@@ -10,7 +10,7 @@ import wirebond
 from bench.collateral import PROTOCOL
 from bench.figures import ROOT
 from wirebond import paths
-from wirebond.codegen import generate_cpp
+from wirebond.gen import generate_cpp
 
 BUILD = ROOT / "build" / "bench"
 FLAGS = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror"]  # as the engine is built

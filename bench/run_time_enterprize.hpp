@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "enterprize.hpp"
-#include "wirebond/runtime_source.hpp"
+#include "wirebond/host/runtime_source.hpp"
 
 namespace bench {
 

@@ -12,14 +12,14 @@ import pytest
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT, VECTORS
-from wirebond.codegen import generate_c
-from wirebond.codegen.cpp_number import integer, real, real_type
-from wirebond.datasheet.examples import example_values
+from wirebond.doc.examples import example_values
+from wirebond.gen import generate_c
+from wirebond.gen.cpp_number import integer, real, real_type
 from wirebond.protocol.loader import loads
 from wirebond.protocol.model import Field, FieldKind
 
-SHAPES = ROOT / "python" / "tests" / "codegen" / "every_shape.yaml"
-TYPES = ROOT / "python" / "tests" / "codegen" / "every_type.yaml"
+SHAPES = ROOT / "python" / "tests" / "gen" / "every_shape.yaml"
+TYPES = ROOT / "python" / "tests" / "gen" / "every_type.yaml"
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 CPP = ["-std=c++17", "-fno-exceptions", "-fno-rtti", *STRICT]
 QUICK = ["-O0", "-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]  # to compile; what is tested is what it does

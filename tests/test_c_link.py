@@ -10,7 +10,7 @@ import pytest
 import wirebond
 from tests.shared import PROTOCOLS, ROOT
 from tests.test_c_api import AWKWARD, C_COMPILERS, CPP, CPP_COMPILERS, LONG, QUICK, SANITIZE, STRICT, run
-from wirebond.codegen import generate_c
+from wirebond.gen import generate_c
 from wirebond.protocol.loader import loads
 
 PROGRAM = ROOT / "tests" / "link" / "c_link_test.c"

@@ -26,7 +26,7 @@ FORMATS = {
     for path in folder.glob("*.yaml")
 }
 
-VALUES = [*(PROTOCOLS / f"{name}.yaml" for name in NAMES), ROOT / "python" / "tests" / "codegen" / "every_shape.yaml"]
+VALUES = [*(PROTOCOLS / f"{name}.yaml" for name in NAMES), ROOT / "python" / "tests" / "gen" / "every_shape.yaml"]
 
 
 def stream_for(proto: Codec, source: random.Random, pieces: int) -> bytes:

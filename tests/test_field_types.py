@@ -17,10 +17,10 @@ import wirebond
 from tests.shared import ROOT
 from tests.streams import damaged, random_values
 from wirebond import MessageError
-from wirebond.codegen import generate_cpp
-from wirebond.codegen.cpp import struct_names
+from wirebond.gen import generate_cpp
+from wirebond.gen.cpp import struct_names
 
-SHAPES = wirebond.load(ROOT / "python" / "tests" / "codegen" / "every_shape.yaml")
+SHAPES = wirebond.load(ROOT / "python" / "tests" / "gen" / "every_shape.yaml")
 # What C++ does not judge: its bool and text take any byte, its flags any bit.
 ONLY_IN_PYTHON = (" is not UTF-8", ", a bool is 0 or 1", " has unnamed bits set: ")
 

@@ -9,7 +9,7 @@ import pytest
 import wirebond
 from tests.conformance.build import run
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.codegen import generate_cpp
+from wirebond.gen import generate_cpp
 
 FIRMWARE = ROOT / "firmware"
 FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O1", "-g1"]

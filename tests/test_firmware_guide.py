@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.codegen import generate_cpp, port_headers, write_files
+from wirebond.gen import generate_cpp, port_headers, write_files
 from wirebond.protocol.loader import load
 
 PAGE = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")

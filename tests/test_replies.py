@@ -14,7 +14,7 @@ from tests.conformance.build import FLAGS, build_decoder, decode
 from tests.shared import ROOT, account_closes
 from tests.streams import chunks, hard_stream, random_values
 from wirebond import UsageError, load
-from wirebond.codegen import generate_cpp
+from wirebond.gen import generate_cpp
 from wirebond.protocol.model import End
 
 FORMATS = {name: ROOT / "tests" / "formats" / f"{name}.yaml" for name in ("by_request", "shared_ids")}

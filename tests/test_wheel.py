@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.shared import ROOT
-from wirebond.codegen import PORTS
+from wirebond.gen import PORTS
 
 pytestmark = pytest.mark.long  # it compiles the engine
 

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "wirebond/runtime_source.hpp"
+#include "wirebond/host/runtime_source.hpp"
 
 using namespace wirebond;
 

@@ -10,7 +10,7 @@
 
 #include "wirebond/encoder.hpp"
 #include "wirebond/format.hpp"
-#include "wirebond/runtime_source.hpp"
+#include "wirebond/host/runtime_source.hpp"
 
 namespace formats {
 

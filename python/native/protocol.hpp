@@ -11,7 +11,7 @@
 
 #include "field_table.hpp"
 #include "wirebond/format.hpp"
-#include "wirebond/runtime_source.hpp"
+#include "wirebond/host/runtime_source.hpp"
 
 namespace wirebond::engine {
 

@@ -33,7 +33,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from wirebond.codegen import generate_c, generate_cpp, generate_python
+from wirebond.gen import generate_c, generate_cpp, generate_python
 from wirebond.protocol import ProtocolFileError, loads
 from wirebond.sim import pty_port
 from wirebond.sim.virtual_mcu import VirtualMcu

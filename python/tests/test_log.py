@@ -4,7 +4,7 @@ import pytest
 
 import wirebond
 from wirebond.codec import Codec
-from wirebond.codegen.cpp import message_comment
+from wirebond.gen.cpp import message_comment
 from wirebond.protocol import loads, protocol_hash
 
 FILE = """\

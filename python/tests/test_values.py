@@ -13,7 +13,7 @@ from wirebond.cli.output import values_text
 from wirebond.cli.values import parse_assignments
 from wirebond.sim.virtual_mcu import VirtualMcu
 
-SHAPES = wirebond.load(Path(__file__).parent / "codegen" / "every_shape.yaml")
+SHAPES = wirebond.load(Path(__file__).parent / "gen" / "every_shape.yaml")
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_structs_are_shown_in_braces() -> None:
 
 
 def test_simulator_makes_up_valid_values_of_every_shape() -> None:
-    text = (Path(__file__).parent / "codegen" / "every_shape.yaml").read_text(encoding="utf-8")
+    text = (Path(__file__).parent / "gen" / "every_shape.yaml").read_text(encoding="utf-8")
     proto = wirebond.Codec(wirebond.protocol.loads(text.replace("sender: mcu", "sender: mcu\n    every: 10 ms")))
     mcu = VirtualMcu(proto, 0.0)
     decoder = proto.decoder("mcu")

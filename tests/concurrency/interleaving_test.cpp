@@ -12,7 +12,7 @@
 
 #include "fiber.hpp"
 #include "hooked_policy.hpp"
-#include "wirebond/outbox.hpp"
+#include "wirebond/mcu/outbox.hpp"
 
 using wirebond::Queue;
 using wirebond::Refusal;

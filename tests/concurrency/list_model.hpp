@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "wirebond/grant.hpp"
+#include "wirebond/mcu/grant.hpp"
 
 namespace model {
 

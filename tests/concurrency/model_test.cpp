@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "list_model.hpp"
-#include "wirebond/outbox.hpp"
+#include "wirebond/mcu/outbox.hpp"
 
 using wirebond::Queue;
 using wirebond::Refusal;

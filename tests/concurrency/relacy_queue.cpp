@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "wirebond/send_queue.hpp"
+#include "wirebond/mcu/send_queue.hpp"
 // Relacy comes after the header under test.
 #include "relacy_search.hpp"
 

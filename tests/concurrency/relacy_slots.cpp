@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "wirebond/latest_slots.hpp"
+#include "wirebond/mcu/latest_slots.hpp"
 // Relacy comes after the header under test.
 #include "relacy_search.hpp"
 

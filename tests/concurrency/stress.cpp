@@ -18,7 +18,7 @@
 
 #include "frames.hpp"
 #include "mutex_ring.hpp"
-#include "wirebond/outbox.hpp"
+#include "wirebond/mcu/outbox.hpp"
 
 using wirebond::Queue;
 using wirebond::Refusal;

@@ -27,7 +27,7 @@ def run(program: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_memory_orders_are_the_ones_that_are_weakened_below() -> None:
-    header = (HERE.parents[1] / "core/include/wirebond/latest_slots.hpp").read_text()
+    header = (HERE.parents[1] / "core/include/wirebond/mcu/latest_slots.hpp").read_text()
     assert tuple(re.findall(r"std::memory_order (\w+) = ", header)) == SITES
 
 

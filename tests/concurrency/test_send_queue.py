@@ -58,7 +58,7 @@ def test_no_interrupt_harms_it_three_deep(scripted: Path) -> None:
 
 
 def test_the_memory_orders_are_the_ones_that_are_weakened_below() -> None:
-    header = (HERE.parents[1] / "core/include/wirebond/send_queue.hpp").read_text()
+    header = (HERE.parents[1] / "core/include/wirebond/mcu/send_queue.hpp").read_text()
     assert tuple(re.findall(r"std::memory_order (\w+) = ", header)) == SITES
 
 

@@ -11,8 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from wirebond.codegen import generate_cpp
-from wirebond.codegen.names import namespace
+from wirebond.gen import generate_cpp
+from wirebond.gen.names import namespace
+from wirebond.paths import core_include
 from wirebond.protocol.model import End, Protocol
 from wirebond.protocol.plan import plan_for
 
@@ -20,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build" / "conformance"
 SOURCE = Path(__file__).with_name("decode_main.cpp")
 SHARED = Path(__file__).with_name("print.hpp")
+HOST_HEADERS = sorted((core_include() / "wirebond" / "host").glob("*.hpp"))  # generated folders have none
 FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror")
 # GCC's points-to analysis takes minutes over the sanitizers' checks.
 SANITIZE = ("-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-tree-pta")
@@ -60,12 +62,12 @@ def compiled(name: str, source: Path, command: list[str], headers: list[Path], b
     folder = Path(os.path.commonpath(headers))
     version = run([command[0], "--version"])
     content = hashlib.sha256("\0".join([version, *command]).encode())
-    for path in [*sorted(headers), SHARED, source]:
+    for path in [*sorted(headers), *HOST_HEADERS, SHARED, source]:
         content.update(path.name.encode() + b"\0" + path.read_bytes())
     program = build / f"{name}_{content.hexdigest()[:16]}"
     if not program.exists():
         made = folder / "made"
-        run([*command, f"-I{folder}", f"-I{SHARED.parent}", str(source), "-o", str(made)])
+        run([*command, f"-I{folder}", f"-I{core_include()}", f"-I{SHARED.parent}", str(source), "-o", str(made)])
         shutil.move(made, program)  # a rename within one file system: others see all of it or nothing
     return program
 
@@ -114,7 +116,7 @@ def _rows(protocol: Protocol, sender: End) -> str:
         [
             "#pragma once",
             "#include <array>",
-            '#include "wirebond/runtime_source.hpp"',
+            '#include "wirebond/host/runtime_source.hpp"',
             f"inline constexpr std::array<wirebond::MessageRow, {len(rows)}> message_rows = {{{{",
             *lines,
             "}};",

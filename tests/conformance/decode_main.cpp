@@ -17,7 +17,7 @@
 
 #include "message_rows.hpp"
 #include "print.hpp"
-#include "wirebond/runtime_source.hpp"
+#include "wirebond/host/runtime_source.hpp"
 #include "wirebond/stream_deframer.hpp"
 
 namespace {

@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.conformance.formats import Handed
 from wirebond import Codec, Message, MessageError
-from wirebond.codegen.cpp_number import real_type
+from wirebond.gen.cpp_number import real_type
 from wirebond.protocol.model import Field, FieldKind, OnRange
 
 # What C++ does not judge: its bool and text take any byte, its flags any bit.

@@ -13,7 +13,7 @@ from pathlib import Path
 import wirebond
 from tests.conformance.build import run
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.codegen import generate_cpp
+from wirebond.gen import generate_cpp
 
 HERE = Path(__file__).parent
 BOARD = HERE / "board"

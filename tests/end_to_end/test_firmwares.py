@@ -19,7 +19,7 @@ import pytest
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT, codec
-from wirebond.codegen import generate_cpp
+from wirebond.gen import generate_cpp
 from wirebond.sim.process import FirmwareProcess
 
 PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation

@@ -15,29 +15,29 @@
 #include "drawn_format.hpp"
 #include "expect.hpp"
 #include "wirebond/encoder.hpp"
-#include "wirebond/runtime_source.hpp"
+#include "wirebond/host/runtime_source.hpp"
 #include "wirebond/stream_deframer.hpp"
 
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// The run-time source, counting what it is asked: the deframer's work. `straight`: with the shortcut for good frames.
+/// The run-time source, counting what it is asked: the deframer's work. `straight`: with the fast path for good frames.
 /// The deframer is a template over its source, so that these functions hide the inherited ones.
 class CountingSource : public wirebond::RuntimeSource {
  public:
   CountingSource(const wirebond::RuntimeSource& source, bool straight, std::uint64_t* work)
-      : RuntimeSource(source), shortcut_(straight ? &source.shortcut() : &no_shortcut), work_(work) {}
+      : RuntimeSource(source), fast_path_(straight ? &source.fast_path() : &no_fast_path), work_(work) {}
   const wirebond::FrameFormat& format() const {
     *work_ += 1;
     return RuntimeSource::format();
   }
-  const wirebond::Shortcut& shortcut() const { return *shortcut_; }
+  const wirebond::FastPath& fast_path() const { return *fast_path_; }
   wirebond::MessageShape message(std::uint32_t id) const {
     *work_ += 1;
     return RuntimeSource::message(id);
   }
-  const wirebond::MessageShape& message_of(std::uint32_t id) const {  // the shortcut's: a check may follow
+  const wirebond::MessageShape& message_of(std::uint32_t id) const {  // the fast path's: a check may follow
     *work_ += wirebond::max_frame_bytes(RuntimeSource::format());
     return RuntimeSource::message_of(id);
   }
@@ -47,8 +47,8 @@ class CountingSource : public wirebond::RuntimeSource {
   }
 
  private:
-  static inline const wirebond::Shortcut no_shortcut{};
-  const wirebond::Shortcut* shortcut_;
+  static inline const wirebond::FastPath no_fast_path{};
+  const wirebond::FastPath* fast_path_;
   std::uint64_t* work_;
 };
 

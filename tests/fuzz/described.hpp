@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "wirebond/format.hpp"
-#include "wirebond/runtime_source.hpp"
+#include "wirebond/host/runtime_source.hpp"
 
 namespace fuzz {
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from tests.fuzz.files import SHAPES
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.codegen.cpp import cpp_header, format_lines, struct_names
-from wirebond.codegen.names import namespace
+from wirebond.gen.cpp import cpp_header, format_lines, struct_names
+from wirebond.gen.names import namespace
 from wirebond.protocol import load
 from wirebond.protocol.model import End, Field, Protocol
 from wirebond.protocol.plan import plan_for

@@ -1,5 +1,5 @@
 // A link's own rules, one by one, on a port that does what the test says: start, states, sending, retries.
-#include "wirebond/link.hpp"
+#include "wirebond/mcu/link.hpp"
 
 #include <doctest/doctest.h>
 

@@ -1,5 +1,5 @@
 // What a link answers by itself: hello, ping, clock, log lines, parameters.
-#include "wirebond/services.hpp"
+#include "wirebond/mcu/services.hpp"
 
 #include <doctest/doctest.h>
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.shared import PROTOCOLS, ROOT
 
-from wirebond.codegen import generate_cpp
+from wirebond.gen import generate_cpp
 from wirebond.protocol.loader import load
 
 FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]

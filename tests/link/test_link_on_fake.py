@@ -8,7 +8,7 @@ import subprocess
 import pytest
 from tests.shared import PROTOCOLS, ROOT
 
-from wirebond.codegen import generate_cpp
+from wirebond.gen import generate_cpp
 from wirebond.protocol.loader import load
 
 

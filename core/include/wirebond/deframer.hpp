@@ -54,7 +54,7 @@ using Extent = std::conditional_t<has_short_frames<Source>(), std::uint16_t, std
 template <class Source, bool IsConstant = Source::is_constant>
 struct WaitingHead {};
 template <class Source>
-struct WaitingHead<Source, false> : Source::Shortcut::Head {};
+struct WaitingHead<Source, false> : Source::FastPath::Head {};
 
 }  // namespace detail
 
@@ -160,14 +160,14 @@ class Deframer {
   /// good head and must wait.
   template <class Sink>
   WIREBOND_INLINE bool take_straight(const std::uint8_t* window, std::size_t size, std::size_t& at, Sink& sink) {
-    const auto& shortcut = source_.shortcut();
-    const std::size_t least = shortcut.least_by_start();
+    const auto& fast_path = source_.fast_path();
+    const std::size_t least = fast_path.least_by_start();
     const std::uint8_t* candidate = window + at;
     const std::uint8_t* const end = window + size;
     bool waits = false;
     const auto take = [&](const auto& head) WIREBOND_INLINE_LAMBDA {
       Frame frame;
-      if (!shortcut.rest_holds(candidate, head, frame)) return false;
+      if (!fast_path.rest_holds(candidate, head, frame)) return false;
       deliver(frame, candidate, head.size, sink);
       candidate += head.size;
       return true;
@@ -178,19 +178,19 @@ class Deframer {
     }
     while (static_cast<std::size_t>(end - candidate) >= least) {
       const std::size_t available = static_cast<std::size_t>(end - candidate);
-      typename Source::Shortcut::Head head;
-      if (!shortcut.head_holds(source_, candidate, available, false, head)) break;
+      typename Source::FastPath::Head head;
+      if (!fast_path.head_holds(source_, candidate, available, false, head)) break;
       waits = available < head.size;
       if (waits) {
         needed_ = static_cast<detail::Extent<Source>>(head.size);
-        static_cast<typename Source::Shortcut::Head&>(waiting_) = head;
+        static_cast<typename Source::FastPath::Head&>(waiting_) = head;
         break;
       }
       if (!take(head)) break;
     }
     at = static_cast<std::size_t>(candidate - window);
     const std::size_t left = static_cast<std::size_t>(end - candidate);
-    return waits || (left != 0 && shortcut.waits(candidate, left));
+    return waits || (left != 0 && fast_path.waits(candidate, left));
   }
 
   WIREBOND_INLINE std::size_t find_start(const std::uint8_t* bytes, std::size_t size) const {
@@ -393,10 +393,10 @@ class Deframer {
       unstuffed = static_cast<std::size_t>(result);
     }
     if constexpr (!Source::is_constant) {
-      typename Source::Shortcut::Head head;
-      const auto& shortcut = source_.shortcut();
-      if (unstuffed >= shortcut.least() && shortcut.head_holds(source_, bytes, unstuffed, true, head) &&
-          shortcut.rest_holds(bytes, head, frame)) {
+      typename Source::FastPath::Head head;
+      const auto& fast_path = source_.fast_path();
+      if (unstuffed >= fast_path.least() && fast_path.head_holds(source_, bytes, unstuffed, true, head) &&
+          fast_path.rest_holds(bytes, head, frame)) {
         return {Outcome::frame, Cause::no_start, unstuffed};
       }
     }

@@ -84,7 +84,7 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
                                  const std::uint32_t* header = nullptr) {
   constexpr bool unroll = Source::is_constant;
   if constexpr (!Source::is_constant) {
-    const std::size_t size = layout_index == 0 ? source.shortcut().seal(buffer, capacity, id, payload_size) : 0;
+    const std::size_t size = layout_index == 0 ? source.fast_path().seal(buffer, capacity, id, payload_size) : 0;
     if (size != 0) return size;
   }
   const FrameFormat& format = source.format();

@@ -233,8 +233,8 @@ WIREBOND_INLINE constexpr int one_start(const FrameFormat& format) {
 //     MessageShape message(std::uint32_t id) const;
 //     void expect(std::int16_t index);  // message() answers so from here on, where several messages share an id
 //     std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t*, std::size_t) const;
-//     // where it is no constant: the good case (shortcut.hpp), and what check_begin and check_end give
-//     using Shortcut; const Shortcut& shortcut() const;
+//     // where it is no constant: the good case (host/fast_path.hpp), and what check_begin and check_end give
+//     using FastPath; const FastPath& fast_path() const;
 //     int start() const;  // one_start(format())
 //     bool ends_by_silence() const;  // framing is Framing::silence
 //     std::uint64_t check_begin_of(unsigned algorithm) const;

@@ -8,8 +8,8 @@ from functools import lru_cache
 from math import isfinite
 from typing import Any
 
-from wirebond.protocol.field_values import number_text
-from wirebond.protocol.log_text import Shown, log_pieces
+from wirebond.protocol.meaning.field_values import number_text
+from wirebond.protocol.meaning.log_text import Shown, log_pieces
 from wirebond.protocol.model import Field, FieldKind, LogLevel, Message, Protocol
 
 LEVELS = tuple(level.value for level in LogLevel)  # by the number that the log service has on the wire

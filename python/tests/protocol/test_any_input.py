@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 from wirebond.protocol import ProtocolFileError, loads, protocol_hash
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
-from wirebond.protocol.schema import json_schema
+from wirebond.protocol.text.schema import json_schema
 
 PROTOCOLS = Path(__file__).parents[3] / "protocols"
 VALIDATOR = Draft202012Validator(json_schema())
@@ -21,7 +21,7 @@ TREES: list[Any] = [
     YAML(typ="safe", pure=True).load((PROTOCOLS / f"{name}.yaml").read_text(encoding="utf-8"))
     for name in ("diffdrive", "native", "pid_tuner", "pid_tuner_listing")
 ]
-SHAPES = Path(__file__).parents[1] / "codegen" / "every_shape.yaml"
+SHAPES = Path(__file__).parents[1] / "gen" / "every_shape.yaml"
 TREES.append(YAML(typ="safe", pure=True).load(SHAPES.read_text(encoding="utf-8")))
 WORDS = [
     *(

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from wirebond.protocol import ProtocolFileError, load, loads
-from wirebond.protocol.document import MAX_DEPTH, MAX_FILE_BYTES, MAX_NODES, Mapping, Number, Scalar, parse
 from wirebond.protocol.problems import Problems
+from wirebond.protocol.text.document import MAX_DEPTH, MAX_FILE_BYTES, MAX_NODES, Mapping, Number, Scalar, parse
 
 PATIENCE_SECONDS = 20  # what is timed here takes a second or two on a slow machine; a hang takes for ever
 

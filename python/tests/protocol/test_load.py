@@ -252,7 +252,7 @@ def test_a_text_reaches_to_the_payloads_end_or_has_a_fixed_size() -> None:
 
 
 def test_fields_within_fields_become_what_they_mean() -> None:
-    protocol = load(Path(__file__).parents[1] / "codegen" / "every_shape.yaml")
+    protocol = load(Path(__file__).parents[1] / "gen" / "every_shape.yaml")
     low, high, *_ = protocol.message("bits").fields
     assert (low.kind, low.size, low.first, [f.width for f in low.fields]) == (
         FieldKind.BITS, 2, BitOrder.LOW, [3, 5, 2, 4, 1],

@@ -8,7 +8,7 @@ from jsonschema import Draft202012Validator
 from ruamel.yaml import YAML
 
 from wirebond.protocol import ProtocolFileError, loads
-from wirebond.protocol.schema import json_schema, schema_text
+from wirebond.protocol.text.schema import json_schema, schema_text
 
 PROTOCOLS = Path(__file__).parents[3] / "protocols"
 VALIDATOR = Draft202012Validator(json_schema())
@@ -20,7 +20,7 @@ def tree(text: str) -> Any:
 
 def test_the_published_schema_is_up_to_date() -> None:
     published = (PROTOCOLS / "wirebond.schema.json").read_text(encoding="utf-8")
-    assert published == schema_text(), "run: python -m wirebond.protocol.schema > protocols/wirebond.schema.json"
+    assert published == schema_text(), "run: python -m wirebond.protocol.text.schema > protocols/wirebond.schema.json"
 
 
 def test_the_schema_is_a_schema() -> None:
@@ -33,7 +33,7 @@ def test_every_protocol_of_the_project_is_valid(path: Path) -> None:
 
 
 def test_every_shape_of_fields_is_valid() -> None:
-    text = (Path(__file__).parents[1] / "codegen" / "every_shape.yaml").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[1] / "gen" / "every_shape.yaml").read_text(encoding="utf-8")
     assert [error.message for error in VALIDATOR.iter_errors(tree(text))] == []
 
 

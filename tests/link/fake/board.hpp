@@ -10,7 +10,7 @@
 
 #include "peer.hpp"
 #include "wirebond/fake/uart.hpp"
-#include "wirebond/link.hpp"
+#include "wirebond/mcu/link.hpp"
 
 /// `short_form`, or `long_form` where the environment asks for it by WIREBOND_LONG.
 inline std::uint32_t rounds(std::uint32_t short_form, std::uint32_t long_form) {

@@ -11,7 +11,7 @@
 
 #include "wirebond/fake/line.hpp"
 #include "wirebond/format.hpp"
-#include "wirebond/receive_ring.hpp"
+#include "wirebond/mcu/receive_ring.hpp"
 #include "wirebond/receiver.hpp"
 #include "wirebond/status.hpp"
 

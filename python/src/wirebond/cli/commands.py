@@ -10,7 +10,7 @@ from pathlib import Path
 from wirebond.cli.output import errors, print_message, stats_line
 from wirebond.cli.values import hex_of, parse_assignments, parse_hex, to_json
 from wirebond.codec import load
-from wirebond.errors import MessageError, ProtocolFileError, UsageError
+from wirebond.errors import MessageError, UsageError
 from wirebond.protocol.model import Message, Protocol
 from wirebond.protocol.problems import no_message
 
@@ -23,40 +23,6 @@ def find_message(model: Protocol, name: str) -> Message:
         return model.message(name)
     except KeyError:
         raise MessageError(no_message(model.name, name, [m.name for m in model.messages])) from None
-
-
-def check_file(path: Path, as_json: bool, traffic: str | None, thorough: bool, strict: bool) -> int:
-    """1 where the file is wrong or the lint finds an error (with ``strict`` also a warning), else 0."""
-    try:
-        codec = load(path)
-    except ProtocolFileError as error:
-        if as_json:
-            rows = [vars(problem) for problem in error.problems]
-            sys.stdout.write(to_json({"file": str(path), "ok": False, "problems": rows}) + "\n")
-            return 1
-        raise
-    from wirebond import lint  # noqa: PLC0415  (numpy is slow to load; only this command needs the lint)
-    from wirebond.cli.check_view import print_report  # noqa: PLC0415
-
-    model = codec.model
-    report = lint.check(codec, lint.Places.of_file(path), traffic=traffic, thorough=thorough)
-    failed = report.number_of(lint.Severity.ERROR) or (strict and report.number_of(lint.Severity.WARNING))
-    if as_json:
-        facts = {
-            "file": str(path),
-            "ok": not failed,
-            "protocol": model.name,
-            "hash": f"{codec.hash:016x}",
-            "messages": {
-                m.name: {"id": m.id, "sender": m.sender, "bytes": model.max_wire_bytes(m.max_payload)}
-                for m in model.messages
-            },
-            **report.as_dict(),
-        }
-        sys.stdout.write(to_json(facts) + "\n")
-    else:
-        print_report(path, codec, report)
-    return 1 if failed else 0
 
 
 def encode_message(path: Path, name: str, words: list[str], as_json: bool) -> None:

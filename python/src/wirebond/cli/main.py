@@ -50,7 +50,7 @@ def check(
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 for warnings, too.")] = False,
 ) -> None:
     """Say what is wrong with a protocol file, and what its link will do badly, in figures that are measured."""
-    from wirebond.cli.commands import check_file
+    from wirebond.check.command import check_file
 
     raise typer.Exit(check_file(file, as_json, traffic, thorough, strict))
 
@@ -92,7 +92,7 @@ def explain(
     as_json: AsJson = False,
 ) -> None:
     """Name every byte of a frame; for refused bytes say which rule failed, and the nearest explanation."""
-    from wirebond.cli.explain import explain_bytes
+    from wirebond.explain.command import explain_bytes
 
     raise typer.Exit(explain_bytes(file, hex_text, sender, as_json))
 
@@ -148,7 +148,7 @@ def gen(
     ] = None,
 ) -> None:
     """Generate code for a firmware or a host: a self-contained folder, one header, or a Python module."""
-    from wirebond.cli.generate import generate
+    from wirebond.gen.command import generate
 
     generate(file, lang, out, amalgamate, port or [])
 
@@ -159,7 +159,7 @@ def doc(
     out: Annotated[Path | None, typer.Option(help="File to write to; without it: stdout.")] = None,
 ) -> None:
     """Write the protocol's own document in Markdown, for people who write the other end without Wirebond."""
-    from wirebond.cli.files import write_document
+    from wirebond.doc.command import write_document
 
     write_document(file, out)
 
@@ -170,7 +170,7 @@ def new(
     template: Annotated[str, typer.Option(help="native (recommended), fixed or length.")] = "native",
 ) -> None:
     """Write a commented first protocol file."""
-    from wirebond.cli.files import write_first_file
+    from wirebond.new.command import write_first_file
 
     write_first_file(path, template)
 
@@ -181,7 +181,7 @@ def import_header(
     out: Annotated[Path | None, typer.Option(help="File to write to; it must not exist. Without it: stdout.")] = None,
 ) -> None:
     """Write a first protocol file from a C header's structs, with comments on what the header cannot tell."""
-    from wirebond.cli.files import import_structs
+    from wirebond.import_.command import import_structs
 
     import_structs(header, out)
 

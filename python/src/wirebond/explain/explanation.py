@@ -16,7 +16,7 @@ from wirebond.explain.scan import Candidate, Found, Scan, scan, start_bytes
 from wirebond.explain.stuffing import Unstuffed, plain
 from wirebond.explain.tries.variant import Case, constants_as_found, look
 from wirebond.explain.values import faults_of, read_fields, values_of, values_text
-from wirebond.protocol.messages import spoken
+from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import End, Part, Protocol
 
 MOST_BYTES = 4096  # or one largest frame: what is more is for `decode`

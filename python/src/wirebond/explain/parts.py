@@ -17,7 +17,7 @@ from wirebond.explain.judge import (
     shown_check,
     spans,
 )
-from wirebond.protocol.messages import spoken
+from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import BitRole, End, LengthCounts, Message, Part, PartKind, Protocol
 from wirebond.protocol.spelling import range_text
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
-from wirebond.protocol.field_values import number_text
+from wirebond.protocol.meaning.field_values import number_text
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Message
 
 

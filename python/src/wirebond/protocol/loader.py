@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import os
 
-from wirebond.protocol import document, references
-from wirebond.protocol.document import Mapping, Node, Scalar
-from wirebond.protocol.draft import check_sizes, delivers_unknown, finish, skips_failed
-from wirebond.protocol.examples import read_examples
-from wirebond.protocol.frames import read_frame
-from wirebond.protocol.grammar import File, Link
-from wirebond.protocol.messages import check_ids, read_messages
+from wirebond.protocol.meaning import references
+from wirebond.protocol.meaning.draft import check_sizes, delivers_unknown, finish, skips_failed
+from wirebond.protocol.meaning.examples import read_examples
+from wirebond.protocol.meaning.frames import read_frame
+from wirebond.protocol.meaning.messages import check_ids, read_messages
+from wirebond.protocol.meaning.structs import Types
 from wirebond.protocol.model import ByteOrder, End, LinkSettings, Protocol
 from wirebond.protocol.problems import Problems
-from wirebond.protocol.structs import Types
-from wirebond.protocol.syntax import check_syntax, readable
+from wirebond.protocol.text import document
+from wirebond.protocol.text.document import Mapping, Node, Scalar
+from wirebond.protocol.text.grammar import File, Link
+from wirebond.protocol.text.syntax import check_syntax, readable
 
 
 def load(path: str | os.PathLike[str]) -> Protocol:

@@ -50,7 +50,7 @@ def protocol_fault(name: str) -> str:
 
 def action_fault(name: str) -> str:
     """What is wrong with the name of a deadline's action, which becomes a function of the firmware's handler."""
-    if name == "parameters":  # core/include/wirebond/link.hpp; the others overload
+    if name == "parameters":  # core/include/wirebond/mcu/link.hpp; the others overload
         return f"is the function by which a handler gives its parameters; write for example `{name}_expire`"
     return ""
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from wirebond import paths
 from wirebond.codec import load
-from wirebond.codegen import generate_cpp
 from wirebond.errors import UsageError, WirebondError
+from wirebond.gen import generate_cpp
 from wirebond.sim.process import FirmwareProcess
 
 

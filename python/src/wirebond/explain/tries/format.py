@@ -15,7 +15,7 @@ from wirebond.explain.tries.variant import (
     with_frame,
     with_part,
 )
-from wirebond.protocol.messages import receiver_of, spoken
+from wirebond.protocol.meaning.messages import receiver_of, spoken
 from wirebond.protocol.model import ByteOrder, End, LengthCounts, Message, Part, PartKind, PayloadRule, Protocol
 from wirebond.protocol.spelling import bytes_text
 

@@ -1,0 +1,275 @@
+// The good case of a run-time format, straight ahead: says that a candidate holds, or nothing. examine.hpp has the
+// rules and says why a candidate fails; what this file answers must be what they answer.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "wirebond/examine.hpp"
+#include "wirebond/format.hpp"
+#include "wirebond/host/fast_crc.hpp"
+
+namespace wirebond {
+
+/// A layout with all that can be worked out before a byte comes. Immutable after construction: any thread.
+///
+/// Applies where the first eight bytes hold the head's constants, its id, its length and its check if it has one, and
+/// where a check ends the frame. Checks are CRCs that stand behind their range in their own bit order: the register
+/// that has run over such a range and its check is the same for all ranges, whatever it began with (the CRC's residue).
+/// So a check is one comparison, and one that continues the header's begins behind it, with that residue.
+class FastPath {
+ public:
+  FastPath() = default;
+
+  FastPath(const FrameFormat& format, const std::array<FastCrc, max_algorithms>& crcs) {
+    const Layout& layout = format.layouts[0];
+    const bool applies = format.layout_count == 1 && read_head(format, layout) && read_checks(format, layout, crcs);
+    least_ = !applies ? SIZE_MAX : outside_ > sizeof(std::uint64_t) ? outside_ : sizeof(std::uint64_t);
+    if (applies && format.framing == Framing::by_start) {
+      least_by_start_ = layout.prefix > sizeof(std::uint32_t) ? layout.prefix : sizeof(std::uint32_t);
+    }
+    seals_ = applies && format.framing == Framing::by_start && layout.payload_size == PayloadSize::by_length &&
+             layout.length_unit == 1 && layout.header_count == 0 && !has_late_constants_ && layout.prefix <= 8 &&
+             layout.suffix == layout.checks[layout.check_count - 1u].bytes;
+    if (seals_ && layout.prefix < 8) behind_prefix_ = ~std::uint64_t{0} << (8 * layout.prefix);
+    if (applies && layout.prefix_constants == 1 && constant_bits_ == 0xFF) waiting_ = layout.prefix;
+  }
+
+  /// Bytes that must be there before anything is said; more than any window has where the fast path does not apply.
+  std::size_t least() const { return least_; }
+  /// The same for frames that are found by their start: what their head needs.
+  std::size_t least_by_start() const { return least_by_start_; }
+
+  /// Whether so few bytes can only be waited with: fewer than the prefix, whose only constant is their first byte.
+  WIREBOND_INLINE bool waits(const std::uint8_t* candidate, std::size_t available) const {
+    return available < waiting_ && *candidate == static_cast<std::uint8_t>(constants_);
+  }
+
+  /// What the head told of a candidate.
+  struct Head {
+    const MessageShape* shape = nullptr;
+    std::uint32_t id = 0;
+    std::size_t payload = 0;  ///< its size
+    std::size_t size = 0;     ///< of the whole frame
+  };
+
+  /// Whether examine_head would say that the head holds; fills `head` then. `available` is at least least(), or
+  /// least_by_start(); `whole`: the frame has `available` bytes.
+  template <class Source>
+  WIREBOND_INLINE bool head_holds(const Source& source, const std::uint8_t* candidate, std::size_t available,
+                                  bool whole, Head& head) const {
+    const std::uint64_t first = available >= 8 ? load<std::uint64_t>(candidate) : short_word(candidate, available);
+    if ((first & constant_bits_) != constants_) return false;
+    const std::uint64_t word = swaps_ ? __builtin_bswap64(first) : first;
+    head.id = static_cast<std::uint32_t>(id_.of(word));
+    head.shape = &source.message_of(head.id);
+    const auto units = static_cast<std::int64_t>(length_.of(word));
+    head.payload = static_cast<std::size_t>(units * length_unit_ + length_bias_);
+    if (is_special_ && !special_size_holds(available, head)) return false;
+    if (head.payload > max_payload_) return false;  // also where the length is too small
+    head.size = head.payload + outside_;
+    if (whole && head.size != available) return false;
+    if (header_check_ != nullptr && header_check_->update_word(first << header_shift_) != header_residue_) return false;
+    return true;
+  }
+
+  /// Whether examine_rest would say that the frame holds, after head_holds said so; fills `frame` then.
+  WIREBOND_INLINE bool rest_holds(const std::uint8_t* candidate, const Head& head, Frame& frame) const {
+    const std::size_t size = head.size;
+    if (has_late_constants_) {
+      for (std::size_t i = layout_->prefix_constants; i < layout_->constant_count; ++i) {
+        const Constant& constant = layout_->constants[i];
+        if ((candidate[constant.at.in(size)] & constant.mask) != constant.value) return false;
+      }
+    }
+    if (frame_check_->update(frame_begin_, candidate + frame_from_, size - frame_outside_) != frame_residue_)
+      return false;
+    detail::fill(frame, *layout_, 0, candidate, *head.shape, head.id, head.payload, size, false);
+    return true;
+  }
+
+  /// What seal would make of `payload` bytes at buffer + prefix, in the format's first layout with default header
+  /// fields; 0: it is for seal to make, or to refuse.
+  WIREBOND_INLINE std::size_t seal(std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
+                                   std::size_t payload) const {
+    const std::size_t size = payload + outside_;
+    if (!seals_ || payload > max_payload_ || size < sizeof(std::uint64_t) || size > capacity) return 0;
+    const std::int64_t units = static_cast<std::int64_t>(payload) - length_bias_;
+    if (units < 0) return 0;
+    const std::uint64_t numbers = (static_cast<std::uint64_t>(id & id_.mask) << id_.shift) |
+                                  ((static_cast<std::uint64_t>(units) & length_.mask) << length_.shift);
+    const std::uint64_t payload_bits = load<std::uint64_t>(buffer) & behind_prefix_;
+    store(buffer, payload_bits | constants_ | (swaps_ ? __builtin_bswap64(numbers) : numbers));
+    if (header_check_ != nullptr) {
+      write_check(*header_check_, header_begin_, buffer, 0, layout_->checks[0].at.in(0), header_xor_out_,
+                  layout_->checks[0]);
+    }
+    const CheckRule& rule = layout_->checks[layout_->check_count - 1u];
+    write_check(*frame_check_, frame_begin_, buffer, frame_from_, rule.at.in(size), frame_xor_out_, rule);
+    return size;
+  }
+
+ private:
+  /// The first 4 to 7 bytes and zeros behind them, as if they were eight in memory.
+  WIREBOND_INLINE static std::uint64_t short_word(const std::uint8_t* bytes, std::size_t size) {
+    const std::size_t behind = size - sizeof(std::uint32_t);
+    return load<std::uint32_t>(bytes) | std::uint64_t{load<std::uint32_t>(bytes + behind)} << (8 * behind);
+  }
+
+  /// Payloads whose size is not in the length, and messages that must be known.
+  bool special_size_holds(std::size_t available, Head& head) const {
+    if (payload_size_ == PayloadSize::by_id && !head.shape->known()) return false;
+    if (payload_size_ == PayloadSize::by_id) head.payload = head.shape->max_payload;
+    if (payload_size_ == PayloadSize::rest) head.payload = available - outside_;
+    return deliver_unknown_ || detail::fits(*layout_, *head.shape, head.payload);
+  }
+
+  WIREBOND_INLINE static void write_check(const FastCrc& crc, std::uint64_t begin, std::uint8_t* frame,
+                                          std::size_t from, std::size_t to, std::uint64_t xor_out,
+                                          const CheckRule& rule) {
+    const std::uint64_t value = crc.update(begin, frame + from, to - from) ^ xor_out;
+    if (rule.bytes == 2) {
+      const auto half = static_cast<std::uint16_t>(value);
+      store(frame + to, rule.order == ByteOrder::little ? half : __builtin_bswap16(half));
+    } else {
+      store_bytes(frame + to, value, rule.bytes, rule.order);
+    }
+  }
+
+  /// (first eight bytes, in the numbers' order) >> shift, masked.
+  struct WordNumber {
+    std::uint8_t shift = 0;
+    std::uint32_t mask = 0;  ///< 0: there is no such number
+
+    WIREBOND_INLINE std::uint64_t of(std::uint64_t word) const { return (word >> shift) & mask; }
+  };
+
+  /// Both numbers are read from the same word: if they have several bytes, their order is the same.
+  bool read_numbers(const Layout& layout) {
+    const Number& id = layout.id;
+    const Number& length = layout.length;
+    if (id.bytes > 1 && length.bytes > 1 && id.order != length.order) return false;
+    swaps_ = (id.bytes > 1 && id.order == ByteOrder::big) || (length.bytes > 1 && length.order == ByteOrder::big);
+    return read_number(id, id_) && read_number(length, length_);
+  }
+
+  bool read_number(const Number& number, WordNumber& out) const {
+    if (!number.present()) return true;
+    const int end = number.at.offset + number.bytes;
+    if (number.at.from_end || end > 8) return false;
+    out.shift = static_cast<std::uint8_t>(number.shift + 8 * (swaps_ ? 8 - end : number.at.offset));
+    out.mask = number.mask & static_cast<std::uint32_t>(detail::mask_of(8u * number.bytes) >> number.shift);
+    return true;
+  }
+
+  bool read_head(const FrameFormat& format, const Layout& layout) {
+    if (layout.trims_zeros || (layout.id.present() && !detail::id_comes_early(layout))) return false;
+    if (!read_numbers(layout)) return false;
+    for (std::size_t i = 0; i < layout.prefix_constants; ++i) {
+      const Constant& constant = layout.constants[i];
+      if (constant.at.offset >= 8) return false;
+      const unsigned shift = 8u * static_cast<unsigned>(constant.at.offset);
+      constant_bits_ |= static_cast<std::uint64_t>(constant.mask) << shift;
+      constants_ |= static_cast<std::uint64_t>(constant.value) << shift;
+    }
+    layout_ = &layout;
+    payload_size_ = layout.payload_size;
+    length_unit_ = layout.length_unit;
+    length_bias_ = layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : layout.length_bias;
+    if (layout.payload_size != PayloadSize::by_length) length_ = {};
+    const bool is_bounded = layout.payload_size == PayloadSize::by_length || layout.payload_size == PayloadSize::rest;
+    max_payload_ = is_bounded ? format.max_payload : SIZE_MAX;
+    outside_ = static_cast<std::size_t>(layout.prefix) + layout.suffix;
+    deliver_unknown_ = format.deliver_unknown;
+    is_special_ =
+        !deliver_unknown_ || layout.payload_size == PayloadSize::by_id || layout.payload_size == PayloadSize::rest;
+    has_late_constants_ = layout.constant_count != layout.prefix_constants;
+    return true;
+  }
+
+  bool read_checks(const FrameFormat& format, const Layout& layout, const std::array<FastCrc, max_algorithms>& crcs) {
+    const bool has_header_check = layout.header_checks == 1;
+    if (layout.header_checks > 1 || layout.check_count != layout.header_checks + 1) return false;
+    for (std::size_t i = 0; i < layout.check_count; ++i) {
+      if (!leaves_residue(format, layout.checks[i])) return false;
+    }
+    const CheckRule& check = layout.checks[layout.header_checks];
+    const CheckAlgorithm& algorithm = format.algorithms[check.algorithm];
+    if (!check.at.from_end) return false;
+    frame_check_ = &crcs[check.algorithm];
+    frame_begin_ = check_begin(algorithm);
+    frame_xor_out_ = algorithm.xor_out & detail::mask_of(algorithm.width_bits);
+    frame_residue_ = residue_of(algorithm, *frame_check_);
+    frame_from_ = static_cast<std::size_t>(check.from.offset);
+    if (has_header_check) {
+      const CheckRule& earlier = layout.checks[0];
+      const CheckAlgorithm& of_header = format.algorithms[earlier.algorithm];
+      const std::size_t end = static_cast<std::size_t>(earlier.at.offset) + earlier.bytes;
+      if (earlier.at.from_end || earlier.from.offset != 0 || end > 8 || of_header.width_bits > 32) return false;
+      header_check_ = &crcs[earlier.algorithm];
+      header_shift_ = static_cast<unsigned>(8 * (8 - end));
+      header_begin_ = check_begin(of_header);
+      header_xor_out_ = of_header.xor_out & detail::mask_of(of_header.width_bits);
+      const std::uint64_t residue = residue_of(of_header, *header_check_);
+      header_residue_ = header_check_->word_residue(check_begin(of_header), residue, end);
+      if (check.continues == 0) {
+        frame_begin_ = residue;
+        frame_from_ = end;
+      }
+    }
+    frame_outside_ = frame_from_ + static_cast<std::size_t>(-check.at.offset) - check.bytes;
+    return true;
+  }
+
+  static bool leaves_residue(const FrameFormat& format, const CheckRule& rule) {
+    const CheckAlgorithm& a = format.algorithms[rule.algorithm];
+    const bool runs_on = rule.at.from_end == rule.to.from_end && rule.at.offset == rule.to.offset &&
+                         8u * rule.bytes == a.width_bits && rule.shift == 0 && !rule.seeded && !rule.as_hex &&
+                         !rule.on_wire;
+    const bool ordered = a.width_bits == 8 || (rule.order == ByteOrder::little) == a.reflect_in;
+    return a.kind == CheckKind::crc && !a.negate && a.reflect_in == a.reflect_out && runs_on && ordered &&
+           !rule.from.from_end;
+  }
+
+  /// Over any range; the empty one is the shortest.
+  static std::uint64_t residue_of(const CheckAlgorithm& a, const FastCrc& crc) {
+    std::uint8_t check[8];
+    const unsigned bytes = a.width_bits / 8u;
+    store_bytes(check, check_end(a, check_begin(a)), bytes, a.reflect_in ? ByteOrder::little : ByteOrder::big);
+    return crc.update(check_begin(a), check, bytes);
+  }
+
+  const Layout* layout_ = nullptr;
+  std::uint64_t constant_bits_ = 0;
+  std::uint64_t constants_ = 0;
+  bool swaps_ = false;  ///< the numbers are big-endian
+  WordNumber id_{};
+  WordNumber length_{};
+  PayloadSize payload_size_ = PayloadSize::fixed;
+  bool deliver_unknown_ = false;
+  bool has_late_constants_ = false;
+  bool is_special_ = false;  ///< special_size_holds has something to say
+  std::int64_t length_unit_ = 1;
+  std::int64_t length_bias_ = 0;  ///< a fixed size, where there is no length
+  std::size_t max_payload_ = 0;
+  std::size_t outside_ = 0;
+  std::size_t least_ = SIZE_MAX;
+  std::size_t least_by_start_ = SIZE_MAX;
+  bool seals_ = false;
+  std::uint64_t behind_prefix_ = 0;  ///< of the first eight bytes, those of the payload
+  std::uint64_t header_begin_ = 0;
+  std::uint64_t header_xor_out_ = 0;
+  std::uint64_t frame_xor_out_ = 0;
+  std::size_t waiting_ = 0;                ///< bytes of the prefix, where `waits` may say anything
+  const FastCrc* header_check_ = nullptr;  ///< null: there is none
+  std::uint64_t header_residue_ = 0;
+  unsigned header_shift_ = 0;
+  const FastCrc* frame_check_ = nullptr;
+  std::uint64_t frame_begin_ = 0;
+  std::uint64_t frame_residue_ = 0;
+  std::size_t frame_from_ = 0;
+  std::size_t frame_outside_ = 0;  ///< bytes of the frame that are not run over
+};
+
+}  // namespace wirebond

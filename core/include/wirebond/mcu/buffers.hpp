@@ -1,0 +1,34 @@
+// The memory that DMA writes and reads: what a firmware sets aside for one link.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "wirebond/mcu/outbox.hpp"
+
+namespace wirebond {
+
+/// `Protocol`: an end of a generated header. Sizes are powers of two.
+/// `ReceiveBytes` hold what comes between two polls, twice over; `SendBytes` at least two of the largest frames, and
+/// what docs/firmware.md says of senders that are pre-empted. Put it where the UART's DMA reaches it: `Link` asks its
+/// port, and stays down where it does not.
+template <class Protocol, std::size_t ReceiveBytes, std::size_t SendBytes,
+          std::size_t SendFrames = default_frames(SendBytes), class AtomicsPolicy = DefaultAtomics>
+struct Buffers {
+  static_assert(ReceiveBytes >= 16 && (ReceiveBytes & (ReceiveBytes - 1)) == 0, "ReceiveBytes: a power of two");
+
+  struct Config : OutboxConfig {
+    using Atomics = AtomicsPolicy;
+    using Latest = typename Protocol::Latest;
+    static constexpr std::size_t ring_bytes = SendBytes;
+    static constexpr std::size_t ring_frames = SendFrames;
+    static constexpr std::size_t urgent_bytes = Protocol::urgent_bytes;
+    static constexpr std::size_t urgent_frames = urgent_bytes == 0 ? 0 : 4;
+  };
+
+  alignas(4) std::array<std::uint8_t, ReceiveBytes> receive;
+  alignas(4) std::array<std::uint8_t, Outbox<Config>::memory_bytes> send;
+};
+
+}  // namespace wirebond

@@ -1,0 +1,385 @@
+// Everything that one end wants to send: the queue, the urgent queue, the slots of `latest` messages, and the account
+// of every frame. It chooses what DMA sends next; it starts nothing and knows no frame format.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "wirebond/bytes.hpp"
+#include "wirebond/mcu/atomics.hpp"
+#include "wirebond/mcu/grant.hpp"
+#include "wirebond/mcu/latest_slots.hpp"
+#include "wirebond/mcu/send_account.hpp"
+#include "wirebond/mcu/send_queue.hpp"
+#include "wirebond/message_list.hpp"
+
+namespace wirebond {
+
+/// Frames that may wait in a queue of so many bytes, unless said: one for each 32 bytes, and at least 4. An entry takes
+/// 8 bytes on an MCU.
+constexpr std::size_t default_frames(std::size_t queue_bytes) { return queue_bytes < 128 ? 4 : queue_bytes / 32; }
+
+/// How large an outbox is. Derive from it and name what differs.
+struct OutboxConfig {
+  using Atomics = DefaultAtomics;
+  static constexpr std::size_t ring_bytes = 512;  ///< a power of two, twice the largest frame or more
+  static constexpr std::size_t ring_frames = 16;  ///< a power of two
+  static constexpr std::size_t urgent_bytes = 0;  ///< the same for the urgent queue; 0: there is none
+  static constexpr std::size_t urgent_frames = 0;
+  using Latest = MessageList<>;                   ///< messages that have a slot
+  static constexpr std::size_t latest_cells = 3;  ///< cells of a slot: 2, and one for each sender at the same time
+  /// 1: one account for all frames; else the number of messages: one for each, and the sum of them.
+  static constexpr std::size_t accounts = 1;
+  /// False: frames leave in the order in which they were reserved, across all senders.
+  static constexpr bool passes_unfinished = true;
+};
+
+namespace detail {
+
+template <class Atomics, std::size_t Cells, class Messages>
+struct SlotsOf;
+template <class Atomics, std::size_t Cells, class... Messages>
+struct SlotsOf<Atomics, Cells, MessageList<Messages...>> {
+  using type = LatestSlots<Atomics, Cells, Messages::Info::max_frame_bytes...>;
+  static constexpr std::array<std::uint8_t, sizeof...(Messages)> accounts{Messages::Info::index...};
+};
+
+template <class Atomics, std::size_t Frames>
+struct QueueTable {
+  std::array<typename SendQueue<Atomics>::Entry, Frames> entries;
+};
+
+/// A send queue with its table, which comes first because the queue is given it.
+template <class Atomics, std::size_t Bytes, std::size_t Frames>
+class QueueWithTable : private QueueTable<Atomics, Frames>, public SendQueue<Atomics> {
+  using Base = SendQueue<Atomics>;
+  static_assert(Base::is_capacity(Bytes),
+                "bytes of a send queue: a power of two, at most half of what a position counts");
+  static_assert(Base::is_capacity(Frames), "frames of a send queue: a power of two, 2 or more");
+
+ public:
+  explicit QueueWithTable(std::uint8_t* ring) : Base(ring, Bytes, this->entries.data(), Frames) {}
+};
+
+/// No queue: nothing is granted, nothing waits. It costs no memory.
+template <class Atomics>
+class QueueWithTable<Atomics, 0, 0> {
+  using Ticket = typename SendQueue<Atomics>::Ticket;
+
+ public:
+  explicit QueueWithTable(std::uint8_t*) {}
+  Refusal take(std::size_t, std::uint8_t, std::uint16_t, Ticket&) { return Refusal::full; }
+  void commit(const Ticket&, std::size_t) {}
+  void abandon(const Ticket&, Refusal) {}
+  template <class Finish>
+  Run next(std::size_t, bool, Finish&&) {
+    return {};
+  }
+  template <class Visit>
+  void end_run(Visit&&) {}
+  template <class IsOld, class Visit>
+  void expire(IsOld&&, Visit&&) {}
+  template <class IsCounted>
+  std::size_t finished(IsCounted&&) const {
+    return 0;
+  }
+  template <class IsCounted>
+  std::size_t unfinished(IsCounted&&) const {
+    return 0;
+  }
+  std::size_t peak_bytes() const { return 0; }
+  std::size_t peak_entries() const { return 0; }
+};
+
+}  // namespace detail
+
+/// Senders: any task, interrupt or thread. Consumer: one context, the UART's interrupt, or whoever polls where there is
+/// none. No call blocks or allocates; costs are those of send_queue.hpp and latest_slots.hpp, and an addition for each
+/// counter.
+///
+/// A frame is granted, written in place and committed:
+///     auto grant = outbox.reserve(size, Queue::normal, now_ms);
+///     if (!grant.ok()) return grant.refusal();
+///     grant.commit(write_frame(grant.data()));
+/// After a commit, and after a grant that was given back, let the consumer look: its room is waited for.
+template <class Config = OutboxConfig>
+class Outbox {
+  using Atomics = typename Config::Atomics;
+  using Ring = detail::QueueWithTable<Atomics, Config::ring_bytes, Config::ring_frames>;
+  using Urgent = detail::QueueWithTable<Atomics, Config::urgent_bytes, Config::urgent_frames>;
+  using Slots = detail::SlotsOf<Atomics, Config::latest_cells, typename Config::Latest>;
+  using Latest = typename Slots::type;
+  using Ledger = SendLedger<Atomics>;
+  static constexpr bool has_accounts = Config::accounts != 1;
+
+ public:
+  /// What a grant keeps of its frame.
+  struct Ticket {
+    std::uint8_t* data;
+    std::size_t size;
+    Queue queue;
+    std::uint8_t account;
+    union {
+      typename SendQueue<Atomics>::Ticket in_queue;
+      typename Latest::Ticket in_slot;
+    };
+  };
+
+  /// Memory that DMA must reach: ring, urgent ring, cells of the slots.
+  static constexpr std::size_t memory_bytes = Config::ring_bytes + Config::urgent_bytes + Latest::memory_bytes;
+  static constexpr std::size_t slot_count = Latest::slot_count;
+
+  /// `memory`: memory_bytes; they stay the caller's and outlive the outbox.
+  explicit Outbox(std::uint8_t* memory)
+      : ring_(memory),
+        urgent_(memory + Config::ring_bytes),
+        latest_(memory + Config::ring_bytes + Config::urgent_bytes) {}
+  Outbox(const Outbox&) = delete;  // grants point to it
+  Outbox& operator=(const Outbox&) = delete;
+
+  // ---- senders: any context -----------------------------------------------------------------------------------------
+
+  /// Room for a frame of at most `size` bytes. `now_ms` modulo 2^16: from when its age counts. `message` is the account
+  /// that it belongs to, where each message has one. `Queue::urgent` without an urgent queue is refused as `full`.
+  WIREBOND_QUICK Grant<Outbox> reserve(std::size_t size, Queue queue = Queue::normal, std::uint16_t now_ms = 0,
+                                       std::uint8_t message = 0) {
+    Ticket ticket;
+    const std::uint8_t account = account_of(message);
+    ledgers_[account].offer();
+    const Refusal refusal = queue == Queue::urgent ? urgent_.take(size, account, now_ms, ticket.in_queue)
+                                                   : ring_.take(size, account, now_ms, ticket.in_queue);
+    if (refusal != Refusal::none) return refused(refusal, account);
+    ticket.data = ticket.in_queue.data;
+    ticket.size = ticket.in_queue.size;
+    ticket.queue = queue;
+    ticket.account = account;
+    return {*this, ticket};
+  }
+
+  /// Room for a frame in a slot: `slot` is the message's place in Config::Latest.
+  Grant<Outbox> reserve_latest(std::size_t slot, std::size_t size, std::uint16_t now_ms = 0) {
+    Ticket ticket;
+    const std::uint8_t account = account_of_slot(slot);
+    ledgers_[account].offer();
+    const Refusal refusal = latest_.take(slot, size, now_ms, ticket.in_slot);
+    if (refusal != Refusal::none) return refused(refusal, account);
+    ticket.data = ticket.in_slot.data;
+    ticket.size = ticket.in_slot.size;
+    ticket.queue = Queue::latest;
+    ticket.account = account;
+    return {*this, ticket};
+  }
+
+  /// Room for a frame of this message, where its file says that it waits.
+  template <class Message>
+  WIREBOND_QUICK Grant<Outbox> reserve_for(std::size_t size, std::uint16_t now_ms = 0) {
+    if constexpr (Message::Info::queue == Queue::latest) {
+      constexpr std::size_t slot = Config::Latest::template index_of<Message>();
+      static_assert(slot < slot_count, "a message of `queue: latest` needs a slot: name it in the config's Latest");
+      return reserve_latest(slot, size, now_ms);
+    } else {
+      static_assert(Message::Info::queue != Queue::urgent || Config::urgent_bytes != 0,
+                    "a message of `queue: urgent` needs the urgent queue: set the config's urgent_bytes and _frames");
+      static_assert(Message::Info::max_frame_bytes <= Config::ring_bytes / 2, "ring_bytes: twice the largest frame");
+      return reserve(size, Message::Info::queue, now_ms, static_cast<std::uint8_t>(Message::Info::index));
+    }
+  }
+
+  /// Count a frame that was not even tried: the link is down, or a field is out of range.
+  void refuse(Refusal cause, std::uint8_t message = 0) {
+    ledgers_[account_of(message)].offer();
+    ledgers_[account_of(message)].refuse(cause);
+  }
+
+  // ---- the consumer: one context ------------------------------------------------------------------------------------
+
+  /// What to send next: urgent frames first, then the queue and the slots by turns. Contiguous whole frames, no more
+  /// than `max_bytes` unless the first alone is longer; of size 0 where nothing is ready. Ended by `sent` or `aborted`;
+  /// until then every call gives the same run again. `finish(data, size)` is called once for each frame, in the order
+  /// of the wire, before the run is given: here a format with sequence numbers sets number and check.
+  template <class Finish>
+  Run next(std::size_t max_bytes, Finish&& finish) {
+    if (run_.size != 0) return run_;
+    const auto finish_tagged = [&](std::uint8_t* data, std::size_t size, std::uint8_t) { finish(data, size); };
+    source_ = from_urgent;
+    run_ = urgent_.next(max_bytes, Config::passes_unfinished, finish_tagged);
+    if (run_.size == 0 && slots_turn_) take_from_slots(finish);
+    if (run_.size == 0) {
+      source_ = from_ring;
+      run_ = ring_.next(max_bytes, Config::passes_unfinished, finish_tagged);
+      slots_turn_ = run_.size != 0;
+    }
+    if (run_.size == 0) take_from_slots(finish);
+    return run_;
+  }
+  Run next(std::size_t max_bytes) {
+    return next(max_bytes, [](std::uint8_t*, std::size_t) {});
+  }
+
+  /// The run has left.
+  void sent() {
+    end_run([](Ledger& ledger) { ledger.send(); });
+  }
+
+  /// The run was broken off.
+  void aborted() {
+    end_run([](Ledger& ledger) { ledger.abort(); });
+  }
+
+  /// The link is down: whatever is finished expires, but for a run that is under way.
+  void expire_all() {
+    expire([](std::uint16_t) { return true; });
+  }
+
+  /// Finished frames that were reserved more than `max_age_ms` (at most 32767) before `now_ms` expire, but for a run
+  /// that is under way. Call it more often than every 32 s: older stamps look new.
+  void expire_older(std::uint16_t now_ms, std::uint16_t max_age_ms) {
+    expire([=](std::uint16_t stamp) {
+      return static_cast<std::int16_t>(static_cast<std::uint16_t>(now_ms - stamp)) >
+             static_cast<std::int32_t>(max_age_ms);
+    });
+  }
+
+  // ---- the account: any context -------------------------------------------------------------------------------------
+
+  /// Of all frames.
+  SendAccount account() const {
+    SendAccount sum;
+    for (std::size_t i = 0; i < Config::accounts; ++i) add(sum, account_at(static_cast<std::uint8_t>(i)));
+    return sum;
+  }
+
+  /// Of one message's frames; only with an account for each.
+  SendAccount account(std::uint8_t message) const {
+    static_assert(has_accounts, "set the config's `accounts` to the number of messages");
+    return account_at(message);
+  }
+
+  /// Bytes of the ring that are in use now, and the most that ever were.
+  std::size_t used_bytes() const { return ring_.used_bytes(); }
+  std::size_t peak_bytes() const { return ring_.peak_bytes(); }
+  std::size_t peak_frames() const { return ring_.peak_entries(); }
+  std::size_t peak_urgent_bytes() const { return urgent_.peak_bytes(); }
+  std::size_t peak_urgent_frames() const { return urgent_.peak_entries(); }
+
+  // ---- for Grant ----------------------------------------------------------------------------------------------------
+
+  WIREBOND_QUICK void commit(const Ticket& ticket, std::size_t used) {
+    Ledger& ledger = ledgers_[ticket.account];
+    ledger.accept();  // before the consumer can see the frame, so that it is not sent before it was accepted
+    if (is_in_slot(ticket)) {
+      if (latest_.commit(ticket.in_slot, used)) ledger.replace();
+    } else if (ticket.queue == Queue::urgent) {
+      urgent_.commit(ticket.in_queue, used);
+    } else {
+      ring_.commit(ticket.in_queue, used);
+    }
+  }
+
+  void abandon(const Ticket& ticket, Refusal why) {
+    ledgers_[ticket.account].refuse(why);
+    if (is_in_slot(ticket)) {
+      latest_.abandon(ticket.in_slot);
+    } else if (ticket.queue == Queue::urgent) {
+      urgent_.abandon(ticket.in_queue, why);
+    } else {
+      ring_.abandon(ticket.in_queue, why);
+    }
+  }
+
+ private:
+  enum Source : std::uint8_t { from_ring, from_urgent, from_slot };
+
+  static constexpr std::uint8_t account_of(std::uint8_t message) { return has_accounts ? message : std::uint8_t{0}; }
+  static constexpr std::uint8_t account_of_slot(std::size_t slot) {
+    if constexpr (has_accounts && slot_count != 0) return Slots::accounts[slot];
+    return 0;
+  }
+
+  static constexpr bool is_in_slot(const Ticket& ticket) { return slot_count != 0 && ticket.queue == Queue::latest; }
+
+  Grant<Outbox> refused(Refusal refusal, std::uint8_t account) {
+    ledgers_[account].refuse(refusal);
+    return Grant<Outbox>(refusal);
+  }
+
+  /// One frame from the next slot that has one; the slots take turns.
+  template <class Finish>
+  void take_from_slots(Finish&& finish) {
+    for (std::size_t tried = 0; tried < slot_count; ++tried) {
+      slot_ = static_cast<std::uint8_t>(slot_ + 1u < slot_count ? slot_ + 1u : 0u);
+      run_ = latest_.next(slot_);
+      if (run_.size == 0) continue;
+      finish(run_.data, run_.size);
+      source_ = from_slot;
+      slots_turn_ = false;
+      return;
+    }
+  }
+
+  template <class Book>
+  void end_run(Book&& book) {
+    if (run_.size == 0) return;
+    run_ = {};
+    const auto book_tagged = [&](std::uint8_t account) { book(ledgers_[account]); };
+    if (slot_count != 0 && source_ == from_slot) {
+      latest_.end_run(slot_);
+      book_tagged(account_of_slot(slot_));
+    } else if (source_ == from_urgent) {
+      urgent_.end_run(book_tagged);
+    } else {
+      ring_.end_run(book_tagged);
+    }
+  }
+
+  template <class IsOld>
+  void expire(IsOld&& is_old) {
+    const auto book = [&](std::uint8_t account) { ledgers_[account].expire(); };
+    urgent_.expire(is_old, book);
+    ring_.expire(is_old, book);
+    for (std::size_t slot = 0; slot < slot_count; ++slot) {
+      if (latest_.expire(slot, is_old)) book(account_of_slot(slot));
+    }
+  }
+
+  SendAccount account_at(std::uint8_t account) const {
+    SendAccount read = ledgers_[account].read();
+    const auto is_counted = [=](std::uint8_t tag) { return tag == account; };
+    std::size_t queued = urgent_.finished(is_counted) + ring_.finished(is_counted);
+    std::size_t unfinished = urgent_.unfinished(is_counted) + ring_.unfinished(is_counted);
+    for (std::size_t slot = 0; slot < slot_count; ++slot) {
+      if (account_of_slot(slot) != account) continue;
+      queued += latest_.finished(slot);
+      unfinished += latest_.unfinished(slot);
+    }
+    read.queued = static_cast<std::uint32_t>(queued);
+    read.unfinished = static_cast<std::uint32_t>(unfinished);
+    return read;
+  }
+
+  static void add(SendAccount& sum, const SendAccount& account) {
+    sum.offered += account.offered;
+    sum.accepted += account.accepted;
+    for (std::size_t i = 0; i < refusal_count; ++i) sum.refused_by[i] += account.refused_by[i];
+    sum.sent += account.sent;
+    sum.replaced += account.replaced;
+    sum.expired += account.expired;
+    sum.aborted += account.aborted;
+    sum.queued += account.queued;
+    sum.unfinished += account.unfinished;
+  }
+
+  Ring ring_;
+  Urgent urgent_;
+  Latest latest_;
+  std::array<Ledger, Config::accounts> ledgers_;
+  // The consumer's own:
+  Run run_;
+  Source source_ = from_ring;
+  std::uint8_t slot_ = 0;    // the last one that was asked
+  bool slots_turn_ = false;  // the run before was the queue's
+};
+
+}  // namespace wirebond

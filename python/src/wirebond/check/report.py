@@ -1,0 +1,113 @@
+"""All rules over one protocol: the findings, worst first, and every figure behind them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from wirebond.check import check_strength, examples, holdback, identity, line_budget, noise, schedule, stuffing
+from wirebond.check import urgent_wait as urgent
+from wirebond.check.check_strength import Strength
+from wirebond.check.findings import Finding, Severity, worst_first
+from wirebond.check.frame_facts import senders
+from wirebond.check.holdback import HoldBack
+from wirebond.check.line_budget import Budget
+from wirebond.check.noise import Noise
+from wirebond.check.places import Places
+from wirebond.check.samples import asked
+from wirebond.check.stuffing import InsertedZero
+from wirebond.check.urgent_wait import UrgentWait
+from wirebond.codec import Codec
+
+SEED = 1
+_SAMPLES = 40_000  # damaged frames for each kind of fault
+_NOISE_BYTES = 8_000_000  # for each direction
+_THOROUGH = 20  # times as many
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the lint found in one protocol. ``findings`` are worst first."""
+
+    findings: tuple[Finding, ...]
+    strength: Strength
+    noise: tuple[Noise, ...]
+    budgets: tuple[Budget, ...]
+    hold_backs: tuple[HoldBack, ...]
+    urgent_waits: tuple[UrgentWait, ...]
+    inserted_zero: InsertedZero | None
+    examples: int
+    seed: int
+
+    def number_of(self, severity: Severity) -> int:
+        return sum(finding.severity == severity for finding in self.findings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: the findings and all figures, rates in SI units, shares from 0 to 1."""
+        zero = self.inserted_zero
+        return {
+            "findings": [finding.as_dict() for finding in self.findings],
+            "figures": {
+                "seed": self.seed,
+                "check_strength": self.strength.as_dict(),
+                "noise": {each.sender.value: each.as_dict() for each in self.noise},
+                "line": {each.sender.value: each.as_dict() for each in self.budgets},
+                "hold_back": {each.sender.value: each.as_dict() for each in self.hold_backs},
+                "urgent_wait": {each.sender.value: each.as_dict() for each in self.urgent_waits},
+                "inserted_zero": None if zero is None else zero.as_dict(),
+                "examples": self.examples,
+            },
+        }
+
+
+def lint(
+    codec: Codec,
+    places: Places | None = None,
+    *,
+    traffic: str | None = None,
+    thorough: bool = False,
+    seed: int = SEED,
+) -> Report:
+    """Run every rule. The same seed gives the same figures. Takes about a second; ``thorough`` some twenty.
+
+    ``traffic``: a load to judge instead of the file's schedule, such as ``gimbal_cmd=2000,mcu:47=3992`` (frames a
+    second by message, or by sender and bytes on the wire).
+
+    :raises UsageError: ``traffic`` cannot be read.
+    """
+    model = codec.model
+    where = places or Places()
+    loads = line_budget.scheduled_loads(model) if traffic is None else line_budget.parse_traffic(model, traffic)
+    more = _THOROUGH if thorough else 1
+    budgets = line_budget.budgets(model, loads)
+    measured = asked(codec)
+    strength = check_strength.measure_strength(measured, _SAMPLES * more, seed)
+    noises = [noise.measure_noise(measured, end, _NOISE_BYTES * more, seed) for end in senders(model)]
+    hold_backs = holdback.directions(measured, seed)
+    waits = [urgent.urgent_wait(model, budget) for budget in budgets]
+    zero = stuffing.measure_inserted_zero(measured, seed)
+    findings = [
+        *examples.judge(codec, where),
+        *line_budget.judge(model, budgets, where),
+        *([] if stuffing.explains_damage(model, zero) else check_strength.judge(model, strength, where)),
+        *check_strength.uncovered(model, where),
+        *noise.judge(model, noises, where),
+        *stuffing.judge(model, zero, where),
+        *holdback.judge(model, hold_backs, where),
+        *urgent.judge(model, waits, where),
+        *schedule.judge_deadlines(model, where),
+        *schedule.judge_safety(model, where),
+        *identity.judge_ids(model, where),
+        *identity.judge_magic(model, where),
+    ]
+    return Report(
+        worst_first(findings),
+        strength,
+        tuple(noises),
+        tuple(budgets),
+        tuple(hold_backs),
+        tuple(waits),
+        zero,
+        len(model.examples),
+        seed,
+    )

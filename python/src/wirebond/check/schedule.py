@@ -1,0 +1,102 @@
+"""Schedules and deadlines that do not go together, and what nobody would miss."""
+
+from __future__ import annotations
+
+from wirebond.check.findings import Finding, Severity
+from wirebond.check.places import Places
+from wirebond.check.wording import seconds
+from wirebond.protocol.model import End, Message, Protocol
+
+_LOST_FRAMES = 2  # periods within a deadline: one lost frame must not trip it
+
+
+def period_of(protocol: Protocol, name: str) -> float | None:
+    """How often a message is due: by its own `every`, or as the reply to a request that has one."""
+    periods = [m.every for m in protocol.messages if m.every is not None and name in (m.name, m.reply)]
+    return min(periods, default=None)
+
+
+def judge_deadlines(protocol: Protocol, places: Places) -> list[Finding]:
+    found = []
+    unscheduled: set[str] = set()
+    for index, deadline in enumerate(protocol.deadlines):
+        period = period_of(protocol, deadline.message)
+        if period is None:
+            if deadline.message in unscheduled:
+                continue
+            unscheduled.add(deadline.message)
+            place = places.at("deadlines", index, "message")
+            found.append(
+                Finding(
+                    "unscheduled-deadline",
+                    Severity.NOTE,
+                    f"`{deadline.message}` has a deadline of {seconds(deadline.after)} and no schedule",
+                    "nothing says how often it is to be sent, so neither tools nor the other end can keep it alive",
+                    f"write `every: {seconds(deadline.after / 5)}` in `{deadline.message}`",
+                    place.line,
+                    place.column,
+                )
+            )
+        elif deadline.after < _LOST_FRAMES * period:
+            place = places.at("deadlines", index, "after")
+            found.append(
+                Finding(
+                    "tight-deadline",
+                    Severity.WARNING,
+                    f"the deadline of `{deadline.message}` ({seconds(deadline.after)}) is "
+                    f"{deadline.after / period:.2g} times its period ({seconds(period)})",
+                    f"one lost frame and a little delay are taken for silence, and `{deadline.then}` is done",
+                    f"write `after: {seconds(3 * period)}` or more, or send it more often",
+                    place.line,
+                    place.column,
+                )
+            )
+    return found
+
+
+def judge_safety(protocol: Protocol, places: Places) -> list[Finding]:
+    """The host's commands: is their silence noticed, and is there a stop?"""
+    commands = [message for message in protocol.messages if _is_command(protocol, message)]
+    if not commands:
+        return []
+    found = []
+    names = ", ".join(f"`{message.name}`" for message in commands[:4]) + (" …" if len(commands) > 4 else "")
+    watched = {deadline.message for deadline in protocol.deadlines if deadline.at == End.MCU}
+    if not watched & {message.name for message in commands}:
+        place = places.at("messages", commands[0].name)
+        found.append(
+            Finding(
+                "no-deadline",
+                Severity.NOTE,
+                f"no deadline watches what the host commands ({names})",
+                "when the cable is pulled or the program hangs, the MCU goes on with the last command",
+                f"add `deadlines: [{{message: {commands[0].name}, at: mcu, after: 200 ms, then: stop}}]`",
+                place.line,
+                place.column,
+            )
+        )
+    if protocol.emergency_stop is None:
+        place = places.at("messages")
+        found.append(
+            Finding(
+                "no-emergency-stop",
+                Severity.NOTE,
+                f"the host commands something ({names}) and the file has no `emergency_stop`",
+                "tools and `link.emergency_stop()` do not know what stops this robot",
+                "add `emergency_stop:` with the message and the values that stop it",
+                place.line,
+                place.column,
+            )
+        )
+    return found
+
+
+def _is_command(protocol: Protocol, message: Message) -> bool:
+    """Sent by the host, with values, asking for no answer, and no service's."""
+    of_services = {name for service in protocol.services for _, name in service.messages}
+    return (
+        message.sender == End.HOST
+        and bool(message.fields)
+        and message.reply is None
+        and message.name not in of_services
+    )

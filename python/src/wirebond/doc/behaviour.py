@@ -1,0 +1,85 @@
+"""The chapters on time and behaviour: schedule, line budget, deadlines, emergency stop, services."""
+
+from __future__ import annotations
+
+from wirebond.check.line_budget import budgets, scheduled_loads
+from wirebond.check.wording import count, direction, percent, rate, seconds
+from wirebond.doc.examples import values_line
+from wirebond.doc.table import table
+from wirebond.protocol.meaning.messages import spoken
+from wirebond.protocol.model import Protocol, Recover
+
+_RECOVERIES = {
+    Recover.NEXT_MESSAGE: "with the next such message",
+    Recover.EXPLICIT: "by an explicit call of the program",
+}
+_SERVICES = {
+    "hello": "each end says which protocol it was built from",
+    "ping": "the reply carries the request's number back: round trip time",
+    "clock": "the MCU's clock against the host's",
+    "log": "lines of text from the MCU",
+    "parameter": "values on the MCU, read and set by index",
+}
+
+
+def line_chapter(protocol: Protocol) -> list[str]:
+    link = protocol.link
+    parity = {"none": "no parity", "even": "even parity", "odd": "odd parity"}[link.parity]
+    stop = f"{link.stop_bits:g} stop bit{'s' * (link.stop_bits != 1)}"
+    return [
+        "## Line",
+        "",
+        f"{count(link.baud)} baud, {link.data_bits} data bits, {parity}, {stop}: {link.bits_per_byte:g} bits a byte, "
+        f"{count(link.baud / link.bits_per_byte)} bytes/s in each direction. The longest frame has "
+        f"{protocol.max_wire_bytes()} bytes and takes "
+        f"{seconds(protocol.max_wire_bytes() * link.bits_per_byte / link.baud)}.",
+        "",
+    ]
+
+
+def schedule_chapter(protocol: Protocol) -> list[str]:
+    loads = scheduled_loads(protocol)
+    if not loads:
+        return []
+    lines = ["## Schedule", ""]
+    rows = []
+    for budget in budgets(protocol, loads):
+        for load in budget.loads:
+            share = percent(load.byte_rate / budget.capacity)
+            rows.append(
+                (direction(budget.sender), load.name, rate(load.frames), str(load.bytes), count(load.byte_rate), share)
+            )
+        if budget.loads:
+            total = sum(load.byte_rate for load in budget.loads)
+            rows.append(
+                (direction(budget.sender), "**together**", "", "", count(total), f"**{percent(budget.share)}**")
+            )
+    lines += table(("direction", "message", ">frames", ">bytes, at most", ">bytes/s", ">of the line"), rows)
+    return [*lines, "", "Replies are counted as often as their scheduled requests.", ""]
+
+
+def deadlines_chapter(protocol: Protocol) -> list[str]:
+    lines: list[str] = []
+    if protocol.deadlines:
+        rows = [(d.message, spoken(d.at), seconds(d.after), d.then, _RECOVERIES[d.recover]) for d in protocol.deadlines]
+        lines += ["## Deadlines", "", "They run from start-up on, before the first message has come.", ""]
+        lines += [*table(("message stays away", "at the", ">for", "then", "ends"), rows), ""]
+    stop = protocol.emergency_stop
+    if stop is not None:
+        values = values_line(dict(stop.values))
+        lines += ["## Emergency stop", "", f"The message {stop.message}{' with ' + values if values else ''}.", ""]
+    return lines
+
+
+def services_chapter(protocol: Protocol) -> list[str]:
+    if not protocol.services:
+        return []
+    rows = [
+        (
+            service.name,
+            _SERVICES.get(service.name, ""),
+            ", ".join(message if role == "message" else f"{role}: {message}" for role, message in service.messages),
+        )
+        for service in protocol.services
+    ]
+    return ["## Services", "", *table(("service", "for", "messages"), rows), ""]

@@ -1,0 +1,141 @@
+"""Worked examples: values for a message, the frame that the engine makes of them, and every byte of it explained.
+
+The file's own examples come first; a message without one gets values whose bytes differ, so that their order shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+from wirebond.codec import Codec
+from wirebond.doc.table import table
+from wirebond.explain import Kind, explain
+from wirebond.explain.judge import hex_of
+from wirebond.protocol.meaning.field_values import wire_limits
+from wirebond.protocol.model import End, Field, FieldKind, Message
+from wirebond.protocol.plan import expecting
+
+
+def examples_of(codec: Codec, message: Message) -> list[str]:
+    lines: list[str] = []
+    own = [example for example in codec.model.examples if example.message == message.name]
+    for example in own:
+        values = {name: list(value) if isinstance(value, tuple) else value for name, value in example.values}
+        lines += _example(codec, message, values)
+        if codec.encode(message.name, values) != example.frame:  # the lint says why
+            lines += [f"The protocol file gives other bytes for it, which are wrong: `{hex_of(example.frame)}`.", ""]
+    return lines if own else _example(codec, message, example_values(message))
+
+
+def example_values(message: Message) -> dict[str, Any]:
+    """Values for every field, inside their ranges; the same for the same message."""
+    return _values(message.fields)
+
+
+def _values(fields: tuple[Field, ...], first: int = 0) -> dict[str, Any]:
+    """What counts others is left out: it is counted."""
+    counting = {field.counted_by for field in fields}
+    return {
+        field.name: _field_value(field, first + index)
+        for index, field in enumerate(fields)
+        if field.kind != FieldKind.PADDING and field.name not in counting
+    }
+
+
+def values_line(values: dict[str, Any]) -> str:
+    """``linear = 0.5, angular = 0``."""
+    return ", ".join(f"{name} = {_shown(value)}" for name, value in values.items())
+
+
+def _example(codec: Codec, message: Message, values: dict[str, Any]) -> list[str]:
+    frame = codec.encode(message.name, values)
+    sender = End.HOST if message.sender == End.BOTH else message.sender
+    (stretch,) = explain(expecting(codec.model, message.name), frame, sender).stretches
+    assert (stretch.kind, stretch.message) == (Kind.FRAME, message.name), "the engine's frame is explained as itself"
+    shown = values_line(values)
+    stuffed = codec.model.frame.stuffing != "none"
+    heads = (">at", "bytes" if not stuffed else "on the wire", "unstuffed", "part", "meaning")
+    rows = [
+        (
+            str(row.offset),
+            f"`{hex_of(row.wire)}`" if row.wire else "",
+            f"`{hex_of(row.data)}`" if stuffed and row.data else "",
+            "- " * row.level + row.name,
+            row.meaning,
+        )
+        for row in stretch.rows
+    ]
+    title = f"Example, {shown}:" if shown else "Example:"
+    return [title, "", "```text", hex_of(frame), "```", "", *table(heads, rows), ""]
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bytes):
+        return hex_of(value)
+    if isinstance(value, dict):
+        return "{" + values_line(value) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_shown, value)) + "]"
+    return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _field_value(field: Field, index: int) -> Any:
+    if field.kind not in _VALUES:
+        raise NotImplementedError(f"examples.py has no entry for the field type '{field.kind}'")
+    make = _VALUES[field.kind]
+    if field.count is None and not field.is_list:
+        return make(field, index)
+    count = min(field.max_count, 2) if field.count is None else field.count
+    return [make(field, index + element) for element in range(count)]
+
+
+def _whole(field: Field, index: int) -> Any:
+    if field.enum:
+        return field.enum[index % len(field.enum)][0]
+    if field.flags:
+        return [name for name, _ in field.flags[:2]]
+    # 0x01 0x02 0x03 ... reads differently from either end, and fits signed types too.
+    places = range(min(field.width // 8, 3))
+    wire = int.from_bytes(bytes((index + place) % 15 + 1 for place in places), "big") or index % 2
+    wire = _within(field, wire)
+    return float(wire * field.scale + field.offset) if field.is_scaled else wire
+
+
+def _within(field: Field, wire: int) -> int:
+    """The number on the wire, or the one in the middle of the range."""
+    least, most = wire_limits(field)
+    if field.minimum is not None and field.maximum is not None:
+        ends = sorted((Fraction(bound) - field.offset) / field.scale for bound in (field.minimum, field.maximum))
+        least, most = max(least, ends[0]), min(most, ends[1])
+    return wire if least <= wire <= most else round((least + most) / 2)
+
+
+def _float(field: Field, index: int) -> float:
+    value = index + 1.5
+    if field.minimum is None or field.maximum is None or field.minimum <= value <= field.maximum:
+        return value
+    return (field.minimum + field.maximum) / 2
+
+
+def _text(field: Field, _: int) -> str:
+    return "wire"[: field.max_wire_bytes]
+
+
+def _bytes(field: Field, _: int) -> bytes:
+    return bytes(range(1, min(field.max_wire_bytes, 4) + 1))
+
+
+# One entry for each kind of field in the model.
+_VALUES: dict[FieldKind, Callable[[Field, int], Any]] = {
+    FieldKind.UNSIGNED: _whole,
+    FieldKind.SIGNED: _whole,
+    FieldKind.FLOAT: _float,
+    FieldKind.BOOL: lambda field, index: index % 2 == 0,  # noqa: ARG005  (the table's signature)
+    FieldKind.TEXT: _text,
+    FieldKind.BYTES: _bytes,
+    FieldKind.PADDING: lambda field, index: None,  # noqa: ARG005  (it has no value)
+    FieldKind.BITS: lambda field, index: _values(field.fields, index),
+    FieldKind.STRUCT: lambda field, index: _values(field.fields, index),
+}

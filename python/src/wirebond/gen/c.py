@@ -1,0 +1,232 @@
+"""C99 for one protocol: headers for C firmware, and the .cpp behind each that hands every call on to a C++ header."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from wirebond.gen.amalgamate import amalgamated
+from wirebond.gen.c_link import link_view
+from wirebond.gen.c_names import Names, header_name, link_name
+from wirebond.gen.c_struct import Declarations, Declarer, MessageView
+from wirebond.gen.cpp import cpp_header, id_literal, link_header, message_comment, shapes
+from wirebond.gen.cpp_field import comment_text
+from wirebond.gen.cpp_number import real
+from wirebond.gen.folder import core_headers, render, write_files
+from wirebond.gen.names import namespace
+from wirebond.protocol.hash import protocol_hash
+from wirebond.protocol.model import End, Protocol
+from wirebond.protocol.plan import plan_for
+
+
+def generate_c(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
+    """Write ``<protocol>.h`` and ``.cpp``, ``<protocol>_link.h`` and ``.cpp``, the C++ headers behind them, the core
+    headers and a ``CMakeLists.txt`` into ``out``; return their paths, sorted.
+
+    With ``amalgamate`` it is the first four files alone. As ``generate_cpp`` otherwise.
+    """
+    core, texts = core_headers(), c_texts(protocol)
+    cpp = {f"{protocol.name}.hpp": cpp_header(protocol), f"{protocol.name}_link.hpp": link_header(protocol)}
+    if amalgamate:
+        return write_files(out, {name: amalgamated(text, cpp | core) for name, text in texts.items()})
+    sources = [name for name in texts if name.endswith(".cpp")]
+    cmake = render("c_CMakeLists.txt.j2", protocol=protocol, sources=sources)
+    return write_files(out, {**texts, "CMakeLists.txt": cmake, **cpp, **core})
+
+
+def c_texts(protocol: Protocol) -> dict[str, str]:
+    """The texts of ``<protocol>.h`` and ``.cpp``, and of ``<protocol>_link.h`` and ``.cpp``, by the files' names."""
+    names = Names(protocol.name)
+    constants = {
+        word: names.constant(word)
+        for word in (
+            "protocol_name", "protocol_hash", "message_count", "baud", "data_bits", "parity", "stop_bits", "idle_us",
+        )
+    }  # fmt: skip
+    facts = {message.name: _facts(protocol, names, index) for index, message in enumerate(protocol.messages)}
+    functions = {
+        message.name: {verb: names.claim(verb, message.name) for verb in ("init", "encode", "decode", "violations")}
+        for message in protocol.messages
+    }
+    receivers = [_receiver_names(names, end) for end in (End.HOST, End.MCU)]
+    watches = [_deadlines(protocol, names, end) for end in (End.HOST, End.MCU)]
+    actions = list(dict.fromkeys(deadline.then for deadline in protocol.deadlines))
+    action_type = names.claim("action", suffix="_t")
+    action_constants = [names.constant("action", action) for action in actions]
+    stop = names.claim("emergency_stop")
+    views, shared = _messages(protocol, names, facts, functions)
+    values: dict[str, object] = {
+        "file": comment_text(Path(protocol.path).name or protocol.name),
+        "description": comment_text(protocol.description),
+        "protocol": protocol,
+        "name": header_name(protocol.name),
+        "namespace": namespace(protocol.name),
+        "prefix": protocol.name,
+        "guard": f"WIREBOND_GENERATED_{protocol.name.upper()}_H",
+        "hash": f"0x{protocol_hash(protocol):016X}",
+        "link_name": link_name(protocol.name),
+        "constants": constants,
+        "parity": {"none": "N", "even": "E", "odd": "O"}[protocol.link.parity],
+        "stop_bits": real(protocol.link.stop_bits, "float"),
+        "idle_us": round(protocol.idle_seconds * 1e6),
+        "types": shared,
+        "messages": views,
+        "receivers": [
+            _receiver_view(protocol, names_of, end, views, watches)
+            for end, names_of in zip((End.HOST, End.MCU), receivers, strict=True)
+        ],
+        "watches": [watch for watch in watches if watch is not None],
+        "action_type": action_type,
+        "actions": list(zip(actions, action_constants, strict=True)),
+        "stop": stop,
+        "stop_message": next(
+            (v for v in views if protocol.emergency_stop and v.name == protocol.emergency_stop.message), None
+        ),
+    }
+    values["link"] = link_view(protocol, names, views)
+    return {
+        f"{header_name(protocol.name)}.h": render("c.h.j2", **values),
+        f"{header_name(protocol.name)}.cpp": render("c.cpp.j2", **values),
+        f"{link_name(protocol.name)}.h": render("c_link.h.j2", **values),
+        f"{link_name(protocol.name)}.cpp": render("c_link.cpp.j2", **values),
+    }
+
+
+# ---- messages ---------------------------------------------------------------------------------------------------
+
+
+def _facts(protocol: Protocol, names: Names, index: int) -> list[tuple[str, str, str]]:
+    message = protocol.messages[index]
+    found = [
+        ("id", id_literal(protocol, message.id), ""),
+        ("index", str(index), ""),
+        ("every_us", str(round((message.every or 0) * 1e6)), "" if message.every else "0: no schedule"),
+        ("min_payload_bytes", str(message.min_payload), ""),
+        ("max_payload_bytes", str(message.max_payload), ""),
+        ("max_frame_bytes", str(protocol.max_wire_bytes(message.max_payload)), "on the wire"),
+    ]
+    return [(names.constant(message.name, word), literal, comment) for word, literal, comment in found]
+
+
+def _messages(
+    protocol: Protocol,
+    names: Names,
+    facts: dict[str, list[tuple[str, str, str]]],
+    functions: dict[str, dict[str, str]],
+) -> tuple[list[MessageView], Declarations]:
+    """The messages, and what the file's types declare."""
+    types, structs = shapes(protocol)
+    declarer = Declarer(names, namespace(protocol.name))
+    declarer.named(types)
+    shared = declarer.take()
+    views = []
+    for index, message in enumerate(protocol.messages):
+        shape = structs[message.name]
+        has_members = any(member.name for member in shape.members)
+        views.append(
+            MessageView(
+                name=message.name,
+                comment=message_comment(message),
+                facts=facts[message.name],
+                type_name=declarer.struct(shape, message.name) if has_members else "",
+                declared=declarer.take(),
+                cpp=f"{namespace(protocol.name)}::{shape.path}",
+                functions=functions[message.name],
+                index=index,
+                sender=message.sender,
+                reply=message.reply,
+            )
+        )
+    return views, shared
+
+
+# ---- receivers and deadlines ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DeadlinesView:
+    """The deadlines that one end watches."""
+
+    end: End
+    title: str
+    type_name: str
+    actions_type: str
+    prefix: str  # of its functions
+    rules: int
+    actions: tuple[str, ...]
+
+    @property
+    def cpp_class(self) -> str:
+        return f"{'Host' if self.end == End.HOST else 'Mcu'}Deadlines"
+
+
+def _deadlines(protocol: Protocol, names: Names, end: End) -> DeadlinesView | None:
+    here = [deadline for deadline in protocol.deadlines if deadline.at in (end, End.BOTH)]
+    if not here:
+        return None
+    prefix = names.claim(end.value, "deadlines")
+    for verb in ("init", "poll", "recover", "struck"):
+        names.claim(end.value, "deadlines", verb)
+    return DeadlinesView(
+        end,
+        "MCU" if end == End.MCU else "host",
+        names.claim(end.value, "deadlines", suffix="_t"),
+        names.claim(end.value, "actions", suffix="_t"),
+        prefix,
+        len(here),
+        tuple(dict.fromkeys(deadline.then for deadline in here)),
+    )
+
+
+@dataclass(frozen=True)
+class ReceiverView:
+    """What one end receives from the other."""
+
+    source: str  # in C++
+    sender: str
+    receiver: str
+    type_name: str
+    handlers_type: str
+    prefix: str  # of its functions
+    workspace: int
+    messages: tuple[MessageView, ...]
+    requests: tuple[MessageView, ...]  # whose replies nothing but they tell apart
+    watch: DeadlinesView | None
+
+
+def _receiver_names(names: Names, end: End) -> tuple[str, str, str]:
+    prefix = names.claim("from", end.value)
+    for verb in ("init", "feed", "idle", "expect", "watch", "account", "violations"):
+        names.claim("from", end.value, verb)
+    return (
+        names.claim("from", end.value, suffix="_t"),
+        names.claim("from", end.value, "handlers", suffix="_t"),
+        prefix,
+    )
+
+
+def _receiver_view(
+    protocol: Protocol,
+    names_of: tuple[str, str, str],
+    end: End,
+    views: list[MessageView],
+    watches: list[DeadlinesView | None],
+) -> ReceiverView:
+    """Of what ``end`` sends; the other end watches its deadlines meanwhile."""
+    type_name, handlers_type, prefix = names_of
+    largest = protocol.max_wire_bytes()
+    told_by_request = {
+        protocol.messages[row.index].name for row in plan_for(protocol, end).messages if row.only_expected
+    }
+    return ReceiverView(
+        source="FromHost" if end == End.HOST else "FromMcu",
+        sender="host" if end == End.HOST else "MCU",
+        receiver="MCU" if end == End.HOST else "host",
+        type_name=type_name,
+        handlers_type=handlers_type,
+        prefix=prefix,
+        workspace=2 * largest + (0 if protocol.frame.stuffing == "none" else largest),
+        messages=tuple(view for view in views if view.sender in (end, End.BOTH)),
+        requests=tuple(view for view in views if view.reply in told_by_request),
+        watch=next((w for w in watches if w is not None and w.end != end), None),
+    )

@@ -1,0 +1,78 @@
+"""The MCU's link as C: what its handlers, functions and macros are called, and the sizes that suit the line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from wirebond.gen.c_names import Names
+from wirebond.gen.c_struct import MessageView
+from wirebond.protocol.model import End, Protocol
+
+_POLL_SECONDS = 0.005  # the least frequent poll that the default receive ring is meant for
+_FUNCTIONS = (
+    "open", "poll", "log", "recover", "struck", "on_received", "on_transmitted", "on_error", "on_pended", "state",
+    "peer", "counters", "send_account", "receive_account", "account", "violations",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LinkView:
+    type_name: str
+    handlers_type: str
+    guard: str
+    functions: dict[str, str]
+    macros: dict[str, str]
+    default_bytes: dict[str, int]  # of the rings
+    received: tuple[MessageView, ...]
+    scheduled: tuple[MessageView, ...]
+    sent: tuple[tuple[MessageView, str], ...]  # with its function
+    max_sent: int  # bytes of the largest frame on the wire
+    actions: tuple[tuple[str, str], ...]  # with its handler
+    services: frozenset[str]
+
+
+def link_view(protocol: Protocol, names: Names, messages: list[MessageView]) -> LinkView:
+    """``names`` has handed out those of ``<protocol>.h`` before: both headers are seen by one file."""
+    mine = [message for message in protocol.messages if message.sent_by(End.MCU)]
+    scheduled = {message.name for message in mine if message.every is not None}
+    sent = [view for view in messages if view.sender in (End.MCU, End.BOTH)]
+    received = tuple(view for view in messages if view.sender in (End.HOST, End.BOTH))
+    max_sent = max((protocol.max_wire_bytes(message.max_payload) for message in mine), default=1)
+    bytes_per_second = protocol.link.baud / protocol.link.bits_per_byte
+    return LinkView(
+        type_name=names.claim("link", suffix="_t"),
+        handlers_type=names.claim("link", "handlers", suffix="_t"),
+        guard=f"WIREBOND_GENERATED_{protocol.name.upper()}_LINK_H",
+        functions={verb: names.claim("link", verb) for verb in _FUNCTIONS},
+        macros={
+            word: names.constant("link", word)
+            for word in ("count", "receive_bytes", "send_bytes", "send_frames", "dma_memory")
+        },
+        default_bytes={
+            "receive": _power_of_two(max(64, 2 * protocol.max_wire_bytes(), 2 * _POLL_SECONDS * bytes_per_second)),
+            "send": _power_of_two(max(256, 4 * max_sent)),
+        },
+        received=received,
+        scheduled=tuple(view for view in sent if view.name in scheduled),
+        sent=tuple((view, names.claim("send", view.name)) for view in sent),
+        max_sent=max_sent,
+        actions=_actions(protocol, {f"on_{view.name}" for view in received}),
+        services=frozenset(service.name for service in protocol.services),
+    )
+
+
+def _actions(protocol: Protocol, taken: set[str]) -> tuple[tuple[str, str], ...]:
+    """Each action of the MCU with its handler, whose name is no message's."""
+    found: dict[str, str] = {}
+    for action in dict.fromkeys(d.then for d in protocol.deadlines if d.at in (End.MCU, End.BOTH)):
+        handler, number = f"on_{action}", 1
+        while handler in taken:
+            number += 1
+            handler = f"on_{action}_{number}"
+        taken.add(handler)
+        found[action] = handler
+    return tuple(found.items())
+
+
+def _power_of_two(least: float) -> int:
+    return 1 << (int(least) - 1).bit_length()

@@ -1,0 +1,436 @@
+"""C++17 for one protocol: a folder that a firmware project adds as it is. Frames are laid out by the plan."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from wirebond.gen import names
+from wirebond.gen.amalgamate import amalgamated
+from wirebond.gen.cpp_field import comment_text, hex_literal
+from wirebond.gen.cpp_number import real
+from wirebond.gen.cpp_struct import (
+    Reader,
+    Shape,
+    clamp_lines,
+    given_value,
+    judge_lines,
+    known_enums,
+    member_lines,
+    named_shapes,
+    shape_of,
+    size_lines,
+    struct_lines,
+    type_blocks,
+    write_lines,
+)
+from wirebond.gen.folder import core_headers, render, write_files
+from wirebond.protocol.hash import protocol_hash
+from wirebond.protocol.model import Algorithm, BitRole, End, Message, PartKind, PayloadRule, Protocol, Queue
+from wirebond.protocol.plan import MessageRow, Number, Plan, Position, plan_for
+
+
+def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
+    """Write ``<protocol>.hpp``, ``<protocol>_link.hpp``, the core headers and a ``CMakeLists.txt`` into ``out``; return
+    their paths, sorted.
+
+    The folder needs nothing else. With ``amalgamate`` all of it is one ``<protocol>.hpp``. The same protocol always
+    gives the same bytes, and a file that already holds them is not touched, so that a build after it has nothing to do.
+    ``OSError`` when a file cannot be written.
+    """
+    name, core = f"{protocol.name}.hpp", core_headers()
+    header, link = cpp_header(protocol), link_header(protocol)
+    if amalgamate:
+        return write_files(out, {name: amalgamated(link, {name: header, **core})})
+    cmake = render("CMakeLists.txt.j2", protocol=protocol)
+    return write_files(out, {name: header, f"{protocol.name}_link.hpp": link, "CMakeLists.txt": cmake, **core})
+
+
+def cpp_header(protocol: Protocol) -> str:
+    """The text of ``<protocol>.hpp``."""
+    plans = {end: plan_for(protocol, end) for end in (End.HOST, End.MCU)}
+    return render(
+        "cpp.hpp.j2",
+        file=comment_text(Path(protocol.path).name or protocol.name),
+        description=comment_text(protocol.description),
+        protocol=protocol,
+        namespace=names.namespace(protocol.name),
+        hash=f"0x{protocol_hash(protocol):016X}",
+        stop_bits=real(protocol.link.stop_bits, "float"),
+        idle_us=round(protocol.idle_seconds * 1e6),
+        max_age_ms=round((protocol.link.max_age or 0) * 1e3),
+        types=_type_views(protocol),
+        messages=_message_views(protocol),
+        formats=[(end.value, format_lines(plan)) for end, plan in plans.items()],
+        updates=[_update(a, i) for i, a in enumerate(plans[End.HOST].algorithms)],
+        sources=[_source_view(protocol, end, plans[end]) for end in (End.HOST, End.MCU)],
+        actions=list(dict.fromkeys(d.then for d in protocol.deadlines)),
+        ends=[_deadline_view(protocol, end) for end in (End.HOST, End.MCU)],
+        stop=_emergency_stop(protocol),
+        services=_services(protocol),
+    )
+
+
+def link_header(protocol: Protocol) -> str:
+    """The text of ``<protocol>_link.hpp``."""
+    return render(
+        "cpp_link.hpp.j2",
+        file=comment_text(Path(protocol.path).name or protocol.name),
+        protocol=protocol,
+        namespace=names.namespace(protocol.name),
+        hash=f"0x{protocol_hash(protocol):016X}",
+        bytes_per_second=int(protocol.link.baud / protocol.link.bits_per_byte),
+        services=[service for service, _ in _services(protocol)],
+        ends=[_end_view(protocol, end) for end in (End.MCU, End.HOST)],
+    )
+
+
+# ---- messages ---------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MessageView:
+    struct: str
+    name: str
+    index: int
+    id: str
+    sender: str
+    source: str
+    comment: str
+    min_payload: int
+    max_payload: int
+    max_frame: int
+    every_us: int
+    queue: str
+    reply: int  # index of the message that answers it, or -1
+    types: list[list[str]]  # declared in it
+    members: list[str]
+    enums: list[tuple[str, list[str]]]
+    size: list[str]
+    write: list[str]
+    read: list[str]
+    judge: list[str]
+    clamp: list[str]
+
+    @property
+    def writes_values(self) -> bool:
+        """Is anything but padding written?"""
+        return any("message" in line for line in self.write)
+
+    @property
+    def reads_payload(self) -> bool:
+        """Is any byte of it looked at? Not where all is padding, whose size is all that it has."""
+        return any(re.search(r"\bpayload\b", line) for line in self.read)
+
+
+def shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
+    """The structs of the file's types and those of the messages, each by the file's name."""
+    scope = names.Scope(names.GENERATED_TYPES)
+    named = named_shapes(protocol, scope)
+    structs = {m.name: scope.claim(names.type_name(m.name), "Message") for m in protocol.messages}
+    return named, {m.name: shape_of(structs[m.name], m.fields, named) for m in protocol.messages}
+
+
+def message_shapes(protocol: Protocol) -> dict[str, Shape]:
+    """The struct of each message and what lies in it, by the message's name."""
+    return shapes(protocol)[1]
+
+
+def struct_names(protocol: Protocol) -> dict[str, str]:
+    """The struct of each message, by the message's name."""
+    return {name: shape.path for name, shape in message_shapes(protocol).items()}
+
+
+def _message_views(protocol: Protocol) -> list[MessageView]:
+    payload = protocol.frame.part(PartKind.PAYLOAD)
+    trims_zeros = payload is not None and payload.payload == PayloadRule.FIXED
+    structs = message_shapes(protocol)
+    indices = {m.name: i for i, m in enumerate(protocol.messages)}
+    return [
+        MessageView(
+            struct=structs[message.name].path,
+            name=message.name,
+            index=index,
+            id=id_literal(protocol, message.id),
+            sender=message.sender.value,
+            # A message of both ends looks the same in either direction: frames do not depend on the sender.
+            source="FromMcu" if message.sender == End.MCU else "FromHost",
+            comment=message_comment(message),
+            min_payload=message.min_payload,
+            max_payload=message.max_payload,
+            max_frame=protocol.max_wire_bytes(message.max_payload),
+            every_us=round((message.every or 0) * 1e6),
+            queue=message.queue.value,
+            reply=indices.get(message.reply or "", -1),
+            types=type_blocks(structs[message.name]),
+            members=member_lines(structs[message.name]),
+            enums=known_enums(structs[message.name]),
+            size=size_lines(structs[message.name]),
+            write=write_lines(structs[message.name]),
+            read=Reader(trims_zeros).lines(structs[message.name]),
+            judge=judge_lines(structs[message.name]),
+            clamp=clamp_lines(structs[message.name]),
+        )
+        for index, message in enumerate(protocol.messages)
+    ]
+
+
+@dataclass(frozen=True)
+class TypeView:
+    """One of the file's types."""
+
+    name: str
+    lines: list[str]
+    enums: list[tuple[str, list[str]]]
+
+
+def _type_views(protocol: Protocol) -> list[TypeView]:
+    named, _ = shapes(protocol)
+    return [TypeView(name, struct_lines(shape), known_enums(shape)) for name, shape in named.items()]
+
+
+def message_comment(message: Message) -> str:
+    way = {End.HOST: "Host to MCU", End.MCU: "MCU to host", End.BOTH: "Either way"}[message.sender]
+    facts = [way]
+    if message.every:
+        facts.append(f"every {message.every * 1000:g} ms")
+    if message.queue != Queue.NORMAL:
+        facts.append({Queue.URGENT: "urgent", Queue.LATEST: "only the newest waits"}[message.queue])
+    if message.reply:
+        facts.append(f"answered by {message.reply}")
+    if message.log is not None:
+        facts.append(f"a log line ({message.log_level}): {comment_text(message.log).rstrip('.')}")
+    text = comment_text(message.description)
+    return f"{text}{'' if text.endswith('.') or not text else '.'} {', '.join(facts)}.".strip()
+
+
+def id_literal(protocol: Protocol, value: int) -> str:
+    sizes = [
+        part.size
+        for part in protocol.frame.parts
+        if part.kind == PartKind.ID or any(run.role == BitRole.ID for run in part.bits)
+    ]
+    return hex_literal(value, max(sizes, default=1))
+
+
+# ---- the frame format -------------------------------------------------------------------------------------------
+
+
+def format_lines(plan: Plan) -> list[str]:
+    """Assignments that fill a ``wirebond::FrameFormat`` named ``format``."""
+    lines = [
+        f"format.framing = wirebond::Framing::{plan.framing};",
+        f"format.stuffing = wirebond::Stuffing::{plan.stuffing};",
+    ]
+    if plan.framing in ("delimited", "bracketed"):
+        lines += [f"format.opening = {_mark(plan.opening)};", f"format.closing = {_mark(plan.closing)};"]
+        lines += [] if plan.sends_opening else ["format.sends_opening = false;"]
+    if plan.escapes is not None:
+        escapes = plan.escapes
+        lines += [
+            f"format.escapes.escape = 0x{escapes.escape:02X};",
+            f"format.escapes.exclusive_or = 0x{escapes.exclusive_or:02X};",
+            f"format.escapes.count = {len(escapes.pairs)};",
+        ]
+        for i, (plain, code) in enumerate(escapes.pairs):
+            lines.append(f"format.escapes.plain[{i}] = 0x{plain:02X};")
+            lines.append(f"format.escapes.code[{i}] = 0x{code:02X};")
+    lines += [
+        f"format.layout_count = {len(plan.layouts)};",
+        f"format.algorithm_count = {len(plan.algorithms)};",
+        f"format.deliver_unknown = {'true' if plan.deliver_unknown else 'false'};",
+        f"format.max_payload = {plan.max_payload};",
+    ]
+    if plan.skips_failed:
+        lines.append("format.skips_failed = true;")
+    for name, size in (("plain_front", plan.plain_front), ("plain_back", plan.plain_back)):
+        lines += [f"format.{name} = {size};"] if size else []
+    for number, algorithm in enumerate(plan.algorithms):
+        lines.append(f"format.algorithms[{number}] = {_algorithm(algorithm)};  // {comment_text(algorithm.name)}")
+    for number, layout in enumerate(plan.layouts):
+        to = f"format.layouts[{number}]"
+        counts = {
+            "prefix": layout.prefix,
+            "suffix": layout.suffix,
+            "prefix_constants": layout.prefix_constants,
+            "constant_count": len(layout.constants),
+            "header_checks": layout.header_checks,
+            "check_count": len(layout.checks),
+            "length_bias": layout.length_bias,
+            "fixed_payload": layout.fixed_payload,
+            "header_count": len(layout.header),
+        }
+        lines.append(f"{to}.payload_size = wirebond::PayloadSize::{layout.payload.value};")
+        lines += [f"{to}.{name} = {value};" for name, value in counts.items() if value]
+        if layout.trims_zeros:
+            lines.append(f"{to}.trims_zeros = true;")
+        if layout.length_unit != 1:
+            lines.append(f"{to}.length_unit = {layout.length_unit};")
+        lines += [f"{to}.{n} = {_number(v)};" for n, v in (("length", layout.length), ("id", layout.id)) if v]
+        lines += [
+            f"{to}.constants[{i}] = {{{_position(c.at)}, 0x{c.mask:02X}, 0x{c.value:02X}}};"
+            for i, c in enumerate(layout.constants)
+        ]
+        lines += [
+            f"{to}.header[{i}] = {{{_number(f.number)}, {f.default}}};  // {comment_text(f.name)}"
+            for i, f in enumerate(layout.header)
+        ]
+        for i, c in enumerate(layout.checks):
+            places = ", ".join(_position(p) for p in (c.start, c.stop, c.at))
+            order = f"wirebond::ByteOrder::{c.order.value}"
+            flags = ", ".join(_bool(flag) for flag in (c.seeded, c.as_hex, c.on_wire))
+            rule = f"{c.algorithm}, {places}, {c.bytes}, {order}, {c.shift}, {flags}, {c.continues}"
+            lines.append(f"{to}.checks[{i}] = {{{rule}}};")
+    return lines
+
+
+def _mark(delimiter: bytes) -> str:
+    return f"{{{len(delimiter)}, {', '.join(f'0x{byte:02X}' for byte in delimiter)}}}"
+
+
+def _bool(value: bool) -> str:
+    return "true" if value else "false"
+
+
+def _position(position: Position) -> str:
+    return f"{{{position.offset}, {'true' if position.from_end else 'false'}}}"
+
+
+def _number(number: Number) -> str:
+    order = f"wirebond::ByteOrder::{number.order.value}"
+    return f"{{{_position(number.at)}, {number.bytes}, {order}, {number.shift}, 0x{number.mask:X}U}}"
+
+
+def _check_kind(algorithm: Algorithm) -> str:
+    return "wirebond::CheckKind::" + {"xor": "exclusive_or"}.get(algorithm.kind, algorithm.kind)
+
+
+def _algorithm(algorithm: Algorithm) -> str:
+    flags = ", ".join(_bool(flag) for flag in (algorithm.refin, algorithm.refout))
+    numbers = ", ".join(f"0x{n:X}U" for n in (algorithm.poly, algorithm.init, algorithm.xorout))
+    rest = f", {algorithm.modulus}, {_bool(algorithm.negate)}" if algorithm.modulus or algorithm.negate else ""
+    return f"{{{_check_kind(algorithm)}, {algorithm.width}, {flags}, {numbers}{rest}}}"
+
+
+def _update(algorithm: Algorithm, index: int) -> str:
+    """The call that runs an algorithm's register over bytes."""
+    if algorithm.kind == "crc":
+        reflected = "true" if algorithm.refin else "false"
+        return f"wirebond::crc_update<{algorithm.width}, 0x{algorithm.poly:X}U, {reflected}>(reg, bytes, size)"
+    return f"wirebond::sum_update(format_from_host.algorithms[{index}], reg, bytes, size)"
+
+
+@dataclass(frozen=True)
+class SourceView:
+    struct: str
+    sender: str
+    receiver: str
+    shapes: tuple[tuple[str, str], ...]  # id, shape
+    expected: tuple[tuple[int, str, str], ...]  # index, id, shape of the messages that only their request tells
+    structs: tuple[str, ...]
+    latest: tuple[str, ...]  # of these, those of `queue: latest`
+
+
+def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
+    structs = struct_names(protocol)
+
+    def shape(row: MessageRow) -> str:
+        return f"{{{row.index}, {row.min_payload}, {row.max_payload}{f', {row.seed}' if row.seed else ''}}}"
+
+    return SourceView(
+        struct="FromHost" if end == End.HOST else "FromMcu",
+        sender="host" if end == End.HOST else "MCU",
+        receiver="MCU" if end == End.HOST else "host",
+        shapes=tuple((id_literal(protocol, row.id), shape(row)) for row in plan.messages if not row.only_expected),
+        expected=tuple(
+            (row.index, id_literal(protocol, row.id), shape(row)) for row in plan.messages if row.only_expected
+        ),
+        structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
+        latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
+    )
+
+
+# ---- deadlines, emergency stop, services ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DeadlineView:
+    end: str
+    title: str
+    rules: tuple[str, ...]
+    actions: tuple[str, ...]
+
+
+def _deadline_view(protocol: Protocol, end: End) -> DeadlineView:
+    structs = struct_names(protocol)
+    here = [d for d in protocol.deadlines if d.at in (end, End.BOTH)]
+    rules = [
+        f"{{{structs[d.message]}::Info::index, {round(d.after * 1e6)}, "
+        f"static_cast<std::uint8_t>(Action::{d.then}), "
+        f"wirebond::Recover::{'explicit_call' if d.recover.value == 'explicit' else 'next_message'}}}"
+        for d in here
+    ]
+    actions = dict.fromkeys(d.then for d in here)
+    return DeadlineView(end.value, "MCU" if end == End.MCU else "host", tuple(rules), tuple(actions))
+
+
+@dataclass(frozen=True)
+class EndView:
+    """What a link at one end needs to know."""
+
+    end: str
+    name: str
+    other: str
+    title: str
+    scheduled: tuple[str, ...]  # structs of what it sends by itself
+    max_sent: int
+    urgent_bytes: int  # of the ring of urgent messages; 0: there are none
+    rules: tuple[str, ...]
+
+
+def _end_view(protocol: Protocol, end: End) -> EndView:
+    structs = struct_names(protocol)
+    sent = [m for m in protocol.messages if m.sent_by(end)]
+    deadlines = _deadline_view(protocol, end)
+    return EndView(
+        end=end.value,
+        name=end.value.title(),
+        other=(End.HOST if end == End.MCU else End.MCU).value.title(),
+        title=deadlines.title,
+        scheduled=tuple(structs[m.name] for m in sent if m.every is not None),
+        max_sent=max((protocol.max_wire_bytes(m.max_payload) for m in sent), default=1),
+        urgent_bytes=_urgent_bytes(protocol, end),
+        rules=deadlines.rules,
+    )
+
+
+def _urgent_bytes(protocol: Protocol, end: End) -> int:
+    """A power of two that holds two of the largest urgent frames, wherever they begin."""
+    urgent = [m for m in protocol.messages if m.sent_by(end) and m.queue == Queue.URGENT]
+    largest = max((protocol.max_wire_bytes(m.max_payload) for m in urgent), default=0)
+    return 1 << (4 * largest - 1).bit_length() if largest else 0
+
+
+@dataclass(frozen=True)
+class StopView:
+    struct: str
+    assignments: tuple[str, ...]
+
+
+def _emergency_stop(protocol: Protocol) -> StopView | None:
+    stop = protocol.emergency_stop
+    if stop is None:
+        return None
+    shape = message_shapes(protocol)[stop.message]
+    members = {name: shape.member(name) for name, _ in stop.values}
+    lines = [f"message.{members[name].name} = {given_value(members[name], value)};" for name, value in stop.values]
+    return StopView(shape.path, tuple(lines))
+
+
+def _services(protocol: Protocol) -> list[tuple[str, list[tuple[str, str]]]]:
+    structs = struct_names(protocol)
+    return [
+        (names.type_name(service.name), [(names.type_name(role), structs[m]) for role, m in service.messages])
+        for service in protocol.services
+    ]

@@ -1,0 +1,72 @@
+"""Writing generated files: templates to text, text to files, and the core headers that go with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+import jinja2
+
+from wirebond.paths import core_include, port_include
+
+# The ports that a firmware may be given. `fake` is for tests.
+PORTS = ("bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal")
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    """One for all, because it keeps the templates that it has compiled."""
+    return jinja2.Environment(  # noqa: S701 source code is no markup
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+def render(template: str, **values: object) -> str:
+    return _environment().get_template(template).render(**values)
+
+
+def core_headers() -> dict[str, str]:
+    """The text of each core header that generated code may need, by the name under which it is included.
+
+    Host headers are left out: a firmware has no use for them.
+    """
+    headers = _headers(core_include())
+    return {name: text for name, text in headers.items() if not name.startswith("wirebond/host/")}
+
+
+def port_headers(port: str) -> dict[str, str]:
+    """The text of each header of a port, by the name under which it is included. They need no others."""
+    return _headers(port_include(port))
+
+
+def _headers(folder: Path) -> dict[str, str]:
+    return {
+        header.relative_to(folder).as_posix(): header.read_text(encoding="utf-8")
+        for pattern in ("*.hpp", "*.h")
+        for header in folder.rglob(pattern)
+    }
+
+
+def write_files(out: Path, files: Mapping[str, str]) -> list[Path]:
+    """Write each text under its name in ``out``; return their paths, sorted.
+
+    A file that already holds its text is not touched, so that a build after it has nothing to do. ``OSError`` when one
+    cannot be written.
+    """
+    for name, text in files.items():
+        _write_if_changed(out / name, text)
+    return sorted(out / name for name in files)
+
+
+def _write_if_changed(path: Path, text: str) -> None:
+    content = text.encode("utf-8")
+    if path.is_file() and path.read_bytes() == content:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)

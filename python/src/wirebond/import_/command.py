@@ -1,0 +1,27 @@
+"""What ``wirebond import`` does: a C header's structs to a first protocol file, with notes on what was left out."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from rich.markup import escape
+
+from wirebond.cli.output import console, errors
+from wirebond.errors import UsageError
+from wirebond.import_ import import_header
+from wirebond.new.write import protocol_name, write_new
+
+
+def import_structs(header: Path, out: Path | None) -> None:
+    if header.is_dir():
+        raise UsageError(f"{header} is a folder; name a C header in it")
+    imported = import_header(header, protocol_name(out or header))
+    for note in imported.notes:
+        errors.print(f"left out: {escape(note)}")
+    if out is None:
+        sys.stdout.write(imported.text)
+        return
+    write_new(out, imported.text)
+    count = f"{imported.messages} message{'s' * (imported.messages != 1)}"
+    console.print(escape(f"{out}: {count}; its comments say what the header could not tell"), soft_wrap=True)

@@ -1,0 +1,254 @@
+"""A frame whose parts are right by themselves, and what it decides together with its messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from wirebond.protocol.meaning.messages import Messages
+from wirebond.protocol.model import (
+    BitRole,
+    End,
+    Escapes,
+    Field,
+    FieldKind,
+    Frame,
+    LengthCounts,
+    Message,
+    Part,
+    PartKind,
+    PayloadRule,
+)
+from wirebond.protocol.plan import layouts, variants
+from wirebond.protocol.problems import Place, Problems
+from wirebond.protocol.text.document import Mapping
+
+STRONG_CHECK_BITS = 16  # from here on a frame of unknown id is taken for a newer peer's, not for noise
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """What stands around the parts: delimiters, stuffing, silence."""
+
+    delimiter: bytes | None = None
+    opening: bytes | None = None
+    stuffing: str = "none"
+    escapes: Escapes | None = None
+    silence: float | None = None  # seconds
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A frame's parts, right by themselves; what the messages decide is still open."""
+
+    parts: tuple[Part, ...]
+    places: tuple[Place, ...]  # of each part
+    envelope: Envelope
+
+    def part(self, kind: PartKind) -> Part | None:
+        return next((part for part in self.parts if part.kind == kind), None)
+
+    @property
+    def payload_index(self) -> int:
+        return next(i for i, part in enumerate(self.parts) if part.kind == PartKind.PAYLOAD)
+
+    @property
+    def payload(self) -> Part:
+        return self.parts[self.payload_index]
+
+    def _number(self, kind: PartKind, role: BitRole) -> tuple[Part, int] | None:
+        """The part that holds the id or the length, and its bits."""
+        for part in self.parts:
+            if part.kind == kind:
+                return part, 8 * part.size
+            for run in part.bits:
+                if run.role == role:
+                    return part, run.width
+        return None
+
+    @property
+    def id_bits(self) -> int:
+        found = self._number(PartKind.ID, BitRole.ID)
+        return 0 if found is None else found[1]
+
+    def has_id_from(self, end: End) -> bool:
+        """Whether frames of this end have an id: a part may stand in those of one magic only."""
+        return any(
+            part.kind == PartKind.ID or any(run.role == BitRole.ID for run in part.bits)
+            for variant in variants(self.parts, end)
+            for part in variant.parts
+        )
+
+    @property
+    def length_part(self) -> Part | None:
+        found = self._number(PartKind.LENGTH, BitRole.LENGTH)
+        return None if found is None else found[0]
+
+    @property
+    def longest_by_length(self) -> int | None:
+        """The longest payload that the length can tell; None without one."""
+        found = self._number(PartKind.LENGTH, BitRole.LENGTH)
+        if found is None:
+            return None
+        part, bits = found
+        return int(2**bits - 1) * part.length_unit - self._beside(part) - part.length_offset
+
+    def _beside(self, length: Part) -> int:
+        """What the length counts beside the payload, in bytes."""
+        index = self.parts.index(length)
+        follows = sum(part.size for part in self.parts[index + 1 :])
+        return {
+            LengthCounts.PAYLOAD: 0,
+            LengthCounts.REST: follows,
+            LengthCounts.SELF_AND_REST: length.size + follows,
+            LengthCounts.FRAME: sum(part.size for part in self.parts),
+        }[length.counts]
+
+    @property
+    def is_strong(self) -> bool:
+        """Does a check of 16 bits or more on the wire cover id, length and payload?"""
+        telling = (PartKind.ID, PartKind.LENGTH, PartKind.PAYLOAD, PartKind.BITS)
+        said = [i for i, p in enumerate(self.parts) if p.kind in telling]
+        return any(
+            (4 if part.as_hex else 8) * part.size >= STRONG_CHECK_BITS
+            and not part.seeded
+            and part.first <= min(said)
+            and part.last >= max(said)
+            for part in self.parts
+            if part.kind == PartKind.CHECK
+        )
+
+
+def check_sizes(draft: Draft, messages: Messages, max_payload: int | None, problems: Problems, max_place: Place) -> int:
+    """The frame's greatest payload in bytes. ``max_payload``: the file's; None: the largest message's."""
+    rule = draft.payload.payload
+    complete = [(entry, entry.complete) for entry in messages.values()]
+    largest = max((message.max_payload for _, message in complete if message is not None), default=0)
+    limit_of, limit = _limit(draft, max_payload)
+    for entry, message in complete:
+        if message is None:
+            continue
+        if limit is not None and message.max_payload > limit:
+            problems.add(entry.place, f"`{entry.name}` has up to {message.max_payload} payload bytes; {limit_of}")
+        untold = _size_untold(draft, message)
+        if untold:
+            problems.add(entry.place, f"`{entry.name}` has {message.max_payload} payload bytes; {untold}")
+        field = next((one for one in message.fields if _needs_size(one, draft.payload)), None)
+        fields = entry.node.get("fields")
+        if field is not None and isinstance(fields, Mapping):
+            problems.add(fields.key_place(field.name), _varying(field, draft.payload))
+    if max_payload is None:
+        return draft.payload.fixed_payload if rule == PayloadRule.FIXED else largest
+    if rule == PayloadRule.FIXED and max_payload != draft.payload.fixed_payload:
+        problems.add(
+            max_place,
+            f"every payload has {draft.payload.fixed_payload} bytes in this frame; remove `max_payload`",
+        )
+    longest = draft.longest_by_length
+    if longest is not None and max_payload > longest:
+        problems.add(
+            max_place,
+            f"the frame's length can tell {longest} payload bytes at most; write no more, or widen it",
+        )
+    return max_payload
+
+
+def _size_untold(draft: Draft, message: Message) -> str:
+    """Why a length that counts by words cannot tell the size of a message of one size; empty if it can."""
+    length = draft.length_part
+    if length is None or length.length_unit == 1 or message.min_payload != message.max_payload:
+        return ""
+    form = layouts(draft.parts, message.sender)[0]
+    over = (message.max_payload - form.length_bias) % form.length_unit
+    if not over:
+        return ""
+    return (
+        f"the frame's length counts by {form.length_unit} and cannot tell them; add "
+        f"`{{type: padding, size: {form.length_unit - over}}}`"
+    )
+
+
+def _needs_size(field: Field, payload: Part) -> bool:
+    """Can this field not be read without the payload's size, which the frame does not tell?"""
+    if payload.payload == PayloadRule.BY_ID:
+        return field.is_variable
+    if payload.trims_zeros:  # of a text alone no zeros are missed
+        return field.is_variable and not (field.kind == FieldKind.TEXT and field.reaches_end)
+    return payload.payload == PayloadRule.FIXED and field.reaches_end
+
+
+def _varying(field: Field, payload: Part) -> str:
+    if payload.trims_zeros:
+        return (
+            f"`{field.name}` varies in size, and with `trim_zeros` zeros at its end would be lost; give it a fixed size"
+        )
+    if field.reaches_end:
+        return (
+            f"`{field.name}` reaches to the payload's end, and this frame does not tell where that is; write `size` "
+            "for `max`, or take a frame with a length"
+        )
+    return (
+        f"`{field.name}` varies in size, and with `payload: by_id` every message has one size; take a frame with a "
+        "length"
+    )
+
+
+def _limit(draft: Draft, max_payload: int | None) -> tuple[str, int | None]:
+    """The tightest bound on a message's payload, in words and in bytes."""
+    bounds: list[tuple[int, Callable[[int], str]]] = [
+        (0xFFFF, lambda n: f"a payload has at most {n}"),
+    ]
+    if draft.payload.payload == PayloadRule.FIXED:
+        bounds.append(
+            (
+                draft.payload.fixed_payload,
+                lambda n: f"this frame carries {n}; shorten it, or widen the frame's payload",
+            )
+        )
+    if draft.longest_by_length is not None:
+        bounds.append((draft.longest_by_length, lambda n: f"the frame's length can tell {n} at most; widen its type"))
+    if max_payload is not None:
+        bounds.append((max_payload, lambda n: f"`max_payload` is {n}; raise that, or shorten the message"))
+    limit, words = min(bounds, key=lambda bound: bound[0])
+    return words(limit), limit
+
+
+def delivers_unknown(draft: Draft, unknown: str | None, problems: Problems, place: Place) -> bool:
+    if draft.payload.payload == PayloadRule.BY_ID:
+        if unknown == "deliver":
+            problems.add(
+                place,
+                "with `payload: by_id` nobody knows the size of an unknown message; write `unknown: reject`",
+            )
+        return False
+    seeded = any(part.seeded for part in draft.parts)
+    if seeded and unknown == "deliver":
+        problems.add(
+            place, "a check with `seed: message` cannot be verified for an unknown message; write `unknown: reject`"
+        )
+    if seeded:
+        return False
+    return draft.is_strong if unknown is None else unknown == "deliver"
+
+
+def skips_failed(draft: Draft, resync: str, problems: Problems, place: Place) -> bool:
+    envelope = draft.envelope
+    brackets = envelope.opening is not None and envelope.opening != envelope.delimiter
+    by_start = envelope.delimiter is None and envelope.silence is None
+    if resync == "strict" and not by_start and not brackets:
+        problems.add(place, "a failed frame ends at its delimiter or silence here, and is skipped; remove `resync`")
+    return resync == "strict"
+
+
+def finish(draft: Draft, max_payload: int, deliver_unknown: bool, is_strict: bool) -> Frame:
+    return Frame(
+        parts=draft.parts,
+        max_payload=max_payload,
+        deliver_unknown=deliver_unknown,
+        delimiter=draft.envelope.delimiter,
+        opening=draft.envelope.opening,
+        stuffing=draft.envelope.stuffing,
+        escapes=draft.envelope.escapes,
+        ends_by_silence=draft.envelope.silence is not None,
+        is_strict=is_strict,
+    )

@@ -1,0 +1,196 @@
+"""What stands around a frame's parts: delimiters, stuffing, silence. The parts themselves are not looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from wirebond.protocol import plan
+from wirebond.protocol.meaning.draft import Envelope
+from wirebond.protocol.model import Escapes
+from wirebond.protocol.problems import Place
+from wirebond.protocol.spelling import bytes_text
+from wirebond.protocol.text.document import Mapping, Node, Sequence
+from wirebond.protocol.text.frame_grammar import (
+    CobsPart,
+    DelimiterPart,
+    DoubledPart,
+    EscapedPart,
+    HdlcPart,
+    PartSyntax,
+    PayloadPart,
+    SilencePart,
+    SlipPart,
+)
+from wirebond.protocol.text.wording import Syntax
+
+Outer = list[tuple[Syntax, Node]]  # the entries of the `frame` section
+Wrong = Callable[[Place, str], None]
+
+
+def read_envelope(outer: Outer, wrong: Wrong) -> Envelope:
+    """``wrong`` is called with a place and a sentence for each mistake; the result means nothing then."""
+    stuffed = [(syntax, node) for syntax, node in outer if stuffed_parts(syntax, node) is not None]
+    marks = [(i, syntax, node) for i, (syntax, node) in enumerate(outer) if isinstance(syntax, DelimiterPart)]
+    silences = [(i, syntax, node) for i, (syntax, node) in enumerate(outer) if isinstance(syntax, SilencePart)]
+    if silences:
+        return _silence(outer, silences, bool(marks or stuffed), wrong)
+    if not marks:
+        if stuffed:
+            wrong(stuffed[0][1].place, f"stuffing needs a delimiter before and behind it; {_advice(stuffed)}")
+        return Envelope()
+    places = [i for i, _, _ in marks]
+    if places not in ([0, len(outer) - 1], [len(outer) - 1]) or len(outer) < 2:
+        wrong(
+            marks[0][2].place,
+            "delimiters are the frame's first and its last part, or its last alone, and stand nowhere else; "
+            + _advice(stuffed),
+        )
+        return Envelope()
+    if len(stuffed) > 1:
+        wrong(stuffed[1][1].place, "a frame has one group of stuffed parts; put all parts into the first")
+    elif stuffed:
+        _check_plain_parts(outer, wrong)
+    reader = _Delimited(marks, wrong)
+    kind, escapes = reader.stuffing(stuffed[0][0]) if stuffed else ("none", None)
+    return Envelope(reader.closing, reader.opening, kind, escapes)
+
+
+def _check_plain_parts(outer: Outer, wrong: Wrong) -> None:
+    """Parts beside the stuffed ones have the same place in every frame."""
+    for syntax, node in outer:
+        if isinstance(syntax, PayloadPart):
+            wrong(node.place, "the payload stands within the stuffed parts; move it there")
+        elif isinstance(syntax, PartSyntax) and syntax.when is not None and isinstance(node, Mapping):
+            wrong(node.value_place("when"), "beside stuffed parts a part is always there; remove `when`")
+
+
+def _silence(outer: Outer, silences: list[tuple[int, SilencePart, Node]], others: bool, wrong: Wrong) -> Envelope:
+    index, syntax, node = silences[0]
+    if index != len(outer) - 1 or len(silences) > 1:
+        wrong(node.place, "the silence ends the frame; make it the one last part")
+    if others:
+        wrong(node.place, "a frame ends by silence or by a delimiter; remove one of the two")
+    return Envelope(silence=syntax.silence)
+
+
+class _Delimited:
+    """The delimiters, and whether a stuffing keeps them out of the frame."""
+
+    def __init__(self, marks: list[tuple[int, DelimiterPart, Node]], wrong: Wrong) -> None:
+        self._marks = marks
+        self._wrong = wrong
+        self._place = marks[0][2].place
+        self.closing = marks[-1][1].delimiter
+        self.opening = marks[0][1].delimiter if len(marks) == 2 else None
+        self._check_marks()
+
+    def _check_marks(self) -> None:
+        for _, mark, node in self._marks:
+            if len(mark.delimiter) == 2 and len(set(mark.delimiter)) == 1 and isinstance(node, Mapping):
+                self._wrong(
+                    node.value_place("delimiter"),
+                    "in a row of equal bytes nobody knows which two are the delimiter; write one byte, or two that "
+                    "differ",
+                )
+        opening, closing = self.opening, self.closing
+        if opening is None or opening == closing:
+            return
+        if opening.startswith(closing) or closing.startswith(opening):
+            self._wrong(self._place, "one of these delimiters begins with the other; take two that can be told apart")
+
+    def stuffing(self, syntax: Syntax) -> tuple[str, Escapes | None]:
+        if isinstance(syntax, DoubledPart):
+            return "escape", self._doubled()
+        self._check_sizes(syntax)
+        if isinstance(syntax, CobsPart):
+            return "cobs", None
+        if isinstance(syntax, SlipPart):
+            return "escape", Escapes(0xDB, 0, ((0xC0, 0xDC), (0xDB, 0xDD)))
+        if isinstance(syntax, HdlcPart):
+            return "escape", Escapes(0x7D, 0x20, ((0x7E, 0x5E), (0x7D, 0x5D)))
+        assert isinstance(syntax, EscapedPart)
+        return "escape", self._own_rule(syntax)
+
+    def _check_sizes(self, syntax: Syntax) -> None:
+        """The stuffings that free a frame of single bytes, some of them of one byte alone."""
+        wanted = _DELIMITERS.get(type(syntax))
+        for _, mark, node in self._marks:
+            if not isinstance(node, Mapping):
+                continue
+            if wanted is not None and mark.delimiter != wanted[0]:
+                self._wrong(
+                    node.value_place("delimiter"),
+                    f"{wanted[1]} frees a frame of {bytes_text(wanted[0])} and of no other delimiter; "
+                    f"write {bytes_text(wanted[0])}",
+                )
+            elif len(mark.delimiter) == 2:
+                self._wrong(
+                    node.value_place("delimiter"),
+                    "`escaped` frees a frame of single bytes; write one byte, or `doubled` for `escaped`",
+                )
+
+    def _doubled(self) -> Escapes:
+        opening = self.opening or b""
+        if len(opening) != 2 or len(self.closing) != 2 or opening[0] != self.closing[0] or opening == self.closing:
+            self._wrong(
+                self._place,
+                "`doubled` stands between two delimiters of two bytes that begin alike and end differently; write "
+                "`- delimiter: 0x10 0x02`, `- doubled: [...]`, `- delimiter: 0x10 0x03`",
+            )
+        elif opening[0] in (opening[1], self.closing[1]):
+            self._wrong(self._place, "a delimiter whose bytes are equal looks like a doubled byte; take another")
+        byte = self.closing[0]
+        return Escapes(byte, 0, ((byte, byte),))
+
+    def _own_rule(self, syntax: EscapedPart) -> Escapes:
+        rule = syntax.escaped
+        escape, xor = rule.escape[0], rule.xor[0]
+        delimiters = [mark.delimiter[0] for _, mark, _ in reversed(self._marks)]
+        plain = dict.fromkeys([*delimiters, escape, *(rule.also or b"")])
+        if len(plain) > plan.MAX_ESCAPES:
+            self._wrong(self._place, f"{len(plain)} bytes are stuffed; at most {plan.MAX_ESCAPES} are possible")
+        codes = {byte ^ xor for byte in plain}
+        if xor == 0 or escape in delimiters or codes & set(delimiters):
+            self._wrong(
+                self._place,
+                "this escape rule can put a delimiter on the line; take an escape byte that is no delimiter, and "
+                "an xor after which no stuffed byte is one",
+            )
+        return Escapes(escape, xor, tuple((byte, byte ^ xor) for byte in plain))
+
+
+_DELIMITERS: dict[type[Syntax], tuple[bytes, str]] = {
+    CobsPart: (b"\x00", "COBS"),
+    SlipPart: (b"\xc0", "SLIP"),
+    HdlcPart: (b"\x7e", "HDLC"),
+}
+
+
+def stuffed_parts(syntax: Syntax, node: Node) -> list[tuple[PartSyntax, Mapping]] | None:
+    """The parts within a stuffed group, with their places; None for anything else."""
+    if not isinstance(node, Mapping):
+        return None
+    items: Node | None
+    if isinstance(syntax, EscapedPart):
+        options = node.get("escaped")
+        items = options.get("parts") if isinstance(options, Mapping) else None
+        parts = syntax.escaped.parts
+    elif isinstance(syntax, CobsPart):
+        items, parts = node.get("cobs"), syntax.cobs
+    elif isinstance(syntax, SlipPart):
+        items, parts = node.get("slip"), syntax.slip
+    elif isinstance(syntax, HdlcPart):
+        items, parts = node.get("hdlc"), syntax.hdlc
+    elif isinstance(syntax, DoubledPart):
+        items, parts = node.get("doubled"), syntax.doubled
+    else:
+        return None
+    assert isinstance(items, Sequence)
+    return [(part, item) for part, item in zip(parts, items.items, strict=True) if isinstance(item, Mapping)]
+
+
+def _advice(stuffed: Outer) -> str:
+    """How a delimited frame is written, with the stuffing that stands there."""
+    kinds: dict[type[Syntax], tuple[str, str]] = {SlipPart: ("0xC0", "slip"), HdlcPart: ("0x7E", "hdlc")}
+    byte, word = kinds.get(type(stuffed[0][0]), ("0x00", "cobs")) if stuffed else ("0x00", "cobs")
+    return f"write `- delimiter: {byte}`, `- {word}: [...]`, `- delimiter: {byte}`"

@@ -1,0 +1,330 @@
+"""One value of a message: from its syntax to the model, and what its keys mean together."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Any
+
+from wirebond.protocol.meaning.field_values import (
+    F64_MAX,
+    INTEGERS,
+    Given,
+    fit_value,
+    number_text,
+    value_limits,
+    wire_limits,
+)
+from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, OnRange
+from wirebond.protocol.problems import Place, Problems
+from wirebond.protocol.text.document import Mapping, Scalar
+from wirebond.protocol.text.field_grammar import TO_END, BitFieldSyntax, PlainSyntax, ValueSyntax
+from wirebond.protocol.text.scalars import WireType
+
+_NUMBERS = (*INTEGERS, FieldKind.FLOAT)
+_STRINGS = (FieldKind.TEXT, FieldKind.BYTES)
+
+# Which options have a meaning for which types. The others are refused rather than ignored.
+_OPTIONS: tuple[tuple[str, tuple[FieldKind, ...], str], ...] = (
+    ("count", (*_NUMBERS, FieldKind.BOOL), "numbers and bool; give a text its bytes with `size` or `max`"),
+    ("packed", (*INTEGERS, FieldKind.BOOL), "whole numbers and bool; remove it"),
+    ("size", (*_STRINGS, FieldKind.PADDING), "text, bytes and padding; for an array of numbers write `count`"),
+    ("scale", _NUMBERS, "numbers; remove it"),
+    ("offset", _NUMBERS, "numbers; remove it"),
+    ("unit", _NUMBERS, "numbers; remove it"),
+    ("range", _NUMBERS, "numbers; remove it"),
+    ("enum", INTEGERS, "whole numbers; take u8, or remove it"),
+    ("flags", (FieldKind.UNSIGNED,), "unsigned whole numbers; take u8, or remove it"),
+    ("default", (*_NUMBERS, FieldKind.BOOL, *_STRINGS), "values, and padding has none; remove it"),
+)
+
+
+def read_plain(
+    name: str, syntax: PlainSyntax, node: Mapping, order: ByteOrder, earlier: dict[str, Field], problems: Problems
+) -> Field | None:
+    """The field, or None when something about it was wrong and has been reported.
+
+    ``earlier``: the fields before it, beside it; one of them may tell its number of elements or bytes.
+    """
+    return _PlainReader(syntax, syntax.type, node, problems).read(name, syntax, order, earlier)
+
+
+def read_bit_field(name: str, syntax: BitFieldSyntax, node: Mapping, problems: Problems) -> Field | None:
+    """As `read_plain`, for one of the values that share a number's bits."""
+    return _BitFieldReader(syntax, syntax.type, node, problems).read(name, syntax)
+
+
+class ValueReader:
+    """What all kinds of value have in common."""
+
+    def __init__(self, syntax: ValueSyntax, wire_type: WireType, node: Mapping, problems: Problems) -> None:
+        self._syntax = syntax
+        self._type = wire_type
+        self._node = node
+        self._problems = problems
+        self._good = True
+
+    def _wrong(self, place: Place, message: str) -> None:
+        self._problems.add(place, message)
+        self._good = False
+
+    def _common(self, name: str) -> dict[str, Any]:
+        """What the options of every value become."""
+        syntax = self._syntax
+        return {
+            "name": name,
+            "kind": self._type.kind,
+            "sign_magnitude": self._type.sign_magnitude,
+            "scale": Fraction(1) if syntax.scale is None else syntax.scale,
+            "offset": Fraction(0) if syntax.offset is None else syntax.offset,
+            "unit": syntax.unit or "",
+            "minimum": None if syntax.range is None else float(syntax.range[0]),
+            "maximum": None if syntax.range is None else float(syntax.range[1]),
+            "on_range": OnRange(syntax.on_range or "reject"),
+            "enum": tuple((syntax.enum or {}).items()),
+            "flags": tuple((syntax.flags or {}).items()),
+            "description": syntax.description,
+        }
+
+    def _judged(self, field: Field) -> Field | None:
+        """The field with its default, after all that its options mean together."""
+        self._check_scale(field)
+        if self._good:
+            self._check_range(field)
+        self._check_enum(field)
+        self._check_flags(field)
+        if not self._good:
+            return None
+        default: Given | None = self._syntax.default
+        if default is None:
+            return field
+        node = self._node.get("default")
+        if field.kind == FieldKind.BYTES and isinstance(node, Scalar):
+            default = node.text  # a single 0x01 was read as a number
+        value, fault = fit_value(field, default)
+        if fault:
+            self._wrong(self._node.value_place("default"), fault)
+            return None
+        return Field(**{**vars(field), "default": value})
+
+    def _check_options(self) -> None:
+        syntax, kind = self._syntax, self._type.kind
+        for option, kinds, whose in _OPTIONS:
+            if getattr(syntax, option, None) is not None and kind not in kinds:
+                self._wrong(self._node.key_place(option), f"`{option}` is for {whose}")
+        for one, other in (("enum", "flags"), ("enum", "range"), ("flags", "range")):
+            if getattr(syntax, one) is not None and getattr(syntax, other) is not None:
+                self._wrong(self._node.key_place(other), f"`{other}` cannot stand beside `{one}`; keep one of the two")
+        for names in ("enum", "flags"):
+            for option in ("scale", "offset", "unit"):
+                if getattr(syntax, names) is not None and getattr(syntax, option) is not None:
+                    place = self._node.key_place(option)
+                    self._wrong(place, f"`{option}` has no meaning for named numbers (`{names}`); remove it")
+        if syntax.on_range is not None and syntax.range is None:
+            self._wrong(
+                self._node.key_place("on_range"),
+                "`on_range` has no meaning without `range`; add `range: [0, 1]`",
+            )
+
+    def _check_scale(self, field: Field) -> None:
+        if field.scale == 0:
+            self._wrong(self._node.value_place("scale"), "a scale of 0 would make every value the same; write another")
+        elif field.kind in _NUMBERS and field.is_scaled:
+            greatest = max(abs(bound) for bound in value_limits(field))
+            if field.kind != FieldKind.FLOAT and greatest > F64_MAX:
+                self._wrong(
+                    self._node.value_place("scale"),
+                    "with this scale the greatest value is beyond a double; scale less",
+                )
+
+    def _check_range(self, field: Field) -> None:
+        bounds = self._syntax.range
+        if bounds is None:
+            return
+        least, greatest = bounds
+        place = self._node.value_place("range")
+        if least >= greatest:
+            self._wrong(
+                place,
+                f"the range ends ({number_text(greatest)}) before it begins ({number_text(least)}); swap them",
+            )
+            return
+        lowest, highest = value_limits(field)
+        fits = True
+        for bound in bounds:
+            if not lowest <= bound <= highest:
+                fits = False
+                self._wrong(
+                    place, f"{number_text(bound)} does not fit: {_capacity(field, self._type)}; narrow the range"
+                )
+        if fits and field.kind in INTEGERS:
+            ends = sorted(((least - field.offset) / field.scale, (greatest - field.offset) / field.scale))
+            if math.ceil(ends[0]) > math.floor(ends[1]):
+                self._wrong(place, "no number on the wire has a value in this range; widen it, or take a finer scale")
+
+    def _check_enum(self, field: Field) -> None:
+        node = self._node.get("enum")
+        if not field.enum or not isinstance(node, Mapping):
+            return
+        lowest, highest = wire_limits(field)
+        by_value: dict[int, str] = {}
+        for name, value in field.enum:
+            if not lowest <= value <= highest:
+                self._wrong(
+                    node.value_place(name),
+                    f"{value} does not fit {self._type.word} (from {lowest} to {highest}); take a wider type",
+                )
+            other = by_value.setdefault(value, name)
+            if other != name:
+                self._wrong(node.value_place(name), f"`{other}` is {value} already; give `{name}` a value of its own")
+
+    def _check_flags(self, field: Field) -> None:
+        node = self._node.get("flags")
+        if not field.flags or not isinstance(node, Mapping):
+            return
+        by_bit: dict[int, str] = {}
+        for name, bit in field.flags:
+            if bit >= field.width:
+                self._wrong(
+                    node.value_place(name),
+                    f"{self._type.word} has no bit {bit}; its bits are 0 to {field.width - 1}",
+                )
+            other = by_bit.setdefault(bit, name)
+            if other != name:
+                self._wrong(node.value_place(name), f"`{other}` is bit {bit} already; give `{name}` a bit of its own")
+
+
+class _BitFieldReader(ValueReader):
+    def read(self, name: str, syntax: BitFieldSyntax) -> Field | None:
+        is_padding = self._type.kind == FieldKind.PADDING
+        self._check_options()
+        if is_padding and syntax.size is None:
+            self._wrong(self._node.value_place("type"), "padding needs its number of bits; add `size: 2`")
+        if not self._good:
+            return None
+        bits = 1 if self._type.kind == FieldKind.BOOL else self._type.width
+        return self._judged(Field(**self._common(name), size=0, bits=(syntax.size or 0) if is_padding else bits))
+
+
+class _PlainReader(ValueReader):
+    def read(self, name: str, syntax: PlainSyntax, order: ByteOrder, earlier: dict[str, Field]) -> Field | None:
+        kind = self._type.kind
+        self._check_options()
+        self._check_size(syntax)
+        self._check_packed(syntax)
+        count = self._counted("count", syntax.count, syntax.max, earlier, "elements")
+        size = self._counted("size", syntax.size, syntax.max, earlier, "bytes")
+        if not self._good:
+            return None
+        is_string = kind in _STRINGS
+        packed = None if syntax.packed is None else BitOrder(syntax.packed.removesuffix("_first"))
+        bits = 1 if kind == FieldKind.BOOL else self._type.width
+        return self._judged(
+            Field(
+                **self._common(name),
+                size=0 if packed else size[0] or 0 if is_string or kind == FieldKind.PADDING else self._type.size,
+                order=self._type.order or order,
+                count=count[0],
+                max_size=(syntax.max or 0) if is_string else 0,
+                bits=0 if packed is None else bits,
+                packed=packed,
+                max_count=0 if is_string or count[0] is not None else syntax.max or 0,
+                counted_by=count[1] or size[1],
+            )
+        )
+
+    def _check_size(self, syntax: PlainSyntax) -> None:
+        kind, node = self._type.kind, self._node
+        if kind in _STRINGS and syntax.size is None and syntax.max is None:
+            self._wrong(
+                node.value_place("type"),
+                f"a {syntax.type.word} field needs a size; add `size: 16` (bytes, always as many) "
+                "or `max: 16` (at most)",
+            )
+        if kind == FieldKind.PADDING and syntax.size is None:
+            self._wrong(node.value_place("type"), "padding needs its number of bytes; add `size: 2`")
+        if kind == FieldKind.PADDING and isinstance(syntax.size, str):
+            self._wrong(node.value_place("size"), "padding has always as many bytes; write their number")
+        if syntax.max is None:
+            return
+        if isinstance(syntax.size, int):
+            self._wrong(node.key_place("max"), "`max` cannot stand beside `size`; keep one of the two")
+        elif isinstance(syntax.count, int):
+            self._wrong(node.key_place("max"), "`max` is for a number that varies; remove it, or the number")
+        elif kind not in _STRINGS and syntax.count is None:
+            self._wrong(
+                node.key_place("max"),
+                "`max` is for text, bytes and arrays of varying size; for an array of numbers write `count`",
+            )
+
+    def _check_packed(self, syntax: PlainSyntax) -> None:
+        node, wire_type = self._node, self._type
+        if syntax.packed is None:
+            if wire_type.bits:
+                self._wrong(
+                    node.value_place("type"),
+                    f"{wire_type.word} is no whole number of bytes; pack several (`count: 8, packed: low_first`), put "
+                    f"it among `bits`, or take {wire_type.word[0]}{-(-wire_type.bits // 8) * 8}",
+                )
+            return
+        if wire_type.order is not None:
+            self._wrong(
+                node.value_place("type"),
+                f"packed bits have no byte order; write `{wire_type.word[:-2]}`",
+            )
+        if syntax.count is None:
+            self._wrong(node.key_place("packed"), "`packed` has no meaning without `count`; add `count: 16`")
+        elif isinstance(syntax.count, str):
+            self._wrong(node.value_place("count"), "packed elements are always as many; write their number")
+
+    def _counted(
+        self, key: str, amount: int | str | None, most: int | None, earlier: dict[str, Field], what: str
+    ) -> tuple[int | None, str]:
+        """The fixed amount or None, and the field that tells a varying one."""
+        if not isinstance(amount, str):
+            return amount, ""
+        if key == "size" and amount == TO_END:
+            self._wrong(
+                self._node.value_place("size"), "a string reaches to the payload's end by itself; write `max` alone"
+            )
+            return None, ""
+        good, counted_by = counting_field(amount, self._node.value_place(key), most, earlier, what, self._problems)
+        self._good = self._good and good
+        return None, counted_by
+
+
+def counting_field(
+    amount: str, place: Place, most: int | None, earlier: dict[str, Field], what: str, problems: Problems
+) -> tuple[bool, str]:
+    """Whether all is well with a varying number of ``what``, and the field that tells it; empty for `to_end`."""
+    if most is None:
+        problems.add(place, f"a varying number of {what} needs a bound; add `max: 16`")
+        return False, ""
+    if amount == TO_END:
+        return True, ""
+    field = earlier.get(amount)
+    if field is None:
+        there = f"possible: {', '.join([*earlier, TO_END])}" if earlier else "the field that counts comes first"
+        problems.add(place, f"no field before this one, beside it, is called `{amount}`; {there}")
+        return False, ""
+    is_plain = field.kind == FieldKind.UNSIGNED and field.count is None and not field.is_list
+    if not is_plain or field.is_scaled or field.enum or field.flags or (field.minimum, field.default) != (None, None):
+        problems.add(
+            place,
+            f"`{amount}` cannot count, for it is more than a number; make it one unsigned whole number without other "
+            "options",
+        )
+        return False, ""
+    if most >= 2**field.width:
+        problems.add(
+            place, f"`{amount}` counts to {2**field.width - 1}, and `max` is {most}; lower that, or take a wider type"
+        )
+        return False, ""
+    return True, amount
+
+
+def _capacity(field: Field, wire_type: WireType) -> str:
+    lowest, highest = value_limits(field)
+    scaled = f" with scale {number_text(field.scale)}" if field.scale != 1 else ""
+    scaled += f" and offset {number_text(field.offset)}" if field.offset != 0 else ""
+    return f"{wire_type.word}{scaled} carries {number_text(lowest)} to {number_text(highest)}"

@@ -1,0 +1,506 @@
+"""The `frame` section: from its parts' syntax to the model, and whether they make a readable frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wirebond.protocol import algorithms, plan
+from wirebond.protocol.meaning.draft import Draft, Envelope
+from wirebond.protocol.meaning.envelope import read_envelope, stuffed_parts
+from wirebond.protocol.model import (
+    Algorithm,
+    BitRole,
+    Bits,
+    ByteOrder,
+    Condition,
+    End,
+    LengthCounts,
+    Part,
+    PartKind,
+    PayloadRule,
+)
+from wirebond.protocol.problems import Place, Problems, suggestion
+from wirebond.protocol.spelling import bytes_text
+from wirebond.protocol.text.document import Mapping, Node, Sequence
+from wirebond.protocol.text.frame_grammar import (
+    BitsPart,
+    CheckPart,
+    ConstantPart,
+    FieldPart,
+    IdPart,
+    LengthPart,
+    MagicPart,
+    PartSyntax,
+    PayloadPart,
+    ReservedPart,
+    SequencePart,
+    TailPart,
+)
+from wirebond.protocol.text.frame_grammar import Check as CheckSyntax
+from wirebond.protocol.text.scalars import OWN_CRC
+from wirebond.protocol.text.syntax import readable_part
+from wirebond.protocol.text.wording import Syntax
+
+_ONCE = (PartKind.MAGIC, PartKind.TAIL, PartKind.LENGTH, PartKind.ID, PartKind.PAYLOAD)
+_FIXED_BYTES = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
+
+
+def read_frame(node: Node | None, order: ByteOrder, problems: Problems) -> Draft | None:
+    """The frame's parts; None where something about them was wrong and has been reported."""
+    if not isinstance(node, Sequence):
+        return None
+    outer = [(readable_part(item), item) for item in node.items]
+    if any(syntax is None for syntax, _ in outer):
+        return None
+    reader = _FrameReader(order, problems)
+    return reader.read([(syntax, item) for syntax, item in outer if syntax is not None], node.place)
+
+
+class _FrameReader:
+    def __init__(self, order: ByteOrder, problems: Problems) -> None:
+        self._order = order
+        self._problems = problems
+        self._good = True
+
+    def _wrong(self, place: Place, message: str) -> None:
+        self._problems.add(place, message)
+        self._good = False
+
+    def read(self, outer: list[tuple[Syntax, Node]], place: Place) -> Draft | None:
+        envelope = read_envelope(outer, self._wrong)
+        if not self._good:
+            return None
+        inner: list[tuple[PartSyntax, Mapping]] = []
+        plain: list[bool] = []
+        for syntax, node in outer:
+            stuffed = stuffed_parts(syntax, node)
+            if stuffed is not None:
+                inner += stuffed
+                plain += [False] * len(stuffed)
+            elif isinstance(syntax, PartSyntax) and isinstance(node, Mapping):
+                inner.append((syntax, node))
+                plain.append(envelope.stuffing != "none")
+        parts = [
+            replace(_lower(syntax, self._order), is_plain=is_plain)
+            for (syntax, _), is_plain in zip(inner, plain, strict=True)
+        ]
+        nodes = [node for _, node in inner]
+        names = self._names(parts, inner)
+        self._check_places(parts, nodes, place, envelope)
+        self._check_bits(parts, nodes)
+        if not self._good:
+            return None
+        for index, (syntax, node) in enumerate(inner):
+            if isinstance(syntax, CheckPart):
+                parts[index] = self._lower_check(index, parts, names, syntax.check, node)
+        self._mark_checks_on_wire(parts, nodes)
+        self._check_order_of_checks(parts, nodes)
+        parts = [replace(part, name=name) for part, name in zip(parts, _unique(names), strict=True)]
+        draft = Draft(tuple(parts), tuple(node.place for node in nodes), envelope)
+        if self._good:
+            self._check_conditions(parts, nodes, place)
+        if self._good:
+            self._check_whole(draft, place)
+        return draft if self._good else None
+
+    # ---- names and ranges ----
+
+    def _names(self, parts: list[Part], inner: list[tuple[PartSyntax, Mapping]]) -> list[str]:
+        names = [part.name or syntax.name or part.kind.value for part, (syntax, _) in zip(parts, inner, strict=True)]
+        kinds = {kind.value for kind in PartKind}
+        for index, (syntax, node) in enumerate(inner):
+            if syntax.name is None:
+                continue
+            if syntax.name in kinds and syntax.name != parts[index].kind.value:
+                self._wrong(
+                    node.value_place("name"),
+                    f"`{syntax.name}` is the word for another kind of part; take another name",
+                )
+            elif any(other.name == syntax.name for other, _ in inner[:index]):
+                self._wrong(node.value_place("name"), f"another part is named `{syntax.name}`; take another name")
+        return names
+
+    def _lower_check(self, index: int, parts: list[Part], names: list[str], check: CheckSyntax, node: Mapping) -> Part:
+        part = parts[index]
+        options = node.get("check")
+        where = options if isinstance(options, Mapping) else Mapping(node.value_place("check"))
+        algorithm = self._algorithm(check, where)
+        size, shift = algorithm.width // 8, 0
+        as_hex = check.text is not None
+        if check.byte is not None:
+            shift = algorithm.width - 8 if check.byte == "high" else 0
+            if size == 1:
+                self._wrong(where.key_place("byte"), "a check of 8 bits has one byte; remove `byte`")
+            size = 1
+        first, last = 0, index - 1
+        if check.over is not None:
+            first, last = (self._find(name, names, where.value_place("over")) for name in check.over)
+            if first > last >= 0:
+                over = f"`{check.over[1]}..{check.over[0]}`"
+                self._wrong(where.value_place("over"), f"the range's first part stands behind its last; write {over}")
+            elif 0 <= first <= index <= last:
+                self._wrong(where.value_place("over"), "a check cannot cover itself; end the range before it")
+        elif index == 0:
+            self._wrong(node.place, "nothing precedes this check; move it behind what it covers, or say `over:`")
+        return replace(
+            part,
+            size=2 * size if as_hex else size,
+            order=ByteOrder(check.byte_order) if check.byte_order else self._order,
+            as_hex=as_hex,
+            seeded=check.seed is not None,
+            algorithm=algorithm,
+            first=first,
+            last=last,
+            shift=shift,
+        )
+
+    def _mark_checks_on_wire(self, parts: list[Part], nodes: list[Mapping]) -> None:
+        """A check beside the stuffed parts is taken after stuffing, where it covers them or another such check."""
+        stuffed = [index for index, part in enumerate(parts) if not part.is_plain]
+        for index, part in enumerate(parts):
+            if part.kind != PartKind.CHECK or not part.is_plain:
+                continue
+            covered = range(max(part.first, 0), part.last + 1)
+            if not any(i in stuffed or parts[i].on_wire for i in covered):
+                continue
+            parts[index] = replace(part, on_wire=True)
+            if stuffed[0] < part.first <= stuffed[-1] or stuffed[0] <= part.last < stuffed[-1]:
+                self._wrong(
+                    nodes[index].value_place("check"),
+                    "a check beside the stuffed parts is taken over the bytes on the line, so that its range covers "
+                    "all of them or none; widen `over`, or move the check among them to take it before stuffing",
+                )
+
+    def _find(self, name: str, names: list[str], place: Place) -> int:
+        found = [index for index, other in enumerate(names) if other == name]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            self._wrong(place, f"{len(found)} parts are called `{name}`; give the one that is meant a `name:`")
+        else:
+            self._wrong(place, f"the frame has no part `{name}`; {suggestion(name, dict.fromkeys(names))}")
+        return -1
+
+    def _algorithm(self, check: CheckSyntax, node: Mapping) -> Algorithm:
+        parameters = {key: getattr(check, key) for key in ("width", "poly", "init", "refin", "refout", "xorout")}
+        given = [key for key, value in parameters.items() if value is not None]
+        known = algorithms.find(check.type)
+        if known is not None:
+            for key in given:
+                self._wrong(
+                    node.key_place(key),
+                    f"`{check.type}` has its own `{key}`; remove this, or write `type: crc` for your own",
+                )
+            return known
+        for key in ("width", "poly"):
+            if key not in given:
+                self._wrong(node.key_place("type"), f"a CRC of your own needs `{key}`; or name one of the catalogue")
+        width = int(check.width or 16)
+        for key in ("poly", "init", "xorout"):
+            value = parameters[key]
+            if value is not None and value >= 2**width:
+                self._wrong(
+                    node.value_place(key),
+                    f"{value:#x} has more than {width} bits; write at most {2**width - 1:#x}",
+                )
+        if check.poly is not None and check.poly % 2 == 0:
+            self._wrong(
+                node.value_place("poly"),
+                "a CRC's polynomial is odd; write it highest power first (0x1021), without its "
+                "leading one, not reflected",
+            )
+        return Algorithm(
+            OWN_CRC,
+            "crc",
+            width,
+            check.poly or 0,
+            check.init or 0,
+            bool(check.refin),
+            bool(check.refout),
+            check.xorout or 0,
+        )
+
+    # ---- which part may stand where ----
+
+    def _check_bits(self, parts: list[Part], nodes: list[Mapping]) -> None:
+        for part, node in zip(parts, nodes, strict=True):
+            if part.kind != PartKind.BITS:
+                continue
+            fields = node.get("fields")
+            assert isinstance(fields, Mapping)
+            width = sum(run.width for run in part.bits)
+            if width != 8 * part.size:
+                self._wrong(
+                    node.value_place("fields"),
+                    f"these runs have {width} bits together, and the part has {8 * part.size}; "
+                    "add a `reserved` run, or change a width",
+                )
+            for run in part.bits:
+                if run.value > run.mask:
+                    self._wrong(fields.key_place(run.name), f"{run.value} does not fit {run.width} bits; take less")
+
+    def _check_conditions(self, parts: list[Part], nodes: list[Mapping], place: Place) -> None:
+        """What a condition names must stand in the header, and the frame may have only so many forms."""
+        widths = {p.name: 8 * p.size for p in parts if p.kind in (PartKind.FIELD, PartKind.SEQUENCE)}
+        widths |= {r.name: r.width for p in parts for r in p.bits if r.role in (BitRole.FIELD, BitRole.SEQUENCE)}
+        magics = {m for p in parts if p.kind == PartKind.MAGIC for m in plan.magics(p, None)}
+        places = {name: index for index, part in enumerate(parts) for name in plan.header_names(part)}
+        payload_index = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
+        for index, (part, node) in enumerate(zip(parts, nodes, strict=True)):
+            condition = part.condition
+            if condition is None:
+                continue
+            at = node.value_place("when")
+            if part.kind in (PartKind.MAGIC, PartKind.PAYLOAD):
+                self._wrong(at, f"the {part.kind} is always there; remove `when`")
+            elif condition.magic and condition.magic not in magics:
+                self._wrong(at, "no magic of this frame has that value; take one of its list")
+            elif condition.field and condition.field not in widths:
+                self._wrong(at, f"the header has no field `{condition.field}`; {suggestion(condition.field, widths)}")
+            elif condition.field and condition.bit >= widths[condition.field]:
+                self._wrong(at, f"`{condition.field}` has {widths[condition.field]} bits; take a lower one")
+            elif condition.field and places[condition.field] > min(index, payload_index):
+                self._wrong(
+                    at,
+                    f"`{condition.field}` must stand in the header, before what it decides about; move it forward",
+                )
+        if not self._good:
+            return
+        for variant in plan.variants(tuple(parts), None):
+            for kind, role in ((PartKind.ID, BitRole.ID), (PartKind.LENGTH, BitRole.LENGTH)):
+                held = [p for p in variant.parts if p.kind == kind or any(r.role == role for r in p.bits)]
+                if len(held) > 1:
+                    self._wrong(
+                        place,
+                        f"two parts with a {kind.value} can stand in one frame; let their `when:` exclude each other",
+                    )
+        header = [name for part in parts for name in plan.header_names(part)]
+        for limit, found, what in (
+            (plan.MAX_LAYOUTS, len(plan.variants(tuple(parts), None)), "forms (by magics and conditions)"),
+            (plan.MAX_HEADER_FIELDS, len(header), "fields in its header"),
+        ):
+            if found > limit:
+                self._wrong(place, f"the frame has {found} {what}; at most {limit} are possible")
+
+    def _check_places(self, parts: list[Part], nodes: list[Mapping], place: Place, envelope: Envelope) -> None:
+        kinds = [part.kind for part in parts]
+        for kind in _ONCE:
+            found = [i for i, other in enumerate(kinds) if other == kind]
+            exclusive = len({parts[i].condition for i in found}) == len(found) and None not in {
+                parts[i].condition for i in found
+            }
+            for index in [] if exclusive else found[1:]:
+                self._wrong(
+                    nodes[index].place,
+                    f"a frame has one `{kind}` part at most; remove this one, or give each its own `when:`",
+                )
+        if PartKind.PAYLOAD not in kinds:
+            self._wrong(place, "the frame has no payload; add a part such as `- payload: by_length`")
+            return
+        payload_index = kinds.index(PartKind.PAYLOAD)
+        if PartKind.MAGIC in kinds[1:]:
+            index = kinds.index(PartKind.MAGIC, 1)
+            self._wrong(nodes[index].place, "a magic begins the frame; put it first, or write `constant` here")
+        if PartKind.TAIL in kinds[:-1]:
+            index = kinds.index(PartKind.TAIL)
+            self._wrong(nodes[index].place, "a tail ends the frame; put it last, or write `constant` here")
+        self._check_payload_rule(parts, nodes, payload_index, envelope)
+        constants = sum(len(part.value) for part in parts)
+        for limit, number, what in (
+            (plan.MAX_CONSTANTS, constants, "bytes of magic, constants and tail"),
+            (plan.MAX_CHECKS, kinds.count(PartKind.CHECK), "checks"),
+        ):
+            if number > limit:
+                self._wrong(place, f"the frame has {number} {what}; at most {limit} are possible")
+
+    def _check_payload_rule(
+        self, parts: list[Part], nodes: list[Mapping], payload_index: int, envelope: Envelope
+    ) -> None:
+        rule, at = parts[payload_index].payload, nodes[payload_index].value_place("payload")
+        length = _holder(parts, PartKind.LENGTH, BitRole.LENGTH)
+        message_id = _holder(parts, PartKind.ID, BitRole.ID)
+        if rule == PayloadRule.BY_LENGTH and length is None:
+            self._wrong(at, "`payload: by_length` needs a length; add a part such as `- length: u8` before it")
+        if rule != PayloadRule.BY_LENGTH and length is not None:
+            self._wrong(nodes[length].place, "this length tells nothing; write `payload: by_length`, or remove it")
+        if rule == PayloadRule.BY_LENGTH and length is not None and length > payload_index:
+            self._wrong(nodes[length].place, "the length must stand before the payload whose size it tells; move it")
+        if rule == PayloadRule.BY_ID and message_id is not None and message_id > payload_index:
+            self._wrong(nodes[message_id].place, "the id must stand before the payload whose size it tells; move it")
+        if rule == PayloadRule.REST and envelope.delimiter is None and envelope.silence is None:
+            self._wrong(
+                at, "`payload: rest` needs delimiters or a silence, which say where the frame ends; or write by_length"
+            )
+
+    def _check_order_of_checks(self, parts: list[Part], nodes: list[Mapping]) -> None:
+        """A check over another needs its value. Header checks are worked out first, the rest in order."""
+        payload_index = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
+
+        def turn(index: int) -> tuple[bool, int]:
+            return not (index < payload_index and parts[index].last < payload_index), index
+
+        for index, part in enumerate(parts):
+            if part.kind != PartKind.CHECK:
+                continue
+            for covered in range(max(part.first, 0), part.last + 1):
+                if parts[covered].kind == PartKind.CHECK and covered != index and turn(covered) > turn(index):
+                    self._wrong(
+                        nodes[index].place,
+                        f"this check covers a later one (line {nodes[covered].place.line}) whose "
+                        "value is not known yet; "
+                        "end its range before that",
+                    )
+
+    def _check_whole(self, draft: Draft, place: Place) -> None:
+        parts = draft.parts
+        if draft.envelope == Envelope() and not any(part.kind in (*_FIXED_BYTES, PartKind.CHECK) for part in parts):
+            self._wrong(
+                place,
+                "nothing tells this frame from other bytes; add `- magic: 0xAA` in front or a check behind",
+            )
+        forms = plan.layouts(parts, None)
+        constants = max(len(form.constants) for form in forms)
+        if constants > plan.MAX_CONSTANTS:
+            self._wrong(
+                place,
+                f"the frame has {constants} constant bytes, those of bits and of conditions counted; "
+                f"at most {plan.MAX_CONSTANTS} are possible",
+            )
+        self._check_seeds(draft)
+        self._check_unstuffed_constants(draft)
+        longest, length = draft.longest_by_length, draft.length_part
+        if longest is None or length is None:
+            return
+        at = draft.places[parts.index(length)]
+        shortest = max(form.length_bias for form in forms)  # of the form with the fewest parts beside the payload
+        if length.length_unit > 1 and draft.payload.trims_zeros:
+            self._wrong(
+                draft.places[draft.payload_index],
+                f"with `trim_zeros` a payload may end at any byte, and this length counts by {length.length_unit}; "
+                "remove one of the two",
+            )
+        if longest < 0:
+            self._wrong(at, "the length counts more than it can tell, even for an empty payload; take a wider type")
+        elif shortest > 0:
+            self._wrong(
+                at,
+                f"with this offset a payload under {shortest} bytes would have a negative length; take a greater one",
+            )
+
+    def _check_unstuffed_constants(self, draft: Draft) -> None:
+        envelope = draft.envelope
+        marks = [mark for mark in (envelope.opening, envelope.delimiter) if mark is not None]
+        for part, place in zip(draft.parts, draft.places, strict=True):
+            if envelope.stuffing != "none" and not part.is_plain:
+                continue
+            held = next((mark for mark in marks if mark in part.value), None)
+            if held is not None:
+                self._wrong(
+                    place,
+                    f"this {part.kind} holds the delimiter {bytes_text(held)} and is not stuffed, so that "
+                    "every frame is cut here; take another delimiter, or stuff this part",
+                )
+
+    def _check_seeds(self, draft: Draft) -> None:
+        """A check of the header alone is judged before the bytes behind the payload are there."""
+        payload_index = draft.payload_index
+        id_index = _holder(list(draft.parts), PartKind.ID, BitRole.ID)
+        if id_index is None or id_index < payload_index:
+            return
+        for index, part in enumerate(draft.parts):
+            if part.seeded and index < payload_index and part.last < payload_index:
+                self._wrong(
+                    draft.places[index],
+                    "this check counts the message's seed, and the id that tells the message stands behind the "
+                    "payload; move the id before it, or this check behind it",
+                )
+
+
+def _holder(parts: list[Part], kind: PartKind, role: BitRole) -> int | None:
+    """The part that holds the id or the length."""
+    for index, part in enumerate(parts):
+        if part.kind == kind or any(run.role == role for run in part.bits):
+            return index
+    return None
+
+
+def _lower(syntax: PartSyntax, order: ByteOrder) -> Part:
+    """A part by itself; a check's algorithm and range come later."""
+    part = _lower_unconditional(syntax, order)
+    when = syntax.when
+    return part if when is None else replace(part, condition=Condition(when.field, when.bit, when.magic))
+
+
+def _lower_unconditional(syntax: PartSyntax, order: ByteOrder) -> Part:
+    if isinstance(syntax, MagicPart):
+        magic = syntax.magic
+        if magic.by_end:
+            by_sender = tuple((End(end), value) for end, value in magic.by_end)
+            return Part(PartKind.MAGIC, "", len(by_sender[0][1]), value=by_sender[0][1], by_sender=by_sender)
+        alternatives = magic.values if len(magic.values) > 1 else ()
+        return Part(PartKind.MAGIC, "", len(magic.values[0]), value=magic.values[0], alternatives=alternatives)
+    if isinstance(syntax, ConstantPart):
+        return Part(PartKind.CONSTANT, "", len(syntax.constant), value=syntax.constant)
+    if isinstance(syntax, TailPart):
+        return Part(PartKind.TAIL, "", len(syntax.tail), value=syntax.tail)
+    if isinstance(syntax, LengthPart):
+        wire = syntax.length.type
+        return Part(
+            PartKind.LENGTH,
+            "",
+            wire.size,
+            wire.order or order,
+            counts=LengthCounts(syntax.length.counts),
+            length_offset=syntax.length.offset,
+            length_unit=int(syntax.length.unit),
+        )
+    if isinstance(syntax, IdPart):
+        return Part(PartKind.ID, "", syntax.id.size, syntax.id.order or order)
+    if isinstance(syntax, ReservedPart):
+        return Part(PartKind.RESERVED, "", syntax.reserved)
+    if isinstance(syntax, FieldPart):
+        wire = syntax.type
+        return Part(PartKind.FIELD, syntax.field, wire.size, wire.order or order, default=syntax.default)
+    if isinstance(syntax, SequencePart):
+        return Part(PartKind.SEQUENCE, syntax.name or "sequence", syntax.sequence.size, syntax.sequence.order or order)
+    if isinstance(syntax, BitsPart):
+        return _lower_bits(syntax, order)
+    if isinstance(syntax, PayloadPart):
+        trims = syntax.trim_zeros
+        if isinstance(syntax.payload, int):
+            fixed = syntax.payload
+            return Part(PartKind.PAYLOAD, "", 0, payload=PayloadRule.FIXED, fixed_payload=fixed, trims_zeros=trims)
+        return Part(PartKind.PAYLOAD, "", 0, payload=PayloadRule(syntax.payload), trims_zeros=trims)
+    assert isinstance(syntax, CheckPart)
+    return Part(PartKind.CHECK, "", 0)
+
+
+def _lower_bits(syntax: BitsPart, order: ByteOrder) -> Part:
+    roles = {"id": BitRole.ID, "length": BitRole.LENGTH, "sequence": BitRole.SEQUENCE}
+    runs = []
+    shift = 0
+    listed = list(syntax.fields.items())
+    for name, run in listed if syntax.first == "low" else reversed(listed):
+        role = BitRole.CONSTANT if run.constant is not None else roles.get(name, BitRole.FIELD)
+        runs.append(Bits(name, role, shift, run.bits, run.constant or run.default or 0))
+        shift += run.bits
+    return Part(
+        PartKind.BITS,
+        "",
+        syntax.bits.size,
+        syntax.bits.order or order,
+        counts=LengthCounts(syntax.counts),
+        length_offset=syntax.offset,
+        bits=tuple(runs),
+    )
+
+
+def _unique(names: list[str]) -> list[str]:
+    """`constant`, `constant_2`, … where parts without a name share a kind."""
+    given: list[str] = []
+    for name in names:
+        number, candidate = 2, name
+        while candidate in given or (candidate != name and candidate in names):
+            candidate, number = f"{name}_{number}", number + 1
+        given.append(candidate)
+    return given

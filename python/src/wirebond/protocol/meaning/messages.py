@@ -1,0 +1,182 @@
+"""The `messages` section: every message by itself, then ids, names and replies among them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from wirebond.protocol import names
+from wirebond.protocol.meaning.log_text import log_fault
+from wirebond.protocol.meaning.structs import Types, read_fields
+from wirebond.protocol.model import End, LogLevel, Message, Queue
+from wirebond.protocol.problems import Place, Problems, suggestion
+from wirebond.protocol.text.document import Mapping, Node
+from wirebond.protocol.text.grammar import MessageHead
+from wirebond.protocol.text.syntax import readable
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A message of the file. ``message`` is None where its own keys are wrong, which has been reported."""
+
+    name: str
+    place: Place  # of its name
+    node: Mapping
+    message: Message | None
+    has_all_fields: bool
+
+    @property
+    def complete(self) -> Message | None:
+        """The message, if all of it is right: sizes and fields may be relied on."""
+        return self.message if self.has_all_fields else None
+
+
+Messages = dict[str, Entry]  # every name of the file, so that a reference to a wrong message is no second error
+
+
+def read_messages(node: Node | None, types: Types, problems: Problems) -> Messages:
+    found: Messages = {}
+    if not isinstance(node, Mapping):
+        return found
+    for name, entry in node.entries.items():
+        if isinstance(entry.value, Mapping):
+            found[name] = _read_message(name, entry.key_place, entry.value, types, problems)
+        else:
+            found[name] = Entry(name, entry.key_place, Mapping(entry.value.place), None, False)
+    _check_type_names(found, types, problems)
+    _check_replies(found, problems)
+    return found
+
+
+def receiver_of(end: End) -> End:
+    return End.MCU if end == End.HOST else End.HOST
+
+
+def spoken(end: End) -> str:
+    """The end in a sentence, behind "the"."""
+    return "MCU" if end == End.MCU else end.value
+
+
+def _read_message(name: str, place: Place, node: Mapping, types: Types, problems: Problems) -> Entry:
+    fields, complete = read_fields(node.get("fields"), types)
+    without_fields = Mapping(node.place, {key: entry for key, entry in node.entries.items() if key != "fields"})
+    head = readable(MessageHead, without_fields)
+    if head is None or names.fault(name):
+        return Entry(name, place, node, None, complete)
+    if head.log is not None:
+        fault = log_fault(head.log, fields if complete else None)
+        if fault:
+            problems.add(node.value_place("log"), fault)
+        if head.sender == End.HOST:
+            problems.add(node.value_place("sender"), "a log line is the MCU's; write `sender: mcu`, or remove `log`")
+    elif head.level is not None:
+        problems.add(node.key_place("level"), "`level` belongs to a log line; add `log: ...`, or remove it")
+    message = Message(
+        name=name,
+        id=head.id or 0,
+        sender=End(head.sender),
+        fields=fields,
+        every=head.every,
+        reply=head.reply,
+        seed=head.seed,
+        queue=Queue(head.queue),
+        log=head.log,
+        log_level=LogLevel(head.level or LogLevel.INFO),
+        description=head.description,
+    )
+    return Entry(name, place, node, message, complete)
+
+
+def _check_type_names(messages: Messages, types: Types, problems: Problems) -> None:
+    """Messages and the file's types become structs side by side."""
+    taken: dict[str, str] = {}
+    for name, place in (*types.names().items(), *((entry.name, entry.place) for entry in messages.values())):
+        if names.fault(name):
+            continue
+        type_name = names.type_name(name)
+        if type_name in taken:
+            problems.add(place, f"`{name}` and `{taken[type_name]}` both become `{type_name}` in C++; rename one")
+        taken.setdefault(type_name, name)
+
+
+def _check_replies(messages: Messages, problems: Problems) -> None:
+    for entry in messages.values():
+        message = entry.message
+        if message is None or message.reply is None:
+            continue
+        place = entry.node.value_place("reply")
+        if message.reply not in messages:
+            problems.add(place, f"there is no message `{message.reply}`; {suggestion(message.reply, messages)}")
+            continue
+        reply = messages[message.reply].message
+        if reply is None:
+            continue
+        for asking in (End.HOST, End.MCU):
+            answering = receiver_of(asking)
+            if message.sent_by(asking) and not reply.sent_by(answering):
+                problems.add(
+                    place,
+                    f"the {spoken(asking)} sends `{message.name}`, so its reply must come from the "
+                    f"{spoken(answering)}, "
+                    f"and `{reply.name}` does not; change its `sender`",
+                )
+
+
+def check_ids(messages: Messages, id_bits: int, with_id: set[End], problems: Problems) -> None:
+    """``id_bits``: width of the frame's id; 0 where it has none. ``with_id``: the ends whose frames have it."""
+    taken: dict[tuple[End, int], Entry] = {}
+    replies = {entry.message.reply for entry in messages.values() if entry.message is not None}
+    for entry in messages.values():
+        message = entry.message
+        if message is None:
+            continue
+        has_id = "id" in entry.node.entries
+        needs_id = any(message.sent_by(end) for end in with_id)
+        if needs_id and not has_id:
+            problems.add(entry.place, f"`{entry.name}` needs an id, for the frame has one; add `id: 0x01`")
+            continue
+        if not needs_id and has_id:
+            of = f" of the {spoken(message.sender)}" if id_bits else ""
+            problems.add(
+                entry.node.key_place("id"),
+                f"the frame{of} has no `id` part; remove this id, or add `- id: u8` there",
+            )
+            continue
+        limit = 2**id_bits - 1
+        if needs_id and message.id > limit:
+            problems.add(
+                entry.node.value_place("id"),
+                f"id {message.id} does not fit the frame's id part, whose greatest is {limit}; take a smaller one",
+            )
+        for end in (End.HOST, End.MCU):
+            if not message.sent_by(end):
+                continue
+            other = taken.setdefault((end, message.id), entry)
+            if other is entry:
+                continue
+            if message.name in replies and message.seed != (other.message.seed if other.message else None):
+                problems.add(
+                    entry.place,
+                    f"`{entry.name}` and `{other.name}` (line {other.place.line}) share their id, so they need the "
+                    "same `seed`",
+                )
+                break
+            if message.name in replies:  # its request tells it
+                continue
+            if other.name in replies:  # and this one is what is meant without a request
+                taken[end, message.id] = entry
+                continue
+            where = f"line {other.place.line}"
+            if needs_id:
+                problems.add(
+                    entry.node.value_place("id"),
+                    f"the {spoken(end)} sends `{other.name}` ({where}) under id 0x{message.id:02X} already; "
+                    f"take another id, or name `{entry.name}` as the `reply` of its request",
+                )
+            else:
+                problems.add(
+                    entry.place,
+                    f"without an `id` part the frame can carry one message from the {spoken(end)}, which is "
+                    f"`{other.name}` ({where}); add `- id: u8` to the frame, or name `{entry.name}` as the "
+                    "`reply` of its request",
+                )
+            break

@@ -1,0 +1,206 @@
+"""The sections that refer to messages: deadlines, the emergency stop, services."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from wirebond.protocol.meaning.field_values import fit_value, settled
+from wirebond.protocol.meaning.messages import Entry, Messages, receiver_of, spoken
+from wirebond.protocol.model import Deadline, EmergencyStop, End, Field, FieldKind, Recover, Service
+from wirebond.protocol.names import action_fault
+from wirebond.protocol.problems import Place, Problems, suggestion
+from wirebond.protocol.text.document import Mapping, Node, Sequence
+from wirebond.protocol.text.grammar import DeadlineSyntax, EmergencyStopSyntax, Services
+from wirebond.protocol.text.syntax import readable
+
+
+def _find(name: str, place: Place, messages: Messages, problems: Problems) -> Entry | None:
+    if name in messages:
+        return messages[name]
+    if messages:  # else all of them are missing, and that is said already
+        problems.add(place, f"there is no message `{name}`; {suggestion(name, messages)}")
+    return None
+
+
+# ---- deadlines -----------------------------------------------------------------------------------
+
+
+def read_deadlines(node: Node | None, messages: Messages, problems: Problems) -> tuple[Deadline, ...]:
+    deadlines: list[Deadline] = []
+    for item in node.items if isinstance(node, Sequence) else ():
+        syntax = readable(DeadlineSyntax, item)
+        if syntax is None or not isinstance(item, Mapping):
+            continue
+        deadline = Deadline(syntax.message, End(syntax.at), syntax.after, syntax.then, Recover(syntax.recover))
+        _check_deadline(deadline, item, messages, problems)
+        if fault := action_fault(deadline.then):
+            problems.add(item.value_place("then"), f"`{deadline.then}` {fault}")
+        same = [d for d in deadlines if (d.message, d.at, d.then) == (deadline.message, deadline.at, deadline.then)]
+        if same:
+            problems.add(
+                item.key_place("then"),
+                f"`{deadline.then}` is done after {same[0].after:g} s without `{deadline.message}` already; remove one",
+            )
+        deadlines.append(deadline)
+    return tuple(deadlines)
+
+
+def _check_deadline(deadline: Deadline, node: Mapping, messages: Messages, problems: Problems) -> None:
+    entry = _find(deadline.message, node.value_place("message"), messages, problems)
+    if entry is None or entry.message is None:
+        return
+    message = entry.message
+    sender = receiver_of(deadline.at)
+    if not message.sent_by(sender):
+        problems.add(
+            node.value_place("at"),
+            f"`{message.name}` comes from the {spoken(message.sender)}, so the "
+            f"{spoken(deadline.at)} cannot miss "
+            f"it; write `at: {sender}`",
+        )
+    if message.every is not None and deadline.after < message.every:
+        problems.add(
+            node.value_place("after"),
+            f"`{message.name}` is due every {message.every:g} s only, so this deadline would always "
+            "pass; write more than that",
+        )
+
+
+# ---- emergency stop ------------------------------------------------------------------------------
+
+_VALUELESS = (FieldKind.BYTES, FieldKind.PADDING)
+
+
+def read_emergency_stop(node: Node | None, messages: Messages, problems: Problems) -> EmergencyStop | None:
+    syntax = readable(EmergencyStopSyntax, node) if isinstance(node, Mapping) else None
+    if syntax is None or not isinstance(node, Mapping):
+        return None
+    entry = _find(syntax.message, node.value_place("message"), messages, problems)
+    if entry is None or entry.message is None:
+        return None
+    place = node.value_place("message")
+    if not entry.message.sent_by(End.HOST):
+        problems.add(
+            place,
+            f"`{syntax.message}` comes from the MCU, and the host sends the emergency stop; name a message of the host",
+        )
+        return None
+    if entry.complete is None:
+        return None
+    given = syntax.__pydantic_extra__ or {}
+    fields = {field.name: field for field in entry.complete.fields}
+    may_stay_out = settled(entry.complete.fields)
+    unfit = [name for name, field in fields.items() if name not in may_stay_out and not _can_be_given(field)]
+    if unfit:
+        problems.add(
+            place,
+            f"{_listed(unfit)} of `{syntax.message}` cannot be given here; stop with a message of single values, or "
+            "give the others defaults",
+        )
+        return None
+    missing = [name for name in fields if name not in given and name not in may_stay_out]
+    if "message" in missing:
+        problems.add(place, f"`{syntax.message}` has a field `message`, and that key is taken here; rename the field")
+    elif missing:
+        problems.add(place, f"the stop leaves {_listed(missing)} open; add for example `{missing[0]}: 0`")
+    values: list[tuple[str, float | int | bool | str]] = []
+    for name, wanted in given.items():
+        if name not in fields:
+            there = suggestion(name, fields) if fields else "it has no fields at all"
+            problems.add(node.key_place(name), f"`{syntax.message}` has no field `{name}`; {there}")
+            continue
+        if not _can_be_given(fields[name]):
+            problems.add(
+                node.key_place(name), f"`{name}` is no single value and cannot be given here; leave it to its default"
+            )
+            continue
+        value, fault = fit_value(fields[name], wanted)
+        if isinstance(value, float | int | str):
+            values.append((name, value))
+        else:
+            problems.add(node.value_place(name), fault)
+    return EmergencyStop(syntax.message, tuple(values))
+
+
+def _can_be_given(field: Field) -> bool:
+    return field.count is None and not field.is_list and not field.fields and field.kind not in _VALUELESS
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+# ---- services ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Role:
+    """What a service expects of the message in one of its roles."""
+
+    service: str
+    role: str
+    sender: End
+    fields: tuple[tuple[str, tuple[FieldKind, ...]], ...]
+
+
+_WHOLE = (FieldKind.UNSIGNED,)
+_ANY = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
+_ROLES = (
+    _Role("hello", "message", End.BOTH, (("protocol_hash", _WHOLE), ("version", _WHOLE))),
+    _Role("ping", "request", End.HOST, (("number", _WHOLE),)),
+    _Role("ping", "reply", End.MCU, (("number", _WHOLE),)),
+    _Role("clock", "request", End.HOST, (("host_us", _WHOLE),)),
+    _Role("clock", "reply", End.MCU, (("host_us", _WHOLE), ("received_us", _WHOLE), ("sent_us", _WHOLE))),
+    _Role("log", "message", End.MCU, (("level", _WHOLE), ("text", (FieldKind.TEXT,)))),
+    _Role("parameter", "read", End.HOST, (("index", _WHOLE),)),
+    _Role("parameter", "set", End.HOST, (("index", _WHOLE), ("value", _ANY))),
+    _Role("parameter", "value", End.MCU, (("index", _WHOLE), ("value", _ANY), ("result", _WHOLE))),
+)
+
+
+def read_services(node: Node | None, messages: Messages, problems: Problems) -> tuple[Service, ...]:
+    services: list[Service] = []
+    for name, entry in node.entries.items() if isinstance(node, Mapping) else ():
+        info = Services.model_fields.get(name)
+        if info is None or not isinstance(entry.value, Mapping):
+            continue
+        syntax: Any = readable(Services, Mapping(entry.value.place, {name: entry}))
+        if syntax is None:
+            continue
+        roles = dict(getattr(syntax, name))
+        for expected in _ROLES:
+            if expected.service == name:
+                _check_role(expected, roles[expected.role], entry.value, messages, problems)
+        services.append(Service(name, tuple(roles.items())))
+    return tuple(services)
+
+
+def _check_role(expected: _Role, name: str, node: Mapping, messages: Messages, problems: Problems) -> None:
+    place = node.value_place(expected.role)
+    entry = _find(name, place, messages, problems)
+    if entry is None or entry.message is None:
+        return
+    if entry.message.sender != expected.sender:
+        wanted = "both ends send" if expected.sender == End.BOTH else f"the {spoken(expected.sender)} sends"
+        problems.add(
+            place,
+            f"for `{expected.service}` {wanted} the `{expected.role}`, and `{name}` has `sender: "
+            f"{entry.message.sender}`; "
+            f"write `sender: {expected.sender}` there",
+        )
+    if entry.complete is None:
+        return
+    fields = {field.name: field for field in entry.complete.fields}
+    for field_name, kinds in expected.fields:
+        field = fields.get(field_name)
+        if field is None:
+            problems.add(place, f"`{expected.service}` needs a field `{field_name}` in `{name}`; add it there")
+        elif field.kind not in kinds or field.count is not None or field.is_list or field.is_scaled:
+            problems.add(
+                place,
+                f"`{expected.service}` needs `{field_name}` in `{name}` to be one unscaled value of kind "
+                f"{' or '.join(kinds)}; change its type",
+            )
+    if expected.service == "hello" and "protocol_hash" in fields and fields["protocol_hash"].width < 64:
+        problems.add(place, f"`protocol_hash` in `{name}` carries 64 bits; give it the type u64")

@@ -1,0 +1,223 @@
+"""The syntax of a message's fields, as models: single values, bit fields, structs and groups.
+
+What keys mean together is not judged here (see ``fields`` and ``structs``).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Tag
+
+from wirebond.protocol.problems import quoted
+from wirebond.protocol.text.document import Number
+from wirebond.protocol.text.field_types import BitType, ContainerType, FieldType
+from wirebond.protocol.text.scalars import (
+    BitNumber,
+    Count,
+    DefaultValue,
+    Exact,
+    Name,
+    NameText,
+    Text,
+    WireInteger,
+    describe,
+    one_word,
+    whole,
+    wrong,
+)
+from wirebond.protocol.text.wording import Syntax
+
+TO_END = "to_end"
+MAX_COUNT = 0xFFFF
+
+_COUNTED = "the name of the field that tells it"
+
+
+def _amount(value: object) -> int | str:
+    if isinstance(value, Number):
+        return whole(1, MAX_COUNT)(value)
+    if isinstance(value, str):
+        return value  # which field, if any, is judged where the fields are known
+    raise wrong(f"{describe(value)} does not say how many; write a whole number, or {_COUNTED}")
+
+
+Amount = Annotated[
+    int | str,
+    PlainValidator(_amount, json_schema_input_type=Annotated[int, Field(ge=1, le=MAX_COUNT)] | NameText),
+]
+
+
+class ValueSyntax(Syntax):
+    """What every kind of value may say about itself."""
+
+    scale: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0.001])
+    offset: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0])
+    unit: Text | None = Field(None, description="SI unit of the value, for display.", examples=["m/s"])
+    range: Annotated[list[Exact], Field(min_length=2, max_length=2)] | None = Field(
+        None, description="Least and greatest value, in the value's unit.", examples=["[-1.0, 1.0]"]
+    )
+    on_range: Annotated[str | None, one_word("reject", "clamp")] = Field(
+        None,
+        description="What the handler's side does with a received value out of range; reject unless said.",
+        examples=["clamp"],
+    )
+    default: DefaultValue | None = Field(
+        None, description="The value where a sender gives none; for an array also a list.", examples=[0]
+    )
+    enum: Annotated[dict[Name, WireInteger], Field(min_length=1)] | None = Field(
+        None, description="Names of the possible numbers.", examples=["{off: 0, on: 1}"]
+    )
+    flags: Annotated[dict[Name, BitNumber], Field(min_length=1)] | None = Field(
+        None, description="Names of bits, 0 the lowest.", examples=["{stalled: 0, overheated: 1}"]
+    )
+    description: Text = Field("", description="For people.", examples=["what it means"])
+
+
+class PlainSyntax(ValueSyntax):
+    """A value that begins and ends with a byte, or an array of values."""
+
+    noun = "a field"
+
+    type: FieldType = Field(
+        description="Type on the wire; `le` or `be` behind a number's type sets its byte order. u1 to u64, i2 to "
+        "i64 and s2 to s64 (sign and amount) where `packed` stands beside it, else in steps of 8 bits.",
+        examples=["u16"],
+    )
+    count: Amount | None = Field(
+        None,
+        description="Elements of an array: a number, the field before it that tells the number, or to_end.",
+        examples=[4],
+    )
+    packed: Annotated[str | None, one_word("low_first", "high_first")] = Field(
+        None,
+        description="Elements of any number of bits follow each other without gaps, from the lowest or the highest "
+        "bit of each byte on.",
+        examples=["low_first"],
+    )
+    size: Amount | None = Field(
+        None,
+        description="Bytes of a text, byte string or padding: a number, or for strings the field before it that "
+        "tells the number.",
+        examples=[16],
+    )
+    max: Count | None = Field(
+        None,
+        description="Most bytes of a text or byte string, or most elements of an array, of varying size.",
+        examples=[48],
+    )
+
+    @classmethod
+    def known_keys(cls) -> list[str]:
+        first = ("type", "count", "packed", "size", "max")
+        return [*first, *(key for key in cls.model_fields if key not in first), "bits", "struct", "group"]
+
+    @classmethod
+    def _advice(cls, key: str) -> str:
+        return super()._advice(key) if key in cls.model_fields else f"write `{key}:` and a mapping"
+
+
+class BitFieldSyntax(ValueSyntax):
+    """One of the values that share a number's bits."""
+
+    noun = "a bit field"
+
+    type: BitType = Field(description="u1 to u64, i2 to i64, s2 to s64, bool (1 bit), padding.", examples=["u3"])
+    size: Annotated[int, PlainValidator(whole(1, 64), json_schema_input_type=int)] | None = Field(
+        None, description="Bits of padding.", examples=[2]
+    )
+
+
+class BitsSyntax(Syntax):
+    """A number whose bits are shared by several values."""
+
+    noun = "`bits`"
+
+    type: ContainerType = Field(description="The number on the wire, unsigned.", examples=["u16"])
+    first: Annotated[str, one_word("low", "high")] = Field(
+        "low", description="Whether the first value has the lowest bits or the highest.", examples=["low"]
+    )
+    fields: Annotated[dict[Name, BitFieldSyntax], Field(min_length=1)] = Field(
+        description="The values; bits that are left over are sent as 0.", examples=["{mode: {type: u3}}"]
+    )
+
+
+class BitsFieldSyntax(Syntax):
+    """Values that share a number's bits."""
+
+    noun = "a field of bits"
+    bits: BitsSyntax = Field(description="The number and the values in it.", examples=["{type: u8, fields: {}}"])
+    description: Text = Field("", description="For people.", examples=["what they mean"])
+
+
+class StructSyntax(Syntax):
+    """Fields within a field."""
+
+    noun = "a struct"
+    struct: FieldsOrType = Field(
+        description="Its fields in wire order, or the name of one of the file's `types`.",
+        examples=["{x: {type: f32}, y: {type: f32}}"],
+    )
+    description: Text = Field("", description="For people.", examples=["what it means"])
+
+
+class GroupSyntax(Syntax):
+    """How often a group occurs, and its fields."""
+
+    noun = "`group`"
+
+    count: Amount = Field(
+        description="How many: a number, the field before it that tells the number, or to_end.", examples=[4]
+    )
+    max: Count | None = Field(None, description="Most of them where their number varies.", examples=[16])
+    fields: FieldsOrType = Field(
+        description="Fields of each in wire order, or the name of one of the file's `types`.",
+        examples=["{x: {type: i16}, y: {type: i16}}"],
+    )
+
+
+class GroupFieldSyntax(Syntax):
+    """Fields that repeat."""
+
+    noun = "a group"
+    group: GroupSyntax = Field(description="What repeats, and how often.", examples=["{count: 4, fields: {}}"])
+    description: Text = Field("", description="For people.", examples=["what they mean"])
+
+
+_NESTED = ("bits", "struct", "group")
+_TAG = "field:"  # begins the union tags that pydantic puts into error locations; no key of a file looks so
+
+
+def _key(value: object) -> str:
+    key = next((key for key in _NESTED if key in value), "type") if isinstance(value, dict) else "type"
+    return _TAG + key
+
+
+def _one_kind(value: object) -> object:
+    found = [key for key in ("type", *_NESTED) if key in value] if isinstance(value, dict) else []
+    if len(found) > 1:
+        raise wrong(f"{quoted(found[0])} and {quoted(found[1])} are two kinds of field; keep one of the two")
+    return value
+
+
+FieldSyntax = Annotated[
+    Annotated[PlainSyntax, Tag("field:type")]
+    | Annotated[BitsFieldSyntax, Tag("field:bits")]
+    | Annotated[StructSyntax, Tag("field:struct")]
+    | Annotated[GroupFieldSyntax, Tag("field:group")],
+    Discriminator(_key),
+    BeforeValidator(_one_kind),
+]
+Fields = Annotated[dict[Name, FieldSyntax], Field(min_length=1)]
+
+
+def _fields_or_type(value: object) -> str:
+    return "fields:type" if isinstance(value, str) else "fields:mapping"
+
+
+FieldsOrType = Annotated[
+    Annotated[Name, Tag("fields:type")] | Annotated[Fields, Tag("fields:mapping")], Discriminator(_fields_or_type)
+]
+
+for _model in (StructSyntax, GroupSyntax, GroupFieldSyntax):
+    _model.model_rebuild()

@@ -1,0 +1,88 @@
+"""The types of fields: how each is written, and which of them a bit field or a packed stream can take."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import Field, PlainValidator
+
+from wirebond.protocol.model import FieldKind
+from wirebond.protocol.problems import quoted
+from wirebond.protocol.text.scalars import FOREIGN_TYPES, WireType, both_orders, describe, wrong
+
+_INTEGERS = {"u": FieldKind.UNSIGNED, "i": FieldKind.SIGNED, "s": FieldKind.SIGNED}
+_ANY_WIDTH = re.compile(r"([uis])([1-9][0-9]?)")
+_ANY_WIDTH_PATTERN = r"^(u([1-9]|[1-5][0-9]|6[0-4])|[is]([2-9]|[1-5][0-9]|6[0-4]))$"
+_POSSIBLE = "u8, i8 and s8 to u64, i64 and s64 in steps of 8 bits, f32, f64, bool, text, bytes, padding"
+_ORDERS = "`le` or `be` behind a number's type sets its byte order"
+
+
+def _whole_types() -> dict[str, WireType]:
+    """Types that begin and end with a byte."""
+    table: dict[str, WireType] = {}
+    for letter, kind in _INTEGERS.items():
+        for size in range(1, 9):
+            table |= both_orders(f"{letter}{8 * size}", kind, size, sign_magnitude=letter == "s")
+    for size in (4, 8):
+        table |= both_orders(f"f{8 * size}", FieldKind.FLOAT, size)
+    table["bool"] = WireType("bool", FieldKind.BOOL, 1)
+    for kind in (FieldKind.TEXT, FieldKind.BYTES, FieldKind.PADDING):
+        table[kind.value] = WireType(kind.value, kind, 0)
+    return table
+
+
+_WHOLE_TYPES = _whole_types()
+_CONTAINER_TYPES = {word: t for word, t in _WHOLE_TYPES.items() if t.kind == FieldKind.UNSIGNED}
+
+
+def _any_width(word: str) -> WireType | None:
+    """An integer of 1 to 64 bits; with a sign it has 2 at least."""
+    match = _ANY_WIDTH.fullmatch(word)
+    if match is None:
+        return None
+    letter, bits = match[1], int(match[2])
+    if bits > 64 or (bits == 1 and letter != "u"):
+        return None
+    if bits % 8 == 0:
+        return _WHOLE_TYPES[word]
+    return WireType(word, _INTEGERS[letter], 0, bits=bits, sign_magnitude=letter == "s")
+
+
+def _field_type(value: object) -> WireType:
+    if not isinstance(value, str):
+        raise wrong(f"{describe(value)} is not a type; possible: {_POSSIBLE}; {_ORDERS}")
+    found = _WHOLE_TYPES.get(value) or _any_width(value)
+    if found is not None:
+        return found
+    if value.endswith(("le", "be")) and (_WHOLE_TYPES.get(value[:-2]) or _any_width(value[:-2])) is not None:
+        raise wrong(f"{quoted(value)} has no byte order to choose; write `{value[:-2]}`")
+    known = FOREIGN_TYPES.get(value.lower())
+    if known is not None:
+        raise wrong(f"{quoted(value)} is not a type here; write `{known}`")
+    raise wrong(f"{quoted(value)} is not a type here; possible: {_POSSIBLE}; {_ORDERS}")
+
+
+def _bit_type(value: object) -> WireType:
+    possible = "possible: u1 to u64, i2 to i64, s2 to s64, bool, padding"
+    found = (_WHOLE_TYPES.get(value) or _any_width(value)) if isinstance(value, str) else None
+    if found is None or found.order is not None or found.kind in (FieldKind.FLOAT, FieldKind.TEXT, FieldKind.BYTES):
+        raise wrong(f"{describe(value)} is not a type of a bit field; {possible}")
+    return found
+
+
+def _container_type(value: object) -> WireType:
+    if isinstance(value, str) and value in _CONTAINER_TYPES:
+        return _CONTAINER_TYPES[value]
+    raise wrong(f"{describe(value)} cannot hold bit fields; write u8, u16 or another unsigned type up to u64")
+
+
+_WidthText = Annotated[str, Field(pattern=_ANY_WIDTH_PATTERN)]
+FieldType = Annotated[
+    WireType,
+    PlainValidator(_field_type, json_schema_input_type=Literal[tuple(_WHOLE_TYPES)] | _WidthText),
+]
+BitType = Annotated[WireType, PlainValidator(_bit_type, json_schema_input_type=Literal["bool", "padding"] | _WidthText)]
+ContainerType = Annotated[
+    WireType, PlainValidator(_container_type, json_schema_input_type=Literal[tuple(_CONTAINER_TYPES)])
+]

@@ -1,0 +1,431 @@
+"""The syntax of the `frame` section: which parts there are, and which options each takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Tag
+from pydantic_core import PydanticCustomError
+
+from wirebond.protocol.problems import quoted, suggestion
+from wirebond.protocol.text.scalars import (
+    Bool,
+    CheckName,
+    ConstantBytes,
+    DelimiterBytes,
+    Duration,
+    LengthOffset,
+    MagicBytes,
+    MagicValue,
+    Name,
+    OneByte,
+    PartRange,
+    PartType,
+    Register,
+    ReservedBytes,
+    When,
+    describe,
+    one_of_numbers,
+    one_word,
+    whole,
+    wrong,
+)
+from wirebond.protocol.text.wording import Syntax
+
+MAX_PARTS = 32
+_TAG = "part:"  # begins the union tags that pydantic puts into error locations; no key of a file looks so
+
+
+def _type_alone(value: object) -> object:
+    """`length: u8` is short for `length: {type: u8}`."""
+    return value if isinstance(value, dict) else {"type": value}
+
+
+class Length(Syntax):
+    """A length number, in full."""
+
+    noun = "`length`"
+
+    type: PartType = Field(description="Width, and byte order where `le` or `be` follows.", examples=["u8"])
+    counts: Annotated[str, one_word("payload", "rest", "self_and_rest", "frame")] = Field(
+        "payload",
+        description="What it counts: the payload, all that follows it, itself and all that follows, the whole frame.",
+        examples=["payload"],
+    )
+    offset: LengthOffset = Field(0, description="Added to what it counts, in bytes.", examples=[0])
+    unit: Annotated[int, PlainValidator(one_of_numbers(1, 2, 4), json_schema_input_type=Literal[1, 2, 4])] = Field(
+        1, description="Bytes that one count stands for; with `counts: payload` only.", examples=[2]
+    )
+
+
+class Check(Syntax):
+    """A check, in full. `type: crc` with `width` and `poly` gives a CRC of one's own."""
+
+    noun = "`check`"
+
+    type: CheckName = Field(
+        description="Name in the catalogue of CRC algorithms, xor8, sum8, sum16, sum32, or crc for one's own.",
+        examples=["crc-16/ibm-sdlc"],
+    )
+    over: PartRange | None = Field(
+        None,
+        description="The parts it covers, first..last by kind or name; all that precede it unless said.",
+        examples=["id..payload"],
+    )
+    byte: Annotated[str | None, one_word("low", "high")] = Field(
+        None, description="Send this byte of the check's value alone.", examples=["high"]
+    )
+    byte_order: Annotated[str | None, one_word("little", "big")] = Field(
+        None, description="Byte order of the check; the file's unless said.", examples=["big"]
+    )
+    text: Annotated[str | None, one_word("hex")] = Field(
+        None, description="Sent as hex digits, two a byte, the highest first.", examples=["hex"]
+    )
+    seed: Annotated[str | None, one_word("message")] = Field(
+        None,
+        description="Each message's `seed` is counted behind the range, and not sent.",
+        examples=["message"],
+    )
+    width: Annotated[
+        int | None,
+        PlainValidator(one_of_numbers(8, 16, 24, 32, 64), json_schema_input_type=Literal[8, 16, 24, 32, 64]),
+    ] = Field(None, description="Bits of one's own CRC.", examples=[16])
+    poly: Register | None = Field(
+        None, description="Polynomial, highest power first, without the leading one.", examples=["0x1021"]
+    )
+    init: Register | None = Field(None, description="Register at the start; 0 unless said.", examples=["0xFFFF"])
+    refin: Bool | None = Field(None, description="Bytes enter lowest bit first; false unless said.", examples=["true"])
+    refout: Bool | None = Field(None, description="The result is reflected; false unless said.", examples=["true"])
+    xorout: Register | None = Field(None, description="Combined with the result; 0 unless said.", examples=["0xFFFF"])
+
+
+def _payload(value: object) -> int | str:
+    rules = ("by_length", "by_id", "rest")
+    if isinstance(value, str):
+        if value in rules:
+            return value
+        raise wrong(f"{quoted(value)} does not say a payload's size; {suggestion(value, rules)}, or a number of bytes")
+    try:
+        return whole(0, 0xFFFF)(value)
+    except PydanticCustomError:
+        raise wrong(
+            f"{describe(value)} does not say a payload's size; write by_length, by_id, rest, or a "
+            "number of bytes up to 65535"
+        ) from None
+
+
+class PartSyntax(Syntax):
+    """One part of a frame: exactly one key that says which, and options."""
+
+    name: Name | None = Field(
+        None,
+        description="A name for this part, for `over:` and for messages of tools.",
+        examples=["header_check"],
+    )
+
+    when: When | None = Field(
+        None,
+        description="The part is there only if a bit of a header field is set, or the magic is this one.",
+        examples=["flags & 0x01"],
+    )
+
+    @classmethod
+    def known_keys(cls) -> list[str]:
+        options = ("name", "when")
+        return [*(key for key in cls.model_fields if key not in options), *options]
+
+
+class MagicPart(PartSyntax):
+    """Bytes that begin every frame."""
+
+    noun = "a `magic` part"
+    magic: MagicValue = Field(
+        description="1 to 4 bytes that begin every frame; {any: [...]}: one of several; "
+        "{host: ..., mcu: ...}: one for each direction.",
+        examples=["0xAA 0x55"],
+    )
+
+
+class ConstantPart(PartSyntax):
+    """Bytes that are always the same, anywhere."""
+
+    noun = "a `constant` part"
+    constant: ConstantBytes = Field(description="Bytes that are always the same.", examples=["0x01"])
+
+
+class TailPart(PartSyntax):
+    """Bytes that end every frame."""
+
+    noun = "a `tail` part"
+    tail: MagicBytes = Field(description="1 to 4 bytes that end every frame.", examples=["0x0D"])
+
+
+class DelimiterPart(Syntax):
+    """The byte, or the two, before and after every frame."""
+
+    noun = "a `delimiter` part"
+    delimiter: DelimiterBytes = Field(
+        description="The byte, or the two, that stand before and after every frame; first and last part.",
+        examples=["0x00"],
+    )
+
+
+class LengthPart(PartSyntax):
+    """A number that tells the payload's size."""
+
+    noun = "a `length` part"
+    length: Annotated[Length, BeforeValidator(_type_alone, json_schema_input_type=PartType | Length)] = Field(
+        description="A number that tells the payload's size.", examples=["u8"]
+    )
+
+
+class IdPart(PartSyntax):
+    """The message's id."""
+
+    noun = "an `id` part"
+    id: PartType = Field(description="The message's id.", examples=["u8"])
+
+
+class PayloadPart(PartSyntax):
+    """Where the message's fields stand, and how the payload's size is known."""
+
+    noun = "a `payload` part"
+    trim_zeros: Bool = Field(
+        False,
+        description="Zeros at the payload's end are not sent, and put back by the receiver.",
+        examples=["true"],
+    )
+    payload: Annotated[
+        int | str,
+        PlainValidator(
+            _payload,
+            json_schema_input_type=Literal["by_length", "by_id", "rest"] | Annotated[int, Field(ge=0, le=0xFFFF)],
+        ),
+    ] = Field(
+        description="The payload's size: a number of bytes (shorter messages are padded with "
+        "zeros), by_length, by_id "
+        "(each message's own size), or rest (what lies between the delimiters).",
+        examples=["by_length"],
+    )
+
+
+class ReservedPart(PartSyntax):
+    """Bytes without meaning."""
+
+    noun = "a `reserved` part"
+    reserved: ReservedBytes = Field(
+        description="Number of bytes that are sent as 0 and ignored on receive.", examples=[2]
+    )
+
+
+class FieldPart(PartSyntax):
+    """A named number of the header."""
+
+    noun = "a `field` part"
+    field: Name = Field(description="Name of a number in the header.", examples=["system_id"])
+    type: PartType = Field(description="Its width.", examples=["u8"])
+    default: Register = Field(0, description="What is sent unless the sender says otherwise.", examples=[1])
+
+
+class SequencePart(PartSyntax):
+    """A number that rises by one from frame to frame."""
+
+    noun = "a `sequence` part"
+    sequence: PartType = Field(description="Its width; it rises by one from frame to frame.", examples=["u8"])
+
+
+class BitRun(Syntax):
+    """A run of bits, in full."""
+
+    noun = "a run of bits"
+
+    bits: Annotated[int, PlainValidator(whole(1, 32), json_schema_input_type=Annotated[int, Field(ge=1, le=32)])] = (
+        Field(description="Number of bits.", examples=[4])
+    )
+    default: Register | None = Field(None, description="What is sent unless the sender says otherwise.", examples=[0])
+    constant: Register | None = Field(None, description="The value that it always has.", examples=["0x01"])
+
+
+def _run(value: object) -> object:
+    """`length: 10` is short for `length: {bits: 10}`."""
+    return value if isinstance(value, dict) else {"bits": value}
+
+
+class BitsPart(PartSyntax):
+    """Header bytes whose bits are shared."""
+
+    noun = "a `bits` part"
+    bits: PartType = Field(description="Width of the bytes whose bits are shared.", examples=["u16"])
+    fields: dict[Name, Annotated[BitRun, BeforeValidator(_run, json_schema_input_type=int | BitRun)]] = Field(
+        description="Name and number of bits of each run, from the lowest bit up. `id`, `length` and `sequence` "
+        "are what they say; `constant:` gives a run that never changes.",
+        examples=["{id: 6, length: 10}"],
+    )
+    first: Annotated[str, one_word("low", "high")] = Field(
+        "low", description="Whether the first run has the lowest or the highest bits.", examples=["high"]
+    )
+    counts: Annotated[str, one_word("payload", "rest", "self_and_rest", "frame")] = Field(
+        "payload", description="What a `length` run counts.", examples=["payload"]
+    )
+    offset: LengthOffset = Field(0, description="Added to what a `length` run counts, in bytes.", examples=[0])
+
+
+class CheckPart(PartSyntax):
+    """A check over other parts."""
+
+    noun = "a `check` part"
+    check: Annotated[Check, BeforeValidator(_type_alone, json_schema_input_type=CheckName | Check)] = Field(
+        description="A check over other parts, by name or in full.", examples=["crc-16/ibm-sdlc"]
+    )
+
+
+_INNER = (
+    "magic", "constant", "tail", "length", "id", "payload", "reserved", "field", "sequence", "bits", "check",
+)  # fmt: skip
+_OUTER = (*_INNER, "delimiter", "cobs", "slip", "hdlc", "doubled", "escaped", "silence")
+
+
+def _part_key(value: object) -> str:
+    found = part_keys(value) if isinstance(value, dict) else []
+    return _TAG + found[0] if found else ""
+
+
+def part_keys(value: dict[str, object]) -> list[str]:
+    """The keys that say which part this is. An option that is called as a part (`bits` within `fields`) is none."""
+    return [key for key in value if key in _OUTER]
+
+
+def _one_part(allowed: tuple[str, ...]) -> Callable[[object], object]:
+    def check(value: object) -> object:
+        if not isinstance(value, dict):
+            raise wrong(f"{describe(value)} is not a part of a frame; write `- part: value`, such as `- magic: 0xAA`")
+        found = part_keys(value)
+        if len(found) == 1 and found[0] in allowed:
+            return value
+        if len(found) == 1:
+            raise wrong(f"`{found[0]}` cannot stand within stuffed parts; possible: {', '.join(allowed)}")
+        if found:
+            both = " and ".join(f"`{key}`" for key in found)
+            raise wrong(f"{both} are {len(found)} parts in one entry; begin each with a `- ` of its own")
+        key = next(iter(value), "")
+        raise wrong(f"{quoted(str(key))} is not a part of a frame; {suggestion(str(key), allowed)}")
+
+    return check
+
+
+InnerPart = Annotated[
+    Annotated[MagicPart, Tag("part:magic")]
+    | Annotated[ConstantPart, Tag("part:constant")]
+    | Annotated[TailPart, Tag("part:tail")]
+    | Annotated[LengthPart, Tag("part:length")]
+    | Annotated[IdPart, Tag("part:id")]
+    | Annotated[PayloadPart, Tag("part:payload")]
+    | Annotated[ReservedPart, Tag("part:reserved")]
+    | Annotated[FieldPart, Tag("part:field")]
+    | Annotated[SequencePart, Tag("part:sequence")]
+    | Annotated[BitsPart, Tag("part:bits")]
+    | Annotated[CheckPart, Tag("part:check")],
+    Discriminator(_part_key),
+    BeforeValidator(_one_part(_INNER)),
+]
+
+InnerParts = Annotated[list[InnerPart], Field(min_length=1, max_length=MAX_PARTS)]
+
+
+class CobsPart(Syntax):
+    """Parts that are stuffed with COBS."""
+
+    noun = "a `cobs` part"
+    cobs: list[InnerPart] = Field(
+        min_length=1,
+        max_length=MAX_PARTS,
+        description="The parts between the delimiters, stuffed with COBS so that they cannot contain one.",
+        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
+    )
+
+
+class SlipPart(Syntax):
+    """Parts that are stuffed as SLIP does (RFC 1055)."""
+
+    noun = "a `slip` part"
+    slip: InnerParts = Field(
+        description="The parts between the delimiters 0xC0, stuffed as SLIP does.",
+        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
+    )
+
+
+class HdlcPart(Syntax):
+    """Parts that are stuffed as HDLC does on asynchronous lines (RFC 1662)."""
+
+    noun = "an `hdlc` part"
+    hdlc: InnerParts = Field(
+        description="The parts between the delimiters 0x7E, stuffed as HDLC does: 0x7D, then the byte xor 0x20.",
+        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
+    )
+
+
+class DoubledPart(Syntax):
+    """Parts in which the delimiters' first byte is doubled."""
+
+    noun = "a `doubled` part"
+    doubled: InnerParts = Field(
+        description="The parts between delimiters of two bytes that begin alike (DLE STX, DLE ETX): this first byte "
+        "is sent twice where it stands among them.",
+        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
+    )
+
+
+class Escaped(Syntax):
+    """An escape rule of one's own."""
+
+    noun = "`escaped`"
+
+    escape: OneByte = Field(description="The byte that announces a stuffed one.", examples=["0x10"])
+    xor: OneByte = Field(description="A stuffed byte is sent xor this.", examples=["0x20"])
+    also: ConstantBytes | None = Field(
+        None, description="Bytes to stuff beside the delimiters and the escape.", examples=["0x11 0x13"]
+    )
+    parts: InnerParts = Field(
+        description="The parts that are stuffed.", examples=["[id: u8, payload: rest, check: sum8]"]
+    )
+
+
+class EscapedPart(Syntax):
+    """Parts that are stuffed by an escape rule of one's own."""
+
+    noun = "an `escaped` part"
+    escaped: Escaped = Field(description="Escape rule of one's own, and the parts that it covers.")
+
+
+class SilencePart(Syntax):
+    """The pause that ends a frame."""
+
+    noun = "a `silence` part"
+    silence: Duration = Field(
+        description="Last part: a frame ends when the line is silent for so long.", examples=["2 ms"]
+    )
+
+
+Part = Annotated[
+    Annotated[MagicPart, Tag("part:magic")]
+    | Annotated[ConstantPart, Tag("part:constant")]
+    | Annotated[TailPart, Tag("part:tail")]
+    | Annotated[DelimiterPart, Tag("part:delimiter")]
+    | Annotated[LengthPart, Tag("part:length")]
+    | Annotated[IdPart, Tag("part:id")]
+    | Annotated[PayloadPart, Tag("part:payload")]
+    | Annotated[ReservedPart, Tag("part:reserved")]
+    | Annotated[FieldPart, Tag("part:field")]
+    | Annotated[SequencePart, Tag("part:sequence")]
+    | Annotated[BitsPart, Tag("part:bits")]
+    | Annotated[CheckPart, Tag("part:check")]
+    | Annotated[SlipPart, Tag("part:slip")]
+    | Annotated[HdlcPart, Tag("part:hdlc")]
+    | Annotated[DoubledPart, Tag("part:doubled")]
+    | Annotated[EscapedPart, Tag("part:escaped")]
+    | Annotated[SilencePart, Tag("part:silence")]
+    | Annotated[CobsPart, Tag("part:cobs")],
+    Discriminator(_part_key),
+    BeforeValidator(_one_part(_OUTER)),
+]

@@ -1,0 +1,56 @@
+"""The JSON Schema of protocol files, for editors and other tools, made from the grammar.
+
+``python -m wirebond.protocol.text.schema > protocols/wirebond.schema.json`` brings the published copy up to date.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+from wirebond.protocol.text.grammar import File
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def json_schema() -> dict[str, Any]:
+    """A new dict each time; the caller may change it."""
+    schema = _tidied(File.model_json_schema(mode="validation"))
+    assert isinstance(schema, dict)
+    return {"$schema": DIALECT, **schema, "title": "Wirebond protocol file"}
+
+
+def schema_text() -> str:
+    """The published file's text."""
+    return json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def _tidied_items(named: dict[str, Any]) -> dict[str, Any]:
+    """Keys in here are names of the file, such as `default`, and all stay."""
+    return {name: _tidied(item) for name, item in named.items()}
+
+
+def _tidied(value: Any) -> Any:
+    """Without titles made from Python's names, and without null: a key has a value or is left out."""
+    if isinstance(value, list):
+        return [_tidied(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    schema: dict[str, Any] = {
+        key: _tidied_items(entry) if key in ("properties", "$defs") else _tidied(entry)
+        for key, entry in value.items()
+        if not (key == "title" and isinstance(entry, str)) and not (key == "default" and entry is None)
+    }
+    if "patternProperties" in schema:
+        schema["additionalProperties"] = False  # a name that fits no pattern is no name
+    choices = schema.get("anyOf")
+    if choices is not None:
+        kept = [choice for choice in choices if choice != {"type": "null"}]
+        del schema["anyOf"]
+        schema |= kept[0] if len(kept) == 1 else {"anyOf": kept}
+    return schema
+
+
+if __name__ == "__main__":
+    sys.stdout.write(schema_text())
