@@ -141,8 +141,8 @@ int Link::send(nb::bytes frame, bool urgent, std::int16_t reply) {
   return 0;
 }
 
-void Link::set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, double period, double hold,
-                        std::int16_t reply) {
+void Link::repeat(std::size_t message, nb::bytes frame, nb::bytes safe, double period, double hold,
+                  std::int16_t reply) {
   std::vector<std::uint8_t> bytes = bytes_of(frame);
   std::vector<std::uint8_t> safe_bytes = bytes_of(safe);
   {
@@ -161,7 +161,7 @@ void Link::set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, do
   wake();
 }
 
-void Link::stop_repeated(std::size_t message) {
+void Link::stop_repeating(std::size_t message) {
   const std::lock_guard lock(mutex_);
   repeated_.erase(
       std::remove_if(repeated_.begin(), repeated_.end(), [&](const Repeated& r) { return r.message == message; }),
@@ -436,9 +436,9 @@ void bind_link(nb::module_& m) {
           nb::arg("protocol"), nb::arg("receive"), nb::arg("path"), nb::arg("baud"), nb::arg("data_bits"),
           nb::arg("parity"), nb::arg("stop_bits"), nb::arg("idle_seconds"), nb::arg("deadlines"))
       .def("send", &Link::send, nb::arg("frame"), nb::arg("urgent"), nb::arg("reply"))
-      .def("set_repeated", &Link::set_repeated, nb::arg("message"), nb::arg("frame"), nb::arg("safe"),
-           nb::arg("period"), nb::arg("hold"), nb::arg("reply"))
-      .def("stop_repeated", &Link::stop_repeated, nb::arg("message"))
+      .def("repeat", &Link::repeat, nb::arg("message"), nb::arg("frame"), nb::arg("safe"), nb::arg("period"),
+           nb::arg("hold"), nb::arg("reply"))
+      .def("stop_repeating", &Link::stop_repeating, nb::arg("message"))
       .def("receive", &Link::receive, nb::arg("timeout"))
       .def("stats", &Link::stats)
       .def("state", &Link::state)

@@ -45,9 +45,8 @@ class Link {
 
   /// Repeat `frame` every `period`, until `hold` seconds after this call; then `safe` once, if not empty. `reply` as
   /// for `send`.
-  void set_repeated(std::size_t message, nb::bytes frame, nb::bytes safe, double period, double hold,
-                    std::int16_t reply);
-  void stop_repeated(std::size_t message);
+  void repeat(std::size_t message, nb::bytes frame, nb::bytes safe, double period, double hold, std::int16_t reply);
+  void stop_repeating(std::size_t message);
 
   /// Messages that came in since the last call; waits up to `timeout` seconds for the first one.
   nb::list receive(double timeout);

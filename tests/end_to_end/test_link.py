@@ -80,7 +80,7 @@ def test_objects_of_generated_modules_are_sent_as_their_name_and_values(port: Pt
     with wirebond.open(proto, port.path) as link:
         link.send(Velocity())
         assert read_until(port, len(expected)) == expected
-        link.set(Velocity(), hold=0.1)
+        link.repeat(Velocity(), hold=0.1)
         assert read_until(port, len(expected))[: len(expected)] == expected
         with pytest.raises(UsageError, match="Velocity has its values already"):
             link.send(Velocity(), linear=0.1)
@@ -152,7 +152,7 @@ def test_link_comes_back_when_the_device_does(tmp_path: Path) -> None:
 def test_repeated_value_ends_with_its_lease_and_the_safe_value(port: PtyPort) -> None:
     proto = codec("diffdrive")
     with wirebond.open(proto, port.path) as link:
-        link.set("velocity", linear=0.5, angular=0.0, hold=0.3)
+        link.repeat("velocity", linear=0.5, angular=0.0, hold=0.3)
         decoder = proto.decoder("host")
         messages = []
         end = time.monotonic() + PATIENCE
@@ -185,7 +185,7 @@ def test_host_deadlines_run_from_start_up_and_end_with_a_message(port: PtyPort, 
 @pytest.mark.parametrize("hold", [0.0, -1.0, float("nan"), float("inf"), 1e30])
 def test_lease_without_end_is_refused(port: PtyPort, hold: float) -> None:
     with wirebond.open(codec("diffdrive"), port.path) as link, pytest.raises(UsageError, match="at most 60 s"):
-        link.set("velocity", linear=0.5, hold=hold)
+        link.repeat("velocity", linear=0.5, hold=hold)
 
 
 def test_emergency_stop_overtakes_a_full_queue(port: PtyPort) -> None:

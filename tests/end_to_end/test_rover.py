@@ -28,7 +28,7 @@ with wirebond.open(sys.argv[1], sys.argv[2]) as link:
     link.send("parameter", name="clear_safe_mode", value=0)
     print("driving", flush=True)
     while True:
-        link.set("velocity", linear=0.5, angular=0.0)
+        link.repeat("velocity", linear=0.5, angular=0.0)
         link.receive(0.05)
 """
 
@@ -161,7 +161,7 @@ def drive(link: wirebond.Link, linear: float, angular: float, odometry: int) -> 
     end = time.monotonic() + PATIENCE
     while len(messages) < odometry:
         assert time.monotonic() < end, "no odometry"
-        link.set("velocity", linear=linear, angular=angular)
+        link.repeat("velocity", linear=linear, angular=angular)
         messages += [m for m in link.receive(0.05) if m.name == "odometry"]
     return messages
 

@@ -100,7 +100,7 @@ class Link:
         self._check_sender(name)
         self._send(name, self.codec.encode(name, given), urgent=False)
 
-    def set(
+    def repeat(
         self,
         message: str | TypedMessage,
         values: Mapping[str, Any] | None = None,
@@ -117,7 +117,7 @@ class Link:
         """
         if not 0 < hold <= MAX_HOLD:
             raise UsageError(
-                f"hold is {hold:g} s; expected more than 0 and at most {MAX_HOLD:g} s: call set() again in time"
+                f"hold is {hold:g} s; expected more than 0 and at most {MAX_HOLD:g} s: call repeat() again in time"
             )
         name, given = name_and_values(message, values, fields)
         self._check_sender(name)
@@ -129,15 +129,15 @@ class Link:
         safe = b""
         if stop is not None and stop.message == name:
             safe = self.codec.encode(name, dict(stop.values))
-        self._engine.set_repeated(self.codec.index_of(name), frame, safe, period, hold, self._reply_index(name))
+        self._engine.repeat(self.codec.index_of(name), frame, safe, period, hold, self._reply_index(name))
 
-    def unset(self, message: str) -> None:
+    def stop_repeating(self, message: str) -> None:
         """Stop repeating, without a last value.
 
         :raises MessageError: the protocol has no such message.
         """
         self._check_sender(message)
-        self._engine.stop_repeated(self.codec.index_of(message))
+        self._engine.stop_repeating(self.codec.index_of(message))
 
     def emergency_stop(self) -> None:
         """Send the file's ``emergency_stop`` before all that waits to be sent, and stop repeating that message.
@@ -148,7 +148,7 @@ class Link:
         stop = self.codec.model.emergency_stop
         if stop is None:
             raise UsageError(f"{self.codec.name} has no emergency_stop")
-        self.unset(stop.message)
+        self.stop_repeating(stop.message)
         self._send(stop.message, self.codec.encode(stop.message, dict(stop.values)), urgent=True)
 
     # ---- receiving

@@ -58,9 +58,9 @@ class Driver:
     def step(self, now: float) -> None:
         if now >= self._phase_end:
             self._begin(now)
-        self._link.set("status_query", hold=2.0)
+        self._link.repeat("status_query", hold=2.0)
         if self.phase.linear is not None:
-            self._link.set("velocity", linear=self.phase.linear, angular=self.phase.angular)
+            self._link.repeat("velocity", linear=self.phase.linear, angular=self.phase.angular)
 
     def _begin(self, now: float) -> None:
         if self._index >= 0 and self.phase.estop:
@@ -70,7 +70,7 @@ class Driver:
         if self.phase.estop:
             self._process.tell("estop on")
         if self.phase.linear is None:
-            self._link.unset("velocity")
+            self._link.stop_repeating("velocity")
             return
         try:
             self._link.send("parameter", name="clear_safe_mode", value=0)
