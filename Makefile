@@ -26,7 +26,7 @@ test: build/setup-test.stamp lint ## everything that must hold, in under ten min
 	@$(PYTHON) -m pytest -n 2 --dist worksteal -m "not long"
 
 .PHONY: prove
-prove: build/setup-test.stamp ## the long forms of the proofs
+prove: build/setup-test.stamp ## the long proofs
 	@$(PYTHON) -m pytest -n 2
 
 .PHONY: bench

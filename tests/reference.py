@@ -56,12 +56,12 @@ class _Incomplete(Exception):  # noqa: N818
 def decode(protocol: Protocol, stream: bytes, sender: End | None = None, request: str | None = None) -> Result:
     """Everything in ``stream``, as if nothing ever followed it. ``request`` went out before it."""
     protocol = replace(protocol, messages=_meant(protocol, sender, request))
-    frame = protocol.frame
-    if frame.ends_by_silence:
+    frame_format = protocol.format
+    if frame_format.ends_by_silence:
         return _decode_block(protocol, stream, sender)
-    if frame.delimiter is None:
+    if frame_format.delimiter is None:
         return _decode_by_start(protocol, stream, sender)
-    if frame.opening in (None, frame.delimiter):
+    if frame_format.opening in (None, frame_format.delimiter):
         return _decode_delimited(protocol, stream, sender)
     return _decode_bracketed(protocol, stream, sender)
 
@@ -95,8 +95,8 @@ def decode_blocks(protocol: Protocol, blocks: list[bytes], sender: End | None = 
 
 def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
     result = Result()
-    payload_at = next(i for i, p in enumerate(protocol.frame.parts) if p.kind == PartKind.PAYLOAD)
-    header = _longest(protocol.frame.parts[:payload_at])
+    payload_at = next(i for i, p in enumerate(protocol.format.parts) if p.kind == PartKind.PAYLOAD)
+    header = _longest(protocol.format.parts[:payload_at])
     blame_end, blame = 0, ""
     at = 0
     while at < len(stream):
@@ -115,7 +115,7 @@ def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> R
             result.rejected_candidates[cause] += 1
             if at + extent > max(blame_end, at):
                 blame_end, blame = at + extent, cause
-            if protocol.frame.is_strict and extent > header:
+            if protocol.format.is_strict and extent > header:
                 failed = extent
         for place in range(at, at + failed):
             result.discarded_bytes[blame if place < blame_end else "no_start"] += 1
@@ -125,7 +125,7 @@ def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> R
 
 def _may_start(protocol: Protocol, byte: int, sender: End | None) -> bool:
     """Is this byte the first of a frame, as far as its constants tell?"""
-    first = protocol.frame.parts[0]
+    first = protocol.format.parts[0]
     if first.kind == PartKind.MAGIC:
         return any(magic[0] == byte for magic in _magics(first, sender))
     if first.kind in CONSTANTS:
@@ -135,8 +135,8 @@ def _may_start(protocol: Protocol, byte: int, sender: End | None) -> bool:
 
 def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
     result = Result()
-    assert protocol.frame.delimiter is not None
-    delimiter = protocol.frame.delimiter
+    assert protocol.format.delimiter is not None
+    delimiter = protocol.format.delimiter
     longest = _longest_on_wire(protocol)
     at = 0
     while at < len(stream):
@@ -165,7 +165,7 @@ def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> 
 
 def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
     result = Result()
-    opening, closing = protocol.frame.opening, protocol.frame.delimiter
+    opening, closing = protocol.format.opening, protocol.format.delimiter
     assert opening is not None and closing is not None
     longest = _longest_on_wire(protocol)
     blame_end, blame = 0, ""
@@ -187,7 +187,7 @@ def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> 
                 result.rejected_candidates[rejected.cause] += 1
                 if at + end > max(blame_end, at):
                     blame_end, blame = at + end, rejected.cause
-                failed = end if protocol.frame.is_strict and not outcome else 1  # its closing delimiter was found
+                failed = end if protocol.format.is_strict and not outcome else 1  # its closing delimiter was found
             else:
                 result.frames.append(Frame(at, stream[at : at + end], message_id, name))
                 at += end
@@ -200,7 +200,7 @@ def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> 
 
 def _bracketed_content(protocol: Protocol, candidate: bytes, opening: bytes, closing: bytes) -> tuple[bytes, str]:
     """What lies behind the opening delimiter, and why it is no frame; "" where the closing delimiter ends it."""
-    escapes = protocol.frame.escapes
+    escapes = protocol.format.escapes
     doubled = None
     if escapes is not None and escapes.escape == opening[0]:
         doubled = opening[0]
@@ -234,7 +234,7 @@ def _decode_block(protocol: Protocol, block: bytes, sender: End | None) -> Resul
 
 def _longest_frame(protocol: Protocol) -> int:
     """Of all forms of the frame the longest, before stuffing."""
-    return _longest(protocol.frame.parts) + protocol.frame.max_payload
+    return _longest(protocol.format.parts) + protocol.format.max_payload
 
 
 def _longest(parts: tuple[Part, ...]) -> int:
@@ -251,12 +251,12 @@ def _longest(parts: tuple[Part, ...]) -> int:
 
 def _longest_on_wire(protocol: Protocol) -> int:
     longest = _longest_frame(protocol)
-    closing = protocol.frame.delimiter or b""
-    return longest + _overhead(protocol, longest) + len(protocol.frame.opening or closing) + len(closing)
+    closing = protocol.format.delimiter or b""
+    return longest + _overhead(protocol, longest) + len(protocol.format.opening or closing) + len(closing)
 
 
 def _overhead(protocol: Protocol, size: int) -> int:
-    return {"none": 0, "cobs": 1 + size // 254, "escape": size}[protocol.frame.stuffing]
+    return {"none": 0, "cobs": 1 + size // 254, "escape": size}[protocol.format.stuffing]
 
 
 def _judge_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[int, str]:
@@ -275,15 +275,15 @@ def _judge_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[
 
 def _unstuffed(protocol: Protocol, block: bytes) -> bytes | None:
     """What the sender stuffed, and around it what it sent as it is."""
-    if protocol.frame.stuffing == "none":
+    if protocol.format.stuffing == "none":
         return block
-    stuffed = [i for i, part in enumerate(protocol.frame.parts) if not part.is_plain]
-    front = sum(part.size for part in protocol.frame.parts[: stuffed[0]])
-    back = sum(part.size for part in protocol.frame.parts[stuffed[-1] + 1 :])
+    stuffed = [i for i, part in enumerate(protocol.format.parts) if not part.is_plain]
+    front = sum(part.size for part in protocol.format.parts[: stuffed[0]])
+    back = sum(part.size for part in protocol.format.parts[stuffed[-1] + 1 :])
     if len(block) < front + back:
         return None
     middle = block[front : len(block) - back]
-    escapes = protocol.frame.escapes
+    escapes = protocol.format.escapes
     content = unescape(escapes, middle) if escapes is not None else uncobs(middle)
     return None if content is None else block[:front] + content + block[len(block) - back :]
 
@@ -350,27 +350,31 @@ def _judge(protocol: Protocol, data: bytes, sender: End | None, block: bytes | N
 
     ``block``: the frame ends where ``data`` does, and was this on the wire.
     """
-    frame = protocol.frame
-    payload_at = next(i for i, p in enumerate(frame.parts) if p.kind == PartKind.PAYLOAD)
-    header, before = _read_header(frame.parts[:payload_at], data, sender)
-    after = [p for p in frame.parts[payload_at + 1 :] if header.has(p)]
-    parts = (*before, frame.parts[payload_at], *after)
+    frame_format = protocol.format
+    payload_at = next(i for i, p in enumerate(frame_format.parts) if p.kind == PartKind.PAYLOAD)
+    header, before = _read_header(frame_format.parts[:payload_at], data, sender)
+    after = [p for p in frame_format.parts[payload_at + 1 :] if header.has(p)]
+    parts = (*before, frame_format.parts[payload_at], *after)
     prefix, suffix = sum(p.size for p in before), sum(p.size for p in after)
 
     size, known_size = _payload_size(protocol, parts, header, data, prefix, suffix, sender)
     early_id = header.id is not None
     message_id = header.id or 0
     message = _message(protocol, message_id, sender)
-    if early_id and not frame.deliver_unknown and not _fits(frame.parts[payload_at], message, size, known_size):
+    if (
+        early_id
+        and not frame_format.deliver_unknown
+        and not _fits(frame_format.parts[payload_at], message, size, known_size)
+    ):
         raise _Rejected("unknown_message", prefix)
 
     header_parts = {id(p) for p in before}
-    places = {id(p): i for i, p in enumerate(frame.parts)}
+    places = {id(p): i for i, p in enumerate(frame_format.parts)}
     for part in before:  # checks of the header
         if (
             part.kind == PartKind.CHECK
             and part.last < payload_at
-            and not _holds(frame.parts, parts, places[id(part)], data, data, payload_at, 0, message)
+            and not _holds(frame_format.parts, parts, places[id(part)], data, data, payload_at, 0, message)
         ):
             raise _Rejected("header_check_mismatch", prefix)
 
@@ -397,7 +401,7 @@ def _judge(protocol: Protocol, data: bytes, sender: End | None, block: bytes | N
         at += part.size
     if not early_id:
         message = _message(protocol, message_id, sender)
-        if not frame.deliver_unknown and not _fits(frame.parts[payload_at], message, size, known_size):
+        if not frame_format.deliver_unknown and not _fits(frame_format.parts[payload_at], message, size, known_size):
             raise _Rejected("unknown_message", total)
 
     for part in parts:
@@ -405,10 +409,10 @@ def _judge(protocol: Protocol, data: bytes, sender: End | None, block: bytes | N
         if (
             part.kind == PartKind.CHECK
             and not in_header
-            and not _holds(frame.parts, parts, places[id(part)], data, block or data, payload_at, size, message)
+            and not _holds(frame_format.parts, parts, places[id(part)], data, block or data, payload_at, size, message)
         ):
             raise _Rejected("check_mismatch", total)
-    trims = frame.parts[payload_at].trims_zeros
+    trims = frame_format.parts[payload_at].trims_zeros
     decodable = message is not None and (trims or size >= message.min_payload)
     return total, message_id, message.name if message is not None and decodable else "unknown"
 
@@ -472,7 +476,7 @@ def _payload_size(
 ) -> tuple[int, bool]:
     """Payload bytes, and whether the format itself fixes them."""
     payload = next(p for p in parts if p.kind == PartKind.PAYLOAD)
-    most = protocol.frame.max_payload
+    most = protocol.format.max_payload
     if payload.payload == PayloadRule.FIXED:
         return payload.fixed_payload, True
     if payload.payload == PayloadRule.REST:

@@ -12,14 +12,14 @@ from wirebond.protocol.model import (
     End,
     Field,
     FieldKind,
-    Frame,
+    FrameFormat,
     Message,
     Part,
     PartKind,
     PayloadRule,
     Protocol,
 )
-from wirebond.protocol.plan import Layout, Variant, plan_for, variants
+from wirebond.protocol.plan import Form, FormParts, parts_of_forms, plan_for
 
 
 def random_values(message: Message, source: random.Random) -> dict[str, Any]:
@@ -80,9 +80,9 @@ class Speaker:
 
     def __init__(self, codec: Codec) -> None:
         self._codec = codec
-        self._plain = Codec(replace(codec.model, frame=_PAYLOAD_ALONE))
+        self._plain = Codec(replace(codec.model, format=_PAYLOAD_ALONE))
         self._raw = Codec(_with_raw_payloads(codec.model))
-        self._forms: dict[End, list[tuple[Variant, Layout]]] = {}
+        self._forms: dict[End, list[tuple[FormParts, Form]]] = {}
 
     def valid(self, source: random.Random) -> bytes:
         """What a sender would send."""
@@ -95,35 +95,35 @@ class Speaker:
             return self.valid(source)
         message = source.choice(self._codec.model.messages)
         payload = damaged(self._plain.encode(message.name, random_values(message, source))[1:], source)
-        frame = self._codec.model.frame
-        unit = max(part.length_unit for part in frame.parts)  # sizes between cannot be told
-        payload = payload[: min(len(payload), frame.max_payload) // unit * unit]
+        frame_format = self._codec.model.format
+        unit = max(part.length_unit for part in frame_format.parts)  # sizes between cannot be told
+        payload = payload[: min(len(payload), frame_format.max_payload) // unit * unit]
         stranger = self._raw.model.messages[-1]
         return self._sealed(self._raw, stranger if source.random() < 0.2 else message, {"raw": payload}, source)
 
     def _sealed(self, codec: Codec, message: Message, values: dict[str, Any], source: random.Random) -> bytes:
         forms = self._forms_of(message.sender)
         index = source.randrange(len(forms)) if source.random() < 0.5 else 0
-        variant, layout = forms[index]
+        form_parts, form = forms[index]
         numbers = []
-        for part in layout.header:
+        for part in form.header:
             number = source.randrange(part.number.mask + 1) if source.random() < 0.5 else part.default
-            for condition, truth in variant.bits:
+            for condition, truth in form_parts.bits:
                 if condition.field == part.name:
                     number = number & ~(1 << condition.bit) | truth << condition.bit
             numbers.append(number)
         table = codec.format_for(message.sender)
         return _engine.encode(codec.table, table, codec.index_of(message.name), values, index, numbers)
 
-    def _forms_of(self, sender: End) -> list[tuple[Variant, Layout]]:
+    def _forms_of(self, sender: End) -> list[tuple[FormParts, Form]]:
         if sender not in self._forms:
             model = self._codec.model
-            layouts = plan_for(model, sender).layouts
-            self._forms[sender] = list(zip(variants(model.frame.parts, sender), layouts, strict=True))
+            forms = plan_for(model, sender).forms
+            self._forms[sender] = list(zip(parts_of_forms(model.format.parts, sender), forms, strict=True))
         return self._forms[sender]
 
 
-_PAYLOAD_ALONE = Frame(
+_PAYLOAD_ALONE = FrameFormat(
     (
         Part(PartKind.MAGIC, "magic", 1, value=b"$"),  # a frame has one byte at least
         Part(PartKind.PAYLOAD, "payload", 0, payload=PayloadRule.REST),

@@ -21,7 +21,7 @@ STREAMS = int(os.environ.get("WIREBOND_STREAMS", "12"))  # a format and sender
 
 def stream_for(proto: Codec, source: random.Random) -> bytes:
     """Where silence ends a frame, a stream without times is one block: a frame, or something else."""
-    if not proto.model.frame.ends_by_silence:
+    if not proto.model.format.ends_by_silence:
         return hard_stream(proto, source, pieces=60)
     return source.choice([random_frame(proto, source), source.randbytes(12), random_frame(proto, source) * 9])
 

@@ -1,4 +1,4 @@
-"""The benchmarks' short forms: the same code with fewer frames, so that a figure of the README cannot rot unseen."""
+"""Short benchmarks: the same code with fewer frames, so that a figure of the README cannot rot unseen."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def cases() -> list[object]:
     found = []
     for name in sorted(FORMATS):
         model = load(FORMATS[name]).model
-        if model.frame.ends_by_silence:
+        if model.format.ends_by_silence:
             continue
         for end in (End.MCU, End.HOST):
             for run_time in (False, True):

@@ -31,7 +31,7 @@ VALUES = [*(PROTOCOLS / f"{name}.yaml" for name in NAMES), ROOT / "python" / "te
 
 def stream_for(proto: Codec, source: random.Random, pieces: int) -> bytes:
     """Where silence ends a frame, a stream without times is one block: a frame, or something else."""
-    if not proto.model.frame.ends_by_silence:
+    if not proto.model.format.ends_by_silence:
         return hard_stream(proto, source, pieces)
     return source.choice([random_frame(proto, source), source.randbytes(12), random_frame(proto, source) * 9])
 
@@ -80,7 +80,7 @@ def test_random_bytes_are_judged_alike(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_every_byte_lies_in_one_stretch_and_frames_carry_the_decoders_values(name: str) -> None:
     proto = load(FORMATS[name])
-    pieces = 12 if proto.model.frame.max_payload < 256 else 3  # every byte of a frame is a row or more
+    pieces = 12 if proto.model.format.max_payload < 256 else 3  # every byte of a frame is a row or more
     for seed in range(2):
         stream = stream_for(proto, random.Random(f"{name} {seed}"), pieces)
         explanation = explain(proto.model, stream, any_sender(proto))
@@ -111,11 +111,11 @@ def test_values_and_broken_field_rules_are_the_engines(path: Path) -> None:
 
 def _frame_with(proto: Codec, described: MessageModel, payload: bytes) -> list[Message]:
     """The engine's message for a frame with this payload, its checks worked out by `explain`."""
-    frame = proto.model.frame
-    size = next(p.fixed_payload for p in frame.parts if p.kind == PartKind.PAYLOAD)
+    frame_format = proto.model.format
+    size = next(p.fixed_payload for p in frame_format.parts if p.kind == PartKind.PAYLOAD)
     payload = payload.ljust(size, b"\0")[: size or None]
     data = bytearray()
-    for part, (start, _) in zip(frame.parts, spans(frame.parts, len(payload)), strict=True):
+    for part, (start, _) in zip(frame_format.parts, spans(frame_format.parts, len(payload)), strict=True):
         assert len(data) == start
         order = "big" if part.order == "big" else "little"
         if part.kind == PartKind.PAYLOAD:
@@ -125,13 +125,13 @@ def _frame_with(proto: Codec, described: MessageModel, payload: bytes) -> list[M
         elif part.kind == PartKind.LENGTH:
             data += len(payload).to_bytes(part.size, order)
         elif part.kind == PartKind.CHECK:
-            places = spans(frame.parts, len(payload))
+            places = spans(frame_format.parts, len(payload))
             data += check_value(part, bytes(data[places[part.first][0] : places[part.last][1]]), seed=0)
         else:
             data += part.value or bytes(part.size)
     wire = bytes(data)
-    if frame.delimiter is not None:
-        wire = (frame.opening or b"") + stuff(frame, wire) + frame.delimiter
+    if frame_format.delimiter is not None:
+        wire = (frame_format.opening or b"") + stuff(frame_format, wire) + frame_format.delimiter
     return proto.decoder(End.HOST if described.sender == End.BOTH else described.sender).feed(wire)
 
 
@@ -172,7 +172,7 @@ def test_the_pid_frame_is_explained_by_the_listing() -> None:
 def test_every_byte_of_any_frame_has_a_name(name: str) -> None:
     """And stuffing done in Python gives the engine's bytes again."""
     proto = load(FORMATS[name])
-    frame = proto.model.frame
+    frame_format = proto.model.format
     source = random.Random(name)
     for _ in range(100):
         message = source.choice(proto.model.messages)
@@ -184,7 +184,7 @@ def test_every_byte_of_any_frame_has_a_name(name: str) -> None:
         assert b"".join(row.wire for row in stretch.rows if row.level == 0) == wire
         assert all(rule.holds for rule in stretch.rules)
         (found,) = scan(model, wire, sender).frames
-        assert stuff(frame, found.content.data) == found.content.block
+        assert stuff(frame_format, found.content.data) == found.content.block
 
 
 def test_every_field_kind_of_the_model_is_read() -> None:

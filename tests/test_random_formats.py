@@ -66,7 +66,7 @@ def listen(drawn: Drawn, sender: End | None, source: random.Random, messages: in
     """A stream through the engine, compared with the reference; and the stream."""
     model, speaker = drawn.codec.model, Speaker(drawn.codec)
     pieces = [piece for piece in hard_pieces(lambda: speaker.any(source), source, messages) if piece]
-    if model.frame.ends_by_silence:
+    if model.format.ends_by_silence:
         expected = reference.decode_blocks(model, pieces, sender)
         step = 2 * round(model.idle_seconds * 1e6)
         stream = [Chunk(step * i, chunk) for i, piece in enumerate(pieces) for chunk in chunks(piece, source)]

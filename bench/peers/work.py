@@ -38,7 +38,7 @@ class Codec(Protocol):
         """Everything in the stream, with a sequence of values for each field (or element of an array)."""
 
     def flat(self, columns: Any) -> Flat:
-        """What ``columns`` made, in one form for all."""
+        """What ``columns`` made, in one shape for all."""
 
     def messages(self, stream: bytes) -> int:
         """Every message for itself, every field of it read. How many messages that were."""

@@ -78,7 +78,7 @@ TEST_CASE("a frame is sealed in exactly the room that wire_bytes asks for, and i
 
 TEST_CASE("a size that a length in words cannot tell is refused") {
   FrameFormat format = run_time<HeaderChecked>().format();
-  format.layouts[0].length_unit = 4;
+  format.forms[0].length_unit = 4;
   const wirebond::RuntimeTables tables(format, HeaderChecked::rows.data(), HeaderChecked::rows.size());
   const wirebond::RuntimeSource source(tables);
   for (std::size_t size = 0; size <= 12; ++size) CHECK(frame_of(source, 0xA2, Bytes(size)).empty() == (size % 4 != 0));
@@ -87,7 +87,7 @@ TEST_CASE("a size that a length in words cannot tell is refused") {
 TEST_CASE("a frame without a byte is refused where it would be fill, and sent between brackets") {
   FrameFormat format;
   format.framing = Framing::delimited;
-  format.layouts[0].payload_size = wirebond::PayloadSize::rest;
+  format.forms[0].payload_size = wirebond::PayloadSize::rest;
   format.max_payload = 4;
   format.opening = format.closing = {1, 0x7E};
   const wirebond::RuntimeTables tables(format, nullptr, 0);

@@ -195,15 +195,15 @@ TEST_CASE("frames of a chunk that begins with one are handed out in place") {
   CHECK(wires == std::vector<const std::uint8_t*>{chunk.data(), chunk.data() + frame.size()});
 }
 
-TEST_CASE("two layouts are told apart by their constants") {
+TEST_CASE("two forms are told apart by their constants") {
   static constexpr std::array<MessageRow, 1> rows = {{{1, {0, 1, 2}}}};
   FrameFormat format = WeakSum::make();
   format.max_payload = 2;
-  format.layout_count = 2;
-  format.layouts[1] = format.layouts[0];
-  format.layouts[1].constants[0].value = 0x7C;
-  format.layouts[1].payload_size = PayloadSize::fixed;
-  format.layouts[1].fixed_payload = 1;
+  format.form_count = 2;
+  format.forms[1] = format.forms[0];
+  format.forms[1].constants[0].value = 0x7C;
+  format.forms[1].payload_size = PayloadSize::fixed;
+  format.forms[1].fixed_payload = 1;
   const wirebond::RuntimeTables tables(format, rows.data(), rows.size());
   Recorder<wirebond::RuntimeSource> recorder{wirebond::RuntimeSource(tables)};
   recorder.feed({0x00, 0x7A, 0x01, 0x02, 0xFF, 0xFF, 0x02, 0x7B, 0x7C, 0x01, 0x55, 0x10, 0x00, 0x7B, 0x7C, 0x01});

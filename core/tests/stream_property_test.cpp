@@ -39,7 +39,7 @@ Bytes random_stream(Random& random) {
   const wirebond::RuntimeSource source = run_time<Format>();
   const FrameFormat& format = source.format();
   const std::uint8_t start =
-      format.framing != Framing::by_start ? format.opening.first : format.layouts[0].constants[0].value;
+      format.framing != Framing::by_start ? format.opening.first : format.forms[0].constants[0].value;
   Bytes stream;
   const unsigned parts = 1 + random() % 8;
   for (unsigned part = 0; part < parts; ++part) {
@@ -119,7 +119,7 @@ void intact_frames_arrive() {
     using Source = std::decay_t<decltype(source)>;
     const FrameFormat& format = source.format();
     const std::uint8_t start =
-        format.framing == Framing::by_start ? format.layouts[0].constants[0].value : format.opening.first;
+        format.framing == Framing::by_start ? format.forms[0].constants[0].value : format.opening.first;
     for (unsigned seed = 2000; seed < 2100; ++seed) {
       CAPTURE(seed);
       Random random(seed);

@@ -1,4 +1,4 @@
-// COBS: every length around the block size, in place, against the rule in its plainest form.
+// COBS: every length around the block size, in place, against the rule as plainly as it can be written.
 #include "wirebond/stuffing.hpp"
 
 #include <doctest/doctest.h>

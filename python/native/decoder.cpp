@@ -34,9 +34,9 @@ Event record(const Frame& frame, double time, Batch& batch) {
   event.wire_size = static_cast<std::uint32_t>(frame.wire_size);
   bytes.insert(bytes.end(), frame.wire, frame.wire + frame.wire_size);
   event.payload_size = static_cast<std::uint32_t>(frame.payload_size);
-  const Layout& layout = batch.format->format().layouts[frame.layout];
+  const Form& form = batch.format->format().forms[frame.form];
   std::size_t padding = 0;
-  if (layout.trims_zeros && frame.message >= 0) {
+  if (form.trims_zeros && frame.message >= 0) {
     const std::size_t whole = batch.protocol->messages()[static_cast<std::size_t>(frame.message)].min_payload;
     padding = whole > frame.payload_size ? whole - frame.payload_size : 0;
   }
@@ -49,10 +49,10 @@ Event record(const Frame& frame, double time, Batch& batch) {
     bytes.insert(bytes.end(), padding, 0);
     event.payload_size += static_cast<std::uint32_t>(padding);
   }
-  event.layout = frame.layout;
+  event.form = frame.form;
   event.header_at = static_cast<std::uint32_t>(batch.headers.size());
-  for (std::size_t i = 0; i < layout.header_count; ++i) {
-    batch.headers.push_back(detail::read_number(layout.header[i].number, frame.bytes, frame.size));
+  for (std::size_t i = 0; i < form.header_count; ++i) {
+    batch.headers.push_back(detail::read_number(form.header[i].number, frame.bytes, frame.size));
   }
   event.id = frame.id;
   event.message = frame.message;
@@ -87,7 +87,7 @@ nb::list Message::violations() const {
 
 nb::dict Message::header() const {
   nb::dict out;
-  const std::vector<nb::object>& names = batch_->format->header_names(event_.layout);
+  const std::vector<nb::object>& names = batch_->format->header_names(event_.form);
   for (std::size_t i = 0; i < names.size(); ++i) out[names[i]] = batch_->headers[event_.header_at + i];
   return out;
 }
@@ -169,22 +169,20 @@ nb::list Decoder::finish() {
 }
 
 std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTable& message,
-                                     const std::vector<std::uint8_t>& payload, std::size_t layout,
+                                     const std::vector<std::uint8_t>& payload, std::size_t form,
                                      const std::vector<std::uint32_t>& header) {
   const RuntimeSource source = format.source();
-  const std::size_t lead = payload_lead(source, layout);
+  const std::size_t lead = payload_lead(source, form);
   std::vector<std::uint8_t> buffer(lead + payload.size() + max_wire_bytes(format.format()));
   std::copy(payload.begin(), payload.end(), buffer.begin() + static_cast<std::ptrdiff_t>(lead));
-  const std::size_t size =
-      seal(source, buffer.data(), buffer.size(), message.id, payload.size(), layout, header.data());
+  const std::size_t size = seal(source, buffer.data(), buffer.size(), message.id, payload.size(), form, header.data());
   if (size == 0 && payload.empty()) {
     throw_message_error(message.name + " is empty, and so is its frame: no receiver could tell that from no frame");
   }
   if (size == 0 && payload.size() <= format.format().max_payload) {
-    const Layout& form = format.format().layouts[layout];
     throw_message_error("payload of " + message.name + " has " + std::to_string(payload.size()) +
                         " bytes, which the frame's length cannot tell: it counts by " +
-                        std::to_string(form.length_unit));
+                        std::to_string(format.format().forms[form].length_unit));
   }
   if (size == 0) {
     throw_message_error("payload of " + message.name + " has " + std::to_string(payload.size()) +

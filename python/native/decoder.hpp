@@ -28,7 +28,7 @@ struct Event {
   std::uint32_t payload_size = 0;
   std::uint32_t id = 0;
   std::int16_t message = -1;
-  std::uint8_t layout = 0;
+  std::uint8_t form = 0;
   std::uint32_t header_at = 0;
   std::uint64_t offset = 0;
   double time = 0;
@@ -105,7 +105,7 @@ class Decoder {
 
 /// The frame around a payload: wire bytes. Throws MessageError when it does not fit the format.
 std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTable& message,
-                                     const std::vector<std::uint8_t>& payload, std::size_t layout,
+                                     const std::vector<std::uint8_t>& payload, std::size_t form,
                                      const std::vector<std::uint32_t>& header);
 
 /// Read-only view of a bytes-like object, released with this object.

@@ -36,11 +36,11 @@ PyType_Slot message_slots[] = {
 };
 
 nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::size_t index, nb::dict values,
-                 std::size_t layout, nb::list header) {
+                 std::size_t form, nb::list header) {
   const MessageTable& message = protocol.messages().at(index);
   std::vector<std::uint32_t> numbers;
   for (nb::handle value : header) numbers.push_back(nb::cast<std::uint32_t>(value));
-  const std::vector<std::uint8_t> wire = seal_frame(format, message, encode_fields(message, values), layout, numbers);
+  const std::vector<std::uint8_t> wire = seal_frame(format, message, encode_fields(message, values), form, numbers);
   return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
 }
 
@@ -79,7 +79,7 @@ NB_MODULE(_engine, m) {
       .def("finish", &Decoder::finish)
       .def("stats", &Decoder::stats);
 
-  m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "layout"_a, "header"_a);
+  m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "form"_a, "header"_a);
   m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
         "progress"_a.none());
   bind_link(m);

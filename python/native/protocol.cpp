@@ -45,26 +45,26 @@ Mark read_mark(nb::handle bytes) {
   return {static_cast<std::uint8_t>(mark.size()), data[0], mark.size() == 2 ? data[1] : std::uint8_t{0}};
 }
 
-Layout read_layout(nb::handle plan) {
-  Layout layout;
-  layout.prefix = nb::cast<std::uint16_t>(plan.attr("prefix"));
-  layout.suffix = nb::cast<std::uint16_t>(plan.attr("suffix"));
-  layout.prefix_constants = nb::cast<std::uint8_t>(plan.attr("prefix_constants"));
-  layout.header_checks = nb::cast<std::uint8_t>(plan.attr("header_checks"));
-  layout.payload_size = payload_size_of(text_of(plan.attr("payload")));
-  layout.length_unit = nb::cast<std::uint8_t>(plan.attr("length_unit"));
-  layout.length_bias = nb::cast<std::int32_t>(plan.attr("length_bias"));
-  layout.fixed_payload = nb::cast<std::uint16_t>(plan.attr("fixed_payload"));
-  layout.trims_zeros = nb::cast<bool>(plan.attr("trims_zeros"));
-  layout.length = read_number(plan.attr("length"));
-  layout.id = read_number(plan.attr("id"));
+Form read_form(nb::handle plan) {
+  Form form;
+  form.prefix = nb::cast<std::uint16_t>(plan.attr("prefix"));
+  form.suffix = nb::cast<std::uint16_t>(plan.attr("suffix"));
+  form.prefix_constants = nb::cast<std::uint8_t>(plan.attr("prefix_constants"));
+  form.header_checks = nb::cast<std::uint8_t>(plan.attr("header_checks"));
+  form.payload_size = payload_size_of(text_of(plan.attr("payload")));
+  form.length_unit = nb::cast<std::uint8_t>(plan.attr("length_unit"));
+  form.length_bias = nb::cast<std::int32_t>(plan.attr("length_bias"));
+  form.fixed_payload = nb::cast<std::uint16_t>(plan.attr("fixed_payload"));
+  form.trims_zeros = nb::cast<bool>(plan.attr("trims_zeros"));
+  form.length = read_number(plan.attr("length"));
+  form.id = read_number(plan.attr("id"));
   for (nb::handle constant : plan.attr("constants")) {
-    layout.constants.at(layout.constant_count++) = {read_position(constant.attr("at")),
-                                                    nb::cast<std::uint8_t>(constant.attr("mask")),
-                                                    nb::cast<std::uint8_t>(constant.attr("value"))};
+    form.constants.at(form.constant_count++) = {read_position(constant.attr("at")),
+                                                nb::cast<std::uint8_t>(constant.attr("mask")),
+                                                nb::cast<std::uint8_t>(constant.attr("value"))};
   }
   for (nb::handle check : plan.attr("checks")) {
-    CheckRule& rule = layout.checks.at(layout.check_count++);
+    CheckRule& rule = form.checks.at(form.check_count++);
     rule.algorithm = nb::cast<std::uint8_t>(check.attr("algorithm"));
     rule.from = read_position(check.attr("start"));
     rule.to = read_position(check.attr("stop"));
@@ -78,10 +78,10 @@ Layout read_layout(nb::handle plan) {
     rule.continues = nb::cast<std::int8_t>(check.attr("continues"));
   }
   for (nb::handle field : plan.attr("header")) {
-    layout.header.at(layout.header_count++) = {read_number(field.attr("number")),
-                                               nb::cast<std::uint32_t>(field.attr("default"))};
+    form.header.at(form.header_count++) = {read_number(field.attr("number")),
+                                           nb::cast<std::uint32_t>(field.attr("default"))};
   }
-  return layout;
+  return form;
 }
 
 CheckAlgorithm read_algorithm(nb::handle algorithm) {
@@ -151,12 +151,12 @@ FormatTable::FormatTable(nb::handle plan) {
   format_.plain_front = nb::cast<std::uint8_t>(plan.attr("plain_front"));
   format_.plain_back = nb::cast<std::uint8_t>(plan.attr("plain_back"));
   format_.max_payload = nb::cast<std::uint16_t>(plan.attr("max_payload"));
-  format_.layout_count = 0;
-  for (nb::handle layout : plan.attr("layouts")) {
-    for (nb::handle field : layout.attr("header")) {
-      header_names_.at(format_.layout_count).push_back(interned(text_of(field.attr("name"))));
+  format_.form_count = 0;
+  for (nb::handle form : plan.attr("forms")) {
+    for (nb::handle field : form.attr("header")) {
+      header_names_.at(format_.form_count).push_back(interned(text_of(field.attr("name"))));
     }
-    format_.layouts.at(format_.layout_count++) = read_layout(layout);
+    format_.forms.at(format_.form_count++) = read_form(form);
   }
   for (nb::handle algorithm : plan.attr("algorithms")) {
     format_.algorithms.at(format_.algorithm_count++) = read_algorithm(algorithm);

@@ -51,14 +51,14 @@ class FormatTable {
 
   const FrameFormat& format() const { return format_; }
   RuntimeSource source() const { return RuntimeSource(*tables_); }
-  /// Names of a layout's header fields, in its order.
-  const std::vector<nb::object>& header_names(std::size_t layout) const { return header_names_[layout]; }
+  /// Names of a form's header fields, in its order.
+  const std::vector<nb::object>& header_names(std::size_t form) const { return header_names_[form]; }
 
  private:
   FrameFormat format_;
   std::unique_ptr<RuntimeTables> tables_;
   std::vector<MessageRow> rows_;
-  std::array<std::vector<nb::object>, max_layouts> header_names_;
+  std::array<std::vector<nb::object>, max_forms> header_names_;
 };
 
 }  // namespace wirebond::engine

@@ -53,13 +53,13 @@ class CountingSource : public wirebond::RuntimeSource {
 };
 
 /// Work that one byte or one call may cost, whatever the input. A candidate is judged when its prefix is there and
-/// again when all of it is, for each layout, and when it is given up.
+/// again when all of it is, for each form, and when it is given up.
 std::uint64_t work_bound(const wirebond::FrameFormat& format) {
   std::uint64_t one_pass = 8 + wirebond::max_frame_bytes(format);
-  for (std::size_t i = 0; i < format.layout_count; ++i) {
-    one_pass += 4 + format.layouts[i].check_count * (wirebond::max_frame_bytes(format) + 4);
+  for (std::size_t i = 0; i < format.form_count; ++i) {
+    one_pass += 4 + format.forms[i].check_count * (wirebond::max_frame_bytes(format) + 4);
   }
-  const std::uint64_t judged = wirebond::max_constants + 2u * format.layout_count + 2u;
+  const std::uint64_t judged = wirebond::max_constants + 2u * format.form_count + 2u;
   return 8 + judged * one_pass;
 }
 
@@ -67,14 +67,14 @@ struct Found {
   std::uint64_t offset;
   std::uint32_t id;
   int message;
-  std::size_t layout;
+  std::size_t form;
   Bytes wire;
   Bytes payload;
   Bytes unstuffed;
   std::vector<std::uint32_t> header;
 
   bool operator==(const Found& other) const {
-    return offset == other.offset && id == other.id && message == other.message && layout == other.layout &&
+    return offset == other.offset && id == other.id && message == other.message && form == other.form &&
            wire == other.wire && payload == other.payload && header == other.header;
   }
 };
@@ -117,18 +117,18 @@ class Observed {
 
  private:
   void take(const wirebond::Frame& frame) {
-    EXPECT(frame.layout < format_.layout_count, "a frame has one of the layouts");
+    EXPECT(frame.form < format_.form_count, "a frame has one of the forms");
     Found found{frame.offset,
                 frame.id,
                 frame.message,
-                frame.layout,
+                frame.form,
                 Bytes(frame.wire, frame.wire + frame.wire_size),
                 Bytes(frame.payload, frame.payload + frame.payload_size),
                 Bytes(frame.bytes, frame.bytes + frame.size),
                 {}};
-    for (std::size_t i = 0; i < format_.layouts[frame.layout].header_count; ++i) {
+    for (std::size_t i = 0; i < format_.forms[frame.form].header_count; ++i) {
       found.header.push_back(
-          wirebond::detail::read_number(format_.layouts[frame.layout].header[i].number, frame.bytes, frame.size));
+          wirebond::detail::read_number(format_.forms[frame.form].header[i].number, frame.bytes, frame.size));
     }
     EXPECT(found.offset >= settled_, "frames are delivered in order and do not overlap");
     settled_ = found.offset + found.wire.size();
@@ -198,13 +198,13 @@ struct Stream {
 
 constexpr std::size_t longest_stream = 6000;
 
-/// A header field's value with the bits that tell this layout from others as they must be.
-std::uint32_t of_layout(const wirebond::Layout& layout, const wirebond::Number& number, std::uint32_t value,
-                        std::size_t frame_size) {
+/// A header field's value with the bits that tell this form from others as they must be.
+std::uint32_t of_form(const wirebond::Form& form, const wirebond::Number& number, std::uint32_t value,
+                      std::size_t frame_size) {
   Bytes frame(frame_size, 0);
   wirebond::detail::write_number(number, frame.data(), frame_size, value);
-  for (std::size_t i = 0; i < layout.constant_count; ++i) {
-    const wirebond::Constant& constant = layout.constants[i];
+  for (std::size_t i = 0; i < form.constant_count; ++i) {
+    const wirebond::Constant& constant = form.constants[i];
     std::uint8_t& byte = frame[constant.at.in(frame_size)];
     byte = static_cast<std::uint8_t>((byte & ~constant.mask) | constant.value);
   }
@@ -227,20 +227,20 @@ Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebo
   const wirebond::MessageRow& row = rows[input.ConsumeIntegralInRange<std::size_t>(0, rows.size() - 1)];
   if (source.message(row.id).index != row.shape.index) return {};  // its id means another one now
   const std::size_t number =
-      input.ConsumeBool() ? input.ConsumeIntegralInRange<std::size_t>(0, format.layout_count - 1u) : 0;
-  const wirebond::Layout& layout = format.layouts[number];
+      input.ConsumeBool() ? input.ConsumeIntegralInRange<std::size_t>(0, format.form_count - 1u) : 0;
+  const wirebond::Form& form = format.forms[number];
   const std::size_t size = input.ConsumeIntegralInRange<std::size_t>(row.shape.min_payload, row.shape.max_payload);
-  if (layout.length.present()) {  // sizes that the length cannot tell are the loader's to refuse
-    const std::int64_t counted = static_cast<std::int64_t>(size) - layout.length_bias;
-    if (counted < 0 || counted % layout.length_unit != 0) return {};
-    if (counted / layout.length_unit > static_cast<std::int64_t>(layout.length.mask)) return {};
+  if (form.length.present()) {  // sizes that the length cannot tell are the loader's to refuse
+    const std::int64_t counted = static_cast<std::int64_t>(size) - form.length_bias;
+    if (counted < 0 || counted % form.length_unit != 0) return {};
+    if (counted / form.length_unit > static_cast<std::int64_t>(form.length.mask)) return {};
   }
   std::vector<std::uint32_t> header;
-  for (std::size_t i = 0; i < layout.header_count; ++i) {
-    const std::uint32_t mask = layout.header[i].number.mask;
+  for (std::size_t i = 0; i < form.header_count; ++i) {
+    const std::uint32_t mask = form.header[i].number.mask;
     const std::uint32_t drawn =
-        input.ConsumeBool() ? input.ConsumeIntegral<std::uint32_t>() & mask : layout.header[i].default_value;
-    header.push_back(of_layout(layout, layout.header[i].number, drawn, layout.prefix + size + layout.suffix));
+        input.ConsumeBool() ? input.ConsumeIntegral<std::uint32_t>() & mask : form.header[i].default_value;
+    header.push_back(of_form(form, form.header[i].number, drawn, form.prefix + size + form.suffix));
   }
   const Bytes payload = input.ConsumeBytes<std::uint8_t>(size);
   const std::size_t room =
@@ -250,7 +250,7 @@ Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebo
   const std::size_t wire =
       wirebond::seal(source, buffer.get(), wirebond::max_wire_bytes(format), row.id, size, number, header.data());
   EXPECT(wire <= wirebond::max_wire_bytes(format), "a frame has the bytes that were set aside for it");
-  const bool is_empty = size == 0 && layout.prefix + layout.suffix + layout.fixed_payload == 0 &&
+  const bool is_empty = size == 0 && form.prefix + form.suffix + form.fixed_payload == 0 &&
                         format.framing != wirebond::Framing::bracketed && format.stuffing != wirebond::Stuffing::cobs;
   EXPECT((wire == 0) == is_empty, "a payload that fits is sealed, if there is anything to seal");
   return Bytes(buffer.get(), buffer.get() + wire);
@@ -261,7 +261,7 @@ Stream draw_stream(const wirebond::RuntimeSource& source, const std::vector<wire
   Stream stream;
   const wirebond::FrameFormat& format = source.format();
   const bool marked = wirebond::delimiter_bytes(format) != 0;
-  const std::uint8_t start = marked ? format.opening.first : format.layouts[0].constants[0].value;
+  const std::uint8_t start = marked ? format.opening.first : format.forms[0].constants[0].value;
   while (input.remaining_bytes() > 0 && stream.bytes.size() < longest_stream) {
     Bytes piece;
     bool is_intact = false;
@@ -337,7 +337,7 @@ wirebond::detail::Received between_delimiters(const wirebond::FrameFormat& forma
 /// What was delivered passes once more by itself, and so does what the encoder makes of it.
 void expect_itself(const wirebond::RuntimeSource& source, const Found& found) {
   const wirebond::FrameFormat& format = source.format();
-  const wirebond::Layout& layout = format.layouts[found.layout];
+  const wirebond::Form& form = format.forms[found.form];
   wirebond::Frame frame;
   const wirebond::detail::Received received = between_delimiters(format, found);
   const wirebond::Verdict verdict =
@@ -346,12 +346,12 @@ void expect_itself(const wirebond::RuntimeSource& source, const Found& found) {
   EXPECT(verdict.outcome == wirebond::Outcome::frame && verdict.bytes == found.unstuffed.size(),
          "a delivered frame passes its own examination");
 
-  const std::size_t lead = wirebond::payload_lead(source, found.layout);
+  const std::size_t lead = wirebond::payload_lead(source, found.form);
   const std::size_t room = wirebond::max_wire_bytes(format);
   const std::unique_ptr<std::uint8_t[]> buffer(new std::uint8_t[room]());
   std::copy(found.payload.begin(), found.payload.end(), buffer.get() + lead);
   const std::size_t wire =
-      wirebond::seal(source, buffer.get(), room, found.id, found.payload.size(), found.layout, found.header.data());
+      wirebond::seal(source, buffer.get(), room, found.id, found.payload.size(), found.form, found.header.data());
   EXPECT(wire != 0, "a delivered frame can be encoded");
   if (holds_delimiter(format, buffer.get(), wire)) return;
   Observed<std::uint32_t> again(source, 0, 1000);
@@ -360,9 +360,9 @@ void expect_itself(const wirebond::RuntimeSource& source, const Found& found) {
   EXPECT(again.frames().size() == 1, "what is encoded is one frame");
   const Found& other = again.frames()[0];
   Bytes payload = found.payload;
-  while (layout.trims_zeros && payload.size() > 1 && payload.back() == 0) payload.pop_back();
+  while (form.trims_zeros && payload.size() > 1 && payload.back() == 0) payload.pop_back();
   EXPECT(other.payload == payload && other.id == found.id && other.message == found.message &&
-             other.header == found.header && other.layout == found.layout && other.wire.size() == wire,
+             other.header == found.header && other.form == found.form && other.wire.size() == wire,
          "a frame that is encoded again is the same frame");
 }
 

@@ -21,22 +21,22 @@ inline void print_number(const char* name, const wirebond::Number& number) {
                number.order == wirebond::ByteOrder::little ? "little" : "big", number.shift, number.mask);
 }
 
-inline void print_layout(const wirebond::Layout& layout) {
+inline void print_form(const wirebond::Form& form) {
   static constexpr const char* rules[] = {"by_length", "fixed", "by_id", "rest"};
-  std::fprintf(stderr, " layout: prefix %u suffix %u payload %s unit %u bias %d fixed %u%s\n", layout.prefix,
-               layout.suffix, rules[static_cast<int>(layout.payload_size)], layout.length_unit, layout.length_bias,
-               layout.fixed_payload, layout.trims_zeros ? " trims zeros" : "");
-  for (std::size_t i = 0; i < layout.constant_count; ++i) {
+  std::fprintf(stderr, " form: prefix %u suffix %u payload %s unit %u bias %d fixed %u%s\n", form.prefix, form.suffix,
+               rules[static_cast<int>(form.payload_size)], form.length_unit, form.length_bias, form.fixed_payload,
+               form.trims_zeros ? " trims zeros" : "");
+  for (std::size_t i = 0; i < form.constant_count; ++i) {
     std::fprintf(stderr, "  constant:");
-    print_position("at", layout.constants[i].at);
-    std::fprintf(stderr, " mask %02X value %02X\n", layout.constants[i].mask, layout.constants[i].value);
+    print_position("at", form.constants[i].at);
+    std::fprintf(stderr, " mask %02X value %02X\n", form.constants[i].mask, form.constants[i].value);
   }
-  print_number("length", layout.length);
-  print_number("id", layout.id);
-  for (std::size_t i = 0; i < layout.header_count; ++i) print_number("header field", layout.header[i].number);
-  for (std::size_t i = 0; i < layout.check_count; ++i) {
-    const wirebond::CheckRule& rule = layout.checks[i];
-    std::fprintf(stderr, "  check of algorithm %u%s:", rule.algorithm, i < layout.header_checks ? " (header)" : "");
+  print_number("length", form.length);
+  print_number("id", form.id);
+  for (std::size_t i = 0; i < form.header_count; ++i) print_number("header field", form.header[i].number);
+  for (std::size_t i = 0; i < form.check_count; ++i) {
+    const wirebond::CheckRule& rule = form.checks[i];
+    std::fprintf(stderr, "  check of algorithm %u%s:", rule.algorithm, i < form.header_checks ? " (header)" : "");
     print_position("over", rule.from);
     print_position("to", rule.to);
     print_position("at", rule.at);
@@ -63,7 +63,7 @@ inline void print_format(const wirebond::FrameFormat& format) {
                  static_cast<unsigned long long>(algorithm.poly), static_cast<unsigned long long>(algorithm.init),
                  algorithm.reflect_in, algorithm.reflect_out, static_cast<unsigned long long>(algorithm.xor_out));
   }
-  for (std::size_t i = 0; i < format.layout_count; ++i) print_layout(format.layouts[i]);
+  for (std::size_t i = 0; i < format.form_count; ++i) print_form(format.forms[i]);
 }
 
 inline void print_bytes(const char* name, const std::uint8_t* bytes, std::size_t size) {

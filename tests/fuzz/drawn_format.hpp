@@ -370,12 +370,12 @@ class FormatDrawer {
       return {static_cast<std::int16_t>(starts[i] - end), true};
     };
 
-    wirebond::Layout layout;
-    layout.prefix = static_cast<std::uint16_t>(starts[payload]);
-    layout.suffix = static_cast<std::uint16_t>(end - starts[payload]);
-    layout.payload_size = rule_;
-    layout.fixed_payload = rule_ == wirebond::PayloadSize::fixed ? out_.format.max_payload : std::uint16_t{0};
-    layout.trims_zeros = trims_;
+    wirebond::Form form;
+    form.prefix = static_cast<std::uint16_t>(starts[payload]);
+    form.suffix = static_cast<std::uint16_t>(end - starts[payload]);
+    form.payload_size = rule_;
+    form.fixed_payload = rule_ == wirebond::PayloadSize::fixed ? out_.format.max_payload : std::uint16_t{0};
+    form.trims_zeros = trims_;
     std::vector<wirebond::Constant> before;
     std::vector<wirebond::Constant> after;
     for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -390,21 +390,21 @@ class FormatDrawer {
         constants.push_back(
             {{static_cast<std::int16_t>(at.offset + static_cast<int>(j)), at.from_end}, 0xFF, value[j]});
       }
-      if (part.kind == Kind::length) layout.length = whole;
-      if (part.kind == Kind::id) layout.id = whole;
-      if (part.kind == Kind::field) layout.header[layout.header_count++] = {whole, 0};
+      if (part.kind == Kind::length) form.length = whole;
+      if (part.kind == Kind::id) form.id = whole;
+      if (part.kind == Kind::field) form.header[form.header_count++] = {whole, 0};
       for (const Run& run : part.runs) {
         const wirebond::Number bits{at, size, part.order, static_cast<std::uint8_t>(run.shift),
                                     static_cast<std::uint32_t>(wirebond::detail::mask_of(run.width))};
-        if (run.role == Role::length) layout.length = bits;
-        if (run.role == Role::id) layout.id = bits;
-        if (run.role == Role::field) layout.header[layout.header_count++] = {bits, run.value};
+        if (run.role == Role::length) form.length = bits;
+        if (run.role == Role::id) form.id = bits;
+        if (run.role == Role::field) form.header[form.header_count++] = {bits, run.value};
         if (run.role == Role::constant) add_bits(constants, bits, run.value);
       }
     }
-    if (layout.length.present()) {
-      layout.length_unit = length_unit_;
-      layout.length_bias = static_cast<std::int32_t>(-beside(parts) - length_offset_);
+    if (form.length.present()) {
+      form.length_unit = length_unit_;
+      form.length_bias = static_cast<std::int32_t>(-beside(parts) - length_offset_);
     }
     for (std::size_t i = 0; i < conditions_.size(); ++i) {
       const Condition& condition = conditions_[i];
@@ -417,10 +417,10 @@ class FormatDrawer {
     }
     std::stable_sort(before.begin(), before.end(),
                      [](const auto& one, const auto& other) { return one.at.offset < other.at.offset; });
-    layout.prefix_constants = static_cast<std::uint8_t>(before.size());
+    form.prefix_constants = static_cast<std::uint8_t>(before.size());
     before.insert(before.end(), after.begin(), after.end());
-    layout.constant_count = static_cast<std::uint8_t>(before.size());
-    std::copy(before.begin(), before.end(), layout.constants.begin());
+    form.constant_count = static_cast<std::uint8_t>(before.size());
+    std::copy(before.begin(), before.end(), form.constants.begin());
 
     for (const bool late : {false, true}) {
       for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -433,19 +433,19 @@ class FormatDrawer {
         rule.from = start_of(first);
         rule.to = end_of(behind);
         rule.at = start_of(i);
-        for (std::size_t j = 0; j < layout.check_count; ++j) {
-          const wirebond::CheckRule& earlier = layout.checks[j];
+        for (std::size_t j = 0; j < form.check_count; ++j) {
+          const wirebond::CheckRule& earlier = form.checks[j];
           const bool same = earlier.algorithm == rule.algorithm && earlier.from.offset == rule.from.offset &&
                             earlier.from.from_end == rule.from.from_end;
           const bool inside = !earlier.to.from_end && (rule.to.from_end || earlier.to.offset <= rule.to.offset);
           if (same && inside) rule.continues = static_cast<std::int8_t>(j);
         }
-        layout.checks[layout.check_count++] = rule;
-        if (!late) ++layout.header_checks;
+        form.checks[form.check_count++] = rule;
+        if (!late) ++form.header_checks;
       }
     }
-    out_.format.layouts[layouts_++] = layout;
-    out_.format.layout_count = static_cast<std::uint8_t>(layouts_);
+    out_.format.forms[forms_++] = form;
+    out_.format.form_count = static_cast<std::uint8_t>(forms_);
   }
 
   static void add_bits(std::vector<wirebond::Constant>& to, const wirebond::Number& number, std::uint32_t value) {
@@ -465,11 +465,11 @@ class FormatDrawer {
 
   void draw_messages() {
     wirebond::FrameFormat& format = out_.format;
-    const wirebond::Number& id = format.layouts[0].id;
+    const wirebond::Number& id = format.forms[0].id;
     const bool by_id = rule_ == wirebond::PayloadSize::by_id;
     format.deliver_unknown = input_.ConsumeBool() && !by_id && !seeded_;
     const unsigned count = id.present() ? number(1, 4) : 1;
-    const unsigned unit = format.layouts[0].length_unit;
+    const unsigned unit = format.forms[0].length_unit;
     for (unsigned i = 0; i < count; ++i) {
       wirebond::MessageRow row;
       row.id = id.present() ? input_.ConsumeIntegral<std::uint32_t>() & id.mask : 0;
@@ -501,7 +501,7 @@ class FormatDrawer {
   std::uint8_t length_unit_ = 1;
   unsigned length_bits_ = 0;
   int length_offset_ = 0;
-  std::size_t layouts_ = 0;
+  std::size_t forms_ = 0;
 };
 
 }  // namespace fuzz

@@ -72,8 +72,8 @@ def _check_message(codec: Codec, message: Message, source: random.Random) -> Non
 
 def _splits(protocol: Protocol, frame: bytes) -> bool:
     """Where nothing is stuffed, a delimiter within the frame ends it too early; the manual says so."""
-    form = protocol.frame
-    if form.delimiter is None or form.stuffing != "none":
+    frame_format = protocol.format
+    if frame_format.delimiter is None or frame_format.stuffing != "none":
         return False
-    body = frame[len(form.opening or b"") : -len(form.delimiter)]
-    return any(mark in body for mark in (form.delimiter, form.opening) if mark is not None)
+    body = frame[len(frame_format.opening or b"") : -len(frame_format.delimiter)]
+    return any(mark in body for mark in (frame_format.delimiter, frame_format.opening) if mark is not None)

@@ -216,14 +216,14 @@ class Deframer {
     }
   }
 
-  /// Several layouts, or one whose first byte is not wholly constant.
+  /// Several forms, or one whose first byte is not wholly constant.
   bool may_start(std::uint8_t byte) const {
     const FrameFormat& format = source_.format();
-    for (std::size_t i = 0; i < format.layout_count; ++i) {
-      const Layout& layout = format.layouts[i];
+    for (std::size_t i = 0; i < format.form_count; ++i) {
+      const Form& form = format.forms[i];
       bool differs = false;
-      for (std::size_t j = 0; j < layout.prefix_constants && layout.constants[j].at.offset == 0; ++j) {
-        differs = differs || (byte & layout.constants[j].mask) != layout.constants[j].value;
+      for (std::size_t j = 0; j < form.prefix_constants && form.constants[j].at.offset == 0; ++j) {
+        differs = differs || (byte & form.constants[j].mask) != form.constants[j].value;
       }
       if (!differs) return true;
     }

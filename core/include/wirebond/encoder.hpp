@@ -12,10 +12,10 @@ namespace wirebond {
 
 /// Where in the frame's buffer the payload is written, so that `seal` can finish the frame without moving it.
 template <class Source>
-WIREBOND_INLINE constexpr std::size_t payload_lead(const Source& source, std::size_t layout = 0) {
+WIREBOND_INLINE constexpr std::size_t payload_lead(const Source& source, std::size_t form = 0) {
   const FrameFormat& format = source.format();
   const std::size_t code = format.stuffing == Stuffing::cobs ? 1 : 0;
-  return opening_bytes(format) + code + format.layouts[layout].prefix;
+  return opening_bytes(format) + code + format.forms[form].prefix;
 }
 
 namespace detail {
@@ -43,17 +43,17 @@ WIREBOND_INLINE std::size_t enclose(const FrameFormat& format, std::uint8_t* buf
 
 /// Write a check's value: over what `rule` says of `frame`, or of the bytes as they are sent.
 template <class Source>
-WIREBOND_INLINE void write_check(const Source& source, const Layout& layout, std::size_t index, std::uint8_t* frame,
+WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::size_t index, std::uint8_t* frame,
                                  std::size_t size, std::uint32_t id, std::uint64_t* registers) {
-  const CheckRule& rule = layout.checks[index];
-  const auto covered_by = [&](std::size_t i) { return i < layout.header_checks ? layout.prefix : size; };
+  const CheckRule& rule = form.checks[index];
+  const auto covered_by = [&](std::size_t i) { return i < form.header_checks ? form.prefix : size; };
   const std::size_t covered = covered_by(index);
   std::size_t from = rule.from.in(covered);
   std::uint64_t reg = begin_of(source, rule.algorithm);
   if (rule.continues >= 0) {
     const std::size_t earlier = static_cast<std::size_t>(rule.continues);
     reg = registers[earlier];
-    from = layout.checks[earlier].to.in(covered_by(earlier));
+    from = form.checks[earlier].to.in(covered_by(earlier));
   }
   reg = source.check_update(rule.algorithm, reg, frame + from, rule.to.in(covered)-from);
   registers[index] = reg;
@@ -73,63 +73,63 @@ WIREBOND_INLINE void write_check(const Source& source, const Layout& layout, std
 }  // namespace detail
 
 /// Finish the frame for message `id` whose `payload_size` bytes lie at buffer + payload_lead. Formats with a fixed
-/// payload are padded with zeros. `header` holds a value for each header field of the layout; null: their defaults.
+/// payload are padded with zeros. `header` holds a value for each header field of the form; null: their defaults.
 /// Returns the size on the wire, 0 when the frame does not fit `capacity` or the format (a length that counts by words
 /// cannot tell every size), or has no byte at all:
 /// without brackets or a code byte of COBS nobody can tell that from fill, or from silence.
 /// Any thread or interrupt; no allocation.
 template <class Source>
 WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
-                                 std::size_t payload_size, std::size_t layout_index = 0,
+                                 std::size_t payload_size, std::size_t form_index = 0,
                                  const std::uint32_t* header = nullptr) {
   constexpr bool unroll = Source::is_constant;
   if constexpr (!Source::is_constant) {
-    const std::size_t size = layout_index == 0 ? source.fast_path().seal(buffer, capacity, id, payload_size) : 0;
+    const std::size_t size = form_index == 0 ? source.fast_path().seal(buffer, capacity, id, payload_size) : 0;
     if (size != 0) return size;
   }
   const FrameFormat& format = source.format();
-  const Layout& layout = format.layouts[layout_index];
-  const std::size_t lead = payload_lead(source, layout_index);
-  std::uint8_t* const frame = buffer + lead - layout.prefix;
+  const Form& form = format.forms[form_index];
+  const std::size_t lead = payload_lead(source, form_index);
+  std::uint8_t* const frame = buffer + lead - form.prefix;
 
   std::size_t payload = payload_size;
-  if (layout.payload_size == PayloadSize::fixed) payload = layout.fixed_payload;
-  if (layout.trims_zeros) {  // one byte stays, as receivers of such formats expect
-    while (payload > 1 && frame[layout.prefix + payload - 1] == 0) --payload;
+  if (form.payload_size == PayloadSize::fixed) payload = form.fixed_payload;
+  if (form.trims_zeros) {  // one byte stays, as receivers of such formats expect
+    while (payload > 1 && frame[form.prefix + payload - 1] == 0) --payload;
     payload_size = payload;
   }
-  const std::size_t size = layout.prefix + payload + layout.suffix;
+  const std::size_t size = form.prefix + payload + form.suffix;
   const std::size_t on_wire = size + stuffing_overhead(format, size) + delimiter_bytes(format);
   const bool is_nothing = size == 0 && format.framing != Framing::bracketed && format.stuffing != Stuffing::cobs;
   if (payload_size > payload || payload > format.max_payload || on_wire > capacity || is_nothing) return 0;
-  const std::int64_t counted = static_cast<std::int64_t>(payload) - layout.length_bias;
-  if (layout.length.present() && (counted < 0 || counted % layout.length_unit != 0)) return 0;
+  const std::int64_t counted = static_cast<std::int64_t>(payload) - form.length_bias;
+  if (form.length.present() && (counted < 0 || counted % form.length_unit != 0)) return 0;
 
-  std::memset(frame, 0, layout.prefix);
-  std::memset(frame + layout.prefix + payload_size, 0, payload - payload_size + layout.suffix);
-  detail::every<unroll, detail::part_counts<Source>.constants>(0, layout.constant_count,
+  std::memset(frame, 0, form.prefix);
+  std::memset(frame + form.prefix + payload_size, 0, payload - payload_size + form.suffix);
+  detail::every<unroll, detail::part_counts<Source>.constants>(0, form.constant_count,
                                                                [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-                                                                 const Constant& constant = layout.constants[i];
+                                                                 const Constant& constant = form.constants[i];
                                                                  frame[constant.at.in(size)] |= constant.value;
                                                                  return true;
                                                                });
   detail::every<unroll, detail::part_counts<Source>.header_fields>(
-      0, layout.header_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        const HeaderField& field = layout.header[i];
+      0, form.header_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        const HeaderField& field = form.header[i];
         detail::write_number(field.number, frame, size, header != nullptr ? header[i] : field.default_value);
         return true;
       });
-  if (layout.length.present()) {
-    detail::write_number(layout.length, frame, size, static_cast<std::uint32_t>(counted / layout.length_unit));
+  if (form.length.present()) {
+    detail::write_number(form.length, frame, size, static_cast<std::uint32_t>(counted / form.length_unit));
   }
-  if (layout.id.present()) detail::write_number(layout.id, frame, size, id);
+  if (form.id.present()) detail::write_number(form.id, frame, size, id);
 
   std::uint64_t registers[max_checks] = {};
   const auto write_checks = [&](bool stuffed, std::uint8_t* bytes, std::size_t bytes_size) WIREBOND_INLINE_LAMBDA {
     detail::every<unroll, detail::part_counts<Source>.checks>(
-        0, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-          if (layout.checks[i].on_wire == stuffed) {
-            detail::write_check(source, layout, i, bytes, bytes_size, id, registers);
+        0, form.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+          if (form.checks[i].on_wire == stuffed) {
+            detail::write_check(source, form, i, bytes, bytes_size, id, registers);
           }
           return true;
         });

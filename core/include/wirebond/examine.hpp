@@ -31,7 +31,7 @@ struct Frame {
   const std::uint8_t* bytes;  ///< the frame without stuffing and delimiters
   std::size_t size;
   std::uint32_t id;      ///< 0 where the format has none
-  std::uint8_t layout;   ///< index of the one that held, of the format's layouts
+  std::uint8_t form;     ///< index of the one that held, of the format's forms
   std::int16_t message;  ///< index of the message; -1: unknown id, or a payload too short for it
   std::uint64_t offset;  ///< of its first wire byte since the deframer started (modulo its counter)
 };
@@ -69,10 +69,10 @@ struct Received {
 };
 
 template <class Source>
-WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std::size_t index,
-                                 const std::uint8_t* frame, std::size_t frame_size, const Received& received,
-                                 std::uint8_t seed, std::uint64_t* registers) {
-  const CheckRule& rule = layout.checks[index];
+WIREBOND_INLINE bool check_holds(const Source& source, const Form& form, std::size_t index, const std::uint8_t* frame,
+                                 std::size_t frame_size, const Received& received, std::uint8_t seed,
+                                 std::uint64_t* registers) {
+  const CheckRule& rule = form.checks[index];
   if (rule.on_wire) {  // it begins and ends outside the stuffed bytes, so that its places are the same
     frame = received.bytes;
     frame_size = received.size;
@@ -82,7 +82,7 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Layout& layout, std
   std::uint64_t reg;
   if (rule.continues >= 0) {  // what the earlier check covered is not run over again
     reg = registers[rule.continues];
-    from = layout.checks[static_cast<std::size_t>(rule.continues)].to.in(frame_size);
+    from = form.checks[static_cast<std::size_t>(rule.continues)].to.in(frame_size);
   } else {
     reg = begin_of(source, rule.algorithm);
   }
@@ -114,23 +114,23 @@ struct Head {
 };
 
 /// Whether a payload of this size may be the message's.
-WIREBOND_INLINE bool fits(const Layout& layout, const MessageShape& shape, std::size_t payload) {
-  const bool size_is_free = layout.payload_size == PayloadSize::by_length || layout.payload_size == PayloadSize::rest;
-  const bool long_enough = layout.trims_zeros || payload >= shape.min_payload;
+WIREBOND_INLINE bool fits(const Form& form, const MessageShape& shape, std::size_t payload) {
+  const bool size_is_free = form.payload_size == PayloadSize::by_length || form.payload_size == PayloadSize::rest;
+  const bool long_enough = form.trims_zeros || payload >= shape.min_payload;
   return shape.known() && (!size_is_free || (long_enough && payload <= shape.max_payload));
 }
 
 /// Whether the message is known before its payload. Where the payload's size is the message's own and there is no id,
 /// it is that of id 0: the only one, or the one that is expected.
-WIREBOND_INLINE bool id_comes_early(const Layout& layout) {
-  if (!layout.id.present()) return layout.payload_size == PayloadSize::by_id;
-  return !layout.id.at.from_end && layout.id.at.offset + layout.id.bytes <= static_cast<std::int32_t>(layout.prefix);
+WIREBOND_INLINE bool id_comes_early(const Form& form) {
+  if (!form.id.present()) return form.payload_size == PayloadSize::by_id;
+  return !form.id.at.from_end && form.id.at.offset + form.id.bytes <= static_cast<std::int32_t>(form.prefix);
 }
 
 /// The rules that the prefix decides, each as soon as its bytes are there. Outcome::frame: they hold.
 /// `whole`: the candidate's size is known to be `available` (it lay between delimiters).
 template <class Source>
-WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout, const std::uint8_t* candidate,
+WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, const std::uint8_t* candidate,
                                      std::size_t available, bool whole, Head& head) {
   constexpr bool unroll = Source::is_constant;
   const FrameFormat& format = source.format();
@@ -138,8 +138,8 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout,
   // Constants first.
   std::size_t need = 0;
   bool mismatch = false;
-  every<unroll, part_counts<Source>.constants>(0, layout.prefix_constants, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    const Constant& constant = layout.constants[i];
+  every<unroll, part_counts<Source>.constants>(0, form.prefix_constants, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    const Constant& constant = form.constants[i];
     const std::size_t at = static_cast<std::size_t>(constant.at.offset);
     if (at >= available) {
       need = at + 1;
@@ -150,45 +150,45 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout,
   });
   if (mismatch) return {Outcome::reject, Cause::constant_mismatch, 1};
   if (need != 0) return {Outcome::need_more, Cause::incomplete, need};
-  if (available < layout.prefix) return {Outcome::need_more, Cause::incomplete, layout.prefix};
+  if (available < form.prefix) return {Outcome::need_more, Cause::incomplete, form.prefix};
 
   // The id where it comes early, and the payload's size.
-  const bool id_early = id_comes_early(layout);
+  const bool id_early = id_comes_early(form);
   if (id_early) {
-    head.id = layout.id.present() ? read_number(layout.id, candidate, 0) : 0;
+    head.id = form.id.present() ? read_number(form.id, candidate, 0) : 0;
     head.shape = source.message(head.id);
-  } else if (!layout.id.present()) {  // one message, known before its seed is counted
+  } else if (!form.id.present()) {  // one message, known before its seed is counted
     head.shape = source.message(0);
   }
-  std::size_t payload = layout.fixed_payload;
-  const std::size_t outside = static_cast<std::size_t>(layout.prefix) + layout.suffix;
-  if (layout.payload_size == PayloadSize::by_length) {
+  std::size_t payload = form.fixed_payload;
+  const std::size_t outside = static_cast<std::size_t>(form.prefix) + form.suffix;
+  if (form.payload_size == PayloadSize::by_length) {
     const std::int64_t size =
-        static_cast<std::int64_t>(read_number(layout.length, candidate, 0)) * layout.length_unit + layout.length_bias;
+        static_cast<std::int64_t>(read_number(form.length, candidate, 0)) * form.length_unit + form.length_bias;
     if (size < 0 || size > format.max_payload) {
-      return {Outcome::reject, Cause::length_out_of_range, layout.prefix};
+      return {Outcome::reject, Cause::length_out_of_range, form.prefix};
     }
     payload = static_cast<std::size_t>(size);
-  } else if (layout.payload_size == PayloadSize::by_id) {
-    if (!head.shape.known()) return {Outcome::reject, Cause::unknown_message, layout.prefix};
+  } else if (form.payload_size == PayloadSize::by_id) {
+    if (!head.shape.known()) return {Outcome::reject, Cause::unknown_message, form.prefix};
     payload = head.shape.max_payload;
-  } else if (layout.payload_size == PayloadSize::rest) {
+  } else if (form.payload_size == PayloadSize::rest) {
     if (available < outside || available - outside > format.max_payload) {
       return {Outcome::reject, Cause::length_out_of_range, available};
     }
     payload = available - outside;
   }
-  if (id_early && !format.deliver_unknown && !fits(layout, head.shape, payload)) {
-    return {Outcome::reject, Cause::unknown_message, layout.prefix};
+  if (id_early && !format.deliver_unknown && !fits(form, head.shape, payload)) {
+    return {Outcome::reject, Cause::unknown_message, form.prefix};
   }
 
   // Checks of the header, before its length makes anybody wait.
   const bool header_holds =
-      every<unroll, part_counts<Source>.checks>(0, layout.header_checks, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, layout, i, candidate, layout.prefix, {candidate, layout.prefix}, head.shape.seed,
+      every<unroll, part_counts<Source>.checks>(0, form.header_checks, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        return check_holds(source, form, i, candidate, form.prefix, {candidate, form.prefix}, head.shape.seed,
                            head.registers);
       });
-  if (!header_holds) return {Outcome::reject, Cause::header_check_mismatch, layout.prefix};
+  if (!header_holds) return {Outcome::reject, Cause::header_check_mismatch, form.prefix};
 
   head.payload = payload;
   head.size = outside + payload;
@@ -196,14 +196,14 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Layout& layout,
   return {Outcome::frame, Cause::no_start, head.size};
 }
 
-WIREBOND_INLINE void fill(Frame& frame, const Layout& layout, std::size_t index, const std::uint8_t* candidate,
+WIREBOND_INLINE void fill(Frame& frame, const Form& form, std::size_t index, const std::uint8_t* candidate,
                           const MessageShape& shape, std::uint32_t id, std::size_t payload, std::size_t size,
                           bool trims_zeros) {
-  frame.payload = candidate + layout.prefix;
+  frame.payload = candidate + form.prefix;
   frame.payload_size = payload;
   frame.bytes = candidate;
   frame.size = size;
-  frame.layout = static_cast<std::uint8_t>(index);
+  frame.form = static_cast<std::uint8_t>(index);
   frame.id = id;
   const bool long_enough = trims_zeros || payload >= shape.min_payload;
   frame.message = long_enough ? shape.index : std::int16_t{-1};
@@ -211,7 +211,7 @@ WIREBOND_INLINE void fill(Frame& frame, const Layout& layout, std::size_t index,
 
 /// The rules that need the whole frame, after examine_head.
 template <class Source>
-WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout, std::size_t index,
+WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std::size_t index,
                                      const std::uint8_t* candidate, std::size_t available, const Received* block,
                                      Head& head, Frame& frame) {
   constexpr bool unroll = Source::is_constant;
@@ -220,58 +220,58 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Layout& layout,
 
   // Constants of the suffix are cheaper than a check over the whole frame.
   const bool tail_holds = every<unroll, part_counts<Source>.constants>(
-      layout.prefix_constants, layout.constant_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        const Constant& constant = layout.constants[i];
+      form.prefix_constants, form.constant_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        const Constant& constant = form.constants[i];
         return (candidate[constant.at.in(size)] & constant.mask) == constant.value;
       });
   if (!tail_holds) return {Outcome::reject, Cause::constant_mismatch, size};
-  if (!id_comes_early(layout)) {
-    head.id = layout.id.present() ? read_number(layout.id, candidate, size) : 0;
+  if (!id_comes_early(form)) {
+    head.id = form.id.present() ? read_number(form.id, candidate, size) : 0;
     head.shape = source.message(head.id);
-    if (!source.format().deliver_unknown && !fits(layout, head.shape, head.payload)) {
+    if (!source.format().deliver_unknown && !fits(form, head.shape, head.payload)) {
       return {Outcome::reject, Cause::unknown_message, size};
     }
   }
   const Received received = block != nullptr ? *block : Received{candidate, size};
   const bool checks_hold = every<unroll, part_counts<Source>.checks>(
-      layout.header_checks, layout.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, layout, i, candidate, size, received, head.shape.seed, head.registers);
+      form.header_checks, form.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        return check_holds(source, form, i, candidate, size, received, head.shape.seed, head.registers);
       });
   if (!checks_hold) return {Outcome::reject, Cause::check_mismatch, size};
 
-  fill(frame, layout, index, candidate, head.shape, head.id, head.payload, size, layout.trims_zeros);
+  fill(frame, form, index, candidate, head.shape, head.id, head.payload, size, form.trims_zeros);
   return {Outcome::frame, Cause::no_start, size};
 }
 
-/// The rules of one layout over `available` bytes at `candidate`, in the order in which they can first be decided.
+/// The rules of one form over `available` bytes at `candidate`, in the order in which they can first be decided.
 /// `block`: what the candidate was before unstuffing; null: it is one of a stream, and nothing is stuffed.
 template <class Source>
-WIREBOND_INLINE Verdict examine_layout(const Source& source, std::size_t index, const std::uint8_t* candidate,
-                                       std::size_t available, const Received* block, Frame& frame) {
-  const Layout& layout = source.format().layouts[index];
+WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, const std::uint8_t* candidate,
+                                     std::size_t available, const Received* block, Frame& frame) {
+  const Form& form = source.format().forms[index];
   Head head;
-  const Verdict verdict = examine_head(source, layout, candidate, available, block != nullptr, head);
+  const Verdict verdict = examine_head(source, form, candidate, available, block != nullptr, head);
   if (verdict.outcome != Outcome::frame) return verdict;
-  return examine_rest(source, layout, index, candidate, available, block, head, frame);
+  return examine_rest(source, form, index, candidate, available, block, head, frame);
 }
 
 }  // namespace detail
 
 /// Judge the bytes at `candidate`. Pure: the verdict depends on these bytes alone, so chunking cannot change it.
 /// `block`: the candidate's size is known to be `available`, and this is what it was before unstuffing; else null.
-/// Any thread or interrupt. Work is bounded by one pass over max_frame_bytes per layout.
+/// Any thread or interrupt. Work is bounded by one pass over max_frame_bytes per form.
 template <class Source>
 WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candidate, std::size_t available,
                                 const detail::Received* block, Frame& frame) {
   const FrameFormat& format = source.format();
   if constexpr (Source::is_constant) {
-    if (format.layout_count == 1) return detail::examine_layout(source, 0, candidate, available, block, frame);
+    if (format.form_count == 1) return detail::examine_form(source, 0, candidate, available, block, frame);
   }
-  // Several layouts: the first that holds. A rejection is told for the layout that got furthest: one whose bits "there
+  // Several forms: the first that holds. A rejection is told for the form that got furthest: one whose bits "there
   // or not" differ is not meant at all, so of two that blame as many bytes any other cause says more.
   Verdict best{Outcome::reject, Cause::constant_mismatch, 0};
-  for (std::size_t i = 0; i < format.layout_count; ++i) {
-    const Verdict verdict = detail::examine_layout(source, i, candidate, available, block, frame);
+  for (std::size_t i = 0; i < format.form_count; ++i) {
+    const Verdict verdict = detail::examine_form(source, i, candidate, available, block, frame);
     if (verdict.outcome == Outcome::frame) return verdict;
     const bool further =
         verdict.bytes > best.bytes || (verdict.bytes == best.bytes && best.cause == Cause::constant_mismatch);

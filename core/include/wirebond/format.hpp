@@ -73,14 +73,15 @@ struct HeaderField {
 
 constexpr std::size_t max_constants = 16;
 constexpr std::size_t max_checks = 4;
-constexpr std::size_t max_layouts = 8;
+constexpr std::size_t max_forms = 8;
 constexpr std::size_t max_algorithms = 4;
 constexpr std::size_t max_header_fields = 8;
 constexpr std::size_t max_escapes = 6;
 
-/// Fixed bytes before the payload (`prefix`), payload, fixed bytes after it (`suffix`).
-/// Formats whose header varies (two magics, optional parts) are several layouts, told apart by their constants.
-struct Layout {
+/// One shape that a frame can take: fixed bytes before the payload (`prefix`), the payload, fixed bytes after it
+/// (`suffix`). A format whose header varies (two magics, optional parts) has several forms, told apart by their
+/// constants.
+struct Form {
   std::uint16_t prefix = 0;
   std::uint16_t suffix = 0;
   std::uint8_t prefix_constants = 0;  ///< the first so many of `constants` lie in the prefix, by rising offset
@@ -137,14 +138,14 @@ struct FrameFormat {
   Mark opening{};             ///< delimiter before a frame
   Mark closing{};             ///< delimiter behind it
   bool sends_opening = true;  ///< delimited: false where only the end of a frame is marked
-  std::uint8_t layout_count = 1;
+  std::uint8_t form_count = 1;
   std::uint8_t algorithm_count = 0;
   bool deliver_unknown = false;  ///< unknown ids and other payload sizes are frames, not false starts
   bool skips_failed = false;     ///< a candidate that failed behind its header is not looked through again
   std::uint8_t plain_front = 0;  ///< so many bytes before the stuffed ones are sent as they are
   std::uint8_t plain_back = 0;   ///< and so many behind them
   std::uint16_t max_payload = 0;
-  std::array<Layout, max_layouts> layouts{};
+  std::array<Form, max_forms> forms{};
   std::array<CheckAlgorithm, max_algorithms> algorithms{};
   EscapeRule escapes{};
 };
@@ -162,10 +163,10 @@ struct MessageShape {
 /// Largest frame between delimiters after unstuffing, or on the wire where nothing is stuffed.
 WIREBOND_INLINE constexpr std::size_t max_frame_bytes(const FrameFormat& format) {
   std::size_t largest = 0;
-  for (std::size_t i = 0; i < format.layout_count; ++i) {
-    const Layout& layout = format.layouts[i];
-    const std::size_t payload = layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : format.max_payload;
-    const std::size_t size = layout.prefix + payload + layout.suffix;
+  for (std::size_t i = 0; i < format.form_count; ++i) {
+    const Form& form = format.forms[i];
+    const std::size_t payload = form.payload_size == PayloadSize::fixed ? form.fixed_payload : format.max_payload;
+    const std::size_t size = form.prefix + payload + form.suffix;
     if (size > largest) largest = size;
   }
   return largest;
@@ -200,29 +201,29 @@ WIREBOND_INLINE constexpr std::size_t max_wire_bytes(const FrameFormat& format) 
   return frame + stuffing_overhead(format, frame) + marks;
 }
 
-/// Wire bytes that a sender sets aside for a frame of its first layout: exact where nothing is stuffed, else the worst.
+/// Wire bytes that a sender sets aside for a frame of its first form: exact where nothing is stuffed, else the worst.
 WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std::size_t payload_size) {
-  const Layout& layout = format.layouts[0];
-  const std::size_t payload = layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : payload_size;
-  const std::size_t frame = layout.prefix + payload + layout.suffix;
+  const Form& form = format.forms[0];
+  const std::size_t payload = form.payload_size == PayloadSize::fixed ? form.fixed_payload : payload_size;
+  const std::size_t frame = form.prefix + payload + form.suffix;
   return frame + delimiter_bytes(format) + stuffing_overhead(format, frame);
 }
 
-/// Bytes before the payload, of the layout that has most.
+/// Bytes before the payload, of the form that has most.
 WIREBOND_INLINE constexpr std::size_t longest_prefix(const FrameFormat& format) {
   std::size_t longest = 0;
-  for (std::size_t i = 0; i < format.layout_count; ++i) {
-    if (format.layouts[i].prefix > longest) longest = format.layouts[i].prefix;
+  for (std::size_t i = 0; i < format.form_count; ++i) {
+    if (format.forms[i].prefix > longest) longest = format.forms[i].prefix;
   }
   return longest;
 }
 
-/// The byte that every frame begins with; -1: there are several layouts, or it is not wholly constant.
+/// The byte that every frame begins with; -1: there are several forms, or it is not wholly constant.
 WIREBOND_INLINE constexpr int one_start(const FrameFormat& format) {
-  const Layout& layout = format.layouts[0];
-  const bool is_one = format.layout_count == 1 && layout.prefix_constants != 0 && layout.constants[0].at.offset == 0 &&
-                      layout.constants[0].mask == 0xFF;
-  return is_one ? layout.constants[0].value : -1;
+  const Form& form = format.forms[0];
+  const bool is_one = format.form_count == 1 && form.prefix_constants != 0 && form.constants[0].at.offset == 0 &&
+                      form.constants[0].mask == 0xFF;
+  return is_one ? form.constants[0].value : -1;
 }
 
 // A *source* says where the format comes from. The algorithms are templates over it:
@@ -264,7 +265,7 @@ WIREBOND_INLINE bool every(std::size_t begin, std::size_t end, Fn&& fn) {
   }
 }
 
-/// The most parts of a kind that a layout has.
+/// The most parts of a kind that a form has.
 struct PartCounts {
   std::size_t constants = 0;
   std::size_t header_fields = 0;
@@ -273,7 +274,7 @@ struct PartCounts {
 
 /// Is the source's format known to the compiler? A source may ask for the algorithms of a constant and hold values that
 /// are read at run time, as tests do that compile once for many formats.
-template <class Source, std::size_t = Source{}.format().layout_count>
+template <class Source, std::size_t = Source{}.format().form_count>
 constexpr bool folds(int) {
   return Source::is_constant;
 }
@@ -287,11 +288,11 @@ constexpr PartCounts count_parts() {
   if constexpr (folds<Source>(0)) {
     PartCounts most;
     const auto raise = [](std::size_t& count, std::size_t other) { count = count < other ? other : count; };
-    for (std::size_t i = 0; i < Source{}.format().layout_count; ++i) {
-      const Layout& layout = Source{}.format().layouts[i];
-      raise(most.constants, layout.constant_count);
-      raise(most.header_fields, layout.header_count);
-      raise(most.checks, layout.check_count);
+    for (std::size_t i = 0; i < Source{}.format().form_count; ++i) {
+      const Form& form = Source{}.format().forms[i];
+      raise(most.constants, form.constant_count);
+      raise(most.header_fields, form.header_count);
+      raise(most.checks, form.check_count);
     }
     return most;
   } else {

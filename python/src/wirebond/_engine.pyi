@@ -67,7 +67,7 @@ def encode(
     format: FormatTable,
     index: int,
     values: dict[str, Any],
-    layout: int,
+    form: int,
     header: list[int],
 ) -> bytes: ...
 def decode_columns(

@@ -13,7 +13,7 @@ from wirebond.log import LogLine, log_line
 from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
 from wirebond.protocol.model import End, Protocol
-from wirebond.protocol.plan import Layout, Variant, ids_collide, plan_for, variants
+from wirebond.protocol.plan import Form, FormParts, ids_collide, parts_of_forms, plan_for
 from wirebond.protocol.problems import no_message
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ class Codec:
         self.model = model
         self._table = _engine.ProtocolTable(model)
         self._formats: dict[End | None, _engine.FormatTable] = {}
-        self._forms: dict[End, list[tuple[Variant, Layout]]] = {}
+        self._forms: dict[End, list[tuple[FormParts, Form]]] = {}
         self._index = {message.name: i for i, message in enumerate(model.messages)}
 
     @property
@@ -168,31 +168,31 @@ class Codec:
         if index is None:
             raise MessageError(no_message(self.name, message, self._index))
         sender = self.model.messages[index].sender
-        layout, numbers = self._layout_for(sender, header or {})
+        form, numbers = self._form_for(sender, header or {})
         everything = {**(values or {}), **fields}
-        return _engine.encode(self._table, self.format_for(sender), index, everything, layout, numbers)
+        return _engine.encode(self._table, self.format_for(sender), index, everything, form, numbers)
 
-    def _layout_for(self, sender: End, header: Mapping[str, int]) -> tuple[int, list[int]]:
+    def _form_for(self, sender: End, header: Mapping[str, int]) -> tuple[int, list[int]]:
         """The form of the frame that these header values ask for, and a value for each of its header fields."""
         forms = self._forms_for(sender)
-        known = {f.name: f for _, layout in forms for f in layout.header}
+        known = {f.name: f for _, form in forms for f in form.header}
         for name, value in header.items():
             if name not in known:
                 raise MessageError(f"the header has no field {name!r}; it has {', '.join(known) or 'none'}")
             mask = known[name].number.mask
             if not isinstance(value, int) or not 0 <= value <= mask:
                 raise MessageError(f"header field {name} is {value!r}; expected an integer from 0 to {mask}")
-        for index, (variant, layout) in enumerate(forms):
-            numbers = {f.name: header.get(f.name, f.default) for f in layout.header}
-            fits = all(bool(numbers[c.field] >> c.bit & 1) == truth for c, truth in variant.bits)
+        for index, (form_parts, form) in enumerate(forms):
+            numbers = {f.name: header.get(f.name, f.default) for f in form.header}
+            fits = all(bool(numbers[c.field] >> c.bit & 1) == truth for c, truth in form_parts.bits)
             if fits and set(header) <= set(numbers):
                 return index, list(numbers.values())
         raise MessageError(f"no form of the frame has the header fields {', '.join(header)} together")
 
-    def _forms_for(self, sender: End) -> list[tuple[Variant, Layout]]:
+    def _forms_for(self, sender: End) -> list[tuple[FormParts, Form]]:
         if sender not in self._forms:
             plan = plan_for(self.model, sender)
-            self._forms[sender] = list(zip(variants(self.model.frame.parts, sender), plan.layouts, strict=True))
+            self._forms[sender] = list(zip(parts_of_forms(self.model.format.parts, sender), plan.forms, strict=True))
         return self._forms[sender]
 
     def decoder(self, sender: str | None = None) -> Decoder:

@@ -33,7 +33,7 @@ def test_every_message_field_and_part_is_in_it(path: Path) -> None:
         section = text.split(f"### Message {message.name}\n")[1].split("\n## ")[0].split("\n### ")[0]
         for field in message.fields:
             assert f"| {field.name} |" in section
-    for part in codec.model.frame.parts:
+    for part in codec.model.format.parts:
         assert f"| {part.name} |" in text
     for deadline in codec.model.deadlines:
         assert deadline.then in text.split("## Deadlines")[1]

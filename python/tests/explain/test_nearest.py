@@ -110,7 +110,7 @@ def test_a_check_that_covers_the_tail_too_is_found_although_no_file_can_say_it(f
     """Around itself, or with itself as zeros."""
     frame = frame_of(FILE)
     model = loads(FILE)
-    algorithm = model.frame.parts[4].algorithm
+    algorithm = model.format.parts[4].algorithm
     assert algorithm is not None
     value = checksum(algorithm, frame[:-3] + filler + frame[-1:])
     guess = best(explained(frame[:-3] + value.to_bytes(2, "little") + frame[-1:]))
@@ -247,7 +247,7 @@ class TestStuffed:
 
     def test_bytes_before_stuffing_are_recognised(self) -> None:
         frame = Codec(loads(STUFFED)).encode("command", left=0.513, right=-1.2)
-        content = unstuff(loads(STUFFED).frame, frame[1:-1])
+        content = unstuff(loads(STUFFED).format, frame[1:-1])
         assert isinstance(content, Unstuffed)
         guess = best(explained(content.data, STUFFED))
         assert guess.what == "Everything holds if these are the bytes before stuffing."

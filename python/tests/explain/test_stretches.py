@@ -129,11 +129,11 @@ def test_stuffed_frames_show_both_bytes_and_name_what_stuffing_added() -> None:
 @given(st.binary(max_size=600))
 def test_stuffing_can_be_undone_and_keeps_every_place(data: bytes) -> None:
     for text in (STUFFED, ESCAPED):
-        frame = loads(text).frame
-        assert frame.delimiter is not None
-        block = stuff(frame, data)
-        assert frame.delimiter not in block
-        found = unstuff(frame, block)
+        frame_format = loads(text).format
+        assert frame_format.delimiter is not None
+        block = stuff(frame_format, data)
+        assert frame_format.delimiter not in block
+        found = unstuff(frame_format, block)
         assert isinstance(found, Unstuffed)
         assert found.data == data
         placed = [at for start, stop in found.places for at in range(start, stop)]

@@ -40,17 +40,17 @@ def test_every_protocol_of_the_project_loads_and_can_be_lowered_for_both_ends(pa
     assert protocol.name == path.stem
     assert protocol.path == str(path)
     for end in (End.HOST, End.MCU):
-        assert plan_for(protocol, end).max_payload == protocol.frame.max_payload
+        assert plan_for(protocol, end).max_payload == protocol.format.max_payload
 
 
 def test_diffdrive_is_what_its_document_says() -> None:
     protocol = load(PROTOCOLS / "diffdrive.yaml")
-    kinds = [part.kind.value for part in protocol.frame.parts]
+    kinds = [part.kind.value for part in protocol.format.parts]
     assert kinds == ["magic", "id", "payload", "reserved", "check", "tail"]
     assert protocol.max_wire_bytes() == 11
-    assert protocol.frame.max_payload == 4
-    assert not protocol.frame.deliver_unknown
-    check = protocol.frame.parts[4]
+    assert protocol.format.max_payload == 4
+    assert not protocol.format.deliver_unknown
+    check = protocol.format.parts[4]
     assert check.algorithm is not None
     assert (check.algorithm.name, check.first, check.last, check.size) == ("xor8", 0, 3, 1)
     linear = protocol.message("velocity").fields[0]
@@ -72,17 +72,17 @@ def test_diffdrive_is_what_its_document_says() -> None:
 
 def test_enterprize_checks_its_header_before_its_whole() -> None:
     protocol = load(PROTOCOLS / "enterprize.yaml")
-    header, whole = (part for part in protocol.frame.parts if part.kind == PartKind.CHECK)
+    header, whole = (part for part in protocol.format.parts if part.kind == PartKind.CHECK)
     assert (header.name, header.first, header.last) == ("header_check", 0, 2)
     assert (whole.name, whole.first, whole.last) == ("check", 0, 4)
-    assert protocol.frame.deliver_unknown
-    assert protocol.frame.max_payload == 41
+    assert protocol.format.deliver_unknown
+    assert protocol.format.max_payload == 41
     assert protocol.link.bits_per_byte == 11
 
 
 def test_native_lies_between_zeros_and_names_its_services() -> None:
     protocol = load(PROTOCOLS / "native.yaml")
-    assert (protocol.frame.delimiter, protocol.frame.stuffing, protocol.frame.max_payload) == (b"\x00", "cobs", 64)
+    assert (protocol.format.delimiter, protocol.format.stuffing, protocol.format.max_payload) == (b"\x00", "cobs", 64)
     assert [service.name for service in protocol.services] == ["hello", "ping", "clock", "log", "parameter"]
     parameter = protocol.service("parameter")
     assert parameter is not None
@@ -92,9 +92,9 @@ def test_native_lies_between_zeros_and_names_its_services() -> None:
 
 
 def test_a_high_byte_of_a_sum_is_one_byte_and_too_weak_to_deliver_what_is_unknown() -> None:
-    check = load(PROTOCOLS / "pid_tuner.yaml").frame.parts[4]
+    check = load(PROTOCOLS / "pid_tuner.yaml").format.parts[4]
     assert (check.size, check.shift, check.first, check.last) == (1, 8, 1, 3)
-    assert not load(PROTOCOLS / "pid_tuner.yaml").frame.deliver_unknown
+    assert not load(PROTOCOLS / "pid_tuner.yaml").format.deliver_unknown
 
 
 def test_what_a_file_leaves_out_has_the_documented_defaults() -> None:
@@ -103,7 +103,7 @@ def test_what_a_file_leaves_out_has_the_documented_defaults() -> None:
     assert protocol.link.stop_bits == 1
     assert (protocol.link.max_run, protocol.link.max_age) == (0.001, None)
     assert {message.queue for message in protocol.messages} == {Queue.NORMAL}
-    assert protocol.frame.parts[3].order == ByteOrder.LITTLE
+    assert protocol.format.parts[3].order == ByteOrder.LITTLE
     assert (protocol.idle, protocol.description, protocol.emergency_stop) == (None, "", None)
     assert protocol.path == "<text>"
 
@@ -127,7 +127,7 @@ def test_what_a_file_leaves_out_has_the_documented_defaults() -> None:
     ],
 )
 def test_unknown_frames_are_delivered_where_a_strong_check_covers_them(frame: str, extra: str, delivered: bool) -> None:
-    assert rover(frame, extra=extra).frame.deliver_unknown is delivered
+    assert rover(frame, extra=extra).format.deliver_unknown is delivered
 
 
 def test_the_files_byte_order_holds_where_a_type_names_none() -> None:
@@ -136,7 +136,7 @@ def test_the_files_byte_order_holds_where_a_type_names_none() -> None:
         "byte_order: little}, check: crc-32"
     )
     protocol = rover(frame, extra="byte_order: big", fields="a: {type: i24}, b: {type: f64le}")
-    assert [part.order.value for part in protocol.frame.parts if part.kind != PartKind.PAYLOAD][1:] == [
+    assert [part.order.value for part in protocol.format.parts if part.kind != PartKind.PAYLOAD][1:] == [
         "little", "big", "little", "big",
     ]  # fmt: skip
     a, b = protocol.messages[0].fields
@@ -147,9 +147,9 @@ def test_the_files_byte_order_holds_where_a_type_names_none() -> None:
 def test_a_length_may_count_more_than_the_payload(counts: str, bias: int) -> None:
     frame = f"magic: 0x01, length: {{type: u16, counts: {counts}, offset: 1}}, id: u8, payload: by_length, check: sum16"
     protocol = rover(frame)
-    part = protocol.frame.parts[1]
+    part = protocol.format.parts[1]
     assert (part.counts, part.length_offset, part.size) == (LengthCounts(counts), 1, 2)
-    assert plan_for(protocol, None).layouts[0].length_bias == bias - 1
+    assert plan_for(protocol, None).forms[0].length_bias == bias - 1
 
 
 def test_a_check_may_cover_named_parts_and_be_a_crc_of_ones_own() -> None:
@@ -158,7 +158,7 @@ def test_a_check_may_cover_named_parts_and_be_a_crc_of_ones_own() -> None:
         "check: {type: crc, width: 16, poly: 0x1021, init: 0xFFFF, refin: true, refout: true, "
         "xorout: 1, over: version..id}"
     )
-    part = rover(frame).frame.parts[4]
+    part = rover(frame).format.parts[4]
     a = part.algorithm
     assert a is not None
     assert (part.first, part.last, part.size) == (1, 2, 2)
@@ -174,13 +174,13 @@ def test_a_check_may_cover_named_parts_and_be_a_crc_of_ones_own() -> None:
 
 
 def test_a_check_over_one_part_names_it_alone() -> None:
-    part = rover("magic: 0x01, id: u8, payload: by_id, check: {type: xor8, over: payload}").frame.parts[3]
+    part = rover("magic: 0x01, id: u8, payload: by_id, check: {type: xor8, over: payload}").format.parts[3]
     assert (part.first, part.last) == (2, 2)
 
 
 def test_parts_without_a_name_are_numbered() -> None:
     frame = "constant: 0x01, {constant: 0x02, name: constant_2}, constant: 0x03, id: u8, payload: by_id"
-    names = [part.name for part in rover(frame).frame.parts]
+    names = [part.name for part in rover(frame).format.parts]
     assert names == ["constant", "constant_2", "constant_3", "id", "payload"]
 
 
@@ -190,13 +190,13 @@ def test_a_frame_without_an_id_carries_one_message_from_each_end() -> None:
         "messages: {command: {sender: host, fields: {a: {type: u16}}}, answer: {sender: mcu}}\n"
     )
     assert [(m.name, m.id) for m in protocol.messages] == [("command", 0), ("answer", 0)]
-    assert protocol.frame.part(PartKind.ID) is None
+    assert protocol.format.part(PartKind.ID) is None
 
 
 def test_a_fixed_payload_is_the_greatest_one() -> None:
     protocol = rover("magic: 0x01, id: u8, payload: 20, check: xor8", fields="a: {type: u8}")
-    assert protocol.frame.max_payload == 20
-    payload = protocol.frame.part(PartKind.PAYLOAD)
+    assert protocol.format.max_payload == 20
+    payload = protocol.format.part(PartKind.PAYLOAD)
     assert payload is not None
     assert (payload.payload, payload.fixed_payload) == (PayloadRule.FIXED, 20)
 

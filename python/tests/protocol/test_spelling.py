@@ -40,9 +40,9 @@ def file_with(parts: list[str], field: str = "u8") -> str:
     ],
 )
 def test_a_part_is_written_as_it_was_read(parts: list[str]) -> None:
-    model = loads(file_with(parts)).frame.parts
+    model = loads(file_with(parts)).format.parts
     written = [part_text(model, index) for index in range(len(model))]
-    assert loads(file_with(written)).frame.parts == model
+    assert loads(file_with(written)).format.parts == model
 
 
 FORMATS = Path(__file__).resolve().parents[3] / "tests" / "formats"
@@ -51,21 +51,21 @@ LITTLE_ENDIAN = [path for path in sorted(FORMATS.glob("*.yaml")) if "byte_order:
 
 @pytest.mark.parametrize("path", LITTLE_ENDIAN, ids=lambda path: path.stem)
 def test_parts_of_every_format_are_written_as_they_were_read(path: Path) -> None:
-    frame = load(path).frame
-    written = [part_text(frame.parts, index) for index in range(len(frame.parts))]
-    if frame.ends_by_silence:
+    frame_format = load(path).format
+    written = [part_text(frame_format.parts, index) for index in range(len(frame_format.parts))]
+    if frame_format.ends_by_silence:
         written.append("silence: 2 ms")
-    elif frame.delimiter is not None:
+    elif frame_format.delimiter is not None:
         return  # what stands around the parts is not a part
     text = path.read_text()
     start, end = text.index("frame:"), min(text.find(key) % len(text) for key in ("unknown:", "messages:"))
     again = loads(text[:start] + "frame:\n" + "".join(f"  - {part}\n" for part in written) + text[end:])
-    assert again.frame.parts == frame.parts
+    assert again.format.parts == frame_format.parts
 
 
 def test_what_is_the_default_is_not_written() -> None:
     model = loads(file_with(["magic: 0xaa", "id: u8", "payload: by_id", "check: {type: xor8, over: magic..payload}"]))
-    assert part_text(model.frame.parts, 3) == "check: xor8"
+    assert part_text(model.format.parts, 3) == "check: xor8"
 
 
 def test_every_kind_of_part_can_be_written() -> None:

@@ -12,9 +12,9 @@
 #include "wirebond/fake/uart.hpp"
 #include "wirebond/mcu/link.hpp"
 
-/// `short_form`, or `long_form` where the environment asks for it by WIREBOND_LONG.
-inline std::uint32_t rounds(std::uint32_t short_form, std::uint32_t long_form) {
-  return std::getenv("WIREBOND_LONG") != nullptr ? long_form : short_form;
+/// `usual`, or `many` where the environment asks for it by WIREBOND_LONG.
+inline std::uint32_t rounds(std::uint32_t usual, std::uint32_t many) {
+  return std::getenv("WIREBOND_LONG") != nullptr ? many : usual;
 }
 
 /// Gets the commands. Whatever else a handler must have is empty.

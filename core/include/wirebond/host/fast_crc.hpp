@@ -62,8 +62,8 @@ class FastCrc {
   static constexpr unsigned longest_short = 8;
 
   /// From a register of zero over a word as it lies in memory, for registers of up to 32 bits. Zero bytes before the
-  /// first change nothing, so that fewer bytes stand at the word's end. It is in a form of its own: compare it with
-  /// word_residue only.
+  /// first change nothing, so that fewer bytes stand at the word's end. It is in a representation of its own: compare
+  /// it with word_residue only.
   std::uint64_t update_word(std::uint64_t word) const { return update_word_(*this, word); }
 
   /// What update_word gives for `size` bytes over which the register runs from `begin` to `end`: a CRC is linear.

@@ -12,7 +12,7 @@
 
 namespace wirebond {
 
-/// A layout with all that can be worked out before a byte comes. Immutable after construction: any thread.
+/// A form with all that can be worked out before a byte comes. Immutable after construction: any thread.
 ///
 /// Applies where the first eight bytes hold the head's constants, its id, its length and its check if it has one, and
 /// where a check ends the frame. Checks are CRCs that stand behind their range in their own bit order: the register
@@ -23,17 +23,17 @@ class FastPath {
   FastPath() = default;
 
   FastPath(const FrameFormat& format, const std::array<FastCrc, max_algorithms>& crcs) {
-    const Layout& layout = format.layouts[0];
-    const bool applies = format.layout_count == 1 && read_head(format, layout) && read_checks(format, layout, crcs);
+    const Form& form = format.forms[0];
+    const bool applies = format.form_count == 1 && read_head(format, form) && read_checks(format, form, crcs);
     least_ = !applies ? SIZE_MAX : outside_ > sizeof(std::uint64_t) ? outside_ : sizeof(std::uint64_t);
     if (applies && format.framing == Framing::by_start) {
-      least_by_start_ = layout.prefix > sizeof(std::uint32_t) ? layout.prefix : sizeof(std::uint32_t);
+      least_by_start_ = form.prefix > sizeof(std::uint32_t) ? form.prefix : sizeof(std::uint32_t);
     }
-    seals_ = applies && format.framing == Framing::by_start && layout.payload_size == PayloadSize::by_length &&
-             layout.length_unit == 1 && layout.header_count == 0 && !has_late_constants_ && layout.prefix <= 8 &&
-             layout.suffix == layout.checks[layout.check_count - 1u].bytes;
-    if (seals_ && layout.prefix < 8) behind_prefix_ = ~std::uint64_t{0} << (8 * layout.prefix);
-    if (applies && layout.prefix_constants == 1 && constant_bits_ == 0xFF) waiting_ = layout.prefix;
+    seals_ = applies && format.framing == Framing::by_start && form.payload_size == PayloadSize::by_length &&
+             form.length_unit == 1 && form.header_count == 0 && !has_late_constants_ && form.prefix <= 8 &&
+             form.suffix == form.checks[form.check_count - 1u].bytes;
+    if (seals_ && form.prefix < 8) behind_prefix_ = ~std::uint64_t{0} << (8 * form.prefix);
+    if (applies && form.prefix_constants == 1 && constant_bits_ == 0xFF) waiting_ = form.prefix;
   }
 
   /// Bytes that must be there before anything is said; more than any window has where the fast path does not apply.
@@ -78,18 +78,18 @@ class FastPath {
   WIREBOND_INLINE bool rest_holds(const std::uint8_t* candidate, const Head& head, Frame& frame) const {
     const std::size_t size = head.size;
     if (has_late_constants_) {
-      for (std::size_t i = layout_->prefix_constants; i < layout_->constant_count; ++i) {
-        const Constant& constant = layout_->constants[i];
+      for (std::size_t i = form_->prefix_constants; i < form_->constant_count; ++i) {
+        const Constant& constant = form_->constants[i];
         if ((candidate[constant.at.in(size)] & constant.mask) != constant.value) return false;
       }
     }
     if (frame_check_->update(frame_begin_, candidate + frame_from_, size - frame_outside_) != frame_residue_)
       return false;
-    detail::fill(frame, *layout_, 0, candidate, *head.shape, head.id, head.payload, size, false);
+    detail::fill(frame, *form_, 0, candidate, *head.shape, head.id, head.payload, size, false);
     return true;
   }
 
-  /// What seal would make of `payload` bytes at buffer + prefix, in the format's first layout with default header
+  /// What seal would make of `payload` bytes at buffer + prefix, in the format's first form with default header
   /// fields; 0: it is for seal to make, or to refuse.
   WIREBOND_INLINE std::size_t seal(std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
                                    std::size_t payload) const {
@@ -102,10 +102,10 @@ class FastPath {
     const std::uint64_t payload_bits = load<std::uint64_t>(buffer) & behind_prefix_;
     store(buffer, payload_bits | constants_ | (swaps_ ? __builtin_bswap64(numbers) : numbers));
     if (header_check_ != nullptr) {
-      write_check(*header_check_, header_begin_, buffer, 0, layout_->checks[0].at.in(0), header_xor_out_,
-                  layout_->checks[0]);
+      write_check(*header_check_, header_begin_, buffer, 0, form_->checks[0].at.in(0), header_xor_out_,
+                  form_->checks[0]);
     }
-    const CheckRule& rule = layout_->checks[layout_->check_count - 1u];
+    const CheckRule& rule = form_->checks[form_->check_count - 1u];
     write_check(*frame_check_, frame_begin_, buffer, frame_from_, rule.at.in(size), frame_xor_out_, rule);
     return size;
   }
@@ -122,7 +122,7 @@ class FastPath {
     if (payload_size_ == PayloadSize::by_id && !head.shape->known()) return false;
     if (payload_size_ == PayloadSize::by_id) head.payload = head.shape->max_payload;
     if (payload_size_ == PayloadSize::rest) head.payload = available - outside_;
-    return deliver_unknown_ || detail::fits(*layout_, *head.shape, head.payload);
+    return deliver_unknown_ || detail::fits(*form_, *head.shape, head.payload);
   }
 
   WIREBOND_INLINE static void write_check(const FastCrc& crc, std::uint64_t begin, std::uint8_t* frame,
@@ -146,9 +146,9 @@ class FastPath {
   };
 
   /// Both numbers are read from the same word: if they have several bytes, their order is the same.
-  bool read_numbers(const Layout& layout) {
-    const Number& id = layout.id;
-    const Number& length = layout.length;
+  bool read_numbers(const Form& form) {
+    const Number& id = form.id;
+    const Number& length = form.length;
     if (id.bytes > 1 && length.bytes > 1 && id.order != length.order) return false;
     swaps_ = (id.bytes > 1 && id.order == ByteOrder::big) || (length.bytes > 1 && length.order == ByteOrder::big);
     return read_number(id, id_) && read_number(length, length_);
@@ -163,38 +163,38 @@ class FastPath {
     return true;
   }
 
-  bool read_head(const FrameFormat& format, const Layout& layout) {
-    if (layout.trims_zeros || (layout.id.present() && !detail::id_comes_early(layout))) return false;
-    if (!read_numbers(layout)) return false;
-    for (std::size_t i = 0; i < layout.prefix_constants; ++i) {
-      const Constant& constant = layout.constants[i];
+  bool read_head(const FrameFormat& format, const Form& form) {
+    if (form.trims_zeros || (form.id.present() && !detail::id_comes_early(form))) return false;
+    if (!read_numbers(form)) return false;
+    for (std::size_t i = 0; i < form.prefix_constants; ++i) {
+      const Constant& constant = form.constants[i];
       if (constant.at.offset >= 8) return false;
       const unsigned shift = 8u * static_cast<unsigned>(constant.at.offset);
       constant_bits_ |= static_cast<std::uint64_t>(constant.mask) << shift;
       constants_ |= static_cast<std::uint64_t>(constant.value) << shift;
     }
-    layout_ = &layout;
-    payload_size_ = layout.payload_size;
-    length_unit_ = layout.length_unit;
-    length_bias_ = layout.payload_size == PayloadSize::fixed ? layout.fixed_payload : layout.length_bias;
-    if (layout.payload_size != PayloadSize::by_length) length_ = {};
-    const bool is_bounded = layout.payload_size == PayloadSize::by_length || layout.payload_size == PayloadSize::rest;
+    form_ = &form;
+    payload_size_ = form.payload_size;
+    length_unit_ = form.length_unit;
+    length_bias_ = form.payload_size == PayloadSize::fixed ? form.fixed_payload : form.length_bias;
+    if (form.payload_size != PayloadSize::by_length) length_ = {};
+    const bool is_bounded = form.payload_size == PayloadSize::by_length || form.payload_size == PayloadSize::rest;
     max_payload_ = is_bounded ? format.max_payload : SIZE_MAX;
-    outside_ = static_cast<std::size_t>(layout.prefix) + layout.suffix;
+    outside_ = static_cast<std::size_t>(form.prefix) + form.suffix;
     deliver_unknown_ = format.deliver_unknown;
     is_special_ =
-        !deliver_unknown_ || layout.payload_size == PayloadSize::by_id || layout.payload_size == PayloadSize::rest;
-    has_late_constants_ = layout.constant_count != layout.prefix_constants;
+        !deliver_unknown_ || form.payload_size == PayloadSize::by_id || form.payload_size == PayloadSize::rest;
+    has_late_constants_ = form.constant_count != form.prefix_constants;
     return true;
   }
 
-  bool read_checks(const FrameFormat& format, const Layout& layout, const std::array<FastCrc, max_algorithms>& crcs) {
-    const bool has_header_check = layout.header_checks == 1;
-    if (layout.header_checks > 1 || layout.check_count != layout.header_checks + 1) return false;
-    for (std::size_t i = 0; i < layout.check_count; ++i) {
-      if (!leaves_residue(format, layout.checks[i])) return false;
+  bool read_checks(const FrameFormat& format, const Form& form, const std::array<FastCrc, max_algorithms>& crcs) {
+    const bool has_header_check = form.header_checks == 1;
+    if (form.header_checks > 1 || form.check_count != form.header_checks + 1) return false;
+    for (std::size_t i = 0; i < form.check_count; ++i) {
+      if (!leaves_residue(format, form.checks[i])) return false;
     }
-    const CheckRule& check = layout.checks[layout.header_checks];
+    const CheckRule& check = form.checks[form.header_checks];
     const CheckAlgorithm& algorithm = format.algorithms[check.algorithm];
     if (!check.at.from_end) return false;
     frame_check_ = &crcs[check.algorithm];
@@ -203,7 +203,7 @@ class FastPath {
     frame_residue_ = residue_of(algorithm, *frame_check_);
     frame_from_ = static_cast<std::size_t>(check.from.offset);
     if (has_header_check) {
-      const CheckRule& earlier = layout.checks[0];
+      const CheckRule& earlier = form.checks[0];
       const CheckAlgorithm& of_header = format.algorithms[earlier.algorithm];
       const std::size_t end = static_cast<std::size_t>(earlier.at.offset) + earlier.bytes;
       if (earlier.at.from_end || earlier.from.offset != 0 || end > 8 || of_header.width_bits > 32) return false;
@@ -240,7 +240,7 @@ class FastPath {
     return crc.update(check_begin(a), check, bytes);
   }
 
-  const Layout* layout_ = nullptr;
+  const Form* form_ = nullptr;
   std::uint64_t constant_bits_ = 0;
   std::uint64_t constants_ = 0;
   bool swaps_ = false;  ///< the numbers are big-endian

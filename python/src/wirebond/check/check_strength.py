@@ -15,12 +15,12 @@ import numpy as np
 
 from wirebond.check.damage import Fault, Measured, bit_error_rate, burst, measure, weights_by_damage, wrong_bits
 from wirebond.check.findings import Finding, Severity
-from wirebond.check.frame_facts import ANY, ANY_CONTENT, layouts, open_protocol, payload_sizes, senders
+from wirebond.check.frame_facts import ANY, ANY_CONTENT, forms, open_protocol, payload_sizes, senders
 from wirebond.check.places import Places
 from wirebond.check.samples import Pool, pool
 from wirebond.check.wording import count, percent
 from wirebond.codec import Codec
-from wirebond.protocol.model import Frame, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model import FrameFormat, PartKind, PayloadRule, Protocol
 
 RULE = "check-strength"
 REFERENCE_MIX = (9, 12, 6, 26, 13, 40)  # payload bytes
@@ -87,12 +87,12 @@ def measure_strength(codec: Codec, samples: int, seed: int) -> Strength:
 
 def _reference(protocol: Protocol, samples: int, seed: int) -> Measured | None:
     sender = senders(protocol)[0]
-    possible = payload_sizes(layouts(protocol, sender)[0], 255)
+    possible = payload_sizes(forms(protocol, sender)[0], 255)
     sizes = [size for size in REFERENCE_MIX if possible is None or size in possible]
     model = open_protocol(protocol, sender, max(possible, default=0) if possible is not None else max(REFERENCE_MIX))
     if model is None or not sizes:
         return None
-    part = model.frame.part(PartKind.PAYLOAD)
+    part = model.format.part(PartKind.PAYLOAD)
     assert part is not None, "every frame has a payload part"
     if part.payload == PayloadRule.FIXED:
         sizes = [part.fixed_payload]
@@ -107,7 +107,7 @@ def _reference(protocol: Protocol, samples: int, seed: int) -> Measured | None:
 
 def judge(protocol: Protocol, strength: Strength, places: Places) -> list[Finding]:
     """At most one finding: the figures that matter, and what it is about this check that lets them through."""
-    frame = protocol.frame
+    frame_format = protocol.format
     place = places.part("check")
     few = {name: strength.faults[name].share for name in FEW_BITS}
     weakest = max(measured.share for measured in strength.faults.values())
@@ -123,7 +123,7 @@ def judge(protocol: Protocol, strength: Strength, places: Places) -> list[Findin
     sentence = f"the receiver accepts damaged frames: {', '.join(rows)}"
     if strength.reference is not None and strength.reference.share >= _WEAK:
         mix = "/".join(str(size) for size in REFERENCE_MIX)
-        part = frame.part(PartKind.PAYLOAD)
+        part = frame_format.part(PartKind.PAYLOAD)
         if part is not None and part.payload != PayloadRule.FIXED:
             sentence += (
                 f"; one that takes any id and size accepts {percent(strength.reference.share)} of those damaged where "
@@ -134,7 +134,7 @@ def judge(protocol: Protocol, strength: Strength, places: Places) -> list[Findin
             RULE,
             severity,
             sentence,
-            _reason(frame),
+            _reason(frame_format),
             "if the format is yours to change, take `check: crc-16/ibm-sdlc`; if not, give every field a `range`, and "
             "act on no single message that could do harm",
             place.line,
@@ -143,8 +143,8 @@ def judge(protocol: Protocol, strength: Strength, places: Places) -> list[Findin
     ]
 
 
-def _reason(frame: Frame) -> str:
-    checks = [part for part in frame.parts if part.kind == PartKind.CHECK]
+def _reason(frame_format: FrameFormat) -> str:
+    checks = [part for part in frame_format.parts if part.kind == PartKind.CHECK]
     unconditional = [part for part in checks if part.condition is None]
     if checks and not unconditional:
         return "the check is there only when a bit of the header says so: a frame may come without, and nobody knows"
@@ -169,8 +169,8 @@ def _reason(frame: Frame) -> str:
 
 def uncovered(protocol: Protocol, places: Places) -> list[Finding]:
     """Parts that carry meaning and that no check covers."""
-    frame = protocol.frame
-    checks = [part for part in frame.parts if part.kind == PartKind.CHECK]
+    frame_format = protocol.format
+    checks = [part for part in frame_format.parts if part.kind == PartKind.CHECK]
     if not checks:
         return []
     effects: dict[str, str] = {
@@ -178,7 +178,7 @@ def uncovered(protocol: Protocol, places: Places) -> list[Finding]:
         PartKind.LENGTH: "one wrong bit there makes the receiver look for the check in a wrong place",
         PartKind.PAYLOAD: "no wrong value in it is ever noticed",
     }
-    covered = np.zeros(len(frame.parts), dtype=bool)
+    covered = np.zeros(len(frame_format.parts), dtype=bool)
     for part in checks:
         covered[part.first : part.last + 1] = True
     place = places.part("check")
@@ -192,7 +192,7 @@ def uncovered(protocol: Protocol, places: Places) -> list[Finding]:
             place.line,
             place.column,
         )
-        for part, is_covered in zip(frame.parts, covered, strict=True)
+        for part, is_covered in zip(frame_format.parts, covered, strict=True)
         for what in (part.kind.value, *(run.role.value for run in part.bits))
         if what in effects and not is_covered
     ]

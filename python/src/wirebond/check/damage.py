@@ -92,8 +92,8 @@ def measure(pool: Pool, fault: Fault, samples: int, seed: int, weights: NDArray[
     """Damage ``samples`` frames of the pool and count those that are delivered. ``weights``: each frame's chance."""
     generator = np.random.default_rng(seed)
     sizes = np.array([len(frame) for frame in pool.frames])
-    by_silence = pool.codec.model.frame.ends_by_silence
-    lent = len(pool.codec.model.frame.lent_delimiter)
+    by_silence = pool.codec.model.format.ends_by_silence
+    lent = len(pool.codec.model.format.lent_delimiter)
     samples = max(1, min(samples, _MOST_BLOCKS if by_silence else int(_MOST_BYTES // (2 * sizes.mean()))))
     chosen = generator.choice(len(sizes), samples, p=weights)
     guards = generator.integers(0, len(sizes), samples)

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from wirebond.check.findings import Finding, Severity
-from wirebond.check.frame_facts import layouts
+from wirebond.check.frame_facts import forms
 from wirebond.check.places import Places
 from wirebond.check.wording import plural
 from wirebond.codec import Codec, Message
 from wirebond.errors import MessageError
 from wirebond.protocol.model import Example, Part, PartKind, Protocol
-from wirebond.protocol.plan import variants
+from wirebond.protocol.plan import parts_of_forms
 from wirebond.protocol.problems import Place
 
 RULE = "example"
@@ -114,8 +114,8 @@ def _as_received(codec: Codec, example: Example) -> str:
 
 def _part_at(protocol: Protocol, example: Example, index: int) -> str:
     """` (check)`: the part of the frame that this byte belongs to. Empty for stuffed frames, whose bytes move."""
-    frame = protocol.frame
-    if frame.stuffing != "none" or frame.delimiter is not None:
+    frame_format = protocol.format
+    if frame_format.stuffing != "none" or frame_format.delimiter is not None:
         return ""
     parts = _parts(protocol, example)
     payload = len(example.frame) - sum(part.size for part in parts)
@@ -130,11 +130,11 @@ def _part_at(protocol: Protocol, example: Example, index: int) -> str:
 def _parts(protocol: Protocol, example: Example) -> tuple[Part, ...]:
     """The parts that are there with the example's header values."""
     header = dict(example.header)
-    forms = zip(variants(protocol.frame.parts, example.sender), layouts(protocol, example.sender), strict=True)
-    for variant, layout in forms:
-        numbers = {field.name: header.get(field.name, field.default) for field in layout.header}
-        if all(bool(numbers[c.field] >> c.bit & 1) == truth for c, truth in variant.bits):
-            return variant.parts
+    both = zip(parts_of_forms(protocol.format.parts, example.sender), forms(protocol, example.sender), strict=True)
+    for form_parts, form in both:
+        numbers = {field.name: header.get(field.name, field.default) for field in form.header}
+        if all(bool(numbers[c.field] >> c.bit & 1) == truth for c, truth in form_parts.bits):
+            return form_parts.parts
     raise AssertionError("the example was encoded, so that it has a form")
 
 

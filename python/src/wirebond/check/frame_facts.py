@@ -1,4 +1,4 @@
-"""Sizes and bounds that a frame's layout implies by itself, and a protocol that believes every header."""
+"""Sizes and bounds that a frame's form implies by itself, and a protocol that believes every header."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from wirebond.protocol.model import BitRole, End, Field, FieldKind, Message, PartKind, PayloadRule, Protocol
-from wirebond.protocol.plan import Layout, plan_for
+from wirebond.protocol.plan import Form, plan_for
 
 ENDS = (End.HOST, End.MCU)
 ANY = "any"  # the one message of `open_protocol`
@@ -18,18 +18,18 @@ def senders(protocol: Protocol) -> list[End]:
     return [end for end in ENDS if any(message.sent_by(end) for message in protocol.messages)]
 
 
-def layouts(protocol: Protocol, sender: End) -> tuple[Layout, ...]:
+def forms(protocol: Protocol, sender: End) -> tuple[Form, ...]:
     """The forms that a frame of this end can take; the first is the one that is sent unless header values say else."""
-    return plan_for(protocol, sender).layouts
+    return plan_for(protocol, sender).forms
 
 
 def has_id(protocol: Protocol) -> bool:
-    return any(p.kind == PartKind.ID or any(run.role == BitRole.ID for run in p.bits) for p in protocol.frame.parts)
+    return any(p.kind == PartKind.ID or any(run.role == BitRole.ID for run in p.bits) for p in protocol.format.parts)
 
 
-def has_header_check(layout: Layout) -> bool:
+def has_header_check(form: Form) -> bool:
     """Is a check over the length complete before the payload comes?"""
-    length = layout.length
+    length = form.length
     return any(
         length is None
         or (
@@ -37,19 +37,19 @@ def has_header_check(layout: Layout) -> bool:
             and rule.start.offset <= length.at.offset
             and length.at.offset + length.bytes <= rule.stop.offset
         )
-        for rule in layout.checks[: layout.header_checks]
+        for rule in form.checks[: form.header_checks]
     )
 
 
-def payload_sizes(layout: Layout, most: int) -> range | None:
+def payload_sizes(form: Form, most: int) -> range | None:
     """The payload sizes up to ``most`` that the length can tell; None without a length."""
-    if layout.length is None:
+    if form.length is None:
         return None
-    greatest = layout.length.mask * layout.length_unit + layout.length_bias
-    least = layout.length_bias
+    greatest = form.length.mask * form.length_unit + form.length_bias
+    least = form.length_bias
     if least < 0:
-        least += -(least // layout.length_unit) * layout.length_unit  # the first that is not negative
-    return range(least, min(most, greatest) + 1, layout.length_unit)
+        least += -(least // form.length_unit) * form.length_unit  # the first that is not negative
+    return range(least, min(most, greatest) + 1, form.length_unit)
 
 
 def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
@@ -57,17 +57,17 @@ def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
 
     Escaping may double a frame; counted is what random content brings. Where silence ends a frame it is counted, too.
     """
-    frame = protocol.frame
-    layout = layouts(protocol, sender)[0]
-    content = layout.fixed_payload if layout.payload == PayloadRule.FIXED else payload
-    size = layout.prefix + content + layout.suffix
-    if frame.stuffing == "cobs":
+    frame_format = protocol.format
+    form = forms(protocol, sender)[0]
+    content = form.fixed_payload if form.payload == PayloadRule.FIXED else payload
+    size = form.prefix + content + form.suffix
+    if frame_format.stuffing == "cobs":
         size += 1 + size // 254
-    elif frame.escapes is not None:
-        size = math.ceil(size * (1 + len(frame.escapes.pairs) / 256))
-    if frame.ends_by_silence:
+    elif frame_format.escapes is not None:
+        size = math.ceil(size * (1 + len(frame_format.escapes.pairs) / 256))
+    if frame_format.ends_by_silence:
         size += math.ceil(protocol.idle_seconds * protocol.link.baud / protocol.link.bits_per_byte)
-    return size + len(frame.opening or b"") + len(frame.delimiter or b"")
+    return size + len(frame_format.opening or b"") + len(frame_format.delimiter or b"")
 
 
 def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | None:
@@ -76,11 +76,11 @@ def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | N
     None where such a receiver cannot be: the id tells the size or seeds the check, or delimiters stand around bytes
     that are not stuffed, so that not every content can be carried.
     """
-    frame = protocol.frame
-    part = frame.part(PartKind.PAYLOAD)
+    frame_format = protocol.format
+    part = frame_format.part(PartKind.PAYLOAD)
     assert part is not None, "every frame has a payload part"
-    unstuffed = frame.delimiter is not None and frame.stuffing == "none"
-    if part.payload == PayloadRule.BY_ID or unstuffed or any(p.seeded for p in frame.parts):
+    unstuffed = frame_format.delimiter is not None and frame_format.stuffing == "none"
+    if part.payload == PayloadRule.BY_ID or unstuffed or any(p.seeded for p in frame_format.parts):
         return None
     if part.payload == PayloadRule.FIXED:
         payload = part.fixed_payload
@@ -90,7 +90,7 @@ def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | N
     message = Message(ANY, 1 if has_id(protocol) else 0, sender, (content,) if payload else ())
     return replace(
         protocol,
-        frame=replace(frame, max_payload=payload, deliver_unknown=True),
+        format=replace(frame_format, max_payload=payload, deliver_unknown=True),
         messages=(message,),
         deadlines=(),
         emergency_stop=None,

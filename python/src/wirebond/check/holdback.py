@@ -9,8 +9,8 @@ from wirebond.check.findings import Finding, Severity
 from wirebond.check.frame_facts import (
     ANY,
     ANY_CONTENT,
+    forms,
     has_header_check,
-    layouts,
     open_protocol,
     payload_sizes,
     senders,
@@ -65,20 +65,20 @@ def measure_hold_back(codec: Codec, sender: End, seed: int) -> HoldBack | None:
     if own is None:
         return None
     byte_seconds = model.link.bits_per_byte / model.link.baud
-    layout = layouts(model, sender)[0]
-    checked = has_header_check(layout)
-    if model.frame.delimiter is not None or model.frame.ends_by_silence:
+    form = forms(model, sender)[0]
+    checked = has_header_check(form)
+    if model.format.delimiter is not None or model.format.ends_by_silence:
         return HoldBack(sender, 0, None, checked, byte_seconds)  # a delimiter or a pause ends any false start
     good = min(own.frames, key=len)
-    bound = _bytes_until_delivery(codec, sender, max(own.frames, key=len)[: layout.prefix], good)
+    bound = _bytes_until_delivery(codec, sender, max(own.frames, key=len)[: form.prefix], good)
     unbounded = None
-    possible = payload_sizes(layout, 0xFFFF)
+    possible = payload_sizes(form, 0xFFFF)
     open_model = open_protocol(model, sender, max(possible)) if possible else None
     if possible and open_model is not None:
         open_codec = Codec(open_model)
         # Not all zeros: some formats do not send those at the payload's end.
         content = {ANY_CONTENT: b"\xff" * max(possible)} if max(possible) else {}
-        header = open_codec.encode(ANY, content)[: layout.prefix]
+        header = open_codec.encode(ANY, content)[: form.prefix]
         unbounded = _bytes_until_delivery(open_codec, sender, header, good)
     return HoldBack(sender, bound, unbounded, checked, byte_seconds)
 
@@ -87,7 +87,7 @@ def _bytes_until_delivery(codec: Codec, sender: End, false_header: bytes, good: 
     """0 where the first good frame comes out with its own last byte."""
     decoder = codec.decoder(sender)
     decoder.feed(false_header)
-    most = max(layout.prefix + layout.suffix for layout in layouts(codec.model, sender)) + codec.model.frame.max_payload
+    most = max(form.prefix + form.suffix for form in forms(codec.model, sender)) + codec.model.format.max_payload
     stream = good * (2 + most // len(good))
     for fed in range(1, len(stream) + 1):
         if decoder.feed(stream[fed - 1 : fed]):
@@ -120,7 +120,7 @@ def judge(protocol: Protocol, found: list[HoldBack], places: Places) -> list[Fin
                 Finding(
                     RULE,
                     Severity.NOTE,
-                    f"a false start holds back {here} here, by `max_payload` {protocol.frame.max_payload}; without "
+                    f"a false start holds back {here} here, by `max_payload` {protocol.format.max_payload}; without "
                     f"max_payload it would be {count(each.unbounded_bytes or 0)} bytes, {seconds(unbounded)}",
                     "the length is believed before any check is seen, so a peer whose parser takes every length waits "
                     "that long",

@@ -34,7 +34,7 @@ def judge_ids(protocol: Protocol, places: Places) -> list[Finding]:
 
 
 def judge_magic(protocol: Protocol, places: Places) -> list[Finding]:
-    magic = protocol.frame.part(PartKind.MAGIC)
+    magic = protocol.format.part(PartKind.MAGIC)
     values = () if magic is None else (magic.value, *magic.alternatives, *(value for _, value in magic.by_sender))
     value = next((value for value in values if len(set(value)) == 1 and value[0] in _FREQUENT), None)
     if value is None:

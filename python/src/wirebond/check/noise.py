@@ -9,13 +9,13 @@ import numpy as np
 
 from wirebond.check.damage import decode_blocks
 from wirebond.check.findings import Finding, Severity
-from wirebond.check.frame_facts import layouts, payload_sizes
+from wirebond.check.frame_facts import forms, payload_sizes
 from wirebond.check.places import Places
 from wirebond.check.samples import Pool
 from wirebond.check.wording import count, direction
 from wirebond.codec import Codec
 from wirebond.protocol.model import End, Message, PayloadRule, Protocol
-from wirebond.protocol.plan import Layout, Number
+from wirebond.protocol.plan import Form, Number
 
 RULE = "false-frames"
 _CHUNK = 4_000_000  # bytes at once
@@ -66,7 +66,7 @@ def measure_noise(codec: Codec, sender: End, size: int, seed: int) -> Noise:
     generator = np.random.default_rng(seed)
     rate = expected_rate(codec.model, sender)
     expected = None if rate is None else 1e6 * rate
-    if codec.model.frame.ends_by_silence:
+    if codec.model.format.ends_by_silence:
         longest = codec.model.max_wire_bytes()
         lengths = generator.integers(1, longest + 1, 2 * size // _FEWER // longest + 1)
         blocks = (generator.bytes(int(length)) for length in lengths)
@@ -88,26 +88,26 @@ def expected_rate(protocol: Protocol, sender: End) -> float | None:
 
     None for escapes, delimiters around bytes that are not stuffed, silence, and checks in hex digits.
     """
-    frame = protocol.frame
-    forms = layouts(protocol, sender)
-    if frame.ends_by_silence or any(rule.as_hex for layout in forms for rule in layout.checks):
+    frame_format = protocol.format
+    possible = forms(protocol, sender)
+    if frame_format.ends_by_silence or any(rule.as_hex for form in possible for rule in form.checks):
         return None
     messages = [message for message in protocol.messages if message.sent_by(sender)]
-    if frame.delimiter is None:
-        return sum(_constants_and_checks(layout) * _id_and_size(protocol, layout, messages) for layout in forms)
-    if frame.stuffing != "cobs" or frame.opening != frame.delimiter:
+    if frame_format.delimiter is None:
+        return sum(_constants_and_checks(form) * _id_and_size(protocol, form, messages) for form in possible)
+    if frame_format.stuffing != "cobs" or frame_format.opening != frame_format.delimiter:
         return None
-    return sum(_constants_and_checks(layout) * _cobs(protocol, layout, messages) for layout in forms)
+    return sum(_constants_and_checks(form) * _cobs(protocol, form, messages) for form in possible)
 
 
-def _constants_and_checks(layout: Layout) -> float:
-    bits = sum(constant.mask.bit_count() for constant in layout.constants)
-    return 2.0 ** -(bits + sum(8 * rule.bytes for rule in layout.checks))
+def _constants_and_checks(form: Form) -> float:
+    bits = sum(constant.mask.bit_count() for constant in form.constants)
+    return 2.0 ** -(bits + sum(8 * rule.bytes for rule in form.checks))
 
 
-def _sizes(layout: Layout, message: Message) -> tuple[int, int]:
+def _sizes(form: Form, message: Message) -> tuple[int, int]:
     """Least and greatest payload of this message on the wire."""
-    return 0 if layout.trims_zeros else message.min_payload, message.max_payload
+    return 0 if form.trims_zeros else message.min_payload, message.max_payload
 
 
 def _chance(number: Number | None) -> float:
@@ -115,26 +115,26 @@ def _chance(number: Number | None) -> float:
     return 1.0 if number is None else 1 / (number.mask + 1)
 
 
-def _id_and_size(protocol: Protocol, layout: Layout, messages: list[Message]) -> float:
-    possible = payload_sizes(layout, protocol.frame.max_payload)
-    by_length = layout.payload == PayloadRule.BY_LENGTH and possible is not None
-    one_size = _chance(layout.length)
-    if protocol.frame.deliver_unknown:
+def _id_and_size(protocol: Protocol, form: Form, messages: list[Message]) -> float:
+    possible = payload_sizes(form, protocol.format.max_payload)
+    by_length = form.payload == PayloadRule.BY_LENGTH and possible is not None
+    one_size = _chance(form.length)
+    if protocol.format.deliver_unknown:
         return len(possible) * one_size if by_length and possible is not None else 1.0
     fitting = 0.0
     for message in messages:
-        least, greatest = _sizes(layout, message)
+        least, greatest = _sizes(form, message)
         known = 1.0
         if by_length and possible is not None:
             known = sum(least <= size <= greatest for size in possible) * one_size
-        fitting += known * _chance(layout.id)
+        fitting += known * _chance(form.id)
     return min(1.0, fitting)
 
 
-def _cobs(protocol: Protocol, layout: Layout, messages: list[Message]) -> float:
+def _cobs(protocol: Protocol, form: Form, messages: list[Message]) -> float:
     """For each random byte: it is a zero, and the nonzero bytes before it are a possible result of COBS."""
-    fixed = layout.prefix + layout.suffix
-    longest = min(_LONGEST_SEGMENT, fixed + protocol.frame.max_payload + 1)
+    fixed = form.prefix + form.suffix
+    longest = min(_LONGEST_SEGMENT, fixed + protocol.format.max_payload + 1)
     valid = [1.0]  # by length: the chance that this many nonzero bytes are a chain of COBS blocks
     total = 0.0
     for length in range(1, longest + 1):
@@ -143,9 +143,9 @@ def _cobs(protocol: Protocol, layout: Layout, messages: list[Message]) -> float:
         if payload < 0:
             continue
         fits = 1.0
-        if not protocol.frame.deliver_unknown:
-            sizes = [_sizes(layout, message) for message in messages]
-            fits = sum(least <= payload <= greatest for least, greatest in sizes) * _chance(layout.id)
+        if not protocol.format.deliver_unknown:
+            sizes = [_sizes(form, message) for message in messages]
+            fits = sum(least <= payload <= greatest for least, greatest in sizes) * _chance(form.id)
         total += (255 / 256) ** length * valid[length] * fits
     return total / 256 / 256  # a zero before it and one behind
 

@@ -12,7 +12,7 @@ from wirebond.check.places import Places
 from wirebond.check.samples import pool
 from wirebond.check.wording import count, percent
 from wirebond.codec import Codec
-from wirebond.protocol.model import Frame, PartKind, Protocol
+from wirebond.protocol.model import FrameFormat, PartKind, Protocol
 
 RULE = "inserted-zero"
 _FRAMES = 64  # of each message
@@ -37,7 +37,7 @@ def measure_inserted_zero(codec: Codec, seed: int) -> InsertedZero | None:
 
     Under COBS that is one byte 0x01 on the wire; a delimiter whose lowest bit flips has the same effect.
     """
-    frame_format = codec.model.frame
+    frame_format = codec.model.format
     if frame_format.stuffing == "none":
         return None
     zero = _stuffed_zero(frame_format)
@@ -46,7 +46,7 @@ def measure_inserted_zero(codec: Codec, seed: int) -> InsertedZero | None:
     own, any_size = Measured(0, 0), Measured(0, 0)
     for end in senders(codec.model):
         frames = pool(codec, end, seed, _FRAMES)
-        model = open_protocol(codec.model, end, codec.model.frame.max_payload + 1)
+        model = open_protocol(codec.model, end, codec.model.format.max_payload + 1)
         if frames is None or model is None:
             continue
         open_codec = Codec(model)
@@ -58,7 +58,7 @@ def measure_inserted_zero(codec: Codec, seed: int) -> InsertedZero | None:
 
 
 def _reason(protocol: Protocol) -> str:
-    check = protocol.frame.part(PartKind.CHECK)
+    check = protocol.format.part(PartKind.CHECK)
     is_crc = check is not None and check.algorithm is not None and check.algorithm.kind == "crc"
     why = (
         "without a final xor a CRC's register is zero behind an intact frame and stays so with one zero more"
@@ -66,19 +66,19 @@ def _reason(protocol: Protocol) -> str:
         else "a zero more does not change a sum or an exclusive-or"
     )
     wire = ", and under COBS a single wrong bit in a delimiter makes that zero"
-    return why + (wire if protocol.frame.stuffing == "cobs" else "")
+    return why + (wire if protocol.format.stuffing == "cobs" else "")
 
 
-def _stuffed_zero(frame: Frame) -> bytes:
-    if frame.escapes is None:
+def _stuffed_zero(frame_format: FrameFormat) -> bytes:
+    if frame_format.escapes is None:
         return b"\x01"  # COBS: an empty block
-    code = dict(frame.escapes.pairs).get(0)
-    return b"\x00" if code is None else bytes((frame.escapes.escape, code))
+    code = dict(frame_format.escapes.pairs).get(0)
+    return b"\x00" if code is None else bytes((frame_format.escapes.escape, code))
 
 
 def explains_damage(protocol: Protocol, found: InsertedZero | None) -> bool:
     """Is the inserted zero what lets damaged frames pass? A long CRC sees the rest; `judge` tells of this one."""
-    checks = [part for part in protocol.frame.parts if part.kind == PartKind.CHECK]
+    checks = [part for part in protocol.format.parts if part.kind == PartKind.CHECK]
     long_crc = any(p.algorithm is not None and p.algorithm.kind == "crc" and p.algorithm.width >= 16 for p in checks)
     return long_crc and found is not None and found.any_size.accepted > 0
 
@@ -86,7 +86,7 @@ def explains_damage(protocol: Protocol, found: InsertedZero | None) -> bool:
 def judge(protocol: Protocol, found: InsertedZero | None, places: Places) -> list[Finding]:
     if found is None or not found.any_size.accepted:
         return []
-    check = protocol.frame.part(PartKind.CHECK)
+    check = protocol.format.part(PartKind.CHECK)
     name = "no check" if check is None or check.algorithm is None else check.algorithm.name
     place = places.part("check")
     return [

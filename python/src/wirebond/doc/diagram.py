@@ -5,13 +5,13 @@ from __future__ import annotations
 from itertools import takewhile
 
 from wirebond.explain.judge import hex_of
-from wirebond.protocol.model import Frame, Part, PartKind, PayloadRule
+from wirebond.protocol.model import FrameFormat, Part, PartKind, PayloadRule
 
 _STUFFINGS = {"cobs": "COBS", "escape": "escapes"}
 
 
-def diagram(frame: Frame, longest_payload: int) -> list[str]:
-    parts = frame.parts
+def diagram(frame_format: FrameFormat, longest_payload: int) -> list[str]:
+    parts = frame_format.parts
     columns = [_column(part, longest_payload) for part in parts]
     widths = [max(len(line) for line in column) + 2 for column in columns]
     rule = "+" + "+".join("-" * width for width in widths) + "+"
@@ -25,26 +25,29 @@ def diagram(frame: Frame, longest_payload: int) -> list[str]:
             first, end = starts[part.first], starts[part.last] + widths[part.last]
             span = "<" + "-" * (end - first - 2) + ">"
             lines.append(" " * first + span + f"  covered by {part.name}")
-    around = _around(frame)
+    around = _around(frame_format)
     return [*lines, "", f"on the wire:  {around}"] if around else lines
 
 
-def _around(frame: Frame) -> str:
+def _around(frame_format: FrameFormat) -> str:
     inside = "these parts"
-    if frame.stuffing != "none":
-        stuffed = [part.name for part in frame.parts if not part.is_plain]
+    if frame_format.stuffing != "none":
+        stuffed = [part.name for part in frame_format.parts if not part.is_plain]
         groups = [
-            [p.name for p in takewhile(lambda p: p.is_plain, parts)] for parts in (frame.parts, frame.parts[::-1])
+            [p.name for p in takewhile(lambda p: p.is_plain, parts)]
+            for parts in (frame_format.parts, frame_format.parts[::-1])
         ]
         front, back = groups[0], groups[1][::-1]
         named = inside if not front and not back else "  ".join(stuffed)
-        inside = "  ".join([*front, f"{_STUFFINGS.get(frame.stuffing, frame.stuffing)}( {named} )", *back])
-    if frame.ends_by_silence:
+        inside = "  ".join(
+            [*front, f"{_STUFFINGS.get(frame_format.stuffing, frame_format.stuffing)}( {named} )", *back]
+        )
+    if frame_format.ends_by_silence:
         return f"silence  {inside}  silence"
-    if frame.delimiter is None:
+    if frame_format.delimiter is None:
         return ""
-    opening = "" if frame.opening is None else f"{hex_of(frame.opening)}  "
-    return f"{opening}{inside}  {hex_of(frame.delimiter)}"
+    opening = "" if frame_format.opening is None else f"{hex_of(frame_format.opening)}  "
+    return f"{opening}{inside}  {hex_of(frame_format.delimiter)}"
 
 
 def _column(part: Part, longest_payload: int) -> tuple[str, str, str]:

@@ -55,7 +55,7 @@ def _example(codec: Codec, message: Message, values: dict[str, Any]) -> list[str
     (stretch,) = explain(expecting(codec.model, message.name), frame, sender).stretches
     assert (stretch.kind, stretch.message) == (Kind.FRAME, message.name), "the engine's frame is explained as itself"
     shown = values_line(values)
-    stuffed = codec.model.frame.stuffing != "none"
+    stuffed = codec.model.format.stuffing != "none"
     heads = (">at", "bytes" if not stuffed else "on the wire", "unstuffed", "part", "meaning")
     rows = [
         (

@@ -16,7 +16,7 @@ from wirebond.protocol.model import (
     Algorithm,
     BitRole,
     ByteOrder,
-    Frame,
+    FrameFormat,
     LengthCounts,
     Part,
     PartKind,
@@ -40,24 +40,24 @@ _PAYLOADS = {
 
 
 def frame_chapter(protocol: Protocol) -> list[str]:
-    frame = protocol.frame
-    lines = ["## Frame", "", "```text", *diagram(frame, frame.max_payload), "```", ""]
+    frame_format = protocol.format
+    lines = ["## Frame", "", "```text", *diagram(frame_format, frame_format.max_payload), "```", ""]
     lines += table(("part", ">offset", ">bytes", "type", "content", "there if"), _rows(protocol))
-    lines += [*_bits(frame), *_ends(protocol), *_stuffing(frame)]
+    lines += [*_bits(frame_format), *_ends(protocol), *_stuffing(frame_format)]
     lines += ["", "### A receiver accepts a frame when", "", *_rules(protocol), ""]
     return lines + _after_a_failure(protocol)
 
 
 def _rows(protocol: Protocol) -> list[tuple[str, ...]]:
     """Offsets are told as far as all parts before are always there."""
-    parts = protocol.frame.parts
+    parts = protocol.format.parts
     payload = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
     size = parts[payload].fixed_payload if parts[payload].payload == PayloadRule.FIXED else None
     rows: list[tuple[str, ...]] = []
     firm = True
     for index, ((start, stop), part) in enumerate(zip(spans(parts, size or 0), parts, strict=True)):
         offset = str(start) if index <= payload or size is not None else f"{start} + payload"
-        shown = str(stop - start) if index != payload or size is not None else f"0 to {protocol.frame.max_payload}"
+        shown = str(stop - start) if index != payload or size is not None else f"0 to {protocol.format.max_payload}"
         there_if = "" if part.condition is None else f"`{condition_text(part.condition)}`"
         content = _content(protocol, index)
         rows.append((part.name, offset if firm else "", shown, _type(part), content, there_if))
@@ -72,9 +72,9 @@ def _type(part: Part) -> str:
     return number_type("u", part.size, ByteOrder.LITTLE) + order
 
 
-def _bits(frame: Frame) -> list[str]:
+def _bits(frame_format: FrameFormat) -> list[str]:
     lines: list[str] = []
-    for part in frame.parts:
+    for part in frame_format.parts:
         if part.bits:
             rows = [
                 (
@@ -89,29 +89,29 @@ def _bits(frame: Frame) -> list[str]:
 
 
 def _ends(protocol: Protocol) -> list[str]:
-    frame = protocol.frame
-    if frame.ends_by_silence:
+    frame_format = protocol.format
+    if frame_format.ends_by_silence:
         return [
             "",
             f"A frame ends when the line is silent for {seconds(protocol.idle_seconds)}; within it is no pause.",
         ]
-    if frame.delimiter is None:
+    if frame_format.delimiter is None:
         return []
-    closing = hex_of(frame.delimiter)
-    if frame.opening is None:
+    closing = hex_of(frame_format.delimiter)
+    if frame_format.opening is None:
         return ["", f"Behind every frame stands {closing}."]
-    if frame.opening == frame.delimiter:
+    if frame_format.opening == frame_format.delimiter:
         return ["", f"Before and after every frame stands {closing}; two frames may share one."]
-    return ["", f"Before every frame stands {hex_of(frame.opening)}, and behind it {closing}."]
+    return ["", f"Before every frame stands {hex_of(frame_format.opening)}, and behind it {closing}."]
 
 
-def _stuffing(frame: Frame) -> list[str]:
-    where, checks = _stuffed_parts(frame), _checks_and_stuffing(frame)
-    if frame.stuffing == "cobs":
+def _stuffing(frame_format: FrameFormat) -> list[str]:
+    where, checks = _stuffed_parts(frame_format), _checks_and_stuffing(frame_format)
+    if frame_format.stuffing == "cobs":
         return ["", f"{where} the frame is stuffed with {_COBS[0]}", *_COBS[1:], checks]
-    if frame.escapes is None:
+    if frame_format.escapes is None:
         return []
-    rule = frame.escapes
+    rule = frame_format.escapes
     if rule.doubles:
         return [
             "",
@@ -129,21 +129,21 @@ def _stuffing(frame: Frame) -> list[str]:
     return ["", f"{where} these bytes are sent as two. {checks}", "", *table(("byte", "sent as"), rows)]
 
 
-def _stuffed_parts(frame: Frame) -> str:
-    stuffed = [part for part in frame.parts if not part.is_plain]
-    if len(stuffed) == len(frame.parts):
+def _stuffed_parts(frame_format: FrameFormat) -> str:
+    stuffed = [part for part in frame_format.parts if not part.is_plain]
+    if len(stuffed) == len(frame_format.parts):
         return "Between the delimiters"
     if len(stuffed) == 1:
         return f"In the {stuffed[0].name}, and nowhere else,"
     return f"From {stuffed[0].name} to {stuffed[-1].name}, and nowhere else,"
 
 
-def _checks_and_stuffing(frame: Frame) -> str:
-    late = [part.name for part in frame.parts if part.on_wire]
+def _checks_and_stuffing(frame_format: FrameFormat) -> str:
+    late = [part.name for part in frame_format.parts if part.on_wire]
     if not late:
         return "Checks are taken before that."
     verb = "covers" if len(late) == 1 else "cover"
-    others = any(part.algorithm is not None and not part.on_wire for part in frame.parts)
+    others = any(part.algorithm is not None and not part.on_wire for part in frame_format.parts)
     return (
         f"{' and '.join(f'`{name}`' for name in late)} {verb} the bytes as they are then sent"
         f"{'; other checks are taken before that' if others else ''}."
@@ -151,28 +151,28 @@ def _checks_and_stuffing(frame: Frame) -> str:
 
 
 def _content(protocol: Protocol, index: int) -> str:
-    part = protocol.frame.parts[index]
+    part = protocol.format.parts[index]
     if part.kind not in _CONTENTS:
         raise NotImplementedError(f"frame.py has no entry for the part '{part.kind}'")
     return _CONTENTS[part.kind](protocol, index)
 
 
 def _constant(protocol: Protocol, index: int) -> str:
-    part = protocol.frame.parts[index]
+    part = protocol.format.parts[index]
     if part.by_sender:
         return "always " + ", ".join(f"`{hex_of(value)}` from the {spoken(end)}" for end, value in part.by_sender)
     return "always " + " or ".join(f"`{hex_of(value)}`" for value in part.alternatives or (part.value,))
 
 
 def _length(protocol: Protocol, index: int) -> str:
-    part = protocol.frame.parts[index]
+    part = protocol.format.parts[index]
     offset = f", {part.length_offset:+d}" if part.length_offset else ""
     unit = f", in units of {part.length_unit} bytes" if part.length_unit != 1 else ""
     return f"counts {_COUNTS[part.counts]}{offset}{unit}"
 
 
 def _payload(protocol: Protocol, index: int) -> str:
-    part = protocol.frame.parts[index]
+    part = protocol.format.parts[index]
     if part.payload == PayloadRule.FIXED:
         return "the message's fields; shorter messages are padded with zeros"
     trimmed = "; zeros at its end are not sent, and put back by the receiver" if part.trims_zeros else ""
@@ -180,12 +180,12 @@ def _payload(protocol: Protocol, index: int) -> str:
 
 
 def _field(protocol: Protocol, index: int) -> str:
-    default = protocol.frame.parts[index].default
+    default = protocol.format.parts[index].default
     return f"a number of its own; {default} unless said"
 
 
 def _bits_content(protocol: Protocol, index: int) -> str:
-    part = protocol.frame.parts[index]
+    part = protocol.format.parts[index]
     length = any(run.role == BitRole.LENGTH for run in part.bits)
     return "shared by its bits, see below" + (f"; the length {_length(protocol, index)}" if length else "")
 
@@ -202,7 +202,7 @@ _CONTENTS: dict[PartKind, Callable[[Protocol, int], str]] = {
     PartKind.FIELD: _field,
     PartKind.SEQUENCE: lambda protocol, index: "rises by one from frame to frame",  # noqa: ARG005
     PartKind.BITS: _bits_content,
-    PartKind.CHECK: lambda protocol, index: check_text(protocol.frame.parts, protocol.frame.parts[index]),
+    PartKind.CHECK: lambda protocol, index: check_text(protocol.format.parts, protocol.format.parts[index]),
 }
 
 _COBS = [
@@ -214,21 +214,21 @@ _COBS = [
 
 
 def _rules(protocol: Protocol) -> list[str]:
-    frame = protocol.frame
+    frame_format = protocol.format
     rules = []
-    for part in frame.parts:
+    for part in frame_format.parts:
         there = "" if part.condition is None else ", where it is there"
         if part.value:
-            wanted = _constant(protocol, frame.parts.index(part)).removeprefix("always ")
+            wanted = _constant(protocol, frame_format.parts.index(part)).removeprefix("always ")
             rules.append(f"the {part.name} is {wanted}{there};")
         if any(run.role == BitRole.CONSTANT for run in part.bits):
             rules.append(f"the bits of {part.name} that are always the same are so;")
         if part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits):
             number = part.name if part.kind == PartKind.LENGTH else f"length in {part.name}"
-            rules.append(f"the {number} means a payload of at most {plural(frame.max_payload, 'byte')};")
+            rules.append(f"the {number} means a payload of at most {plural(frame_format.max_payload, 'byte')};")
         if part.kind == PartKind.CHECK:
-            rules.append(f"the {part.name} holds{there} ({check_text(frame.parts, part)});")
-    if not frame.deliver_unknown:
+            rules.append(f"the {part.name} holds{there} ({check_text(frame_format.parts, part)});")
+    if not frame_format.deliver_unknown:
         rules.append("the id is known, and the payload has a size that the message can have;")
     if not rules:
         rules.append("its size fits;")
@@ -237,23 +237,23 @@ def _rules(protocol: Protocol) -> list[str]:
 
 
 def _after_a_failure(protocol: Protocol) -> list[str]:
-    frame = protocol.frame
+    frame_format = protocol.format
     idle = seconds(protocol.idle_seconds)
     lines = []
-    if frame.deliver_unknown:
+    if frame_format.deliver_unknown:
         lines += [
             "A frame with an unknown id, or with more payload than the receiver knows, is accepted: the extra bytes",
             "are ignored, so that a newer sender still works.",
             "",
         ]
-    if frame.ends_by_silence:
+    if frame_format.ends_by_silence:
         return [*lines, "Where a rule fails, drop all bytes up to the next silence.", ""]
-    if frame.delimiter is None or frame.opening not in (None, frame.delimiter):
+    if frame_format.delimiter is None or frame_format.opening not in (None, frame_format.delimiter):
         search = [
             "Where a rule fails, go on searching one byte after the start of what failed, not behind it: a good frame",
             "may have begun inside.",
         ]
-        if frame.is_strict:
+        if frame_format.is_strict:
             search = [
                 "Where a rule fails behind the bytes that tell the frame's size, drop the whole frame; else go on",
                 "searching one byte after its start.",
@@ -269,7 +269,7 @@ def _after_a_failure(protocol: Protocol) -> list[str]:
 
 def checks_chapter(protocol: Protocol) -> list[str]:
     algorithms: dict[Algorithm, None] = {}
-    for part in protocol.frame.parts:
+    for part in protocol.format.parts:
         if part.algorithm is not None:
             algorithms[part.algorithm] = None
     if not algorithms:
@@ -277,7 +277,7 @@ def checks_chapter(protocol: Protocol) -> list[str]:
     lines = ["## Check" + ("s" if len(algorithms) > 1 else ""), ""]
     for algorithm in algorithms:
         lines += _algorithm(algorithm)
-    for part in protocol.frame.parts:
+    for part in protocol.format.parts:
         if part.algorithm is None:
             continue
         if 8 * (part.size // 2 if part.as_hex else part.size) < part.algorithm.width:

@@ -29,7 +29,7 @@ from wirebond.protocol.spelling import field_type
 
 
 def id_text(protocol: Protocol, message: Message) -> str:
-    parts = protocol.frame.parts
+    parts = protocol.format.parts
     return "" if id_index(parts) is None else id_number(parts, message.id)
 
 
@@ -89,7 +89,7 @@ def _message(codec: Codec, message: Message) -> list[str]:
 
 
 def _fields(protocol: Protocol, message: Message) -> list[str]:
-    rule = next(part for part in protocol.frame.parts if part.kind == PartKind.PAYLOAD)
+    rule = next(part for part in protocol.format.parts if part.kind == PartKind.PAYLOAD)
     padding = rule.fixed_payload - message.max_payload if rule.payload == PayloadRule.FIXED else 0
     if not message.fields:
         what = f"It has no fields: its {padding} payload bytes are zeros." if padding else "It has no fields."

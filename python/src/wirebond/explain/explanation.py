@@ -235,23 +235,23 @@ class _Stretches:
         if case.judgement is not None and case.judgement.is_frame:  # then a delimiter is missing
             return search_unstuffed(case), ""
         result = search(case)
-        if self._protocol.frame.delimiter is not None and not self._scan.frames and self._searches == 1:
+        if self._protocol.format.delimiter is not None and not self._scan.frames and self._searches == 1:
             result = join(search_unstuffed(replace(case, block=self._data)), result)
         return result, repaired(case)
 
     def _rows(self, case: Case, judgement: Judgement, content: Unstuffed, begin: int) -> tuple[Row, ...]:
-        """The layout may need a second look, with the constants taken as they are."""
-        layout = judgement
+        """Where the payload lies may need a second look, with the constants taken as they are."""
+        second_look = judgement
         if judgement.payload is None:
             changed = constants_as_found(case)
             second = None if changed is None else look(changed.protocol, changed.block, changed.sender)
-            layout = second[0] if second is not None else judgement
-        return rows_of(self._protocol, self._sender, judgement, layout, content, begin)
+            second_look = second[0] if second is not None else judgement
+        return rows_of(self._protocol, self._sender, judgement, second_look, content, begin)
 
     def _no_start(self) -> str:
         starts = start_bytes(self._protocol, self._sender)
-        if self._protocol.frame.opening is not None:
-            starts = {self._protocol.frame.opening[0]}
+        if self._protocol.format.opening is not None:
+            starts = {self._protocol.format.opening[0]}
         known = " or ".join(f"{byte:02X}" for byte in sorted(starts)) if len(starts) <= 4 else "one of a few values"
         return f"no byte here begins a frame, which would be {known}"
 

@@ -15,7 +15,7 @@ from wirebond.protocol.model import (
     ByteOrder,
     Condition,
     End,
-    Frame,
+    FrameFormat,
     LengthCounts,
     Message,
     Part,
@@ -23,7 +23,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Protocol,
 )
-from wirebond.protocol.plan import Variant, told_by_request, variants
+from wirebond.protocol.plan import FormParts, parts_of_forms, told_by_request
 
 CONSTANTS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 
@@ -191,26 +191,26 @@ def shown_check(part: Part, value: bytes) -> str:
 class _FormsOf:
     """A frame and a sender as a key that compares by identity: a frame's parts are long to compare."""
 
-    __slots__ = ("frame", "sender")
+    __slots__ = ("format", "sender")
 
-    def __init__(self, frame: Frame, sender: End | None) -> None:
-        self.frame, self.sender = frame, sender
+    def __init__(self, frame_format: FrameFormat, sender: End | None) -> None:
+        self.format, self.sender = frame_format, sender
 
     def __hash__(self) -> int:
-        return hash((id(self.frame), self.sender))
+        return hash((id(self.format), self.sender))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _FormsOf) and other.frame is self.frame and other.sender == self.sender
+        return isinstance(other, _FormsOf) and other.format is self.format and other.sender == self.sender
 
 
 @lru_cache(maxsize=256)
-def _forms(key: _FormsOf) -> list[Variant]:
-    return variants(key.frame.parts, key.sender)
+def _forms(key: _FormsOf) -> list[FormParts]:
+    return parts_of_forms(key.format.parts, key.sender)
 
 
-def forms(protocol: Protocol, sender: End | None) -> list[Variant]:
+def forms(protocol: Protocol, sender: End | None) -> list[FormParts]:
     """The forms that a frame can have, by magic and by the header's bits; most formats have one."""
-    return _forms(_FormsOf(protocol.frame, sender))
+    return _forms(_FormsOf(protocol.format, sender))
 
 
 def fixed_bits(part: Part, conditions: tuple[tuple[Condition, bool], ...]) -> tuple[int, int]:
@@ -264,7 +264,7 @@ class _Decided(Exception):  # noqa: N818  (an outcome, not an error)
 @dataclass
 class _Judge:
     protocol: Protocol
-    form: Variant
+    form: FormParts
     data: bytes
     sender: End | None
     block: bytes | None
@@ -385,7 +385,7 @@ class _Judge:
     def _payload_size(self, prefix: int) -> int:
         parts = self.parts
         payload = parts[payload_index(parts)]
-        most = self.protocol.frame.max_payload
+        most = self.protocol.format.max_payload
         outside = sum(part.size for part in parts)
         have = len(self.data)
         if payload.payload == PayloadRule.FIXED:
@@ -417,8 +417,8 @@ class _Judge:
         self._rule(Question.MESSAGE, index, self.message is not None, expected, found, "unknown_message", extent)
 
     def _message_fits(self, size: int, extent: int) -> None:
-        frame = self.protocol.frame
-        if frame.deliver_unknown:
+        frame_format = self.protocol.format
+        if frame_format.deliver_unknown:
             return
         payload = self.parts[payload_index(self.parts)]
         if payload.payload != PayloadRule.BY_ID:  # there it was asked before, to know the payload's size

@@ -131,7 +131,7 @@ def repaired(case: Case) -> str:
         if not same_check(part, value, data[start:stop]):
             mended.append(f"{part.name} {shown_check(part, value)}")
         data = data[:start] + value + data[stop:]
-    found = look(case.protocol, stuff(case.protocol.frame, data), case.sender)
+    found = look(case.protocol, stuff(case.protocol.format, data), case.sender)
     if found is None or not found[0].is_frame:
         return ""
     name = reading(*found) or f"a frame with the unknown id 0x{found[0].id or 0:02X}"

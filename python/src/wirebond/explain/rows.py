@@ -14,15 +14,15 @@ def rows_of(
     protocol: Protocol,
     sender: End | None,
     judgement: Judgement,
-    layout: Judgement,
+    second_look: Judgement,
     content: Unstuffed,
     offset: int,
 ) -> tuple[Row, ...]:
-    """``judgement`` says what holds; ``layout`` where the payload lies, which may be known from a second look.
+    """``judgement`` says what holds; ``second_look`` where the payload lies, which may be known from a second look.
 
     ``offset``: where the content's block begins in all that was given.
     """
-    rows = _Rows(protocol, sender, judgement, layout, content, offset)
+    rows = _Rows(protocol, sender, judgement, second_look, content, offset)
     rows.add_parts()
     rows.add_what_stuffing_added()
     return tuple(sorted(rows.rows, key=lambda row: row.offset))
@@ -34,14 +34,14 @@ class _Rows:
         protocol: Protocol,
         sender: End | None,
         judgement: Judgement,
-        layout: Judgement,
+        second_look: Judgement,
         content: Unstuffed,
         offset: int,
     ) -> None:
         self.protocol = protocol
         self.sender = sender
         self.judgement = judgement
-        self.layout = layout
+        self.second_look = second_look
         self.content = content
         self.offset = offset
         self.rows: list[Row] = []
@@ -57,14 +57,14 @@ class _Rows:
         self.rows.append(Row(name, level, self.offset + first, wire, data, text, state))
 
     def add_parts(self) -> None:
-        parts = self.layout.parts
+        parts = self.second_look.parts
         at = payload_index(parts)
         end = 0
         size = len(self.content.data)
         for index, part in enumerate(parts):
-            context = Context(self.protocol, self.sender, self.layout, self.content.data, index)
+            context = Context(self.protocol, self.sender, self.second_look, self.content.data, index)
             start, stop = context.places[index]
-            if index == at and self.layout.payload is None:
+            if index == at and self.second_look.payload is None:
                 break
             end = stop
             missing = stop - max(start, size)
@@ -73,7 +73,7 @@ class _Rows:
             if part.kind == PartKind.PAYLOAD:
                 self._add_fields(start, min(stop, size))
         rest = "what follows belongs to no frame"
-        if self.layout.payload is None:
+        if self.second_look.payload is None:
             rest = "the payload's size is not known, so that the rest has no places"
         self._add("rest", 0, end, size, rest, State.NAMED)
 
@@ -84,7 +84,7 @@ class _Rows:
         return State.GOOD if rules or self.judgement.is_frame else State.NAMED
 
     def _add_fields(self, start: int, stop: int) -> None:
-        message = self.layout.message
+        message = self.second_look.message
         if message is None:
             return
         readings = read_fields(message, self.content.data[start:stop])

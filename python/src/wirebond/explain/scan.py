@@ -62,15 +62,15 @@ class Scan:
 
 def scan(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
     """Everything in ``stream``, as if nothing ever followed it."""
-    frame = protocol.frame
-    if frame.ends_by_silence:
+    frame_format = protocol.format
+    if frame_format.ends_by_silence:
         return _between_silences(protocol, stream, sender)
-    if frame.delimiter is None:
+    if frame_format.delimiter is None:
         return _by_start(protocol, stream, sender)
-    if frame.opening in (None, frame.delimiter):
-        return _between_delimiters(protocol, stream, sender, frame.delimiter)
-    assert frame.opening is not None
-    return _in_brackets(protocol, stream, sender, frame.opening, frame.delimiter)
+    if frame_format.opening in (None, frame_format.delimiter):
+        return _between_delimiters(protocol, stream, sender, frame_format.delimiter)
+    assert frame_format.opening is not None
+    return _in_brackets(protocol, stream, sender, frame_format.opening, frame_format.delimiter)
 
 
 def start_bytes(protocol: Protocol, sender: End | None) -> set[int]:
@@ -93,7 +93,7 @@ def longest_frame(protocol: Protocol, sender: End | None) -> int:
     longest = 0
     for form in forms(protocol, sender):
         payload = form.parts[payload_index(form.parts)]
-        size = payload.fixed_payload if payload.payload == PayloadRule.FIXED else protocol.frame.max_payload
+        size = payload.fixed_payload if payload.payload == PayloadRule.FIXED else protocol.format.max_payload
         longest = max(longest, sum(part.size for part in form.parts) + size)
     return longest
 
@@ -121,7 +121,7 @@ def _by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
             result.rejected[judgement.cause] += 1
             if blame is None or at + extent > max(blame.offset + blame.extent, at):
                 blame = candidate
-            if protocol.frame.is_strict and extent > header:
+            if protocol.format.is_strict and extent > header:
                 failed = extent
         for place in range(at, at + failed):
             result.blamed[place] = blame if blame is not None and place < blame.offset + blame.extent else None
@@ -169,7 +169,7 @@ def _in_brackets(protocol: Protocol, stream: bytes, sender: End | None, opening:
             if blame is None or at + judged.extent > max(blame.offset + blame.extent, at):
                 blame = judged
             is_closed = judged.end is not None and judged.extent == judged.end + len(closing) - at
-            failed = judged.extent if protocol.frame.is_strict and is_closed else 1
+            failed = judged.extent if protocol.format.is_strict and is_closed else 1
         for place in range(at, at + failed):
             result.blamed[place] = blame if blame is not None and place < blame.offset + blame.extent else None
         at += failed
@@ -181,7 +181,7 @@ def _judge_bracket(
 ) -> Found | Candidate:
     begin = at + len(opening)
     limit = min(len(stream), at + _longest_on_wire(protocol, sender))
-    doubled = protocol.frame.escapes.escape if protocol.frame.escapes and protocol.frame.escapes.doubles else None
+    doubled = protocol.format.escapes.escape if protocol.format.escapes and protocol.format.escapes.doubles else None
     end = begin
     while end < limit and not any(stream.startswith(mark, end, limit) for mark in (opening, closing)):
         if stream[end] == doubled and end + 1 < limit and stream[end + 1] != doubled:
@@ -211,8 +211,8 @@ def _between_silences(protocol: Protocol, stream: bytes, sender: End | None) -> 
 
 def _longest_on_wire(protocol: Protocol, sender: End | None) -> int:
     longest = longest_frame(protocol, sender)
-    closing = protocol.frame.delimiter or b""
-    return longest + overhead(protocol.frame, longest) + len(protocol.frame.opening or closing) + len(closing)
+    closing = protocol.format.delimiter or b""
+    return longest + overhead(protocol.format, longest) + len(protocol.format.opening or closing) + len(closing)
 
 
 def _unended(
@@ -233,15 +233,15 @@ def _judge_block(
     protocol: Protocol, stream: bytes, sender: End | None, offset: int, begin: int, end: int, closing: int
 ) -> Found | Candidate:
     """``closing``: bytes of the delimiter behind the block."""
-    frame = protocol.frame
+    frame_format = protocol.format
     block = stream[begin:end]
     longest = longest_frame(protocol, sender)
-    most = longest + overhead(frame, longest)
+    most = longest + overhead(frame_format, longest)
     extent = end - offset
     if len(block) > most:
         reason = f"{len(block)} bytes are more than the {most} that a frame can have"
         return Candidate(offset, extent, "length_out_of_range", begin, end, reason=reason)
-    content = unstuff(frame, block)
+    content = unstuff(frame_format, block)
     if isinstance(content, Impossible):
         reason = f"at {begin + content.at}: {content.reason}"
         return Candidate(offset, extent, "bad_stuffing", begin, end, reason=reason)

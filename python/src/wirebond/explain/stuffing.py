@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-from wirebond.protocol.model import Escapes, Frame
+from wirebond.protocol.model import Escapes, FrameFormat
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ def plain(block: bytes) -> Unstuffed:
     return Unstuffed(block, block, tuple((i, i + 1) for i in range(len(block))), ())
 
 
-def unstuff(frame: Frame, block: bytes) -> Unstuffed | Impossible:
+def unstuff(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible:
     """``block``: the bytes between two delimiters."""
-    front, back = plain_sizes(frame)
+    front, back = plain_sizes(frame_format)
     if len(block) < front + back:
         return Impossible(0, f"{len(block)} bytes, and {front + back} stand beside the stuffed ones")
     stop = len(block) - back
-    found = _known(frame.stuffing)[0](frame, block[front:stop])
+    found = _known(frame_format.stuffing)[0](frame_format, block[front:stop])
     if isinstance(found, Impossible):
         return replace(found, at=front + found.at)
     places = [(at, at + 1) for at in range(front)]
@@ -47,25 +47,25 @@ def unstuff(frame: Frame, block: bytes) -> Unstuffed | Impossible:
     return Unstuffed(block, block[:front] + found.data + block[stop:], tuple(places), added)
 
 
-def plain_sizes(frame: Frame) -> tuple[int, int]:
+def plain_sizes(frame_format: FrameFormat) -> tuple[int, int]:
     """Bytes before and behind the stuffed ones, which are sent as they are."""
-    front = sum(part.size for part in takewhile(lambda part: part.is_plain, frame.parts))
-    back = sum(part.size for part in takewhile(lambda part: part.is_plain, reversed(frame.parts)))
+    front = sum(part.size for part in takewhile(lambda part: part.is_plain, frame_format.parts))
+    back = sum(part.size for part in takewhile(lambda part: part.is_plain, reversed(frame_format.parts)))
     return front, back
 
 
-def stuff(frame: Frame, data: bytes) -> bytes:
-    front, back = plain_sizes(frame)
+def stuff(frame_format: FrameFormat, data: bytes) -> bytes:
+    front, back = plain_sizes(frame_format)
     stop = len(data) - back
-    return data[:front] + _known(frame.stuffing)[1](frame, data[front:stop]) + data[stop:]
+    return data[:front] + _known(frame_format.stuffing)[1](frame_format, data[front:stop]) + data[stop:]
 
 
-def overhead(frame: Frame, size: int) -> int:
+def overhead(frame_format: FrameFormat, size: int) -> int:
     """Most bytes that stuffing adds to ``size`` bytes."""
-    return _known(frame.stuffing)[2](size)
+    return _known(frame_format.stuffing)[2](size)
 
 
-def _uncobs(_: Frame, block: bytes) -> Unstuffed | Impossible:
+def _uncobs(_: FrameFormat, block: bytes) -> Unstuffed | Impossible:
     """A code says how far it is to the next code. Each code but the first, and but those behind 0xFF, stands where
     the frame has a zero."""
     data = bytearray()
@@ -97,7 +97,7 @@ def _code_meaning(code: int, is_last: bool) -> str:
     return "COBS code: 254 bytes without a zero follow" if code == 0xFF else f"COBS code: a zero stands {code} bytes on"
 
 
-def _cobs(_: Frame, data: bytes) -> bytes:
+def _cobs(_: FrameFormat, data: bytes) -> bytes:
     out = bytearray()
     for run in data.split(b"\0"):
         rest = run
@@ -109,13 +109,13 @@ def _cobs(_: Frame, data: bytes) -> bytes:
     return bytes(out[:-1]) if full_at_the_end else bytes(out)
 
 
-def _rule(frame: Frame) -> Escapes:
-    assert frame.escapes is not None, "stuffing by escapes has its rule"
-    return frame.escapes
+def _rule(frame_format: FrameFormat) -> Escapes:
+    assert frame_format.escapes is not None, "stuffing by escapes has its rule"
+    return frame_format.escapes
 
 
-def _unescape(frame: Frame, block: bytes) -> Unstuffed | Impossible:
-    rule = _rule(frame)
+def _unescape(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible:
+    rule = _rule(frame_format)
     meant = {code: byte for byte, code in rule.pairs}
     data = bytearray()
     places: list[tuple[int, int]] = []
@@ -138,8 +138,8 @@ def _unescape(frame: Frame, block: bytes) -> Unstuffed | Impossible:
     return Unstuffed(block, bytes(data), tuple(places), ())
 
 
-def _escape(frame: Frame, data: bytes) -> bytes:
-    rule = _rule(frame)
+def _escape(frame_format: FrameFormat, data: bytes) -> bytes:
+    rule = _rule(frame_format)
     codes = dict(rule.pairs)
     out = bytearray()
     for byte in data:
@@ -150,7 +150,9 @@ def _escape(frame: Frame, data: bytes) -> bytes:
     return bytes(out)
 
 
-_Entry = tuple[Callable[[Frame, bytes], Unstuffed | Impossible], Callable[[Frame, bytes], bytes], Callable[[int], int]]
+_Entry = tuple[
+    Callable[[FrameFormat, bytes], Unstuffed | Impossible], Callable[[FrameFormat, bytes], bytes], Callable[[int], int]
+]
 
 # One entry for each stuffing in the model: undo, do, most bytes added.
 _STUFFINGS: dict[str, _Entry] = {

@@ -225,7 +225,7 @@ def _receiver_view(
         type_name=type_name,
         handlers_type=handlers_type,
         prefix=prefix,
-        workspace=2 * largest + (0 if protocol.frame.stuffing == "none" else largest),
+        workspace=2 * largest + (0 if protocol.format.stuffing == "none" else largest),
         messages=tuple(view for view in views if view.sender in (end, End.BOTH)),
         requests=tuple(view for view in views if view.reply in told_by_request),
         watch=next((w for w in watches if w is not None and w.end != end), None),

@@ -143,7 +143,7 @@ def struct_names(protocol: Protocol) -> dict[str, str]:
 
 
 def _message_views(protocol: Protocol) -> list[MessageView]:
-    payload = protocol.frame.part(PartKind.PAYLOAD)
+    payload = protocol.format.part(PartKind.PAYLOAD)
     trims_zeros = payload is not None and payload.payload == PayloadRule.FIXED
     structs = message_shapes(protocol)
     indices = {m.name: i for i, m in enumerate(protocol.messages)}
@@ -208,7 +208,7 @@ def message_comment(message: Message) -> str:
 def id_literal(protocol: Protocol, value: int) -> str:
     sizes = [
         part.size
-        for part in protocol.frame.parts
+        for part in protocol.format.parts
         if part.kind == PartKind.ID or any(run.role == BitRole.ID for run in part.bits)
     ]
     return hex_literal(value, max(sizes, default=1))
@@ -237,7 +237,7 @@ def format_lines(plan: Plan) -> list[str]:
             lines.append(f"format.escapes.plain[{i}] = 0x{plain:02X};")
             lines.append(f"format.escapes.code[{i}] = 0x{code:02X};")
     lines += [
-        f"format.layout_count = {len(plan.layouts)};",
+        f"format.form_count = {len(plan.forms)};",
         f"format.algorithm_count = {len(plan.algorithms)};",
         f"format.deliver_unknown = {'true' if plan.deliver_unknown else 'false'};",
         f"format.max_payload = {plan.max_payload};",
@@ -248,35 +248,35 @@ def format_lines(plan: Plan) -> list[str]:
         lines += [f"format.{name} = {size};"] if size else []
     for number, algorithm in enumerate(plan.algorithms):
         lines.append(f"format.algorithms[{number}] = {_algorithm(algorithm)};  // {comment_text(algorithm.name)}")
-    for number, layout in enumerate(plan.layouts):
-        to = f"format.layouts[{number}]"
+    for number, form in enumerate(plan.forms):
+        to = f"format.forms[{number}]"
         counts = {
-            "prefix": layout.prefix,
-            "suffix": layout.suffix,
-            "prefix_constants": layout.prefix_constants,
-            "constant_count": len(layout.constants),
-            "header_checks": layout.header_checks,
-            "check_count": len(layout.checks),
-            "length_bias": layout.length_bias,
-            "fixed_payload": layout.fixed_payload,
-            "header_count": len(layout.header),
+            "prefix": form.prefix,
+            "suffix": form.suffix,
+            "prefix_constants": form.prefix_constants,
+            "constant_count": len(form.constants),
+            "header_checks": form.header_checks,
+            "check_count": len(form.checks),
+            "length_bias": form.length_bias,
+            "fixed_payload": form.fixed_payload,
+            "header_count": len(form.header),
         }
-        lines.append(f"{to}.payload_size = wirebond::PayloadSize::{layout.payload.value};")
+        lines.append(f"{to}.payload_size = wirebond::PayloadSize::{form.payload.value};")
         lines += [f"{to}.{name} = {value};" for name, value in counts.items() if value]
-        if layout.trims_zeros:
+        if form.trims_zeros:
             lines.append(f"{to}.trims_zeros = true;")
-        if layout.length_unit != 1:
-            lines.append(f"{to}.length_unit = {layout.length_unit};")
-        lines += [f"{to}.{n} = {_number(v)};" for n, v in (("length", layout.length), ("id", layout.id)) if v]
+        if form.length_unit != 1:
+            lines.append(f"{to}.length_unit = {form.length_unit};")
+        lines += [f"{to}.{n} = {_number(v)};" for n, v in (("length", form.length), ("id", form.id)) if v]
         lines += [
             f"{to}.constants[{i}] = {{{_position(c.at)}, 0x{c.mask:02X}, 0x{c.value:02X}}};"
-            for i, c in enumerate(layout.constants)
+            for i, c in enumerate(form.constants)
         ]
         lines += [
             f"{to}.header[{i}] = {{{_number(f.number)}, {f.default}}};  // {comment_text(f.name)}"
-            for i, f in enumerate(layout.header)
+            for i, f in enumerate(form.header)
         ]
-        for i, c in enumerate(layout.checks):
+        for i, c in enumerate(form.checks):
             places = ", ".join(_position(p) for p in (c.start, c.stop, c.at))
             order = f"wirebond::ByteOrder::{c.order.value}"
             flags = ", ".join(_bool(flag) for flag in (c.seeded, c.as_hex, c.on_wire))

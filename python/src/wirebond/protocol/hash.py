@@ -18,25 +18,25 @@ from typing import Any
 
 from wirebond.protocol.model import Field, FieldKind, Message, Part, PartKind, Protocol
 
-_CANONICAL_FORM = 1  # of the form itself: raised when it changes, so that old and new hashes do not meet by chance
+_CANONICAL_TEXT = 1  # its version: raised when it changes, so that old and new hashes do not meet by chance
 
 
 def protocol_hash(protocol: Protocol) -> int:
-    """The first 64 bits of SHA-256 over the canonical form, most significant byte first."""
-    text = json.dumps(_form(protocol), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    """The first 64 bits of SHA-256 over the canonical text, most significant byte first."""
+    text = json.dumps(_protocol(protocol), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big")
 
 
-def _form(protocol: Protocol) -> dict[str, Any]:
-    frame = protocol.frame
+def _protocol(protocol: Protocol) -> dict[str, Any]:
+    frame_format = protocol.format
     return {
-        "form": _CANONICAL_FORM,
-        "delimiter": _mark(frame.delimiter),
-        "opening": _mark(frame.opening),
-        "escapes": None if frame.escapes is None else [*vars(frame.escapes).values()],
-        "silence": frame.ends_by_silence,
-        "stuffing": frame.stuffing,
-        "parts": [_part(part) for part in frame.parts],
+        "form": _CANONICAL_TEXT,
+        "delimiter": _mark(frame_format.delimiter),
+        "opening": _mark(frame_format.opening),
+        "escapes": None if frame_format.escapes is None else [*vars(frame_format.escapes).values()],
+        "silence": frame_format.ends_by_silence,
+        "stuffing": frame_format.stuffing,
+        "parts": [_part(part) for part in frame_format.parts],
         "messages": {message.name: _message(message) for message in protocol.messages},
         "services": {service.name: dict(service.messages) for service in protocol.services},
     }
@@ -50,31 +50,31 @@ def _mark(delimiter: bytes | None) -> int | str | None:
 
 
 def _part(part: Part) -> dict[str, Any]:
-    form: dict[str, Any] = {"size": part.size}
+    entry: dict[str, Any] = {"size": part.size}
     if part.is_plain:
-        form["plain"] = True
+        entry["plain"] = True
     if part.condition is not None:
-        form["when"] = [part.condition.field, part.condition.bit, part.condition.magic.hex()]
+        entry["when"] = [part.condition.field, part.condition.bit, part.condition.magic.hex()]
     if part.alternatives or part.by_sender:
-        form["magics"] = [value.hex() for value in part.alternatives]
-        form["by_sender"] = [[end.value, value.hex()] for end, value in part.by_sender]
+        entry["magics"] = [value.hex() for value in part.alternatives]
+        entry["by_sender"] = [[end.value, value.hex()] for end, value in part.by_sender]
     if part.bits:
-        form["bits"] = [[run.name, run.role.value, run.shift, run.width, run.value] for run in part.bits]
+        entry["bits"] = [[run.name, run.role.value, run.shift, run.width, run.value] for run in part.bits]
     if part.kind in (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL):
-        return {**form, "kind": "constant", "value": part.value.hex()}
-    form["kind"] = part.kind.value
+        return {**entry, "kind": "constant", "value": part.value.hex()}
+    entry["kind"] = part.kind.value
     if part.size > 1 and part.kind != PartKind.RESERVED:
-        form["order"] = part.order.value
+        entry["order"] = part.order.value
     if part.kind == PartKind.LENGTH:
-        form |= {"counts": part.counts.value, "offset": part.length_offset, "unit": part.length_unit}
+        entry |= {"counts": part.counts.value, "offset": part.length_offset, "unit": part.length_unit}
     elif part.kind == PartKind.PAYLOAD:
-        form |= {"payload": part.payload.value, "fixed": part.fixed_payload, "trims": part.trims_zeros}
+        entry |= {"payload": part.payload.value, "fixed": part.fixed_payload, "trims": part.trims_zeros}
     elif part.algorithm is not None:
         a = part.algorithm
-        form["algorithm"] = [a.kind, a.width, a.poly, a.init, a.refin, a.refout, a.xorout, a.modulus, a.negate]
-        form |= {"first": part.first, "last": part.last, "shift": part.shift}
-        form |= {"seeded": part.seeded, "as_hex": part.as_hex}
-    return form
+        entry["algorithm"] = [a.kind, a.width, a.poly, a.init, a.refin, a.refout, a.xorout, a.modulus, a.negate]
+        entry |= {"first": part.first, "last": part.last, "shift": part.shift}
+        entry |= {"seeded": part.seeded, "as_hex": part.as_hex}
+    return entry
 
 
 def _message(message: Message) -> dict[str, Any]:
@@ -89,10 +89,10 @@ def _message(message: Message) -> dict[str, Any]:
 def _field(field: Field) -> dict[str, Any]:
     if field.kind == FieldKind.PADDING:
         return {"kind": field.kind.value, "size": field.size, "bits": field.bits}
-    form: dict[str, Any] = {"name": field.name, "kind": field.kind.value, "size": field.size}
+    entry: dict[str, Any] = {"name": field.name, "kind": field.kind.value, "size": field.size}
     if field.size > 1 and not field.is_string:
-        form["order"] = field.order.value
-    form |= {
+        entry["order"] = field.order.value
+    entry |= {
         "count": field.count,
         "max": field.max_size,
         "scale": [field.scale.numerator, field.scale.denominator],
@@ -110,4 +110,4 @@ def _field(field: Field) -> dict[str, Any]:
         "max_count": field.max_count,
         "counted_by": field.counted_by,
     }
-    return form | {key: value for key, value in added.items() if value}
+    return entry | {key: value for key, value in added.items() if value}

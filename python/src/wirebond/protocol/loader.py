@@ -62,7 +62,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     is_strict = skips_failed(draft, file.resync, problems, root.value_place("resync"))
     return Protocol(
         name=file.protocol,
-        frame=finish(draft, max_payload, deliver_unknown, is_strict),
+        format=finish(draft, max_payload, deliver_unknown, is_strict),
         messages=tuple(entry.message for entry in messages.values() if entry.message is not None),
         link=_link(file.link),
         deadlines=deadlines,

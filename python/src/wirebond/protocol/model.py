@@ -332,7 +332,7 @@ class Escapes:
 
 
 @dataclass(frozen=True)
-class Frame:
+class FrameFormat:
     """``delimiter`` is None for frames that are found by their magic and size, or ended by silence."""
 
     parts: tuple[Part, ...]
@@ -421,7 +421,7 @@ class Service:
 @dataclass(frozen=True)
 class Protocol:
     name: str
-    frame: Frame
+    format: FrameFormat
     messages: tuple[Message, ...]
     link: LinkSettings = LinkSettings()
     deadlines: tuple[Deadline, ...] = ()
@@ -444,16 +444,16 @@ class Protocol:
 
     def max_wire_bytes(self, payload: int | None = None) -> int:
         """Wire bytes of the largest frame, or of one with ``payload`` bytes, delimiters and worst stuffing included."""
-        rule = self.frame.part(PartKind.PAYLOAD)
+        rule = self.format.part(PartKind.PAYLOAD)
         if rule is not None and rule.payload == PayloadRule.FIXED:
             payload = rule.fixed_payload
-        size = sum(p.size for p in self.frame.parts) + (self.frame.max_payload if payload is None else payload)
-        if self.frame.stuffing == "cobs":
+        size = sum(p.size for p in self.format.parts) + (self.format.max_payload if payload is None else payload)
+        if self.format.stuffing == "cobs":
             size += 1 + size // 254
-        if self.frame.stuffing == "escape":
+        if self.format.stuffing == "escape":
             size *= 2
-        delimiter = self.frame.delimiter or b""
-        return size + len(self.frame.opening or delimiter) + len(delimiter)
+        delimiter = self.format.delimiter or b""
+        return size + len(self.format.opening or delimiter) + len(delimiter)
 
     @property
     def idle_seconds(self) -> float:

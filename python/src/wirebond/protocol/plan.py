@@ -27,7 +27,7 @@ from wirebond.protocol.model import (
 MAX_CONSTANTS = 16
 MAX_CHECKS = 4
 MAX_ALGORITHMS = 4
-MAX_LAYOUTS = 8
+MAX_FORMS = 8
 MAX_HEADER_FIELDS = 8
 MAX_ESCAPES = 6
 
@@ -84,7 +84,9 @@ class HeaderField:
 
 
 @dataclass(frozen=True)
-class Layout:
+class Form:
+    """One shape that a frame can take: fixed bytes, the payload, fixed bytes; places are counted from either end."""
+
     prefix: int
     suffix: int
     payload: PayloadRule
@@ -117,7 +119,7 @@ class MessageRow:
 class Plan:
     """One end's view: how frames from ``sender`` look, and which messages they carry.
 
-    The first layout is the one that is sent unless header values ask for another.
+    The first form is the one that is sent unless header values ask for another.
     """
 
     framing: str  # by_start, delimited, bracketed, silence
@@ -131,14 +133,14 @@ class Plan:
     plain_front: int  # bytes before the stuffed ones, sent as they are
     plain_back: int  # bytes behind them
     max_payload: int
-    layouts: tuple[Layout, ...]
+    forms: tuple[Form, ...]
     algorithms: tuple[Algorithm, ...]
     messages: tuple[MessageRow, ...]  # by rising id; of one id those that are only expected first
 
 
 def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     """The plan for frames that ``sender`` sends; None: from either end (their ids must then differ)."""
-    frame = protocol.frame
+    frame_format = protocol.format
     dependent = told_by_request(protocol.messages, sender)
     rows = [
         MessageRow(m.id, index, m.min_payload, m.max_payload, m.seed or 0, m.name in dependent)
@@ -147,26 +149,28 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     ]
     return Plan(
         framing=_framing(protocol),
-        opening=frame.opening or frame.delimiter or b"",
-        closing=frame.delimiter or b"",
-        sends_opening=frame.opening is not None,
-        stuffing=frame.stuffing,
-        escapes=frame.escapes,
-        deliver_unknown=frame.deliver_unknown,
-        skips_failed=frame.is_strict,
-        plain_front=sum(part.size for part in itertools.takewhile(lambda part: part.is_plain, frame.parts)),
-        plain_back=sum(part.size for part in itertools.takewhile(lambda part: part.is_plain, reversed(frame.parts))),
-        max_payload=frame.max_payload,
-        layouts=layouts(frame.parts, sender),
-        algorithms=tuple(_algorithms(frame.parts)),
+        opening=frame_format.opening or frame_format.delimiter or b"",
+        closing=frame_format.delimiter or b"",
+        sends_opening=frame_format.opening is not None,
+        stuffing=frame_format.stuffing,
+        escapes=frame_format.escapes,
+        deliver_unknown=frame_format.deliver_unknown,
+        skips_failed=frame_format.is_strict,
+        plain_front=sum(part.size for part in itertools.takewhile(lambda part: part.is_plain, frame_format.parts)),
+        plain_back=sum(
+            part.size for part in itertools.takewhile(lambda part: part.is_plain, reversed(frame_format.parts))
+        ),
+        max_payload=frame_format.max_payload,
+        forms=forms(frame_format.parts, sender),
+        algorithms=tuple(_algorithms(frame_format.parts)),
         messages=tuple(sorted(rows, key=lambda row: (row.id, not row.only_expected))),
     )
 
 
-def layouts(parts: tuple[Part, ...], sender: End | None) -> tuple[Layout, ...]:
-    """Every form that a frame of this sender can take, as offsets; in the order of ``variants``."""
+def forms(parts: tuple[Part, ...], sender: End | None) -> tuple[Form, ...]:
+    """Every form that a frame of this sender can take, as offsets; in the order of ``parts_of_forms``."""
     algorithms = _algorithms(parts)
-    return tuple(_layout(variant, algorithms) for variant in variants(parts, sender))
+    return tuple(_form(form_parts, algorithms) for form_parts in parts_of_forms(parts, sender))
 
 
 def _algorithms(parts: tuple[Part, ...]) -> list[Algorithm]:
@@ -174,12 +178,12 @@ def _algorithms(parts: tuple[Part, ...]) -> list[Algorithm]:
 
 
 def _framing(protocol: Protocol) -> str:
-    frame = protocol.frame
-    if frame.ends_by_silence:
+    frame_format = protocol.format
+    if frame_format.ends_by_silence:
         return "silence"
-    if frame.delimiter is None:
+    if frame_format.delimiter is None:
         return "by_start"
-    return "bracketed" if frame.opening not in (None, frame.delimiter) else "delimited"
+    return "bracketed" if frame_format.opening not in (None, frame_format.delimiter) else "delimited"
 
 
 def told_by_request(messages: tuple[Message, ...], sender: End | None) -> set[str]:
@@ -214,18 +218,18 @@ def ids_collide(protocol: Protocol) -> list[tuple[Message, Message]]:
     return pairs
 
 
-# ---- variants: a frame whose header varies is several frames, told apart by constants
+# ---- which forms there are: told apart by constants
 
 
 @dataclass(frozen=True)
-class Variant:
-    """The parts that are there, with one magic, and what the header's bits must be for it to be this variant."""
+class FormParts:
+    """The parts of one form, with one magic, and what the header's bits must be for a frame to have it."""
 
     parts: tuple[Part, ...]
     bits: tuple[tuple[Condition, bool], ...]
 
 
-def variants(parts: tuple[Part, ...], sender: End | None) -> list[Variant]:
+def parts_of_forms(parts: tuple[Part, ...], sender: End | None) -> list[FormParts]:
     """Every form that a frame of this sender can take, the one that is sent by default first."""
     conditions = list(dict.fromkeys(p.condition for p in parts if p.condition is not None and p.condition.field))
     found = []
@@ -241,9 +245,9 @@ def variants(parts: tuple[Part, ...], sender: End | None) -> list[Variant]:
             if any(c.field not in known for c in held):
                 continue
             bits = tuple((c, c in held) for c in conditions if c.field in known)
-            variant = Variant(_renumbered(parts, present), bits)
-            if variant not in found:
-                found.append(variant)
+            form_parts = FormParts(_renumbered(parts, present), bits)
+            if form_parts not in found:
+                found.append(form_parts)
     return sorted(found, key=lambda v: sum(_default_bit(v.parts, c) != truth for c, truth in v.bits))
 
 
@@ -288,11 +292,11 @@ def _renumbered(parts: tuple[Part, ...], present: tuple[Part, ...]) -> tuple[Par
     )
 
 
-# ---- one variant to offsets
+# ---- one form to offsets
 
 
-def _layout(variant: Variant, algorithms: list[Algorithm]) -> Layout:
-    parts = variant.parts
+def _form(form_parts: FormParts, algorithms: list[Algorithm]) -> Form:
+    parts = form_parts.parts
     payload_index = next(i for i, p in enumerate(parts) if p.kind == PartKind.PAYLOAD)
     payload = parts[payload_index]
     prefix = sum(p.size for p in parts[:payload_index])
@@ -342,7 +346,7 @@ def _layout(variant: Variant, algorithms: list[Algorithm]) -> Layout:
                 header.append(HeaderField(run.name, number, run.value, run.role == BitRole.SEQUENCE))
         if part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits):
             length_bias, length_unit = _length_rule(parts, index, prefix, suffix), part.length_unit
-    for condition, truth in variant.bits:
+    for condition, truth in form_parts.bits:
         field = next(f for f in header if f.name == condition.field)
         place = after if field.number.at.from_end else before
         bit = Number(field.number.at, field.number.bytes, field.number.order, field.number.shift + condition.bit, 1)
@@ -379,7 +383,7 @@ def _layout(variant: Variant, algorithms: list[Algorithm]) -> Layout:
                 continues,
             )
         )
-    return Layout(
+    return Form(
         prefix=prefix,
         suffix=suffix,
         payload=payload.payload,

@@ -147,7 +147,7 @@ def _around(case: Case, failed: _Failed, covered: bytes, selection: list[int], *
 
     what = f"the {failed.part.name} {shown_check(failed.part, failed.found)} fits if it covers {names}{itself}"
     remedy = "no `over:` can say that, for it names one unbroken range; the sender must cover one"
-    block = stuff(case.protocol.frame, mended)
+    block = stuff(case.protocol.format, mended)
     return Variant(case.protocol, block, case.sender, what, remedy)
 
 
@@ -249,10 +249,10 @@ def as_peers_check(case: Case) -> Tries:
     names = [part.name for part in case.parts]
     seen = {_replaced_key(failed.part)}
     for peer in case.peers:
-        for theirs in peer.frame.parts:
+        for theirs in peer.format.parts:
             if theirs.kind != PartKind.CHECK or theirs.size != failed.part.size or theirs.as_hex != failed.part.as_hex:
                 continue
-            ends = [peer.frame.parts[theirs.first].name, peer.frame.parts[theirs.last].name]
+            ends = [peer.format.parts[theirs.first].name, peer.format.parts[theirs.last].name]
             if any(name not in names for name in ends):
                 continue
             first, last = (names.index(name) for name in ends)

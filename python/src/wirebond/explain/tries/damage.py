@@ -91,17 +91,17 @@ def _translations(case: Case) -> Iterator[tuple[bytes, str]]:
 
 def without_delimiters(case: Case) -> Tries:
     """The block is all that was given, and has lost the bytes around it."""
-    frame = case.protocol.frame
-    if frame.delimiter is None:
+    frame_format = case.protocol.format
+    if frame_format.delimiter is None:
         return
-    closing = frame.delimiter
-    opening = frame.opening or b""
+    closing = frame_format.delimiter
+    opening = frame_format.opening or b""
     inner = case.block.removeprefix(opening).removesuffix(closing)
     if closing not in inner and (not opening or opening not in inner):
         before = f"{opening.hex(' ').upper()} comes before and " if opening else ""
         text = f"{before}{closing.hex(' ').upper()} behind these bytes"
         yield _changed(case, inner, text, "give the delimiters too: they are part of the frame")
-    if frame.stuffing != "none":
-        how = f"the sender must stuff it ({frame.stuffing}), and put the delimiters around it"
+    if frame_format.stuffing != "none":
+        how = f"the sender must stuff it ({frame_format.stuffing}), and put the delimiters around it"
         for data in dict.fromkeys((case.block, inner)):
-            yield _changed(case, stuff(frame, data), "these are the bytes before stuffing", how)
+            yield _changed(case, stuff(frame_format, data), "these are the bytes before stuffing", how)

@@ -12,7 +12,7 @@ from wirebond.explain.tries.variant import (
     Variant,
     constants_as_found,
     spelled,
-    with_frame,
+    with_format,
     with_part,
 )
 from wirebond.protocol.meaning.messages import receiver_of, spoken
@@ -54,19 +54,19 @@ def unknown_message(case: Case) -> Tries:
     judgement = case.judgement
     if judgement is None:
         return
-    frame, rule = case.protocol.frame, case.parts[payload_index(case.parts)]
+    frame_format, rule = case.protocol.format, case.parts[payload_index(case.parts)]
     protocols = []
-    if not frame.deliver_unknown:
-        protocols.append(with_frame(case.protocol, replace(frame, deliver_unknown=True)))
-    longest = 0xFFFF if rule.payload in (PayloadRule.BY_LENGTH, PayloadRule.REST) else frame.max_payload
-    if longest > frame.max_payload:
-        protocols.append(with_frame(case.protocol, replace(frame, deliver_unknown=True, max_payload=longest)))
+    if not frame_format.deliver_unknown:
+        protocols.append(with_format(case.protocol, replace(frame_format, deliver_unknown=True)))
+    longest = 0xFFFF if rule.payload in (PayloadRule.BY_LENGTH, PayloadRule.REST) else frame_format.max_payload
+    if longest > frame_format.max_payload:
+        protocols.append(with_format(case.protocol, replace(frame_format, deliver_unknown=True, max_payload=longest)))
     if rule.payload == PayloadRule.BY_ID:
         size = len(case.data) - sum(part.size for part in case.parts)
         if size >= 0:
             fixed = replace(rule, payload=PayloadRule.FIXED, fixed_payload=size)
             relaxed = with_part(case.protocol, case.parts, payload_index(case.parts), fixed)
-            protocols.append(with_frame(relaxed, replace(relaxed.frame, deliver_unknown=True)))
+            protocols.append(with_format(relaxed, replace(relaxed.format, deliver_unknown=True)))
 
     def what(found: Judgement) -> str:
         size = 0 if found.payload is None else found.payload[1] - found.payload[0]
@@ -128,14 +128,14 @@ def other_byte_order(case: Case) -> Tries:
     """All numbers of the frame the other way round; and the id alone."""
     swapped = [
         replace(part, order=_swapped(part.order)) if part.kind in _NUMBERS and part.size > 1 else part
-        for part in case.protocol.frame.parts
+        for part in case.protocol.format.parts
     ]
-    whole = case.protocol.frame.parts
+    whole = case.protocol.format.parts
     changed = [part.name for part, old in zip(swapped, whole, strict=True) if part != old]
     if not changed:
         return
     order = next(part.order for part, old in zip(swapped, whole, strict=True) if part != old)
-    protocol = with_frame(case.protocol, replace(case.protocol.frame, parts=tuple(swapped)))
+    protocol = with_format(case.protocol, replace(case.protocol.format, parts=tuple(swapped)))
     messages = tuple(_with_order(message, order) for message in protocol.messages)
     what = f"everything holds if {' and '.join(changed)} {'is' if len(changed) == 1 else 'are'} {order}-endian"
     remedy = f"write `byte_order: {order.value}` at the top of the file"
@@ -152,7 +152,7 @@ def other_constants(case: Case) -> Tries:
     changed = constants_as_found(case)
     if changed is None:
         return
-    parts = zip(case.protocol.frame.parts, changed.protocol.frame.parts, strict=True)
+    parts = zip(case.protocol.format.parts, changed.protocol.format.parts, strict=True)
     pairs = [(old, new) for old, new in parts if old != new]
     texts = (f"the {old.name} is {hex_of(new.value)} instead of {hex_of(old.value)}" for old, new in pairs)
     what = f"everything holds but that {' and '.join(texts)}"
@@ -163,7 +163,7 @@ def other_constants(case: Case) -> Tries:
 def other_protocols(case: Case) -> Tries:
     """The bytes as they stand, by the other protocol files at hand."""
     for peer in case.peers:
-        ours, theirs = case.protocol.frame, peer.frame
+        ours, theirs = case.protocol.format, peer.format
         same_cut = (ours.delimiter, ours.opening, ours.ends_by_silence) == (
             theirs.delimiter,
             theirs.opening,

@@ -9,7 +9,7 @@ from functools import cached_property
 from wirebond.explain.judge import CONSTANTS, Judgement, Question, judge
 from wirebond.explain.stuffing import Impossible, unstuff
 from wirebond.explain.values import read_fields, values_text
-from wirebond.protocol.model import End, Frame, Part, PartKind, Protocol
+from wirebond.protocol.model import End, FrameFormat, Part, PartKind, Protocol
 from wirebond.protocol.spelling import part_text
 
 
@@ -42,7 +42,7 @@ class Case:
     @property
     def parts(self) -> tuple[Part, ...]:
         """Those that are there, of a format whose frames differ."""
-        return self.protocol.frame.parts if self.judgement is None else self.judgement.parts
+        return self.protocol.format.parts if self.judgement is None else self.judgement.parts
 
     @property
     def failed_check(self) -> int | None:
@@ -72,10 +72,10 @@ Tries = Iterator[Variant | None]
 
 def look(protocol: Protocol, block: bytes, sender: End | None) -> tuple[Judgement, bytes] | None:
     """The judgement on a block and its unstuffed bytes; None where the stuffing cannot be undone."""
-    frame = protocol.frame
-    if frame.delimiter is None and not frame.ends_by_silence:
+    frame_format = protocol.format
+    if frame_format.delimiter is None and not frame_format.ends_by_silence:
         return judge(protocol, block, sender), block
-    content = unstuff(frame, block)
+    content = unstuff(frame_format, block)
     if isinstance(content, Impossible):
         return None
     return judge(protocol, content.data, sender, block=block), content.data
@@ -125,13 +125,13 @@ def reading(judgement: Judgement, data: bytes) -> str:
     return f"{judgement.message.name}: {values}" if values else judgement.message.name
 
 
-def with_frame(protocol: Protocol, frame: Frame) -> Protocol:
-    return replace(protocol, frame=frame)
+def with_format(protocol: Protocol, frame_format: FrameFormat) -> Protocol:
+    return replace(protocol, format=frame_format)
 
 
 def with_part(protocol: Protocol, parts: tuple[Part, ...], index: int, part: Part) -> Protocol:
     """The protocol with another part in place of ``parts[index]``; ``parts`` are those of one form of the frame."""
-    whole = protocol.frame.parts
+    whole = protocol.format.parts
     places = {known.name: place for place, known in enumerate(whole)}
     if part.kind == PartKind.CHECK:
         part = replace(part, first=places[parts[part.first].name], last=places[parts[part.last].name])
@@ -139,7 +139,7 @@ def with_part(protocol: Protocol, parts: tuple[Part, ...], index: int, part: Par
         part = replace(part, alternatives=(), by_sender=())
         whole = tuple(_under(known, parts[index].value, part.value) for known in whole)
     at = places[parts[index].name]
-    return with_frame(protocol, replace(protocol.frame, parts=(*whole[:at], part, *whole[at + 1 :])))
+    return with_format(protocol, replace(protocol.format, parts=(*whole[:at], part, *whole[at + 1 :])))
 
 
 def _under(part: Part, old: bytes, new: bytes) -> Part:
@@ -151,7 +151,7 @@ def _under(part: Part, old: bytes, new: bytes) -> Part:
 
 def spelled(protocol: Protocol, name: str) -> str:
     """The line of the `frame` section for the part of this name."""
-    parts = protocol.frame.parts
+    parts = protocol.format.parts
     return f"`- {part_text(parts, next(i for i, part in enumerate(parts) if part.name == name))}`"
 
 

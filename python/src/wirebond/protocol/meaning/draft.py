@@ -12,14 +12,14 @@ from wirebond.protocol.model import (
     Escapes,
     Field,
     FieldKind,
-    Frame,
+    FrameFormat,
     LengthCounts,
     Message,
     Part,
     PartKind,
     PayloadRule,
 )
-from wirebond.protocol.plan import layouts, variants
+from wirebond.protocol.plan import forms, parts_of_forms
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.text.document import Mapping
 
@@ -75,8 +75,8 @@ class Draft:
         """Whether frames of this end have an id: a part may stand in those of one magic only."""
         return any(
             part.kind == PartKind.ID or any(run.role == BitRole.ID for run in part.bits)
-            for variant in variants(self.parts, end)
-            for part in variant.parts
+            for form_parts in parts_of_forms(self.parts, end)
+            for part in form_parts.parts
         )
 
     @property
@@ -158,7 +158,7 @@ def _size_untold(draft: Draft, message: Message) -> str:
     length = draft.length_part
     if length is None or length.length_unit == 1 or message.min_payload != message.max_payload:
         return ""
-    form = layouts(draft.parts, message.sender)[0]
+    form = forms(draft.parts, message.sender)[0]
     over = (message.max_payload - form.length_bias) % form.length_unit
     if not over:
         return ""
@@ -240,8 +240,8 @@ def skips_failed(draft: Draft, resync: str, problems: Problems, place: Place) ->
     return resync == "strict"
 
 
-def finish(draft: Draft, max_payload: int, deliver_unknown: bool, is_strict: bool) -> Frame:
-    return Frame(
+def finish(draft: Draft, max_payload: int, deliver_unknown: bool, is_strict: bool) -> FrameFormat:
+    return FrameFormat(
         parts=draft.parts,
         max_payload=max_payload,
         deliver_unknown=deliver_unknown,

@@ -266,9 +266,9 @@ class _FrameReader:
                 )
         if not self._good:
             return
-        for variant in plan.variants(tuple(parts), None):
+        for form_parts in plan.parts_of_forms(tuple(parts), None):
             for kind, role in ((PartKind.ID, BitRole.ID), (PartKind.LENGTH, BitRole.LENGTH)):
-                held = [p for p in variant.parts if p.kind == kind or any(r.role == role for r in p.bits)]
+                held = [p for p in form_parts.parts if p.kind == kind or any(r.role == role for r in p.bits)]
                 if len(held) > 1:
                     self._wrong(
                         place,
@@ -276,7 +276,7 @@ class _FrameReader:
                     )
         header = [name for part in parts for name in plan.header_names(part)]
         for limit, found, what in (
-            (plan.MAX_LAYOUTS, len(plan.variants(tuple(parts), None)), "forms (by magics and conditions)"),
+            (plan.MAX_FORMS, len(plan.parts_of_forms(tuple(parts), None)), "forms (by magics and conditions)"),
             (plan.MAX_HEADER_FIELDS, len(header), "fields in its header"),
         ):
             if found > limit:
@@ -358,7 +358,7 @@ class _FrameReader:
                 place,
                 "nothing tells this frame from other bytes; add `- magic: 0xAA` in front or a check behind",
             )
-        forms = plan.layouts(parts, None)
+        forms = plan.forms(parts, None)
         constants = max(len(form.constants) for form in forms)
         if constants > plan.MAX_CONSTANTS:
             self._wrong(
