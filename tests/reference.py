@@ -103,7 +103,7 @@ def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> R
         failed = 1
         if _may_start(protocol, stream[at], sender):
             try:
-                size, message_id, name = _judge(protocol, stream[at:], sender, None)
+                size, message_id, name = _examine(protocol, stream[at:], sender, None)
             except _Rejected as outcome:
                 cause, extent = outcome.cause, outcome.extent
             except _Incomplete:
@@ -152,7 +152,7 @@ def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> 
         try:
             if not closed:
                 raise _Rejected("length_out_of_range" if end - at >= longest else "incomplete", 0)
-            message_id, name = _judge_block(protocol, stream[begin:end], sender)
+            message_id, name = _examine_block(protocol, stream[begin:end], sender)
         except _Rejected as outcome:
             result.rejected_candidates[outcome.cause] += 1
             result.discarded_bytes[outcome.cause] += end - at
@@ -182,7 +182,7 @@ def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> 
                 if outcome:
                     end -= len(closing) if outcome != "bad_stuffing" else 0
                     raise _Rejected(outcome, 0)
-                message_id, name = _judge_block(protocol, content, sender)
+                message_id, name = _examine_block(protocol, content, sender)
             except _Rejected as rejected:
                 result.rejected_candidates[rejected.cause] += 1
                 if at + end > max(blame_end, at):
@@ -223,7 +223,7 @@ def _decode_block(protocol: Protocol, block: bytes, sender: End | None) -> Resul
     """What lies between two silences."""
     result = Result()
     try:
-        message_id, name = _judge_block(protocol, block, sender)
+        message_id, name = _examine_block(protocol, block, sender)
     except _Rejected as outcome:
         result.rejected_candidates[outcome.cause] += 1
         result.discarded_bytes[outcome.cause] += len(block)
@@ -259,7 +259,7 @@ def _overhead(protocol: Protocol, size: int) -> int:
     return {"none": 0, "cobs": 1 + size // 254, "escape": size}[protocol.format.stuffing]
 
 
-def _judge_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[int, str]:
+def _examine_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[int, str]:
     longest = _longest_frame(protocol)
     if len(block) > longest + _overhead(protocol, longest):
         raise _Rejected("length_out_of_range", 0)
@@ -267,7 +267,7 @@ def _judge_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[
     if frame is None:
         raise _Rejected("bad_stuffing", 0)
     try:
-        _, message_id, name = _judge(protocol, frame, sender, block)
+        _, message_id, name = _examine(protocol, frame, sender, block)
     except _Incomplete:
         raise _Rejected("length_out_of_range", 0) from None
     return message_id, name
@@ -345,7 +345,7 @@ class _Header:
         return bool(self.numbers.get(condition.field, 0) >> condition.bit & 1)
 
 
-def _judge(protocol: Protocol, data: bytes, sender: End | None, block: bytes | None) -> tuple[int, int, str]:
+def _examine(protocol: Protocol, data: bytes, sender: End | None, block: bytes | None) -> tuple[int, int, str]:
     """Size, id and message name of the frame at the start of ``data``; raises _Rejected or _Incomplete.
 
     ``block``: the frame ends where ``data`` does, and was this on the wire.

@@ -11,7 +11,7 @@ from tests.shared import PROTOCOLS, ROOT, Rejected, Vector, accepted_vectors, co
 from tests.streams import hard_stream, random_frame, random_values
 from wirebond import Codec, Message, load
 from wirebond.explain import Kind, explain, values
-from wirebond.explain.judge import check_value, spans
+from wirebond.explain.examine import check_value, spans
 from wirebond.explain.scan import scan
 from wirebond.explain.stuffing import stuff
 from wirebond.explain.values import faults_of, read_fields, values_of
@@ -54,7 +54,7 @@ def test_frames_and_causes_agree_on_hard_streams(name: str, sender: End | None) 
         found = scan(proto.model, stream, sender)
         decoder = proto.decoder(sender)
         messages = decoder.feed(stream) + decoder.finish()
-        frames = [(f.offset, stream[f.offset : f.offset + f.size], f.judgement.delivered_as) for f in found.frames]
+        frames = [(f.offset, stream[f.offset : f.offset + f.size], f.verdict.delivered_as) for f in found.frames]
         assert frames == [(m.offset, m.raw, m.name) for m in messages], f"seed {seed}"
         stats = decoder.stats.as_dict()
         assert dict(found.discarded) == stats["discarded_bytes"], f"seed {seed}"
@@ -63,7 +63,7 @@ def test_frames_and_causes_agree_on_hard_streams(name: str, sender: End | None) 
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_random_bytes_are_judged_alike(name: str) -> None:
+def test_random_bytes_are_examined_alike(name: str) -> None:
     """Bytes of few values, so that starts, lengths and delimiters occur."""
     proto = load(FORMATS[name])
     source = random.Random(name)

@@ -21,7 +21,7 @@ from wirebond.gen import generate_cpp
 from wirebond.gen.cpp import struct_names
 
 SHAPES = wirebond.load(ROOT / "python" / "tests" / "gen" / "every_shape.yaml")
-# What C++ does not judge: its bool and text take any byte, its flags any bit.
+# What C++ does not validate: its bool and text take any byte, its flags any bit.
 ONLY_IN_PYTHON = (" is not UTF-8", ", a bool is 0 or 1", " has unnamed bits set: ")
 
 
@@ -342,7 +342,7 @@ def test_generated_code_writes_what_the_engine_writes(program: Path) -> None:
     assert answers(program, payloads) == [f"0 {payload.hex()}" for _, payload in payloads]
 
 
-def test_generated_code_and_engine_judge_any_payload_alike(program: Path) -> None:
+def test_generated_code_and_engine_validate_any_payload_alike(program: Path) -> None:
     source = random.Random(8)
     messages = SHAPES.model.messages
     payloads = []
@@ -356,14 +356,14 @@ def test_generated_code_and_engine_judge_any_payload_alike(program: Path) -> Non
     for (index, payload), answer in zip(payloads, answers(program, payloads), strict=True):
         name = messages[index].name
         message = received(name, payload)
-        judged = [text for text in message.violations if not any(mark in text for mark in ONLY_IN_PYTHON)]
-        contradicts = any(" tells " in text for text in judged)
-        assert (answer == "refused") == contradicts, (name, payload.hex(), judged)
+        violations_told = [text for text in message.violations if not any(mark in text for mark in ONLY_IN_PYTHON)]
+        contradicts = any(" tells " in text for text in violations_told)
+        assert (answer == "refused") == contradicts, (name, payload.hex(), violations_told)
         if contradicts:
             refused += 1
             continue
         violations, _, written = answer.partition(" ")
-        assert (violations != "0") == bool(judged), (name, payload.hex(), judged)
+        assert (violations != "0") == bool(violations_told), (name, payload.hex(), violations_told)
         if not message.violations:
             passed += 1
             assert written == payload_of(name, message.fields).hex(), (name, payload.hex())

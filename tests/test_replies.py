@@ -49,7 +49,7 @@ def test_a_shared_id_means_what_nobody_asks_for_until_a_request_goes_out() -> No
     assert [m.name for m in decoder.feed(status + status)] == ["status", "status"]
 
 
-def test_a_reply_that_has_begun_to_arrive_is_judged_by_the_latest_request() -> None:
+def test_a_reply_that_has_begun_to_arrive_is_read_by_the_latest_request() -> None:
     proto = load(FORMATS["by_request"])
     frame = proto.encode("speed", speed=0.5)
     decoder = proto.decoder("mcu")

@@ -12,7 +12,7 @@
 namespace gimbal {
 
 /// Senders that run at their own priorities, each once in `period_us`. Together they ask for 99 % of a line of 2 Mbaud
-/// with two stop bits: the overload test of the document that this protocol is from.
+/// with two stop bits: the overload test of the specification that this protocol is from.
 constexpr std::size_t senders = 4;
 constexpr std::uint32_t period_us = 1000;
 

@@ -10,7 +10,7 @@ namespace wirebond::engine {
 
 namespace {
 
-// One row per Cause, in its order; the same names stand in the documents.
+// One row per Cause, in its order; the same names stand in the manual.
 constexpr const char* cause_names[cause_count] = {
     "no_start",       "constant_mismatch", "length_out_of_range", "unknown_message", "header_check_mismatch",
     "check_mismatch", "bad_stuffing",      "incomplete",

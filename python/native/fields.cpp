@@ -57,15 +57,16 @@ nb::dict decode_all(const std::vector<FieldTable>& fields, std::size_t place, Wa
 
 // ---- field rules --------------------------------------------------------------------------------------------------
 
-void judge_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, const Path& path, nb::list& out);
+void validate_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, const Path& path,
+                  nb::list& out);
 
 void add(nb::list& out, const Path& path, const std::string& fault) {
   if (!fault.empty()) out.append(nb::str((path.text() + fault).c_str()));
 }
 
 /// A list or string of which the payload promises more than it has, or more than the protocol allows.
-void judge_promise(const FieldTable& field, const FieldTable* counting, std::uint64_t promised, std::size_t found,
-                   const Path& path, nb::list& out) {
+void validate_promise(const FieldTable& field, const FieldTable* counting, std::uint64_t promised, std::size_t found,
+                      const Path& path, nb::list& out) {
   if (counting == nullptr || found == promised) return;
   const std::string what = field.is_string() ? " bytes" : " elements";
   const std::string limit = promised > field.max_count ? "has at most " + std::to_string(field.max_count)
@@ -75,11 +76,11 @@ void judge_promise(const FieldTable& field, const FieldTable* counting, std::uin
       (counter.text() + " tells " + std::to_string(promised) + what + ", and " + path.text() + " " + limit).c_str()));
 }
 
-void judge_string(const FieldTable& field, std::size_t place, const FieldTable* counting, std::uint64_t promised,
-                  Walk& walk, const Path& path, nb::list& out) {
+void validate_string(const FieldTable& field, std::size_t place, const FieldTable* counting, std::uint64_t promised,
+                     Walk& walk, const Path& path, nb::list& out) {
   const char* const at = reinterpret_cast<const char*>(walk.at(place));
   const std::size_t size = field.count != 0 ? field.count : walk.string_size(field, promised);
-  judge_promise(field, counting, promised, size, path, out);
+  validate_promise(field, counting, promised, size, path, out);
   if (field.kind == FieldKind::bytes) return;
   const nb::object text = nb::steal(PyUnicode_DecodeUTF8(at, static_cast<Py_ssize_t>(size), nullptr));
   if (text.is_valid()) return;
@@ -87,16 +88,17 @@ void judge_string(const FieldTable& field, std::size_t place, const FieldTable* 
   add(out, path, " is not UTF-8");
 }
 
-void judge_element(const FieldTable& field, std::size_t place, std::size_t index, Walk& walk, const Path& path,
-                   nb::list& out) {
+void validate_element(const FieldTable& field, std::size_t place, std::size_t index, Walk& walk, const Path& path,
+                      nb::list& out) {
   if (field.kind == FieldKind::structure) {
-    judge_all(field.fields, place + index * field.stride, walk, path, out);
+    validate_all(field.fields, place + index * field.stride, walk, path, out);
   } else {
     add(out, path, fault_of(field, load_raw(field, walk.at(place), index)));
   }
 }
 
-void judge_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, const Path& path, nb::list& out) {
+void validate_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, const Path& path,
+                  nb::list& out) {
   Counts counts(fields);
   for (const FieldTable& field : fields) {
     const std::size_t here = place + field.at;
@@ -106,19 +108,19 @@ void judge_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& w
         field.counted_by < 0 ? nullptr : &fields[static_cast<std::size_t>(field.counted_by)];
     const Path own{&path, field.name};
     if (field.is_string()) {
-      judge_string(field, here, counting, promised, walk, own, out);
+      validate_string(field, here, counting, promised, walk, own, out);
     } else if (field.repeat == Repeat::listed) {
       const std::size_t found = walk.elements(field, here, promised, [&](std::size_t i, std::size_t at) {
         const Path element{&path, field.name, static_cast<std::ptrdiff_t>(i)};
-        judge_element(field, at, 0, walk, element, out);
+        validate_element(field, at, 0, walk, element, out);
       });
-      judge_promise(field, counting, promised, found, own, out);
+      validate_promise(field, counting, promised, found, own, out);
     } else if (field.repeat == Repeat::once) {
-      judge_element(field, here, 0, walk, own, out);
+      validate_element(field, here, 0, walk, own, out);
     } else {
       for (std::uint32_t i = 0; i < field.count; ++i) {
         const Path element{&path, field.name, static_cast<std::ptrdiff_t>(i)};
-        judge_element(field, here, i, walk, element, out);
+        validate_element(field, here, i, walk, element, out);
       }
     }
   }
@@ -317,7 +319,7 @@ nb::dict decode_fields(const MessageTable& message, const std::uint8_t* payload,
 nb::list find_violations(const MessageTable& message, const std::uint8_t* payload, std::size_t size) {
   nb::list out;
   Walk walk{payload, size - message.min_payload};
-  judge_all(message.fields, 0, walk, Path{nullptr, message.name}, out);
+  validate_all(message.fields, 0, walk, Path{nullptr, message.name}, out);
   return out;
 }
 

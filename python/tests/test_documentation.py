@@ -1,4 +1,4 @@
-"""What the documents show is true: every example is run, every file loaded, every program compiled, every link kept.
+"""What the pages show is true: every example is run, every file loaded, every program compiled, every link kept.
 
 How a block of a page is treated, by what stands behind its fence:
 

@@ -11,7 +11,7 @@ from wirebond import Codec, Message, MessageError
 from wirebond.gen.cpp_number import real_type
 from wirebond.protocol.model import Field, FieldKind, OnRange
 
-# What C++ does not judge: its bool and text take any byte, its flags any bit.
+# What C++ does not validate: its bool and text take any byte, its flags any bit.
 ONLY_IN_PYTHON = (" is not UTF-8", ", a bool is 0 or 1", " has unnamed bits set: ")
 FLOAT_ERROR = 2.0**-22
 FLOAT_STEP = 2.0**-149  # between neighbours near zero, where numbers have fewer digits (subnormal)
@@ -19,19 +19,19 @@ DOUBLE_STEP = 2.0**-1074
 DOUBLE_ERROR = 2.0**-50
 
 
-def judged_in_cpp(message: Message) -> list[str]:
+def violations_in_cpp(message: Message) -> list[str]:
     """The violations that the generated code sees as well."""
     return [text for text in message.violations if not any(mark in text for mark in ONLY_IN_PYTHON)]
 
 
 def difference(codec: Codec, message: Message, handed: Handed) -> str:
     """What the generated code made of this frame otherwise than the engine; empty if nothing."""
-    judged = judged_in_cpp(message)
-    contradicts = any(" tells " in text for text in judged)
+    expected = violations_in_cpp(message)
+    contradicts = any(" tells " in text for text in expected)
     if handed.wrong_count != contradicts:
-        return f"wrong_count is {handed.wrong_count}, the engine finds {judged}"
-    if (handed.rejected or handed.clamped) != bool(judged):
-        return f"rejected {handed.rejected}, clamped {handed.clamped}, the engine finds {judged}"
+        return f"wrong_count is {handed.wrong_count}, the engine finds {expected}"
+    if (handed.rejected or handed.clamped) != bool(expected):
+        return f"rejected {handed.rejected}, clamped {handed.clamped}, the engine finds {expected}"
     if handed.rejected:
         return "" if handed.values is None else "rejected, and handed over"
     if handed.values is None:

@@ -48,7 +48,7 @@ def test_check_says_how_weak_a_link_is_and_strict_makes_it_fail() -> None:
     assert run("check", NATIVE, "--strict").returncode == 0
 
 
-def test_check_judges_a_claimed_load() -> None:
+def test_check_assesses_a_claimed_load() -> None:
     enterprize = str(PROTOCOLS / "enterprize.yaml")
     result = run("check", enterprize, "--traffic", "mcu:47=3992")
     assert result.returncode == 1
@@ -58,11 +58,11 @@ def test_check_judges_a_claimed_load() -> None:
 
 
 def test_check_works_the_files_examples_out_again() -> None:
-    document = PROTOCOLS.parent / "python" / "tests" / "lint" / "diffdrive_document.yaml"
-    result = run("check", str(document))
+    specification = PROTOCOLS.parent / "python" / "tests" / "check" / "diffdrive_specification.yaml"
+    result = run("check", str(specification))
     assert result.returncode == 1
     assert "byte 9 (check) is 0xFF, expected 0x0B" in result.stdout
-    report = json.loads(run("check", str(document), "--json").stdout)
+    report = json.loads(run("check", str(specification), "--json").stdout)
     assert report["ok"] is False
     assert [f["line"] for f in report["findings"] if f["rule"] == "example"] == [14, 15, 16]
 

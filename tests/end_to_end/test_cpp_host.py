@@ -85,7 +85,7 @@ def test_a_mistake_in_the_file_ends_the_configuration_in_a_sentence(project: Pat
     assert re.search(r"diffdrive\.yaml:\d+:\d+:", words)
 
 
-def test_headers_install_without_python_and_versions_are_judged(tmp_path: Path) -> None:
+def test_headers_install_without_python_and_versions_are_compared(tmp_path: Path) -> None:
     prefix, build = tmp_path / "prefix", tmp_path / "headers"
     run("cmake", "-S", ROOT, "-B", build, "-DWIREBOND_ENGINE=OFF")
     run("cmake", "--install", build, "--prefix", prefix)

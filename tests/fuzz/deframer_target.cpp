@@ -52,15 +52,15 @@ class CountingSource : public wirebond::RuntimeSource {
   std::uint64_t* work_;
 };
 
-/// Work that one byte or one call may cost, whatever the input. A candidate is judged when its prefix is there and
+/// Work that one byte or one call may cost, whatever the input. A candidate is examined when its prefix is there and
 /// again when all of it is, for each form, and when it is given up.
 std::uint64_t work_bound(const wirebond::FrameFormat& format) {
   std::uint64_t one_pass = 8 + wirebond::max_frame_bytes(format);
   for (std::size_t i = 0; i < format.form_count; ++i) {
     one_pass += 4 + format.forms[i].check_count * (wirebond::max_frame_bytes(format) + 4);
   }
-  const std::uint64_t judged = wirebond::max_constants + 2u * format.form_count + 2u;
-  return 8 + judged * one_pass;
+  const std::uint64_t examinations = wirebond::max_constants + 2u * format.form_count + 2u;
+  return 8 + examinations * one_pass;
 }
 
 struct Found {

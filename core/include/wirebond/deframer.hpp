@@ -75,7 +75,7 @@ class Deframer {
       return consume_by_rules(window, size, give_up, sink);
     } else {
       if (source_.format().framing != Framing::by_start) return consume_by_rules(window, size, give_up, sink);
-      if (size < needed_) {  // already judged: so many bytes decide
+      if (size < needed_) {  // examined before: so many bytes decide
         if (!give_up) return 0;
         needed_ = 0;  // they will not come: the straight way must not look for them
       }
@@ -91,7 +91,7 @@ class Deframer {
   }
 
   /// From here on the message `index` is what is meant where several share its id; -1: none of them. What waits to be
-  /// settled is judged by that, too.
+  /// settled is examined for that message, too.
   void expect(std::int16_t index) {
     source_.expect(index);
     needed_ = 0;
@@ -130,7 +130,7 @@ class Deframer {
         if (at == size) break;
       }
       const std::size_t available = size - at;
-      if (available < needed_ && !give_up) break;  // already judged: so many bytes decide
+      if (available < needed_ && !give_up) break;  // examined before: so many bytes decide
       Frame frame;
       Verdict verdict = examine(source_, window + at, available, nullptr, frame);
       if (verdict.outcome == Outcome::need_more) {
@@ -291,7 +291,7 @@ class Deframer {
         break;
       }
       Frame frame;
-      const Verdict verdict = judge_block(window + begin, end - begin, frame);
+      const Verdict verdict = examine_block(window + begin, end - begin, frame);
       if (verdict.outcome == Outcome::frame) {
         deliver(frame, window + at, end + mark.size - at, sink);
         at = end + mark.size;
@@ -328,7 +328,7 @@ class Deframer {
       Frame frame{};  // GCC 12 does not see that a frame's verdict comes with its fields
       if (end.kind == detail::BlockEnd::closing) {
         const std::size_t begin = at + format.opening.size;
-        verdict = judge_block(window + begin, at + end.at - begin, frame);
+        verdict = examine_block(window + begin, at + end.at - begin, frame);
         verdict.bytes = end.at + format.closing.size;
       } else if (end.kind == detail::BlockEnd::no_pair) {
         verdict.cause = Cause::bad_stuffing;
@@ -370,7 +370,7 @@ class Deframer {
     }
     if (!give_up || size == 0) return 0;
     Frame frame;
-    const Verdict verdict = judge_block(window, size, frame);
+    const Verdict verdict = examine_block(window, size, frame);
     if (verdict.outcome == Outcome::frame) {
       deliver(frame, window, size, sink);
     } else {
@@ -380,7 +380,7 @@ class Deframer {
     return size;
   }
 
-  WIREBOND_INLINE Verdict judge_block(const std::uint8_t* block, std::size_t size, Frame& frame) {
+  WIREBOND_INLINE Verdict examine_block(const std::uint8_t* block, std::size_t size, Frame& frame) {
     const std::size_t longest = max_frame_bytes(source_.format());
     const std::uint8_t* bytes = block;
     std::size_t unstuffed = size;
@@ -458,7 +458,7 @@ class Deframer {
   detail::WaitingHead<Source> waiting_;  ///< by start: of what waits for needed_ bytes
   Cause blame_ = Cause::no_start;
   bool overlong_ = false;                ///< inside a block that is longer than any frame
-  detail::Extent<Source> needed_ = 0;    ///< by start: the candidate at the front was judged; so many bytes decide
+  detail::Extent<Source> needed_ = 0;    ///< by start: the candidate at the front was examined; so many bytes decide
   detail::Extent<Source> searched_ = 0;  ///< delimiters: so many bytes of the window hold no end of the block
   std::size_t blamed_ = 0;               ///< so many bytes from here on belong to a candidate that failed
   std::uint8_t* scratch_;

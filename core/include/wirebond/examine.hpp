@@ -8,7 +8,7 @@
 
 namespace wirebond {
 
-/// Why bytes were thrown away. The names are the same in every language and in the documents.
+/// Why bytes were thrown away. The names are the same in every language and in the manual.
 enum class Cause : std::uint8_t {
   no_start,               ///< between frames: bytes that start nothing
   constant_mismatch,      ///< a magic, constant or tail has another value
@@ -257,7 +257,7 @@ WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, co
 
 }  // namespace detail
 
-/// Judge the bytes at `candidate`. Pure: the verdict depends on these bytes alone, so chunking cannot change it.
+/// Examine the bytes at `candidate`. Pure: the verdict depends on these bytes alone, so chunking cannot change it.
 /// `block`: the candidate's size is known to be `available`, and this is what it was before unstuffing; else null.
 /// Any thread or interrupt. Work is bounded by one pass over max_frame_bytes per form.
 template <class Source>

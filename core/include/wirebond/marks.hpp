@@ -1,4 +1,5 @@
-// Delimiters in a run of bytes: where one stands, and where a block between two of them ends. No frame is judged here.
+// Delimiters in a run of bytes: where one stands, and where a block between two of them ends. No frame is examined
+// here.
 #pragma once
 
 #include <cstddef>

@@ -68,7 +68,7 @@ class Decoder:
 
     def expect(self, request: str | None) -> None:
         """``request`` goes out: where several messages share an id (or have none), its reply is meant from here on,
-        until the next call. None: no reply is expected. Bytes that are pending are judged by it, too; where silence
+        until the next call. None: no reply is expected. Bytes that are pending are examined for it, too; where silence
         ends a frame, call ``idle`` first. A ``Link`` does this for what it sends.
 
         :raises UsageError: the protocol has no such message, or it has no ``reply``.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from python.tests.check.files import made, shipped
 
-from wirebond.check.check_strength import RULE, Strength, judge, measure_strength, uncovered
+from wirebond.check.check_strength import RULE, Strength, assess, measure_strength, uncovered
 from wirebond.check.findings import Severity
 from wirebond.check.places import Places
 
@@ -21,7 +21,7 @@ def test_the_high_byte_of_a_sum_lets_through_what_the_baseline_measured() -> Non
     found = strength("pid_tuner_listing")
     assert found.reference is not None
     assert found.reference.share == pytest.approx(0.726, abs=0.01)
-    finding = judge(shipped("pid_tuner_listing").model, found, Places())[0]
+    finding = assess(shipped("pid_tuner_listing").model, found, Places())[0]
     assert (finding.rule, finding.severity) == (RULE, Severity.WARNING)
     assert f"{100 * found.reference.share:.1f} % of those damaged where 1 bit in 10 000 is wrong" in finding.sentence
     assert "high byte of a sum" in finding.reason
@@ -40,7 +40,7 @@ def test_an_exclusive_or_misses_two_wrong_bits_of_one_column_and_no_odd_number()
     columns = 8 * (7 * 6 / 2)  # pairs of equal bits among the seven bytes of data, reserve and check
     pairs = 88 * 87 / 2
     assert columns / pairs <= found.faults["2 bits"].share < columns / pairs + 0.005  # a few more by the id
-    finding = judge(shipped("diffdrive").model, found, Places())[0]
+    finding = assess(shipped("diffdrive").model, found, Places())[0]
     assert finding.severity == Severity.WARNING
     assert "with 2 bits wrong" in finding.sentence
     assert "1 bit " not in finding.sentence
@@ -50,7 +50,7 @@ def test_an_exclusive_or_misses_two_wrong_bits_of_one_column_and_no_odd_number()
 def test_a_crc_of_16_bits_sees_up_to_three_wrong_bits(name: str) -> None:
     found = strength(name)
     assert [found.faults[kind].accepted for kind in ("1 bit", "2 bits", "3 bits", "8-bit burst")] == [0, 0, 0, 0]
-    assert judge(shipped(name).model, found, Places()) == []
+    assert assess(shipped(name).model, found, Places()) == []
 
 
 def test_eight_bits_are_a_note() -> None:
@@ -58,15 +58,15 @@ def test_eight_bits_are_a_note() -> None:
     codec = made("[magic: 0xA5, id: u8, payload: by_id, check: crc-8/smbus]", long_message)
     found = measure_strength(codec, SAMPLES, SEED)
     assert 0.001 < found.faults["32-bit burst"].share < 0.005
-    finding = judge(codec.model, found, Places())[0]
+    finding = assess(codec.model, found, Places())[0]
     assert finding.severity == Severity.NOTE
     assert "1 in 256" in finding.reason
 
 
 def test_a_frame_without_a_check_is_told() -> None:
     codec = made("[magic: 0xA5, id: u8, payload: by_id]")
-    finding = judge(codec.model, measure_strength(codec, SAMPLES, SEED), Places())[0]
-    assert "49.9 % with 1 bit wrong" in finding.sentence  # two of four bytes carry what only the range can judge
+    finding = assess(codec.model, measure_strength(codec, SAMPLES, SEED), Places())[0]
+    assert "49.9 % with 1 bit wrong" in finding.sentence  # two of four bytes carry what only the range can tell
     assert "no check" in finding.reason
 
 
@@ -75,7 +75,7 @@ def test_a_sum_over_everything_misses_opposite_errors() -> None:
     found = measure_strength(codec, SAMPLES, SEED)
     assert found.faults["1 bit"].accepted == 0
     assert found.faults["2 bits"].share > 0.01
-    assert "opposite sign" in judge(codec.model, found, Places())[0].reason
+    assert "opposite sign" in assess(codec.model, found, Places())[0].reason
 
 
 def test_a_command_left_out_of_the_sum_is_found() -> None:

@@ -23,17 +23,17 @@ def format_of(name: str) -> Codec:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_format_is_judged(name: str) -> None:
+def test_every_format_is_assessed(name: str) -> None:
     codec = asked(format_of(name))
     model = codec.model
     strength = check_strength.measure_strength(codec, SAMPLES, 1)
     assert strength.bit_errors.samples == SAMPLES  # few enough for frames that are decoded one by one
-    check_strength.judge(model, strength, Places())
+    check_strength.assess(model, strength, Places())
     check_strength.uncovered(model, Places())
     noises = [noise.measure_noise(codec, end, 200_000, 1) for end in senders(model)]
-    noise.judge(model, noises, Places())
-    holdback.judge(model, holdback.directions(codec, 1), Places())
-    stuffing.judge(model, stuffing.measure_inserted_zero(codec, 1), Places())
+    noise.assess(model, noises, Places())
+    holdback.assess(model, holdback.directions(codec, 1), Places())
+    stuffing.assess(model, stuffing.measure_inserted_zero(codec, 1), Places())
     assert line_budget.budgets(model, line_budget.scheduled_loads(model))
 
 
@@ -42,7 +42,7 @@ def test_a_crc_over_everything_sees_one_wrong_bit_in_every_framing(name: str) ->
     codec = format_of(name)
     strength = check_strength.measure_strength(codec, SAMPLES, 1)
     assert strength.faults["1 bit"].accepted == 0
-    assert check_strength.judge(codec.model, strength, Places()) == []
+    assert check_strength.assess(codec.model, strength, Places()) == []
 
 
 def test_frames_that_silence_ends_are_decoded_one_by_one() -> None:

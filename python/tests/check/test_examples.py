@@ -11,12 +11,12 @@ from wirebond.check import Places, examples
 from wirebond.check.findings import Severity
 from wirebond.codec import load
 
-DOCUMENT = Path(__file__).with_name("diffdrive_document.yaml")
+SPECIFICATION = Path(__file__).with_name("diffdrive_specification.yaml")
 NOWHERE = Places()
 
 
-def test_three_of_the_documents_four_examples_have_a_wrong_check() -> None:
-    found = examples.judge(load(DOCUMENT), Places.of_file(DOCUMENT))
+def test_three_of_the_specifications_four_examples_have_a_wrong_check() -> None:
+    found = examples.assess(load(SPECIFICATION), Places.of_file(SPECIFICATION))
     assert [(finding.line, finding.severity) for finding in found] == [(line, Severity.ERROR) for line in (14, 15, 16)]
     assert [finding.sentence for finding in found] == [
         "the example of `velocity`: byte 9 (check) is 0xFF, expected 0x0B",
@@ -29,7 +29,7 @@ def test_three_of_the_documents_four_examples_have_a_wrong_check() -> None:
 
 @pytest.mark.parametrize("path", sorted(PROTOCOLS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_the_projects_own_examples_are_right(path: Path) -> None:
-    assert examples.judge(load(path), NOWHERE) == []
+    assert examples.assess(load(path), NOWHERE) == []
 
 
 def test_the_seeds_protocols_have_examples() -> None:
@@ -53,10 +53,10 @@ FIELDS = "x: 1.5, mode: on, faults: [hot, stuck], ok: true, gains: [0.1, -2], bl
 FRAME = "A5 0F 01 96 00 01 03 01 CD CC CC 3D 00 00 00 C0 01 FF"
 
 
-def judged(fields: str, frame: str) -> list[str]:
+def assessed(fields: str, frame: str) -> list[str]:
     rest = f'examples: [{{message: state, fields: {{{fields}}}, bytes: "{frame}"}}]'
     codec = made("[magic: 0xA5, length: u8, id: u8, payload: by_length, check: xor8]", MESSAGES, rest)
-    return [finding.sentence.removeprefix("the example of `state`: ") for finding in examples.judge(codec, NOWHERE)]
+    return [finding.sentence.removeprefix("the example of `state`: ") for finding in examples.assess(codec, NOWHERE)]
 
 
 def with_check(frame: str) -> str:
@@ -67,21 +67,21 @@ def with_check(frame: str) -> str:
 
 
 def test_every_kind_of_field_can_stand_in_an_example() -> None:
-    assert judged(FIELDS, with_check(FRAME)) == []
-    assert judged(FIELDS.replace("on", "1").replace("[hot, stuck]", "3"), with_check(FRAME)) == []
+    assert assessed(FIELDS, with_check(FRAME)) == []
+    assert assessed(FIELDS.replace("on", "1").replace("[hot, stuck]", "3"), with_check(FRAME)) == []
 
 
 def test_a_wrong_value_names_its_byte_and_the_check_behind_it() -> None:
-    sentence = judged(FIELDS.replace("1.5", "1.4"), with_check(FRAME))[0]
+    sentence = assessed(FIELDS.replace("1.5", "1.4"), with_check(FRAME))[0]
     assert sentence.startswith("byte 3 (payload) is 0x96, expected 0x8C, byte 18 (check) is 0x")
 
 
 def test_a_missing_byte_is_told_by_size() -> None:
-    assert judged(FIELDS, with_check(FRAME).rsplit(" ", 1)[0]) == ["it has 18 bytes, expected 19"]
+    assert assessed(FIELDS, with_check(FRAME).rsplit(" ", 1)[0]) == ["it has 18 bytes, expected 19"]
 
 
 def test_a_value_that_the_wire_cannot_carry_exactly_is_told() -> None:
-    found = judged(FIELDS.replace("1.5", "1.504"), with_check(FRAME))
+    found = assessed(FIELDS.replace("1.5", "1.504"), with_check(FRAME))
     assert found == ["`x` comes back as 1.5, and the example says 1.504"]
 
 
@@ -95,8 +95,8 @@ def test_header_fields_choose_the_form_that_is_compared() -> None:
         ("{stamped: 1, stamp: 2}", "A5 01 03 00 01 09 AE", ["byte 2 (field stamp) is 0x03, expected 0x02"]),
     ):
         rest = f'examples: [{{message: state, header: {header}, fields: {{x: 9}}, bytes: "{bytes_}"}}]'
-        judged = examples.judge(made(frame, messages, rest), NOWHERE)
-        assert [finding.sentence.removeprefix("the example of `state`: ") for finding in judged] == found
+        assessed = examples.assess(made(frame, messages, rest), NOWHERE)
+        assert [finding.sentence.removeprefix("the example of `state`: ") for finding in assessed] == found
 
 
 def test_bytes_of_stuffed_frames_are_compared_too() -> None:
@@ -105,4 +105,4 @@ def test_bytes_of_stuffed_frames_are_compared_too() -> None:
     good = made(frame, messages).encode("state", x=1)
     for bytes_, found in ((good, 0), (good[:1] + b"\x02" + good[2:], 1)):
         rest = f'examples: [{{message: state, fields: {{x: 1}}, bytes: "{bytes_.hex(" ")}"}}]'
-        assert len(examples.judge(made(frame, messages, rest), NOWHERE)) == found
+        assert len(examples.assess(made(frame, messages, rest), NOWHERE)) == found

@@ -6,7 +6,7 @@ import pytest
 from python.tests.check.files import made, shipped
 
 from wirebond.check.findings import Severity
-from wirebond.check.holdback import directions, judge, measure_hold_back
+from wirebond.check.holdback import assess, directions, measure_hold_back
 from wirebond.check.places import Places
 from wirebond.protocol.model import End
 
@@ -19,26 +19,26 @@ def test_a_length_that_is_believed_holds_257_bytes_back() -> None:
         assert found is not None
         assert found.unbounded_bytes == 257
         assert found.unbounded_seconds == pytest.approx(257 * 10 / 115200)
-        finding = judge(codec.model, [found], Places())[0]
+        finding = assess(codec.model, [found], Places())[0]
         assert finding.severity == Severity.NOTE
         assert "without max_payload it would be 257 bytes, 22.3 ms" in finding.sentence
     codec = shipped("pid_tuner")
     found = measure_hold_back(codec, End.HOST, 1)
     assert found is not None
     assert found.bytes == 13 + 2  # payload, check and tail behind the header; read_gains has 6 bytes in all
-    assert "15 bytes (1.3 ms) here" in judge(codec.model, [found], Places())[0].sentence
+    assert "15 bytes (1.3 ms) here" in assess(codec.model, [found], Places())[0].sentence
 
 
 @pytest.mark.parametrize("name", ["native", "enterprize", "diffdrive"])
 def test_delimiters_a_header_check_or_a_fixed_size_leave_nothing_to_say(name: str) -> None:
     codec = shipped(name)
-    assert judge(codec.model, directions(codec, 1), Places()) == []
+    assert assess(codec.model, directions(codec, 1), Places()) == []
 
 
 def test_a_long_payload_on_a_slow_line_is_a_warning() -> None:
     messages = "{a: {id: 1, sender: mcu, fields: {x: {type: bytes, max: 250}}}, b: {id: 2, sender: mcu}}"
     codec = made("[magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-16/mcrf4xx]", messages, baud=9600)
-    finding = judge(codec.model, directions(codec, 1), Places())[0]
+    finding = assess(codec.model, directions(codec, 1), Places())[0]
     assert finding.severity == Severity.WARNING
     assert "up to 251 bytes, 261 ms" in finding.sentence  # the payloads are random, the longest of them has 249
 

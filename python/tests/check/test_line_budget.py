@@ -6,7 +6,7 @@ import pytest
 from python.tests.check.files import made, shipped
 
 from wirebond.check.findings import Severity
-from wirebond.check.line_budget import Budget, budgets, judge, parse_traffic, scheduled_loads
+from wirebond.check.line_budget import Budget, assess, budgets, parse_traffic, scheduled_loads
 from wirebond.check.places import Places
 from wirebond.errors import UsageError
 from wirebond.protocol.model import End, Protocol
@@ -32,7 +32,7 @@ def test_the_seeds_published_figures_do_not_fit_the_line() -> None:
     assert line[End.MCU].capacity == pytest.approx(181_818, abs=1)
     assert line[End.MCU].share == pytest.approx(187_624 / 181_818, abs=1e-4)
     assert line[End.HOST].share == pytest.approx(1.111, abs=1e-4)
-    findings = judge(model, list(line.values()), Places())
+    findings = assess(model, list(line.values()), Places())
     assert [finding.severity for finding in findings] == [Severity.ERROR, Severity.ERROR]
     sentences = {finding.sentence for finding in findings}
     assert (
@@ -46,7 +46,7 @@ def test_the_published_struct_fills_the_line_to_the_brim() -> None:
     model = shipped("enterprize").model
     line = by_sender(model, "sentry_gimbal_msg=3992")
     assert line[End.MCU].share == pytest.approx(0.988, abs=5e-4)
-    findings = judge(model, list(line.values()), Places())
+    findings = assess(model, list(line.values()), Places())
     assert [finding.severity for finding in findings] == [Severity.WARNING]
     assert "4 040/s" in findings[0].sentence
     assert "3 000 000" in findings[0].remedy

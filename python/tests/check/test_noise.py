@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from python.tests.check.files import made, shipped
 
-from wirebond.check.noise import judge, measure_noise
+from wirebond.check.noise import assess, measure_noise
 from wirebond.check.places import Places
 from wirebond.protocol.model import End
 
@@ -39,7 +39,7 @@ def test_the_rate_worked_out_is_the_rate_counted(frame: str, messages: str, rest
 def test_noise_that_yields_frames_is_a_finding() -> None:
     codec = made("[magic: 0xA5, id: u8, payload: by_id]", MESSAGES)
     noise = measure_noise(codec, End.MCU, 1_000_000, 1)
-    finding = judge(codec.model, [noise], Places())[0]
+    finding = assess(codec.model, [noise], Places())[0]
     assert f"{noise.measured:.3g} false frames a million (MCU to host)" in finding.sentence
     assert "11 520 a second" in finding.reason
 
@@ -51,4 +51,4 @@ def test_formats_that_noise_does_not_pass_say_how_rare_it_is(name: str) -> None:
     assert noise.frames == 0
     assert noise.at_most == pytest.approx(3.0)
     assert 0 < noise.expected < 1e-3
-    assert judge(codec.model, [noise], Places()) == []
+    assert assess(codec.model, [noise], Places()) == []

@@ -18,7 +18,7 @@ STOP = "emergency_stop: {message: drive, speed: 0}"
 
 def waits(model: Protocol) -> list[Finding]:
     directions = line_budget.budgets(model, line_budget.scheduled_loads(model))
-    return urgent_wait.judge(model, [urgent_wait.urgent_wait(model, budget) for budget in directions], NOWHERE)
+    return urgent_wait.assess(model, [urgent_wait.urgent_wait(model, budget) for budget in directions], NOWHERE)
 
 
 # ---- an urgent frame
@@ -78,7 +78,7 @@ def test_a_crc_without_final_xor_accepts_an_inserted_zero(check: str, share: flo
     roomy = stuffing.measure_inserted_zero(made(frame, rest="max_payload: 8"), 1)
     assert roomy is not None
     assert roomy.own == roomy.any_size == measured.any_size
-    found = stuffing.judge(codec.model, measured, NOWHERE)
+    found = stuffing.assess(codec.model, measured, NOWHERE)
     if share:
         assert (found[0].rule, found[0].severity) == ("inserted-zero", Severity.WARNING)
         assert f"with {check} {percent(share)} of frames pass after a zero byte was inserted" in found[0].sentence
@@ -95,7 +95,7 @@ def test_frames_without_stuffing_have_no_such_figure() -> None:
 
 def deadlines(after: str, message: str = DRIVE) -> list[Finding]:
     rest = f"deadlines: [{{message: drive, at: mcu, after: {after}, then: stop}}]"
-    return schedule.judge_deadlines(made(DEFAULT_FRAME, message, rest).model, NOWHERE)
+    return schedule.assess_deadlines(made(DEFAULT_FRAME, message, rest).model, NOWHERE)
 
 
 def test_a_deadline_that_one_lost_frame_trips_is_a_warning() -> None:
@@ -115,24 +115,24 @@ def test_a_deadline_without_a_schedule_is_a_note_once() -> None:
 def test_the_reply_to_a_scheduled_request_has_a_schedule() -> None:
     model = shipped("diffdrive").model
     assert schedule.period_of(model, "status") == 1.0
-    assert schedule.judge_deadlines(model, NOWHERE) == []
+    assert schedule.assess_deadlines(model, NOWHERE) == []
 
 
 # ---- silence and stop
 
 
 def test_commands_that_nobody_watches_or_stops_are_notes() -> None:
-    found = schedule.judge_safety(made(DEFAULT_FRAME, DRIVE).model, NOWHERE)
+    found = schedule.assess_safety(made(DEFAULT_FRAME, DRIVE).model, NOWHERE)
     assert rules(found) == ["no-deadline", "no-emergency-stop"]
     assert {finding.severity for finding in found} == {Severity.NOTE}
     watched = f"{STOP}\ndeadlines: [{{message: drive, at: mcu, after: 1 s, then: stop}}]"
-    assert schedule.judge_safety(made(DEFAULT_FRAME, DRIVE, watched).model, NOWHERE) == []
+    assert schedule.assess_safety(made(DEFAULT_FRAME, DRIVE, watched).model, NOWHERE) == []
 
 
 def test_requests_and_services_command_nothing() -> None:
-    assert schedule.judge_safety(shipped("pid_tuner").model, NOWHERE) == []
+    assert schedule.assess_safety(shipped("pid_tuner").model, NOWHERE) == []
     ping = "{ping: {id: 1, sender: host, reply: pong, fields: {n: {type: u8}}}, pong: {id: 2, sender: mcu}}"
-    assert schedule.judge_safety(made(DEFAULT_FRAME, ping).model, NOWHERE) == []
+    assert schedule.assess_safety(made(DEFAULT_FRAME, ping).model, NOWHERE) == []
 
 
 # ---- ids and magic
@@ -140,13 +140,13 @@ def test_requests_and_services_command_nothing() -> None:
 
 def test_an_id_with_two_meanings_is_a_note() -> None:
     both = "{ask: {id: 1, sender: host, reply: tell}, tell: {id: 1, sender: mcu, fields: {x: {type: u8}}}}"
-    finding = identity.judge_ids(made(DEFAULT_FRAME, both).model, NOWHERE)[0]
+    finding = identity.assess_ids(made(DEFAULT_FRAME, both).model, NOWHERE)[0]
     assert (finding.rule, finding.severity) == ("shared-id", Severity.NOTE)
     assert "id 0x01 is `ask` from the host and `tell` from the mcu" in finding.sentence
-    assert identity.judge_ids(shipped("native").model, NOWHERE) == []
+    assert identity.assess_ids(shipped("native").model, NOWHERE) == []
 
 
 @pytest.mark.parametrize(("magic", "found"), [("0x00", 1), ("0xFF 0xFF", 1), ("0xFF 0x00", 0), ("0xA5", 0)])
 def test_start_bytes_that_values_are_full_of_are_a_warning(magic: str, found: int) -> None:
     codec = made(DEFAULT_FRAME.replace("0xA5", magic))
-    assert len(identity.judge_magic(codec.model, NOWHERE)) == found
+    assert len(identity.assess_magic(codec.model, NOWHERE)) == found

@@ -9,7 +9,7 @@ import pytest
 
 from wirebond.checksum import checksum
 from wirebond.codec import Codec
-from wirebond.explain import Guess, Kind, Stretch, explain
+from wirebond.explain import FittingGuess, Kind, Stretch, explain
 from wirebond.explain.stuffing import Unstuffed, unstuff
 from wirebond.protocol import Protocol, loads
 from wirebond.protocol.model import End
@@ -54,9 +54,9 @@ def explained(
     return stretches[0]
 
 
-def best(stretch: Stretch) -> Guess:
+def best(stretch: Stretch) -> FittingGuess:
     assert stretch.kind in (Kind.REFUSED, Kind.NOISE)
-    assert stretch.guesses, f"nothing found in {stretch.tried} variants"
+    assert stretch.guesses, f"nothing found in {stretch.tried} guesses"
     return stretch.guesses[0]
 
 
@@ -264,7 +264,7 @@ class TestStuffed:
 
 
 def test_random_checks_are_seldom_explained() -> None:
-    """A search over hundreds of variants must not find a story for everything."""
+    """A search over hundreds of guesses must not find a story for everything."""
     source = random.Random(7)
     told = 0
     for _ in range(150):

@@ -83,7 +83,7 @@ def paths_in(tree: Any) -> list[tuple[Any, ...]]:
 PATHS = [paths_in(tree) for tree in TREES]
 
 
-def judged(text: str) -> bool:
+def loads_or_explains(text: str) -> bool:
     """True if it is a protocol. Fails if it is neither that nor a proper refusal."""
     refusal: ProtocolFileError | None = None
     try:
@@ -127,7 +127,7 @@ def test_a_good_file_with_nodes_replaced_or_removed_is_a_protocol_or_a_refusal(d
         except (IndexError, KeyError, TypeError):
             continue
     text = json.dumps(tree)  # JSON is YAML
-    if judged(text):
+    if loads_or_explains(text):
         problems = [error.message for error in VALIDATOR.iter_errors(YAML(typ="safe", pure=True).load(text))]
         assert problems == [], "the loader takes what the published schema refuses"
 
@@ -135,7 +135,7 @@ def test_a_good_file_with_nodes_replaced_or_removed_is_a_protocol_or_a_refusal(d
 @settings(max_examples=150, deadline=None)
 @given(text=st.text(alphabet=st.sampled_from(list("abc:-[]{},&*!|>'\"%@`#?~ \n\t0x1.")), max_size=60))
 def test_any_text_is_a_protocol_or_a_refusal(text: str) -> None:
-    judged(text)
+    loads_or_explains(text)
 
 
 @settings(max_examples=100, deadline=None)
@@ -144,9 +144,9 @@ def test_a_good_file_that_is_cut_or_garbled_is_a_protocol_or_a_refusal(data: st.
     text = (PROTOCOLS / "pid_tuner_listing.yaml").read_text(encoding="utf-8")
     begin = data.draw(st.integers(0, len(text)))
     end = data.draw(st.integers(begin, min(len(text), begin + 40)))
-    judged(text[:begin] + data.draw(st.text(max_size=8)) + text[end:])
+    loads_or_explains(text[:begin] + data.draw(st.text(max_size=8)) + text[end:])
 
 
 @pytest.mark.parametrize("cut", range(0, 900, 37))
 def test_a_truncated_file_is_refused_or_whole(cut: int) -> None:
-    judged((PROTOCOLS / "diffdrive.yaml").read_text(encoding="utf-8")[:cut])
+    loads_or_explains((PROTOCOLS / "diffdrive.yaml").read_text(encoding="utf-8")[:cut])

@@ -45,7 +45,7 @@ def test_an_example_holds_values_as_the_api_takes_them() -> None:
 
 
 @pytest.mark.parametrize("text", ["AA 55 01", "aa5501", "0xAA 0x55 0x01", "AA55 01"])
-def test_bytes_may_be_written_as_documents_write_them(text: str) -> None:
+def test_bytes_may_be_written_as_specifications_write_them(text: str) -> None:
     protocol = loads(with_example(f'message: drive, fields: {{speed: 0}}, bytes: "{text}"'))
     assert protocol.examples[0].frame == b"\xaa\x55\x01"
 

@@ -43,7 +43,7 @@ def test_every_protocol_of_the_project_loads_and_can_be_lowered_for_both_ends(pa
         assert plan_for(protocol, end).max_payload == protocol.format.max_payload
 
 
-def test_diffdrive_is_what_its_document_says() -> None:
+def test_diffdrive_is_what_its_specification_says() -> None:
     protocol = load(PROTOCOLS / "diffdrive.yaml")
     kinds = [part.kind.value for part in protocol.format.parts]
     assert kinds == ["magic", "id", "payload", "reserved", "check", "tail"]

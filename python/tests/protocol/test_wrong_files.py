@@ -540,7 +540,7 @@ def test_all_problems_are_told_at_once_and_in_order() -> None:
         ("baud: 115200", "bad: 115200"),  # an unknown key
         ("length: u8", "length: u9"),  # a wrong value, which spoils the frame
         ("every: 50 ms", "every: 50"),  # another, which spoils a message
-        ("reply: state", "reply: nobody"),  # not judged: its message is spoiled
+        ("reply: state", "reply: nobody"),  # not looked up: its message is spoiled
         ("manual: 1", "manual: 0"),  # makes no sense, in a spoiled message
         ("hot: 1", "hot: 9"),  # makes no sense, in a sound message
         ("at: mcu", "at: both"),

@@ -105,7 +105,7 @@ def _reference(protocol: Protocol, samples: int, seed: int) -> Measured | None:
     return measure(open_pool, bit_error_rate(BIT_ERROR_RATE), samples, seed, weights)
 
 
-def judge(protocol: Protocol, strength: Strength, places: Places) -> list[Finding]:
+def assess(protocol: Protocol, strength: Strength, places: Places) -> list[Finding]:
     """At most one finding: the figures that matter, and what it is about this check that lets them through."""
     frame_format = protocol.format
     place = places.part("check")

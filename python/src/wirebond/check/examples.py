@@ -20,7 +20,7 @@ RULE = "example"
 _MOST_BYTES = 4  # differing bytes that a sentence lists
 
 
-def judge(codec: Codec, places: Places) -> list[Finding]:
+def assess(codec: Codec, places: Places) -> list[Finding]:
     found = []
     for index, example in enumerate(codec.model.examples):
         values = {name: _plain(value) for name, value in example.values}

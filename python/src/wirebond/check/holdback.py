@@ -95,7 +95,7 @@ def _bytes_until_delivery(codec: Codec, sender: End, false_header: bytes, good: 
     raise AssertionError("a false start is given up after one longest frame")
 
 
-def judge(protocol: Protocol, found: list[HoldBack], places: Places) -> list[Finding]:
+def assess(protocol: Protocol, found: list[HoldBack], places: Places) -> list[Finding]:
     place = places.part("length")
     for each in found:
         unbounded = each.unbounded_seconds

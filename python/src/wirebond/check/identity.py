@@ -11,7 +11,7 @@ from wirebond.protocol.plan import ids_collide
 _FREQUENT = {0x00: "small numbers, zeros and padding", 0xFF: "small negative numbers and an open line"}
 
 
-def judge_ids(protocol: Protocol, places: Places) -> list[Finding]:
+def assess_ids(protocol: Protocol, places: Places) -> list[Finding]:
     pairs = ids_collide(protocol)
     if not pairs or not has_id(protocol):
         return []
@@ -33,7 +33,7 @@ def judge_ids(protocol: Protocol, places: Places) -> list[Finding]:
     ]
 
 
-def judge_magic(protocol: Protocol, places: Places) -> list[Finding]:
+def assess_magic(protocol: Protocol, places: Places) -> list[Finding]:
     magic = protocol.format.part(PartKind.MAGIC)
     values = () if magic is None else (magic.value, *magic.alternatives, *(value for _, value in magic.by_sender))
     value = next((value for value in values if len(set(value)) == 1 and value[0] in _FREQUENT), None)

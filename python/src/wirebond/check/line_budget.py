@@ -149,7 +149,7 @@ def budgets(protocol: Protocol, loads: list[Load]) -> list[Budget]:
     return found
 
 
-def judge(protocol: Protocol, directions: list[Budget], places: Places) -> list[Finding]:
+def assess(protocol: Protocol, directions: list[Budget], places: Places) -> list[Finding]:
     found = []
     link = protocol.link
     for budget in directions:

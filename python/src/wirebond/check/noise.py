@@ -153,7 +153,7 @@ def _cobs(protocol: Protocol, form: Form, messages: list[Message]) -> float:
 # ---- the finding
 
 
-def judge(protocol: Protocol, noise: list[Noise], places: Places) -> list[Finding]:
+def assess(protocol: Protocol, noise: list[Noise], places: Places) -> list[Finding]:
     """A finding for the worse direction, where random bytes yield frames often."""
     worst = max(noise, key=lambda each: each.best)
     if worst.best <= _TOO_MANY:

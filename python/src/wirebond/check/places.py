@@ -6,8 +6,8 @@ import os
 
 from wirebond.errors import ProtocolFileError
 from wirebond.protocol.problems import WHOLE_FILE, Place, Problems
-from wirebond.protocol.text import document
-from wirebond.protocol.text.document import Mapping, Node, Sequence
+from wirebond.protocol.text import yaml_tree
+from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
 
 class Places:
@@ -20,7 +20,7 @@ class Places:
     def of_file(cls, path: str | os.PathLike[str]) -> Places:
         """The places in this file, which has been loaded before; unknown ones if it is gone by now."""
         try:
-            return cls(document.parse(document.read_text(path), Problems(str(path))))
+            return cls(yaml_tree.parse(yaml_tree.read_text(path), Problems(str(path))))
         except ProtocolFileError:
             return cls()
 

@@ -70,7 +70,7 @@ def lint(
 ) -> Report:
     """Run every rule. The same seed gives the same figures. Takes about a second; ``thorough`` some twenty.
 
-    ``traffic``: a load to judge instead of the file's schedule, such as ``gimbal_cmd=2000,mcu:47=3992`` (frames a
+    ``traffic``: a load to assess instead of the file's schedule, such as ``gimbal_cmd=2000,mcu:47=3992`` (frames a
     second by message, or by sender and bytes on the wire).
 
     :raises UsageError: ``traffic`` cannot be read.
@@ -87,18 +87,18 @@ def lint(
     waits = [urgent.urgent_wait(model, budget) for budget in budgets]
     zero = stuffing.measure_inserted_zero(measured, seed)
     findings = [
-        *examples.judge(codec, where),
-        *line_budget.judge(model, budgets, where),
-        *([] if stuffing.explains_damage(model, zero) else check_strength.judge(model, strength, where)),
+        *examples.assess(codec, where),
+        *line_budget.assess(model, budgets, where),
+        *([] if stuffing.explains_damage(model, zero) else check_strength.assess(model, strength, where)),
         *check_strength.uncovered(model, where),
-        *noise.judge(model, noises, where),
-        *stuffing.judge(model, zero, where),
-        *holdback.judge(model, hold_backs, where),
-        *urgent.judge(model, waits, where),
-        *schedule.judge_deadlines(model, where),
-        *schedule.judge_safety(model, where),
-        *identity.judge_ids(model, where),
-        *identity.judge_magic(model, where),
+        *noise.assess(model, noises, where),
+        *stuffing.assess(model, zero, where),
+        *holdback.assess(model, hold_backs, where),
+        *urgent.assess(model, waits, where),
+        *schedule.assess_deadlines(model, where),
+        *schedule.assess_safety(model, where),
+        *identity.assess_ids(model, where),
+        *identity.assess_magic(model, where),
     ]
     return Report(
         worst_first(findings),

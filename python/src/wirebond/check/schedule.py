@@ -16,7 +16,7 @@ def period_of(protocol: Protocol, name: str) -> float | None:
     return min(periods, default=None)
 
 
-def judge_deadlines(protocol: Protocol, places: Places) -> list[Finding]:
+def assess_deadlines(protocol: Protocol, places: Places) -> list[Finding]:
     found = []
     unscheduled: set[str] = set()
     for index, deadline in enumerate(protocol.deadlines):
@@ -54,7 +54,7 @@ def judge_deadlines(protocol: Protocol, places: Places) -> list[Finding]:
     return found
 
 
-def judge_safety(protocol: Protocol, places: Places) -> list[Finding]:
+def assess_safety(protocol: Protocol, places: Places) -> list[Finding]:
     """The host's commands: is their silence noticed, and is there a stop?"""
     commands = [message for message in protocol.messages if _is_command(protocol, message)]
     if not commands:

@@ -77,13 +77,13 @@ def _stuffed_zero(frame_format: FrameFormat) -> bytes:
 
 
 def explains_damage(protocol: Protocol, found: InsertedZero | None) -> bool:
-    """Is the inserted zero what lets damaged frames pass? A long CRC sees the rest; `judge` tells of this one."""
+    """Is the inserted zero what lets damaged frames pass? A long CRC sees the rest; `assess` tells of this one."""
     checks = [part for part in protocol.format.parts if part.kind == PartKind.CHECK]
     long_crc = any(p.algorithm is not None and p.algorithm.kind == "crc" and p.algorithm.width >= 16 for p in checks)
     return long_crc and found is not None and found.any_size.accepted > 0
 
 
-def judge(protocol: Protocol, found: InsertedZero | None, places: Places) -> list[Finding]:
+def assess(protocol: Protocol, found: InsertedZero | None, places: Places) -> list[Finding]:
     if found is None or not found.any_size.accepted:
         return []
     check = protocol.format.part(PartKind.CHECK)

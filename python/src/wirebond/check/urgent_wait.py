@@ -41,7 +41,7 @@ def urgent_wait(protocol: Protocol, budget: Budget) -> UrgentWait:
     return UrgentWait(budget.sender, run, budget.longest_frame / budget.capacity)
 
 
-def judge(protocol: Protocol, waits: list[UrgentWait], places: Places) -> list[Finding]:
+def assess(protocol: Protocol, waits: list[UrgentWait], places: Places) -> list[Finding]:
     """A wait that is longer than the direction's shortest period, or than half of its shortest deadline."""
     found = []
     for wait in waits:

@@ -42,7 +42,7 @@ def check(
         str | None,
         typer.Option(
             metavar="LOAD",
-            help="Judge this load, not the file's schedule: message=frames/s, or mcu:47=frames/s by frame size; "
+            help="Assess this load, not the file's schedule: message=frames/s, or mcu:47=frames/s by frame size; "
             "several with commas.",
         ),
     ] = None,

@@ -134,7 +134,7 @@ def _number_or_name(text: str) -> int | float | str:
 
 
 def hex_of(data: bytes) -> str:
-    """As documents write frames: ``AA 55 01``."""
+    """As specifications write frames: ``AA 55 01``."""
     return data.hex(" ").upper()
 
 

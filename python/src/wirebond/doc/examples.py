@@ -12,7 +12,7 @@ from typing import Any
 from wirebond.codec import Codec
 from wirebond.doc.table import table
 from wirebond.explain import Kind, explain
-from wirebond.explain.judge import hex_of
+from wirebond.explain.examine import hex_of
 from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message
 from wirebond.protocol.plan import expecting

@@ -9,8 +9,8 @@ from wirebond.check.wording import seconds
 from wirebond.codec import Codec
 from wirebond.doc.examples import examples_of
 from wirebond.doc.table import table
-from wirebond.explain.judge import id_index
-from wirebond.explain.judge import id_text as id_number
+from wirebond.explain.examine import id_index
+from wirebond.explain.examine import id_text as id_number
 from wirebond.protocol.meaning.field_values import number_text
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import (

@@ -17,7 +17,7 @@ from wirebond.cli.output import console
 from wirebond.cli.values import hex_of, parse_hex, to_json
 from wirebond.codec import load
 from wirebond.errors import ProtocolFileError, UsageError
-from wirebond.explain import Applied, Explanation, Guess, Kind, Row, State, Stretch, explain
+from wirebond.explain import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch, explain
 from wirebond.protocol import load as load_model
 from wirebond.protocol.model import Protocol
 
@@ -125,8 +125,8 @@ def _rules(rules: tuple[Applied, ...]) -> Table:
         table.add_column(title, overflow="fold")
     for rule in rules:
         colour = _COLOURS[State.GOOD if rule.holds else State.WRONG]
-        verdict = "holds" if rule.holds else "fails"
-        table.add_row(rule.rule, rule.expected, Text(rule.found, colour), Text(verdict, colour))
+        answer = "holds" if rule.holds else "fails"
+        table.add_row(rule.rule, rule.expected, Text(rule.found, colour), Text(answer, colour))
     return table
 
 
@@ -137,14 +137,14 @@ def _notes(stretch: Stretch) -> list[Text]:
     for guess in stretch.guesses:
         notes.append(_guess(guess, said=stretch.repaired))
     if stretch.kind in (Kind.REFUSED, Kind.NOISE) and not stretch.guesses and stretch.tried:
-        tried = f"None of {stretch.tried} variants of the file and of the bytes explains it better."
+        tried = f"None of {stretch.tried} guesses at the file and the bytes explains it better."
         notes.append(Text(tried, "dim"))
     if not stretch.searched_all:
-        notes.append(Text("Not every variant was tried: give fewer bytes to have all tried.", "dim"))
+        notes.append(Text("Not every guess was tried: give fewer bytes to have all tried.", "dim"))
     return notes
 
 
-def _guess(guess: Guess, said: str) -> Text:
+def _guess(guess: FittingGuess, said: str) -> Text:
     text = Text()
     text.append("Nearest: ", "bold yellow")
     text.append(guess.what)
@@ -156,13 +156,13 @@ def _guess(guess: Guess, said: str) -> Text:
     return text
 
 
-def _likelihood(guess: Guess) -> str:
+def _likelihood(guess: FittingGuess) -> str:
     assert guess.chance is not None
     others = f"; {guess.others} more of them fit{'s' * (guess.others == 1)}" if guess.others else ""
-    variants = f"{guess.tried} variant{'s' * (guess.tried != 1)} of this kind tried{others}"
+    guesses = f"{guess.tried} guess{'es' * (guess.tried != 1)} of this kind tried{others}"
     if guess.chance < 1e-6:
-        return f"{variants}; that it fits by chance can be ruled out."
-    return f"{variants}; by chance one fits in 1 of {max(1, round(1 / guess.chance)):,} cases.".replace(",", " ")
+        return f"{guesses}; that it fits by chance can be ruled out."
+    return f"{guesses}; by chance one fits in 1 of {max(1, round(1 / guess.chance)):,} cases.".replace(",", " ")
 
 
 def _summary(explanation: Explanation, size: int) -> str:

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from wirebond.errors import UsageError
-from wirebond.explain.judge import Judgement, Question, Rule, forms, id_text
+from wirebond.explain.examine import Question, Rule, Verdict, forms, id_text
+from wirebond.explain.guesses.guess import Case, constants_as_found, look
 from wirebond.explain.nearest import Search, join, repaired, search, search_sender, search_unstuffed
 from wirebond.explain.parts import check_text, sent_by
-from wirebond.explain.report import Applied, Explanation, Guess, Kind, Row, State, Stretch
+from wirebond.explain.report import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch
 from wirebond.explain.rows import rows_of
 from wirebond.explain.scan import Candidate, Found, Scan, scan, start_bytes
 from wirebond.explain.stuffing import Unstuffed, plain
-from wirebond.explain.tries.variant import Case, constants_as_found, look
 from wirebond.explain.values import faults_of, read_fields, values_of, values_text
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import End, Part, Protocol
@@ -75,26 +75,26 @@ class _Stretches:
     # ---- frames ----
 
     def _frame(self, found: Found) -> Stretch:
-        judgement = found.judgement
+        verdict = found.verdict
         begin = found.begin
-        rows = rows_of(self._protocol, self._sender, judgement, judgement, found.content, begin)
+        rows = rows_of(self._protocol, self._sender, verdict, verdict, found.content, begin)
         values: dict[str, Any] = {}
         faults: list[str] = []
         text = ""
-        name = judgement.delivered_as
-        if name != "unknown" and judgement.message is not None and judgement.payload is not None:
-            readings = read_fields(judgement.message, judgement.payload_of(found.content.data))
+        name = verdict.delivered_as
+        if name != "unknown" and verdict.message is not None and verdict.payload is not None:
+            readings = read_fields(verdict.message, verdict.payload_of(found.content.data))
             values = values_of(readings)
             faults = faults_of(readings)
             text = values_text(readings)
         wire = self._data[found.offset : found.offset + found.size]
-        guesses: tuple[Guess, ...] = ()
+        guesses: tuple[FittingGuess, ...] = ()
         if name == "unknown":
-            summary = f"unknown: every check holds, but {self._why_unknown(judgement)}"
+            summary = f"unknown: every check holds, but {self._why_unknown(verdict)}"
             guesses = search_sender(Case(self._protocol, found.content.block, self._sender)).guesses
         else:
-            assert judgement.message is not None
-            summary = f"{name} {sent_by(judgement.message)}" + (f": {text}" if text else "")
+            assert verdict.message is not None
+            summary = f"{name} {sent_by(verdict.message)}" + (f": {text}" if text else "")
         end = begin + len(found.content.block)
         rows = self._with_delimiters(rows, found.offset, begin, end, found.offset + found.size)
         return Stretch(
@@ -104,18 +104,18 @@ class _Stretches:
             "",
             summary,
             rows,
-            self._applied(judgement),
+            self._applied(verdict),
             name,
             values,
             tuple(faults),
             guesses,
         )
 
-    def _why_unknown(self, judgement: Judgement) -> str:
-        message, payload = judgement.message, judgement.payload
+    def _why_unknown(self, verdict: Verdict) -> str:
+        message, payload = verdict.message, verdict.payload
         whose = "" if self._sender is None else f" of the {spoken(self._sender)}"
         if message is None or payload is None:
-            return f"no message{whose} has the id {id_text(judgement.parts, judgement.id or 0)}"
+            return f"no message{whose} has the id {id_text(verdict.parts, verdict.id or 0)}"
         return f"{message.name} needs {message.min_payload} payload bytes, and here are {payload[1] - payload[0]}"
 
     def _with_delimiters(self, rows: tuple[Row, ...], start: int, begin: int, end: int, stop: int) -> tuple[Row, ...]:
@@ -174,13 +174,13 @@ class _Stretches:
             return self._noise(run, wire, case)
         guesses, note = self._search(case)
         rows: tuple[Row, ...]
-        if candidate.judgement is None or case.judgement is None:
+        if candidate.verdict is None or case.verdict is None:
             inside = self._data[begin : run.stop if end is None else end]
             rows = (Row("rest", 0, begin, inside, inside, "cannot be taken apart", State.WRONG),) if inside else ()
         else:
             content = candidate.content if end is not None else plain(self._data[begin : run.stop])
-            assert content is not None, "what was judged was unstuffed"
-            rows = self._rows(case, case.judgement, content, begin)
+            assert content is not None, "what was examined was unstuffed"
+            rows = self._rows(case, case.verdict, content, begin)
         if end is not None:
             rows = self._with_delimiters(rows, run.start, begin, end, run.stop)
         return Stretch(
@@ -190,7 +190,7 @@ class _Stretches:
             candidate.cause,
             self._refusal(candidate),
             rows,
-            () if candidate.judgement is None else self._applied(candidate.judgement),
+            () if candidate.verdict is None else self._applied(candidate.verdict),
             guesses=guesses.guesses,
             repaired=note,
             tried=guesses.tried,
@@ -203,8 +203,8 @@ class _Stretches:
         result = Search((), 0, True)
         if len(case.block) >= self._least:
             result, _ = self._search(case)
-            if result.guesses and case.judgement is not None:
-                rows = self._rows(case, case.judgement, plain(wire), run.start)
+            if result.guesses and case.verdict is not None:
+                rows = self._rows(case, case.verdict, plain(wire), run.start)
         return Stretch(
             Kind.NOISE,
             run.start,
@@ -232,21 +232,21 @@ class _Stretches:
         if self._searches >= MOST_SEARCHES:
             return Search((), 0, False), ""
         self._searches += 1
-        if case.judgement is not None and case.judgement.is_frame:  # then a delimiter is missing
+        if case.verdict is not None and case.verdict.is_frame:  # then a delimiter is missing
             return search_unstuffed(case), ""
         result = search(case)
         if self._protocol.format.delimiter is not None and not self._scan.frames and self._searches == 1:
             result = join(search_unstuffed(replace(case, block=self._data)), result)
         return result, repaired(case)
 
-    def _rows(self, case: Case, judgement: Judgement, content: Unstuffed, begin: int) -> tuple[Row, ...]:
+    def _rows(self, case: Case, verdict: Verdict, content: Unstuffed, begin: int) -> tuple[Row, ...]:
         """Where the payload lies may need a second look, with the constants taken as they are."""
-        second_look = judgement
-        if judgement.payload is None:
+        second_look = verdict
+        if verdict.payload is None:
             changed = constants_as_found(case)
             second = None if changed is None else look(changed.protocol, changed.block, changed.sender)
-            second_look = second[0] if second is not None else judgement
-        return rows_of(self._protocol, self._sender, judgement, second_look, content, begin)
+            second_look = second[0] if second is not None else verdict
+        return rows_of(self._protocol, self._sender, verdict, second_look, content, begin)
 
     def _no_start(self) -> str:
         starts = start_bytes(self._protocol, self._sender)
@@ -256,18 +256,17 @@ class _Stretches:
         return f"no byte here begins a frame, which would be {known}"
 
     def _refusal(self, candidate: Candidate) -> str:
-        if candidate.judgement is None:
+        if candidate.verdict is None:
             return candidate.reason
-        rule = candidate.judgement.failed
+        rule = candidate.verdict.failed
         if rule is None:
             return candidate.cause
-        name = _rule_name(candidate.judgement.parts, rule)
+        name = _rule_name(candidate.verdict.parts, rule)
         return f"{name}: expected {rule.expected}, found {rule.found}"
 
-    def _applied(self, judgement: Judgement) -> tuple[Applied, ...]:
+    def _applied(self, verdict: Verdict) -> tuple[Applied, ...]:
         return tuple(
-            Applied(_rule_name(judgement.parts, rule), rule.expected, rule.found, rule.holds)
-            for rule in judgement.rules
+            Applied(_rule_name(verdict.parts, rule), rule.expected, rule.found, rule.holds) for rule in verdict.rules
         )
 
 

@@ -9,34 +9,34 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from wirebond.explain.judge import Judgement, Outcome, Question, check_value, same_check, shown_check, spans
-from wirebond.explain.report import Guess
-from wirebond.explain.stuffing import stuff
-from wirebond.explain.tries import check, damage, format
-from wirebond.explain.tries.variant import (
+from wirebond.explain.examine import Outcome, Question, Verdict, check_value, same_check, shown_check, spans
+from wirebond.explain.guesses import check, damage, format
+from wirebond.explain.guesses.guess import (
     Case,
+    Guess,
+    Guesses,
     Text,
-    Tries,
-    Variant,
     constants_as_found,
     evidence,
     look,
     reading,
     test,
 )
+from wirebond.explain.report import FittingGuess
+from wirebond.explain.stuffing import stuff
 from wirebond.protocol.model import PartKind
 
 MOST_GUESSES = 2
 LEAST_PLAUSIBLE = 0.3
-# Bytes that one search may judge. Some 5 million take a second; a frame of 64 bytes needs a fifth of it.
+# Bytes that one search may examine. Some 5 million take a second; a frame of 64 bytes needs a fifth of it.
 BUDGET_BYTES = 5_000_000
-_FIXED_COST_BYTES = 150  # of a judgement, beside its bytes
+_FIXED_COST_BYTES = 150  # of an examination, beside its bytes
 
 
 @dataclass(frozen=True)
 class _Family:
     prior: float
-    tries: Callable[[Case], Tries]
+    guesses: Callable[[Case], Guesses]
 
 
 _FAMILIES = (
@@ -76,7 +76,7 @@ _WITH_OTHER_CONSTANTS = (
 class Search:
     """What was found, best first. ``complete``: nothing was left out for want of time."""
 
-    guesses: tuple[Guess, ...]
+    guesses: tuple[FittingGuess, ...]
     tried: int
     complete: bool
 
@@ -88,7 +88,7 @@ def search(case: Case) -> Search:
     for family in _FAMILIES:
         hunt.run(family, case)
     changed = constants_as_found(case)
-    if changed is not None and changed.judgement is not None and not changed.judgement.is_frame:
+    if changed is not None and changed.verdict is not None and not changed.verdict.is_frame:
         for family in _WITH_OTHER_CONSTANTS:
             hunt.run(family, changed)
     return hunt.result()
@@ -116,10 +116,10 @@ def join(first: Search, second: Search) -> Search:
 
 def repaired(case: Case) -> str:
     """What the frame would say if only its check values were wrong, and those values; empty where that is not so."""
-    if case.failed_check is None or case.judgement is None or case.judgement.payload is None:
+    if case.failed_check is None or case.verdict is None or case.verdict.payload is None:
         return ""
     data = case.data
-    places = spans(case.parts, case.judgement.payload_size or 0)
+    places = spans(case.parts, case.verdict.payload_size or 0)
     if places[-1][1] > len(data):
         return ""
     mended = []
@@ -127,7 +127,7 @@ def repaired(case: Case) -> str:
         if part.kind != PartKind.CHECK:
             continue
         start, stop = places[index]
-        value = check_value(part, data[places[part.first][0] : places[part.last][1]], case.judgement.seed)
+        value = check_value(part, data[places[part.first][0] : places[part.last][1]], case.verdict.seed)
         if not same_check(part, value, data[start:stop]):
             mended.append(f"{part.name} {shown_check(part, value)}")
         data = data[:start] + value + data[stop:]
@@ -140,7 +140,7 @@ def repaired(case: Case) -> str:
 
 class _Hunt:
     def __init__(self) -> None:
-        self._ranked: list[tuple[float, Guess]] = []
+        self._ranked: list[tuple[float, FittingGuess]] = []
         self._seen: set[str] = set()
         self._spent = 0
         self._tried = 0
@@ -155,54 +155,54 @@ class _Hunt:
 
     def run(self, family: _Family, case: Case) -> None:
         tried = 0
-        hits: list[tuple[Variant, Judgement, bytes]] = []
-        for variant in family.tries(case):
+        hits: list[tuple[Guess, Verdict, bytes]] = []
+        for guess in family.guesses(case):
             if self._spent >= BUDGET_BYTES:
                 self._complete = False
                 break
             tried += 1
-            if variant is None:
+            if guess is None:
                 self._spent += _FIXED_COST_BYTES // 2 + len(case.block) // 2
                 continue
-            self._spent += _FIXED_COST_BYTES + len(variant.block)
-            found = test(variant)
+            self._spent += _FIXED_COST_BYTES + len(guess.block)
+            found = test(guess)
             if found is not None:
-                hits.append((variant, *found))
+                hits.append((guess, *found))
         self._tried += tried
         if hits:
             self._add(family, case, tried, hits)
 
-    def _add(self, family: _Family, case: Case, tried: int, hits: list[tuple[Variant, Judgement, bytes]]) -> None:
-        variant, judgement, data = hits[0]
-        before = case.judgement if case.judgement is not None and not case.judgement.is_frame else None
-        values = evidence(judgement, before)
+    def _add(self, family: _Family, case: Case, tried: int, hits: list[tuple[Guess, Verdict, bytes]]) -> None:
+        guess, verdict, data = hits[0]
+        before = case.verdict if case.verdict is not None and not case.verdict.is_frame else None
+        values = evidence(verdict, before)
         chance = 1 - (1 - 1 / values) ** tried
-        guess = Guess(
-            what=_sentence(case.preface, variant.what, judgement),
-            remedy=_sentence("", variant.remedy, judgement),
-            reading=reading(judgement, data),
+        fitting = FittingGuess(
+            what=_sentence(case.preface, guess.what, verdict),
+            remedy=_sentence("", guess.remedy, verdict),
+            reading=reading(verdict, data),
             tried=tried,
             chance=chance,
             others=len(hits) - 1,
         )
-        advice = guess.remedy or guess.what
+        advice = fitting.remedy or fitting.what
         if advice not in self._seen:  # a family may contain another's guesses; the more plausible one is run before
             self._seen.add(advice)
-            self._ranked.append((family.prior / (family.prior + chance), guess))
+            self._ranked.append((family.prior / (family.prior + chance), fitting))
 
     def add_what_is_missing(self, case: Case) -> None:
         """Not a guess: the frame is good as far as it goes."""
-        judgement = case.judgement
-        if judgement is None or judgement.outcome != Outcome.INCOMPLETE:
+        verdict = case.verdict
+        if verdict is None or verdict.outcome != Outcome.INCOMPLETE:
             return
-        missing = judgement.extent - len(case.data)
-        least = "" if any(rule.question == Question.LENGTH for rule in judgement.rules) else "at least "
+        missing = verdict.extent - len(case.data)
+        least = "" if any(rule.question == Question.LENGTH for rule in verdict.rules) else "at least "
         what = f"The bytes end too soon: {least}{missing} more byte{'s' * (missing != 1)} must come."
-        if judgement.message is not None:
-            what = what[:-1] + f" before this is a frame of {judgement.message.name}."
-        self._ranked.append((0.5, Guess(what, "", "", 1, None)))
+        if verdict.message is not None:
+            what = what[:-1] + f" before this is a frame of {verdict.message.name}."
+        self._ranked.append((0.5, FittingGuess(what, "", "", 1, None)))
 
 
-def _sentence(preface: str, text: Text, judgement: Judgement) -> str:
-    full = preface + (text if isinstance(text, str) else text(judgement))
+def _sentence(preface: str, text: Text, verdict: Verdict) -> str:
+    full = preface + (text if isinstance(text, str) else text(verdict))
     return full[:1].upper() + full[1:] + "." if full else ""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from wirebond.explain.judge import (
-    Judgement,
+from wirebond.explain.examine import (
+    Verdict,
     check_value,
     counted_beside_payload,
     hex_of,
@@ -35,13 +35,13 @@ class Context:
 
     protocol: Protocol
     sender: End | None
-    judgement: Judgement
+    verdict: Verdict
     data: bytes
     index: int
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        return self.judgement.parts
+        return self.verdict.parts
 
     @property
     def part(self) -> Part:
@@ -57,7 +57,7 @@ class Context:
 
     @property
     def places(self) -> list[tuple[int, int]]:
-        return spans(self.parts, self.judgement.payload_size or 0)
+        return spans(self.parts, self.verdict.payload_size or 0)
 
 
 def meaning(context: Context) -> str:
@@ -151,7 +151,7 @@ def _reserved(context: Context) -> str:
 
 def _payload(context: Context) -> str:
     size = len(context.bytes_of(context.index))
-    message = context.judgement.message
+    message = context.verdict.message
     return f"{size} byte{'s' * (size != 1)}" + (f" of {message.name}" if message is not None and size else "")
 
 
@@ -160,12 +160,12 @@ def _check(context: Context) -> str:
     assert part.algorithm is not None
     text = check_text(parts, part)
     at = payload_index(parts)
-    known = context.judgement.payload is not None or max(part.last, context.index) < at
+    known = context.verdict.payload is not None or max(part.last, context.index) < at
     places = context.places
     if not known or places[part.last][1] > len(context.data):
         return text
     covered = context.data[places[part.first][0] : places[part.last][1]]
-    expected = check_value(part, covered, context.judgement.seed)
+    expected = check_value(part, covered, context.verdict.seed)
     holds = same_check(part, expected, context.bytes_of(context.index))
     return f"{text}: holds" if holds else f"{text}: is {shown_check(part, expected)}"
 

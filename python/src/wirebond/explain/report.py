@@ -43,8 +43,8 @@ class Applied:
 
 
 @dataclass(frozen=True)
-class Guess:
-    """A nearest explanation that was tried and fits. ``chance``: that one of the ``tried`` variants of its kind would
+class FittingGuess:
+    """A guess that was tried and fits. ``chance``: that one of the ``tried`` guesses of its kind would
     fit bytes that have nothing to do with it; None where nothing had to be guessed."""
 
     what: str
@@ -52,7 +52,7 @@ class Guess:
     reading: str  # what the bytes then say; empty where they still say nothing
     tried: int
     chance: float | None
-    others: int = 0  # further variants of the same kind that fit as well
+    others: int = 0  # further guesses of the same kind that fit as well
 
 
 class Kind(StrEnum):
@@ -77,9 +77,9 @@ class Stretch:
     message: str = ""  # frames: its message, or "unknown"
     values: dict[str, Any] = field(default_factory=dict)
     faults: tuple[str, ...] = ()  # field rules that are broken; the frame is delivered all the same
-    guesses: tuple[Guess, ...] = ()
+    guesses: tuple[FittingGuess, ...] = ()
     repaired: str = ""  # what the frame says if only its check values are wrong
-    tried: int = 0  # variants, in the search for guesses
+    tried: int = 0  # guesses
     searched_all: bool = True  # False: the search was cut short
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wirebond.explain.judge import Judgement, payload_index
+from wirebond.explain.examine import Verdict, payload_index
 from wirebond.explain.parts import Context, meaning
 from wirebond.explain.report import Row, State
 from wirebond.explain.stuffing import Unstuffed
@@ -13,16 +13,16 @@ from wirebond.protocol.model import End, PartKind, Protocol
 def rows_of(
     protocol: Protocol,
     sender: End | None,
-    judgement: Judgement,
-    second_look: Judgement,
+    verdict: Verdict,
+    second_look: Verdict,
     content: Unstuffed,
     offset: int,
 ) -> tuple[Row, ...]:
-    """``judgement`` says what holds; ``second_look`` where the payload lies, which may be known from a second look.
+    """``verdict`` says what holds; ``second_look`` where the payload lies, which may be known from a second look.
 
     ``offset``: where the content's block begins in all that was given.
     """
-    rows = _Rows(protocol, sender, judgement, second_look, content, offset)
+    rows = _Rows(protocol, sender, verdict, second_look, content, offset)
     rows.add_parts()
     rows.add_what_stuffing_added()
     return tuple(sorted(rows.rows, key=lambda row: row.offset))
@@ -33,14 +33,14 @@ class _Rows:
         self,
         protocol: Protocol,
         sender: End | None,
-        judgement: Judgement,
-        second_look: Judgement,
+        verdict: Verdict,
+        second_look: Verdict,
         content: Unstuffed,
         offset: int,
     ) -> None:
         self.protocol = protocol
         self.sender = sender
-        self.judgement = judgement
+        self.verdict = verdict
         self.second_look = second_look
         self.content = content
         self.offset = offset
@@ -78,10 +78,10 @@ class _Rows:
         self._add("rest", 0, end, size, rest, State.NAMED)
 
     def _state(self, index: int) -> State:
-        rules = [rule for rule in self.judgement.rules if rule.part == index]
+        rules = [rule for rule in self.verdict.rules if rule.part == index]
         if any(not rule.holds for rule in rules):
             return State.WRONG
-        return State.GOOD if rules or self.judgement.is_frame else State.NAMED
+        return State.GOOD if rules or self.verdict.is_frame else State.NAMED
 
     def _add_fields(self, start: int, stop: int) -> None:
         message = self.second_look.message

@@ -1,6 +1,6 @@
 """A stream as the decoder goes through it: frames, fill, and which candidate's failure each discarded byte carries.
 
-The whole stream lies here in one piece, as if nothing followed it. Work is one judgement for each possible start.
+The whole stream lies here in one piece, as if nothing followed it. Work is one verdict for each possible start.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
-from wirebond.explain.judge import CONSTANTS, Judgement, Outcome, fixed_bits, forms, hex_of, judge, payload_index
+from wirebond.explain.examine import CONSTANTS, Outcome, Verdict, examine, fixed_bits, forms, hex_of, payload_index
 from wirebond.explain.stuffing import Impossible, Unstuffed, overhead, plain, unstuff
 from wirebond.protocol.model import ByteOrder, End, PayloadRule, Protocol
 
@@ -19,7 +19,7 @@ class Found:
 
     offset: int
     size: int
-    judgement: Judgement
+    verdict: Verdict
     content: Unstuffed
     begin: int
 
@@ -37,9 +37,9 @@ class Candidate:
     cause: str
     begin: int
     end: int | None = None
-    judgement: Judgement | None = None  # None: it failed before its parts could be looked at
+    verdict: Verdict | None = None  # None: it failed before its parts could be looked at
     content: Unstuffed | None = None
-    reason: str = ""  # what is wrong, where there is no judgement
+    reason: str = ""  # what is wrong, where there is no verdict
 
 
 @dataclass
@@ -109,16 +109,16 @@ def _by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
         failed = 1
         if stream[at] in starts:
             data = stream[at : at + longest]
-            judgement = judge(protocol, data, sender)
-            if judgement.is_frame:
-                content = plain(stream[at : at + judgement.extent])
-                result.frames.append(Found(at, judgement.extent, judgement, content, at))
-                at += judgement.extent
+            verdict = examine(protocol, data, sender)
+            if verdict.is_frame:
+                content = plain(stream[at : at + verdict.extent])
+                result.frames.append(Found(at, verdict.extent, verdict, content, at))
+                at += verdict.extent
                 continue
             left = len(stream) - at
-            extent = left if judgement.outcome == Outcome.INCOMPLETE else judgement.extent
-            candidate = Candidate(at, extent, judgement.cause, at, None, judgement, plain(data))
-            result.rejected[judgement.cause] += 1
+            extent = left if verdict.outcome == Outcome.INCOMPLETE else verdict.extent
+            candidate = Candidate(at, extent, verdict.cause, at, None, verdict, plain(data))
+            result.rejected[verdict.cause] += 1
             if blame is None or at + extent > max(blame.offset + blame.extent, at):
                 blame = candidate
             if protocol.format.is_strict and extent > header:
@@ -142,12 +142,12 @@ def _between_delimiters(protocol: Protocol, stream: bytes, sender: End | None, d
         if end < 0:
             result.reject(_unended(protocol, stream, sender, at, at + lead, len(stream), delimiter))
             return result
-        judged = _judge_block(protocol, stream, sender, at, at + lead, end, len(delimiter))
-        if isinstance(judged, Found):
-            result.frames.append(judged)
+        examined = _examine_block(protocol, stream, sender, at, at + lead, end, len(delimiter))
+        if isinstance(examined, Found):
+            result.frames.append(examined)
             at = end + len(delimiter)
         else:
-            result.reject(judged)
+            result.reject(examined)
             at = end
     return result
 
@@ -160,23 +160,23 @@ def _in_brackets(protocol: Protocol, stream: bytes, sender: End | None, opening:
     while at < len(stream):
         failed = 1
         if stream.startswith(opening, at):
-            judged = _judge_bracket(protocol, stream, sender, at, opening, closing)
-            if isinstance(judged, Found):
-                result.frames.append(judged)
-                at += judged.size
+            examined = _examine_bracket(protocol, stream, sender, at, opening, closing)
+            if isinstance(examined, Found):
+                result.frames.append(examined)
+                at += examined.size
                 continue
-            result.rejected[judged.cause] += 1
-            if blame is None or at + judged.extent > max(blame.offset + blame.extent, at):
-                blame = judged
-            is_closed = judged.end is not None and judged.extent == judged.end + len(closing) - at
-            failed = judged.extent if protocol.format.is_strict and is_closed else 1
+            result.rejected[examined.cause] += 1
+            if blame is None or at + examined.extent > max(blame.offset + blame.extent, at):
+                blame = examined
+            is_closed = examined.end is not None and examined.extent == examined.end + len(closing) - at
+            failed = examined.extent if protocol.format.is_strict and is_closed else 1
         for place in range(at, at + failed):
             result.blamed[place] = blame if blame is not None and place < blame.offset + blame.extent else None
         at += failed
     return result
 
 
-def _judge_bracket(
+def _examine_bracket(
     protocol: Protocol, stream: bytes, sender: End | None, at: int, opening: bytes, closing: bytes
 ) -> Found | Candidate:
     begin = at + len(opening)
@@ -190,10 +190,10 @@ def _judge_bracket(
         end += 2 if stream[end] == doubled else 1
     if end >= limit or stream.startswith(opening, end, limit):
         return _unended(protocol, stream, sender, at, begin, min(end, limit), closing)
-    judged = _judge_block(protocol, stream, sender, at, begin, end, len(closing))
-    if isinstance(judged, Found):
-        return judged
-    return replace(judged, extent=end + len(closing) - at)
+    examined = _examine_block(protocol, stream, sender, at, begin, end, len(closing))
+    if isinstance(examined, Found):
+        return examined
+    return replace(examined, extent=end + len(closing) - at)
 
 
 def _between_silences(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
@@ -201,11 +201,11 @@ def _between_silences(protocol: Protocol, stream: bytes, sender: End | None) -> 
     result = Scan()
     if not stream:
         return result
-    judged = _judge_block(protocol, stream, sender, 0, 0, len(stream), 0)
-    if isinstance(judged, Found):
-        result.frames.append(judged)
+    examined = _examine_block(protocol, stream, sender, 0, 0, len(stream), 0)
+    if isinstance(examined, Found):
+        result.frames.append(examined)
     else:
-        result.reject(judged)
+        result.reject(examined)
     return result
 
 
@@ -229,7 +229,7 @@ def _unended(
     return Candidate(offset, size, cause, begin, end, reason=reason)
 
 
-def _judge_block(
+def _examine_block(
     protocol: Protocol, stream: bytes, sender: End | None, offset: int, begin: int, end: int, closing: int
 ) -> Found | Candidate:
     """``closing``: bytes of the delimiter behind the block."""
@@ -245,7 +245,7 @@ def _judge_block(
     if isinstance(content, Impossible):
         reason = f"at {begin + content.at}: {content.reason}"
         return Candidate(offset, extent, "bad_stuffing", begin, end, reason=reason)
-    judgement = judge(protocol, content.data, sender, block=block)
-    if judgement.is_frame:
-        return Found(offset, end + closing - offset, judgement, content, begin)
-    return Candidate(offset, extent, judgement.cause, begin, end, judgement, content)
+    verdict = examine(protocol, content.data, sender, block=block)
+    if verdict.is_frame:
+        return Found(offset, end + closing - offset, verdict, content, begin)
+    return Candidate(offset, extent, verdict.cause, begin, end, verdict, content)

@@ -15,7 +15,6 @@ from wirebond.gen.cpp_struct import (
     Shape,
     clamp_lines,
     given_value,
-    judge_lines,
     known_enums,
     member_lines,
     named_shapes,
@@ -23,6 +22,7 @@ from wirebond.gen.cpp_struct import (
     size_lines,
     struct_lines,
     type_blocks,
+    validate_lines,
     write_lines,
 )
 from wirebond.gen.folder import core_headers, render, write_files
@@ -110,7 +110,7 @@ class MessageView:
     size: list[str]
     write: list[str]
     read: list[str]
-    judge: list[str]
+    validate: list[str]
     clamp: list[str]
 
     @property
@@ -169,7 +169,7 @@ def _message_views(protocol: Protocol) -> list[MessageView]:
             size=size_lines(structs[message.name]),
             write=write_lines(structs[message.name]),
             read=Reader(trims_zeros).lines(structs[message.name]),
-            judge=judge_lines(structs[message.name]),
+            validate=validate_lines(structs[message.name]),
             clamp=clamp_lines(structs[message.name]),
         )
         for index, message in enumerate(protocol.messages)

@@ -1,4 +1,4 @@
-"""One value of a message as C++: its type, its first value, and the lines that write, read, judge and clamp it."""
+"""One value of a message as C++: its type, its first value, and the lines that write, read, validate and clamp it."""
 
 from __future__ import annotations
 
@@ -250,7 +250,7 @@ def read_value(spec: Field, value: str, slot: Slot, enum_type: str) -> list[str]
     return [f"{value} = {Scaling(spec, real_type(spec)).from_wire(wire) if spec.is_scaled else wire};"]
 
 
-def judge_value(spec: Field, value: str) -> list[str]:
+def validate_value(spec: Field, value: str) -> list[str]:
     """Lines that add what a received value breaks to ``found``."""
     if spec.enum:
         return [f"if (!is_known({value})) found |= wirebond::Violation::unknown_enum;"]

@@ -18,12 +18,12 @@ from wirebond.gen.cpp_field import (
     flags_lines,
     initial_value,
     is_plain,
-    judge_value,
     load_integer,
     member_comment,
     outside,
     read_value,
     store_container,
+    validate_value,
     write_value,
 )
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Protocol
@@ -507,7 +507,7 @@ class Reader:
 # ---- field rules ------------------------------------------------------------------------------------------------
 
 
-def judge_lines(shape: Shape) -> list[str]:
+def validate_lines(shape: Shape) -> list[str]:
     """The body of violations, between the declaration of ``found`` and its return."""
     return _rule_lines(shape, _Here(), clamps=False)
 
@@ -518,7 +518,7 @@ def clamp_lines(shape: Shape) -> list[str]:
 
 
 def _rule_lines(shape: Shape, here: _Here, *, clamps: bool) -> list[str]:
-    rule = clamp_value if clamps else judge_value
+    rule = clamp_value if clamps else validate_value
     lines: list[str] = []
     for member in shape.members:
         spec, value, index = member.spec, f"{here.value}.{member.name}", here.index

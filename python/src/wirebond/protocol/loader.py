@@ -1,4 +1,4 @@
-"""From a protocol file to the model: the order of the steps, and nothing of what each one judges."""
+"""From a protocol file to the model: the order of the steps, and nothing of what each one does."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from wirebond.protocol.meaning.messages import check_ids, read_messages
 from wirebond.protocol.meaning.structs import Types
 from wirebond.protocol.model import ByteOrder, End, LinkSettings, Protocol
 from wirebond.protocol.problems import Problems
-from wirebond.protocol.text import document
-from wirebond.protocol.text.document import Mapping, Node, Scalar
+from wirebond.protocol.text import yaml_tree
 from wirebond.protocol.text.grammar import File, Link
 from wirebond.protocol.text.syntax import check_syntax, readable
+from wirebond.protocol.text.yaml_tree import Mapping, Node, Scalar
 
 
 def load(path: str | os.PathLike[str]) -> Protocol:
@@ -23,13 +23,13 @@ def load(path: str | os.PathLike[str]) -> Protocol:
 
     Raises ProtocolFileError, which lists everything that is wrong with the file, and nothing else.
     """
-    return loads(document.read_text(path), str(path))
+    return loads(yaml_tree.read_text(path), str(path))
 
 
 def loads(text: str, path: str = "<text>") -> Protocol:
     """As `load`, from text; ``path`` is the name that errors give it."""
     problems = Problems(path)
-    root = document.parse(text, problems)
+    root = yaml_tree.parse(text, problems)
     check_syntax(root, problems)
     protocol = _read(root, path, problems) if isinstance(root, Mapping) else None
     problems.raise_if_any()

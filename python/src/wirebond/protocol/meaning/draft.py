@@ -21,7 +21,7 @@ from wirebond.protocol.model import (
 )
 from wirebond.protocol.plan import forms, parts_of_forms
 from wirebond.protocol.problems import Place, Problems
-from wirebond.protocol.text.document import Mapping
+from wirebond.protocol.text.yaml_tree import Mapping
 
 STRONG_CHECK_BITS = 16  # from here on a frame of unknown id is taken for a newer peer's, not for noise
 

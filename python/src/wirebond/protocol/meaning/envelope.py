@@ -9,7 +9,6 @@ from wirebond.protocol.meaning.draft import Envelope
 from wirebond.protocol.model import Escapes
 from wirebond.protocol.problems import Place
 from wirebond.protocol.spelling import bytes_text
-from wirebond.protocol.text.document import Mapping, Node, Sequence
 from wirebond.protocol.text.frame_grammar import (
     CobsPart,
     DelimiterPart,
@@ -22,6 +21,7 @@ from wirebond.protocol.text.frame_grammar import (
     SlipPart,
 )
 from wirebond.protocol.text.wording import Syntax
+from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
 Outer = list[tuple[Syntax, Node]]  # the entries of the `frame` section
 Wrong = Callable[[Place, str], None]

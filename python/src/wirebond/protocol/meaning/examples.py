@@ -1,4 +1,4 @@
-"""The `examples` section: values and bytes that belong together. Whether they do is not judged here (see ``lint``)."""
+"""The `examples` section: values and bytes that belong together. Whether they do is not tested here (see ``lint``)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from wirebond.protocol.meaning.messages import Messages, spoken
 from wirebond.protocol.model import End, Example, ExampleValue, Field, FieldKind, Message, Part, PartKind
 from wirebond.protocol.plan import header_names
 from wirebond.protocol.problems import Place, Problems, suggestion
-from wirebond.protocol.text.document import Mapping, Node, Sequence
 from wirebond.protocol.text.grammar import ExampleSyntax
 from wirebond.protocol.text.syntax import readable
+from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
 
 def read_examples(

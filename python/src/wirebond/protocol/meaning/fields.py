@@ -17,9 +17,9 @@ from wirebond.protocol.meaning.field_values import (
 )
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, OnRange
 from wirebond.protocol.problems import Place, Problems
-from wirebond.protocol.text.document import Mapping, Scalar
 from wirebond.protocol.text.field_grammar import TO_END, BitFieldSyntax, PlainSyntax, ValueSyntax
 from wirebond.protocol.text.scalars import WireType
+from wirebond.protocol.text.yaml_tree import Mapping, Scalar
 
 _NUMBERS = (*INTEGERS, FieldKind.FLOAT)
 _STRINGS = (FieldKind.TEXT, FieldKind.BYTES)
@@ -86,7 +86,7 @@ class ValueReader:
             "description": syntax.description,
         }
 
-    def _judged(self, field: Field) -> Field | None:
+    def _validated(self, field: Field) -> Field | None:
         """The field with its default, after all that its options mean together."""
         self._check_scale(field)
         if self._good:
@@ -203,7 +203,7 @@ class _BitFieldReader(ValueReader):
         if not self._good:
             return None
         bits = 1 if self._type.kind == FieldKind.BOOL else self._type.width
-        return self._judged(Field(**self._common(name), size=0, bits=(syntax.size or 0) if is_padding else bits))
+        return self._validated(Field(**self._common(name), size=0, bits=(syntax.size or 0) if is_padding else bits))
 
 
 class _PlainReader(ValueReader):
@@ -219,7 +219,7 @@ class _PlainReader(ValueReader):
         is_string = kind in _STRINGS
         packed = None if syntax.packed is None else BitOrder(syntax.packed.removesuffix("_first"))
         bits = 1 if kind == FieldKind.BOOL else self._type.width
-        return self._judged(
+        return self._validated(
             Field(
                 **self._common(name),
                 size=0 if packed else size[0] or 0 if is_string or kind == FieldKind.PADDING else self._type.size,

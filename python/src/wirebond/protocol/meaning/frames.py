@@ -21,7 +21,6 @@ from wirebond.protocol.model import (
 )
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.spelling import bytes_text
-from wirebond.protocol.text.document import Mapping, Node, Sequence
 from wirebond.protocol.text.frame_grammar import (
     BitsPart,
     CheckPart,
@@ -40,6 +39,7 @@ from wirebond.protocol.text.frame_grammar import Check as CheckSyntax
 from wirebond.protocol.text.scalars import OWN_CRC
 from wirebond.protocol.text.syntax import readable_part
 from wirebond.protocol.text.wording import Syntax
+from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
 _ONCE = (PartKind.MAGIC, PartKind.TAIL, PartKind.LENGTH, PartKind.ID, PartKind.PAYLOAD)
 _FIXED_BYTES = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
@@ -402,7 +402,7 @@ class _FrameReader:
                 )
 
     def _check_seeds(self, draft: Draft) -> None:
-        """A check of the header alone is judged before the bytes behind the payload are there."""
+        """A check of the header alone is compared before the bytes behind the payload are there."""
         payload_index = draft.payload_index
         id_index = _holder(list(draft.parts), PartKind.ID, BitRole.ID)
         if id_index is None or id_index < payload_index:

@@ -9,9 +9,9 @@ from wirebond.protocol.meaning.log_text import log_fault
 from wirebond.protocol.meaning.structs import Types, read_fields
 from wirebond.protocol.model import End, LogLevel, Message, Queue
 from wirebond.protocol.problems import Place, Problems, suggestion
-from wirebond.protocol.text.document import Mapping, Node
 from wirebond.protocol.text.grammar import MessageHead
 from wirebond.protocol.text.syntax import readable
+from wirebond.protocol.text.yaml_tree import Mapping, Node
 
 
 @dataclass(frozen=True)

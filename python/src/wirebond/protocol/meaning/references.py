@@ -10,9 +10,9 @@ from wirebond.protocol.meaning.messages import Entry, Messages, receiver_of, spo
 from wirebond.protocol.model import Deadline, EmergencyStop, End, Field, FieldKind, Recover, Service
 from wirebond.protocol.names import action_fault
 from wirebond.protocol.problems import Place, Problems, suggestion
-from wirebond.protocol.text.document import Mapping, Node, Sequence
 from wirebond.protocol.text.grammar import DeadlineSyntax, EmergencyStopSyntax, Services
 from wirebond.protocol.text.syntax import readable
+from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
 
 def _find(name: str, place: Place, messages: Messages, problems: Problems) -> Entry | None:

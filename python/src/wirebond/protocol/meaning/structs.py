@@ -8,7 +8,6 @@ from wirebond.protocol import names
 from wirebond.protocol.meaning.fields import counting_field, read_bit_field, read_plain
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind
 from wirebond.protocol.problems import Place, Problems, suggestion
-from wirebond.protocol.text.document import Mapping, Node, Scalar
 from wirebond.protocol.text.field_grammar import (
     BitFieldSyntax,
     BitsFieldSyntax,
@@ -17,6 +16,7 @@ from wirebond.protocol.text.field_grammar import (
     StructSyntax,
 )
 from wirebond.protocol.text.syntax import readable
+from wirebond.protocol.text.yaml_tree import Mapping, Node, Scalar
 
 MAX_VALUES = 1000  # of a message, those of its structs counted as often as used
 MAX_DEPTH = 8

@@ -1,6 +1,6 @@
 """The syntax of a message's fields, as models: single values, bit fields, structs and groups.
 
-What keys mean together is not judged here (see ``fields`` and ``structs``).
+What keys mean together is not validated here (see ``fields`` and ``structs``).
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from typing import Annotated
 from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Tag
 
 from wirebond.protocol.problems import quoted
-from wirebond.protocol.text.document import Number
 from wirebond.protocol.text.field_types import BitType, ContainerType, FieldType
 from wirebond.protocol.text.scalars import (
     BitNumber,
@@ -27,6 +26,7 @@ from wirebond.protocol.text.scalars import (
     wrong,
 )
 from wirebond.protocol.text.wording import Syntax
+from wirebond.protocol.text.yaml_tree import Number
 
 TO_END = "to_end"
 MAX_COUNT = 0xFFFF
@@ -38,7 +38,7 @@ def _amount(value: object) -> int | str:
     if isinstance(value, Number):
         return whole(1, MAX_COUNT)(value)
     if isinstance(value, str):
-        return value  # which field, if any, is judged where the fields are known
+        return value  # which field, if any, is looked up where the fields are known
     raise wrong(f"{describe(value)} does not say how many; write a whole number, or {_COUNTED}")
 
 

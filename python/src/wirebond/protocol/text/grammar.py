@@ -1,6 +1,6 @@
 """The syntax of a protocol file, as models: which keys stand where, which values they take, what each is for.
 
-The descriptions are published in the JSON Schema. What keys mean together is not judged here (see ``frames``,
+The descriptions are published in the JSON Schema. What keys mean together is not validated here (see ``frames``,
 ``messages`` and ``references``).
 """
 
@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, PlainValidator
 
-from wirebond.protocol.text.document import Number
 from wirebond.protocol.text.field_grammar import Fields, FieldSyntax
 from wirebond.protocol.text.frame_grammar import MAX_PARTS, Part
 from wirebond.protocol.text.scalars import (
@@ -33,6 +32,7 @@ from wirebond.protocol.text.scalars import (
     wrong,
 )
 from wirebond.protocol.text.wording import Syntax
+from wirebond.protocol.text.yaml_tree import Number
 
 # ---- link ----------------------------------------------------------------------------------------
 

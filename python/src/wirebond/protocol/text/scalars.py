@@ -1,6 +1,6 @@
 """The kinds of single values in a protocol file: how each is written, and what it becomes.
 
-Each is an annotated type for the models of ``grammar``. Input is what ``document.plain`` gives.
+Each is an annotated type for the models of ``grammar``. Input is what ``yaml_tree.plain`` gives.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError
 from wirebond.protocol import algorithms, names
 from wirebond.protocol.model import ByteOrder, FieldKind
 from wirebond.protocol.problems import either, quoted, suggestion
-from wirebond.protocol.text.document import Number
+from wirebond.protocol.text.yaml_tree import Number
 
 MAX_SECONDS = 2147  # the MCU counts microseconds modulo 2^32 and compares within half of that
 MIN_SECONDS = 1e-6

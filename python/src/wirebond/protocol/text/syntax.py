@@ -1,4 +1,4 @@
-"""From a document's tree to the grammar's models, with every error at its place in the file."""
+"""From a file's tree of values to the grammar's models, with every error at its place in the file."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from wirebond.protocol.problems import Place, Problems
-from wirebond.protocol.text.document import Mapping, Node, Sequence, plain
 from wirebond.protocol.text.frame_grammar import Part
 from wirebond.protocol.text.grammar import File
 from wirebond.protocol.text.wording import Syntax
+from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence, plain
 
 _Model = TypeVar("_Model", bound=Syntax)
 _PART: TypeAdapter[Syntax] = TypeAdapter(Part)

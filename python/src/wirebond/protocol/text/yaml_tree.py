@@ -1,6 +1,6 @@
 """YAML 1.2 text to a tree of values that know their place. Knows YAML, and nothing of protocols.
 
-Built from the parser's events with a stack of its own, so that no input can exhaust Python's. What a document
+Built from the parser's events with a stack of its own, so that no input can exhaust Python's. What a file
 may cost is bounded by the limits below, aliases included.
 """
 
@@ -275,7 +275,9 @@ class _Builder:
         self._documents += 1
         place = _place(event.start_mark)
         if self._documents > 1:
-            self._problems.stop(place, "a second document begins here; put one protocol in a file and remove the `---`")
+            self._problems.stop(
+                place, "a second YAML document begins here; a file holds one protocol: remove the `---`"
+            )
         if event.version is not None and tuple(event.version) != (1, 2):
             self._problems.stop(place, "protocol files are YAML 1.2; remove the `%YAML` line")
 

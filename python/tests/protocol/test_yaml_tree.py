@@ -7,7 +7,7 @@ import pytest
 
 from wirebond.protocol import ProtocolFileError, load, loads
 from wirebond.protocol.problems import Problems
-from wirebond.protocol.text.document import MAX_DEPTH, MAX_FILE_BYTES, MAX_NODES, Mapping, Number, Scalar, parse
+from wirebond.protocol.text.yaml_tree import MAX_DEPTH, MAX_FILE_BYTES, MAX_NODES, Mapping, Number, Scalar, parse
 
 PATIENCE_SECONDS = 20  # what is timed here takes a second or two on a slow machine; a hang takes for ever
 
@@ -81,7 +81,7 @@ ONE_SENTENCE = [
     ("a: 1\n b: 2", "f:2:3: this is not YAML (mapping values"),
     ("a: *x", "f:1:4: the alias `*x` has no anchor before it; write `&x` there"),
     ("a: &x [*x]", "f:1:8: the alias `*x` stands inside what it repeats; write it out"),
-    ("a: 1\n---\nb: 2", "f:2:1: a second document begins here; put one protocol in a file"),
+    ("a: 1\n---\nb: 2", "f:2:1: a second YAML document begins here; a file holds one protocol"),
     ("%YAML 1.1\n---\na: 1", "f:2:1: protocol files are YAML 1.2; remove the `%YAML` line"),
     ("a: b\x00c", "f:1:5: the character U+0000 cannot stand in YAML"),
     ("a: 1\nb: \x1b[2J", "f:2:4: the character U+001B cannot stand in YAML"),

@@ -1,6 +1,6 @@
 """One candidate against its format's rules, in the order in which the decoder applies them. No stream, no sentences.
 
-Written from the model's parts alone, without the engine's plan of offsets: tests let both judge the same bytes.
+Written from the model's parts alone, without the engine's plan of offsets: tests let both examine the same bytes.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Question(StrEnum):
 
 @dataclass(frozen=True)
 class Rule:
-    """One rule that was applied. ``part`` indexes the judgement's parts; None: the frame as a whole."""
+    """One rule that was applied. ``part`` indexes the verdict's parts; None: the frame as a whole."""
 
     question: Question
     part: int | None
@@ -56,7 +56,7 @@ class Rule:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Verdict:
     """``cause`` is the decoder's word where the outcome is no frame. ``extent``: the frame's size; or so many of
     the candidate's bytes the refusal was about; or so many are needed to go on. ``parts``: those that are there, of a
     format whose frames differ. ``payload`` is its place in the frame, where its size is known."""
@@ -229,16 +229,16 @@ def fixed_bits(part: Part, conditions: tuple[tuple[Condition, bool], ...]) -> tu
     return mask, value
 
 
-def judge(protocol: Protocol, data: bytes, sender: End | None, *, block: bytes | None = None) -> Judgement:
+def examine(protocol: Protocol, data: bytes, sender: End | None, *, block: bytes | None = None) -> Verdict:
     """The verdict on the candidate that begins with ``data``. ``block``: where its size is known to be ``len(data)``,
     what it was before unstuffing.
 
     Of several forms the first that holds; else the refusal of the one that got furthest. Pure; work is one pass over
     at most one frame for each form.
     """
-    best: Judgement | None = None
+    best: Verdict | None = None
     for form in forms(protocol, sender):
-        found = _Judge(protocol, form, data, sender, block).verdict()
+        found = _Examination(protocol, form, data, sender, block).run()
         if found.is_frame:
             return found
         if best is None or _is_nearer(found, best):
@@ -247,7 +247,7 @@ def judge(protocol: Protocol, data: bytes, sender: End | None, *, block: bytes |
     return best
 
 
-def _is_nearer(found: Judgement, best: Judgement) -> bool:
+def _is_nearer(found: Verdict, best: Verdict) -> bool:
     waits, best_waits = found.outcome == Outcome.INCOMPLETE, best.outcome == Outcome.INCOMPLETE
     if waits:
         return not best_waits or found.extent < best.extent
@@ -262,7 +262,7 @@ class _Decided(Exception):  # noqa: N818  (an outcome, not an error)
 
 
 @dataclass
-class _Judge:
+class _Examination:
     protocol: Protocol
     form: FormParts
     data: bytes
@@ -277,12 +277,12 @@ class _Judge:
     def parts(self) -> tuple[Part, ...]:
         return self.form.parts
 
-    def verdict(self) -> Judgement:
+    def run(self) -> Verdict:
         try:
             decided = _Decided(Outcome.FRAME, "", self._go_through())
         except _Decided as outcome:
             decided = outcome
-        return Judgement(
+        return Verdict(
             decided.outcome,
             decided.cause,
             decided.size,

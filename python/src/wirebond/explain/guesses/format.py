@@ -5,11 +5,11 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 
-from wirebond.explain.judge import Judgement, counted_beside_payload, hex_of, id_text, length_index, payload_index
-from wirebond.explain.tries.variant import (
+from wirebond.explain.examine import Verdict, counted_beside_payload, hex_of, id_text, length_index, payload_index
+from wirebond.explain.guesses.guess import (
     Case,
-    Tries,
-    Variant,
+    Guess,
+    Guesses,
     constants_as_found,
     spelled,
     with_format,
@@ -33,7 +33,7 @@ def _swapped(order: ByteOrder) -> ByteOrder:
     return ByteOrder.LITTLE if order == ByteOrder.BIG else ByteOrder.BIG
 
 
-def other_sender(case: Case) -> Tries:
+def other_sender(case: Case) -> Guesses:
     """The same bytes from the other end, or from either."""
     if case.sender is None:
         return
@@ -41,18 +41,18 @@ def other_sender(case: Case) -> Tries:
 
     what = f"this is a frame that the {spoken(other)} sends, not the {spoken(case.sender)}"
 
-    def remedy(judgement: Judgement) -> str:
-        name = judgement.delivered_as
+    def remedy(verdict: Verdict) -> str:
+        name = verdict.delivered_as
         mend = f", or mend the `sender:` of {name} in the file" if name != "unknown" else ""
         return f"say `--sender {other.value}`{mend}"
 
-    yield Variant(case.protocol, case.block, other, what, remedy)
+    yield Guess(case.protocol, case.block, other, what, remedy)
 
 
-def unknown_message(case: Case) -> Tries:
+def unknown_message(case: Case) -> Guesses:
     """A whole frame of a message, or of a payload size, that the file does not have."""
-    judgement = case.judgement
-    if judgement is None:
+    verdict = case.verdict
+    if verdict is None:
         return
     frame_format, rule = case.protocol.format, case.parts[payload_index(case.parts)]
     protocols = []
@@ -68,7 +68,7 @@ def unknown_message(case: Case) -> Tries:
             relaxed = with_part(case.protocol, case.parts, payload_index(case.parts), fixed)
             protocols.append(with_format(relaxed, replace(relaxed.format, deliver_unknown=True)))
 
-    def what(found: Judgement) -> str:
+    def what(found: Verdict) -> str:
         size = 0 if found.payload is None else found.payload[1] - found.payload[0]
         bytes_there = f"{size} payload byte{'s' * (size != 1)}"
         if found.message is None:
@@ -79,22 +79,22 @@ def unknown_message(case: Case) -> Tries:
         wanted = str(least) if least == most else f"{least} to {most}"
         return f"everything holds, but {message.name} has {wanted} payload bytes, and here are {size}"
 
-    def remedy(found: Judgement) -> str:
+    def remedy(found: Verdict) -> str:
         if found.message is not None:
             return f"compare the fields of {found.message.name} with what the sender packs"
         sender = "" if case.sender is None else f" and `sender: {case.sender.value}`"
-        number = f" with `id: {_id(case, found)}`{sender}" if case.judgement is not None else ""
+        number = f" with `id: {_id(case, found)}`{sender}" if case.verdict is not None else ""
         return f"add a message{number} to the file"
 
     for protocol in protocols:
-        yield Variant(protocol, case.block, case.sender, what, remedy)
+        yield Guess(protocol, case.block, case.sender, what, remedy)
 
 
-def _id(case: Case, judgement: Judgement) -> str:
-    return id_text(case.parts, judgement.id or 0)
+def _id(case: Case, verdict: Verdict) -> str:
+    return id_text(case.parts, verdict.id or 0)
 
 
-def lengths(case: Case) -> Tries:
+def lengths(case: Case) -> Guesses:
     """Another meaning of the length, in either byte order, and what is usually forgotten or counted twice."""
     index = length_index(case.parts)
     if index is None:
@@ -111,7 +111,7 @@ def lengths(case: Case) -> Tries:
             yield _with_length(case, index, part)
 
 
-def _with_length(case: Case, index: int, part: Part) -> Variant:
+def _with_length(case: Case, index: int, part: Part) -> Guess:
     own = case.parts[index]
     protocol = with_part(case.protocol, case.parts, index, part)
     changes = []
@@ -121,10 +121,10 @@ def _with_length(case: Case, index: int, part: Part) -> Variant:
         more = f", {part.length_offset:+d}" if part.length_offset else ""
         changes.append(f"counts {_COUNTS[part.counts]}{more}")
     what = f"everything holds if the {own.name} {' and '.join(changes)}"
-    return Variant(protocol, case.block, case.sender, what, f"write {spelled(protocol, part.name)}")
+    return Guess(protocol, case.block, case.sender, what, f"write {spelled(protocol, part.name)}")
 
 
-def other_byte_order(case: Case) -> Tries:
+def other_byte_order(case: Case) -> Guesses:
     """All numbers of the frame the other way round; and the id alone."""
     swapped = [
         replace(part, order=_swapped(part.order)) if part.kind in _NUMBERS and part.size > 1 else part
@@ -139,7 +139,7 @@ def other_byte_order(case: Case) -> Tries:
     messages = tuple(_with_order(message, order) for message in protocol.messages)
     what = f"everything holds if {' and '.join(changed)} {'is' if len(changed) == 1 else 'are'} {order}-endian"
     remedy = f"write `byte_order: {order.value}` at the top of the file"
-    yield Variant(replace(protocol, messages=messages), case.block, case.sender, what, remedy)
+    yield Guess(replace(protocol, messages=messages), case.block, case.sender, what, remedy)
 
 
 def _with_order(message: Message, order: ByteOrder) -> Message:
@@ -147,7 +147,7 @@ def _with_order(message: Message, order: ByteOrder) -> Message:
     return replace(message, fields=tuple(replace(field, order=order) for field in message.fields))
 
 
-def other_constants(case: Case) -> Tries:
+def other_constants(case: Case) -> Guesses:
     """All constants as they stand there."""
     changed = constants_as_found(case)
     if changed is None:
@@ -157,10 +157,10 @@ def other_constants(case: Case) -> Tries:
     texts = (f"the {old.name} is {hex_of(new.value)} instead of {hex_of(old.value)}" for old, new in pairs)
     what = f"everything holds but that {' and '.join(texts)}"
     remedy = "write " + " and ".join(f"`- {new.kind.value}: {bytes_text(new.value)}`" for _, new in pairs)
-    yield Variant(changed.protocol, case.block, case.sender, what, remedy)
+    yield Guess(changed.protocol, case.block, case.sender, what, remedy)
 
 
-def other_protocols(case: Case) -> Tries:
+def other_protocols(case: Case) -> Guesses:
     """The bytes as they stand, by the other protocol files at hand."""
     for peer in case.peers:
         ours, theirs = case.protocol.format, peer.format
@@ -174,8 +174,8 @@ def other_protocols(case: Case) -> Tries:
                 yield _of_peer(case, peer, sender)
 
 
-def _of_peer(case: Case, peer: Protocol, sender: End) -> Variant:
-    return Variant(
+def _of_peer(case: Case, peer: Protocol, sender: End) -> Guess:
+    return Guess(
         peer,
         case.block,
         sender,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from wirebond.explain.judge import CONSTANTS, check_value, payload_index, same_check, shown_check, spans
+from wirebond.explain.examine import CONSTANTS, check_value, payload_index, same_check, shown_check, spans
+from wirebond.explain.guesses.guess import Case, Guess, Guesses, spelled, with_part
 from wirebond.explain.stuffing import stuff
-from wirebond.explain.tries.variant import Case, Tries, Variant, spelled, with_part
 from wirebond.protocol.algorithms import ALGORITHMS
 from wirebond.protocol.model import Algorithm, ByteOrder, Part, PartKind
 from wirebond.protocol.spelling import range_text
@@ -29,12 +29,12 @@ class _Failed:
 
 def _failed(case: Case) -> _Failed | None:
     index = case.failed_check
-    judgement = case.judgement
-    if index is None or judgement is None or judgement.payload is None:
+    verdict = case.verdict
+    if index is None or verdict is None or verdict.payload is None:
         return None
-    places = spans(case.parts, judgement.payload_size or 0)
+    places = spans(case.parts, verdict.payload_size or 0)
     start, stop = places[index]
-    return _Failed(index, case.parts[index], case.data[start:stop], places, judgement.seed)
+    return _Failed(index, case.parts[index], case.data[start:stop], places, verdict.seed)
 
 
 def _ranges(case: Case, failed: _Failed) -> Iterator[tuple[int, int]]:
@@ -73,8 +73,8 @@ def _difference(case: Case, mine: Part, other: Part) -> str:
     return text + (f", and the {' and the '.join(more)} too" if more else "")
 
 
-def _replaced(case: Case, failed: _Failed, part: Part) -> Variant | None:
-    """The variant with this check part, unless its value differs: then the judge need not be asked."""
+def _replaced(case: Case, failed: _Failed, part: Part) -> Guess | None:
+    """The guess with this check part, unless its value differs: then nothing need be examined."""
     if not same_check(
         part, check_value(part, failed.covered(case.data, part.first, part.last), failed.seed), failed.found
     ):
@@ -97,10 +97,10 @@ def _replaced(case: Case, failed: _Failed, part: Part) -> Variant | None:
     how = " and ".join(changes) if changes else "is taken"
     over = f"over {_over(case, part)}{_difference(case, failed.part, part)}"
     what = f"the {part.name} {shown_check(part, failed.found)} fits if it {how} {over}"
-    return Variant(protocol, case.block, case.sender, what, f"write {spelled(protocol, part.name)}")
+    return Guess(protocol, case.block, case.sender, what, f"write {spelled(protocol, part.name)}")
 
 
-def near_ranges(case: Case) -> Tries:
+def near_ranges(case: Case) -> Guesses:
     """One end of the range moved by one part, constants or header left out, or all that precedes."""
     failed = _failed(case)
     if failed is None:
@@ -118,7 +118,7 @@ def near_ranges(case: Case) -> Tries:
     yield from _with_gaps(case, failed)
 
 
-def _with_gaps(case: Case, failed: _Failed) -> Tries:
+def _with_gaps(case: Case, failed: _Failed) -> Guesses:
     """Ranges that `over:` cannot name: up to the frame's end around the check itself, or with one part left out."""
     part, parts = failed.part, case.parts
     own = list(range(part.first, part.last + 1))
@@ -136,22 +136,22 @@ def _with_gaps(case: Case, failed: _Failed) -> Tries:
             yield _around(case, failed, covered, selection, zeros=bool(filler))
 
 
-def _around(case: Case, failed: _Failed, covered: bytes, selection: list[int], *, zeros: bool) -> Variant | None:
+def _around(case: Case, failed: _Failed, covered: bytes, selection: list[int], *, zeros: bool) -> Guess | None:
     if not same_check(failed.part, check_value(failed.part, covered, failed.seed), failed.found):
         return None
     names = ", ".join(case.parts[i].name for i in selection)
     itself = ", and itself as zeros" if zeros else ""
     start, stop = failed.places[failed.index]
     held = check_value(failed.part, failed.covered(case.data, failed.part.first, failed.part.last), failed.seed)
-    mended = case.data[:start] + held + case.data[stop:]  # so that the judge can go on behind this check
+    mended = case.data[:start] + held + case.data[stop:]  # so that the examination goes on behind this check
 
     what = f"the {failed.part.name} {shown_check(failed.part, failed.found)} fits if it covers {names}{itself}"
     remedy = "no `over:` can say that, for it names one unbroken range; the sender must cover one"
     block = stuff(case.protocol.format, mended)
-    return Variant(case.protocol, block, case.sender, what, remedy)
+    return Guess(case.protocol, block, case.sender, what, remedy)
 
 
-def byte_orders(case: Case) -> Tries:
+def byte_orders(case: Case) -> Guesses:
     """The same check with its bytes the other way round, or with another byte of its value."""
     failed = _failed(case)
     if failed is None:
@@ -159,10 +159,10 @@ def byte_orders(case: Case) -> Tries:
     yield from (_replaced(case, failed, part) for part in _other_spelling(failed.part))
 
 
-def seeds(case: Case) -> Tries:
+def seeds(case: Case) -> Guesses:
     """The message's seed another one, or none at all: its definition differs on the two ends."""
     failed = _failed(case)
-    message = None if case.judgement is None else case.judgement.message
+    message = None if case.verdict is None else case.verdict.message
     if failed is None or message is None or not failed.part.seeded:
         return
     covered = failed.covered(case.data, failed.part.first, failed.part.last)
@@ -174,7 +174,7 @@ def seeds(case: Case) -> Tries:
         messages = tuple(other if known is message else known for known in case.protocol.messages)
         what = f"the {failed.part.name} fits if the seed of {message.name} is {seed}, not {message.seed or 0}"
         remedy = f"write `seed: {seed}` in {message.name}, or compare its fields with the other end's definition"
-        yield Variant(replace(case.protocol, messages=messages), case.block, case.sender, what, remedy)
+        yield Guess(replace(case.protocol, messages=messages), case.block, case.sender, what, remedy)
     yield _replaced(case, failed, replace(failed.part, seeded=False))
 
 
@@ -203,16 +203,16 @@ def _with_algorithm(part: Part, algorithm: Algorithm) -> list[Part]:
     return []
 
 
-def algorithms_of_its_kind(case: Case) -> Tries:
+def algorithms_of_its_kind(case: Case) -> Guesses:
     """A CRC for a CRC, a sum for a sum, over the file's own range."""
     yield from _algorithms(case, same_kind=True)
 
 
-def algorithms_of_other_kinds(case: Case) -> Tries:
+def algorithms_of_other_kinds(case: Case) -> Guesses:
     yield from _algorithms(case, same_kind=False)
 
 
-def _algorithms(case: Case, *, same_kind: bool) -> Tries:
+def _algorithms(case: Case, *, same_kind: bool) -> Guesses:
     failed = _failed(case)
     if failed is None or failed.part.algorithm is None:
         return
@@ -221,7 +221,7 @@ def _algorithms(case: Case, *, same_kind: bool) -> Tries:
             yield from (_replaced(case, failed, part) for part in _with_algorithm(failed.part, algorithm))
 
 
-def all_ranges(case: Case) -> Tries:
+def all_ranges(case: Case) -> Guesses:
     """The file's own algorithm over every other range."""
     failed = _failed(case)
     if failed is None:
@@ -231,7 +231,7 @@ def all_ranges(case: Case) -> Tries:
             yield _replaced(case, failed, replace(part, first=first, last=last))
 
 
-def all_algorithms_and_ranges(case: Case) -> Tries:
+def all_algorithms_and_ranges(case: Case) -> Guesses:
     failed = _failed(case)
     if failed is None:
         return
@@ -241,7 +241,7 @@ def all_algorithms_and_ranges(case: Case) -> Tries:
                 yield _replaced(case, failed, replace(part, first=first, last=last))
 
 
-def as_peers_check(case: Case) -> Tries:
+def as_peers_check(case: Case) -> Guesses:
     """The check as another protocol file has it, where its range has names that this frame has too."""
     failed = _failed(case)
     if failed is None:
@@ -261,8 +261,8 @@ def as_peers_check(case: Case) -> Tries:
             if _replaced_key(part) in seen or not reachable or failed.places[last][1] > len(case.data):
                 continue
             seen.add(_replaced_key(part))
-            variant = _replaced(case, failed, part)
-            named = None if variant is None else replace(variant, what=f"{variant.what}; {peer.name} computes it so")
+            guess = _replaced(case, failed, part)
+            named = None if guess is None else replace(guess, what=f"{guess.what}; {peer.name} computes it so")
             yield named
 
 

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from wirebond.explain.judge import CONSTANTS
+from wirebond.explain.examine import CONSTANTS
+from wirebond.explain.guesses.guess import Case, Guess, Guesses
 from wirebond.explain.stuffing import stuff
-from wirebond.explain.tries.variant import Case, Tries, Variant
 from wirebond.protocol.model import PartKind
 
 _RAW_TTY = "let the tty pass bytes as they are: `stty raw -ixon -icrnl -inlcr`, and no flow control by XON/XOFF"
 
 
-def _changed(case: Case, block: bytes, text: str, remedy: str = "") -> Variant:
-    return Variant(case.protocol, block, case.sender, f"everything holds if {text}", remedy)
+def _changed(case: Case, block: bytes, text: str, remedy: str = "") -> Guess:
+    return Guess(case.protocol, block, case.sender, f"everything holds if {text}", remedy)
 
 
 def _byte(case: Case, at: int) -> str:
     return f"byte {case.offset + at} ({case.block[at]:02X})"
 
 
-def one_bit(case: Case) -> Tries:
+def one_bit(case: Case) -> Guesses:
     for at, byte in enumerate(case.block):
         for bit in range(8):
             turned = byte ^ (1 << bit)
@@ -28,7 +28,7 @@ def one_bit(case: Case) -> Tries:
             yield _changed(case, block, f"bit {bit} of {_byte(case, at)} was turned and is {turned:02X}")
 
 
-def extra_byte(case: Case) -> Tries:
+def extra_byte(case: Case) -> Guesses:
     """One byte too many, anywhere."""
     for at in range(len(case.block)):
         if at and case.block[at] == case.block[at - 1]:
@@ -37,7 +37,7 @@ def extra_byte(case: Case) -> Tries:
         yield _changed(case, block, f"{_byte(case, at)} is left out")
 
 
-def lost_constants(case: Case) -> Tries:
+def lost_constants(case: Case) -> Guesses:
     """The whole magic, or single bytes of constants, lost; where they stand is known."""
     first = case.parts[0]
     for kept in range(first.size if first.kind in CONSTANTS else 0):
@@ -51,7 +51,7 @@ def lost_constants(case: Case) -> Tries:
             yield _changed(case, case.block + missing, f"{missing.hex(' ').upper()} follows at the end")
 
 
-def lost_byte(case: Case) -> Tries:
+def lost_byte(case: Case) -> Guesses:
     """A byte lost that is often lost or often there: a zero, FF, one of two equal ones, an escape. Any value at all
     where the checks are wide enough to tell."""
     width = max((8 * part.size for part in case.parts if part.kind == PartKind.CHECK), default=0)
@@ -65,7 +65,7 @@ def lost_byte(case: Case) -> Tries:
             yield _changed(case, block, f"a byte {value:02X} is put in {where}")
 
 
-def terminal_driver(case: Case) -> Tries:
+def terminal_driver(case: Case) -> Guesses:
     """What a tty does that is not in raw mode."""
     for block, text in _translations(case):
         if block != case.block:
@@ -89,7 +89,7 @@ def _translations(case: Case) -> Iterator[tuple[bytes, str]]:
             yield whole, f"a byte {value:02X} ({name}) {place} was swallowed by software flow control"
 
 
-def without_delimiters(case: Case) -> Tries:
+def without_delimiters(case: Case) -> Guesses:
     """The block is all that was given, and has lost the bytes around it."""
     frame_format = case.protocol.format
     if frame_format.delimiter is None:

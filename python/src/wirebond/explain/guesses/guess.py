@@ -1,4 +1,4 @@
-"""A guess at what went wrong, and how it is put to the test: by the same judge, never by a rule of thumb."""
+"""A guess at what went wrong, and how it is tested: by the rules that refused the bytes, not by a rule of thumb."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from wirebond.explain.judge import CONSTANTS, Judgement, Question, judge
+from wirebond.explain.examine import CONSTANTS, Question, Verdict, examine
 from wirebond.explain.stuffing import Impossible, unstuff
 from wirebond.explain.values import read_fields, values_text
 from wirebond.protocol.model import End, FrameFormat, Part, PartKind, Protocol
@@ -28,7 +28,7 @@ class Case:
     preface: str = ""
 
     @cached_property
-    def judgement(self) -> Judgement | None:
+    def verdict(self) -> Verdict | None:
         """None where the stuffing cannot be undone."""
         found = look(self.protocol, self.block, self.sender)
         return None if found is None else found[0]
@@ -42,21 +42,21 @@ class Case:
     @property
     def parts(self) -> tuple[Part, ...]:
         """Those that are there, of a format whose frames differ."""
-        return self.protocol.format.parts if self.judgement is None else self.judgement.parts
+        return self.protocol.format.parts if self.verdict is None else self.verdict.parts
 
     @property
     def failed_check(self) -> int | None:
         """Index of the check part that does not hold, where all before it does."""
-        rule = None if self.judgement is None else self.judgement.failed
+        rule = None if self.verdict is None else self.verdict.failed
         return rule.part if rule is not None and rule.question == Question.CHECK else None
 
 
 # A text, or how to make it once it is known what the bytes then are.
-Text = str | Callable[[Judgement], str]
+Text = str | Callable[[Verdict], str]
 
 
 @dataclass(frozen=True)
-class Variant:
+class Guess:
     """``what`` and ``remedy`` are sentences without a capital and a stop."""
 
     protocol: Protocol
@@ -66,45 +66,45 @@ class Variant:
     remedy: Text = ""
 
 
-# None: a variant that was tried and could be excluded without the judge.
-Tries = Iterator[Variant | None]
+# None: a guess that was tried and could be excluded without an examination.
+Guesses = Iterator[Guess | None]
 
 
-def look(protocol: Protocol, block: bytes, sender: End | None) -> tuple[Judgement, bytes] | None:
-    """The judgement on a block and its unstuffed bytes; None where the stuffing cannot be undone."""
+def look(protocol: Protocol, block: bytes, sender: End | None) -> tuple[Verdict, bytes] | None:
+    """The verdict on a block and its unstuffed bytes; None where the stuffing cannot be undone."""
     frame_format = protocol.format
     if frame_format.delimiter is None and not frame_format.ends_by_silence:
-        return judge(protocol, block, sender), block
+        return examine(protocol, block, sender), block
     content = unstuff(frame_format, block)
     if isinstance(content, Impossible):
         return None
-    return judge(protocol, content.data, sender, block=block), content.data
+    return examine(protocol, content.data, sender, block=block), content.data
 
 
-def test(variant: Variant) -> tuple[Judgement, bytes] | None:
-    """The frame that the variant makes of the bytes, or None.
+def test(guess: Guess) -> tuple[Verdict, bytes] | None:
+    """The frame that the bytes are if the guess is right, or None.
 
     Bytes behind the frame are taken only where its checks carry the proof: else any bytes would hold some frame.
     """
-    found = look(variant.protocol, variant.block, variant.sender)
+    found = look(guess.protocol, guess.block, guess.sender)
     if found is None or not found[0].is_frame:
         return None
-    judgement, data = found
-    if judgement.extent != len(data) and evidence(judgement) < 256:
+    verdict, data = found
+    if verdict.extent != len(data) and evidence(verdict) < 256:
         return None
-    return judgement, data
+    return verdict, data
 
 
-def evidence(judgement: Judgement, before: Judgement | None = None) -> int:
+def evidence(verdict: Verdict, before: Verdict | None = None) -> int:
     """How many values the frame's checks together can take: the reciprocal of a chance hit.
 
-    Checks that held ``before`` the variant prove nothing for it and do not count.
+    Checks that held ``before`` the guess prove nothing for it and do not count.
     """
     held = {rule.part for rule in (before.rules if before is not None else ()) if rule.holds}
     product = 1
-    for index, part in enumerate(judgement.parts):
+    for index, part in enumerate(verdict.parts):
         if part.kind == PartKind.CHECK and index not in held:
-            covered = sum(p.size for p in judgement.parts[part.first : part.last]) + (judgement.payload_size or 0)
+            covered = sum(p.size for p in verdict.parts[part.first : part.last]) + (verdict.payload_size or 0)
             product *= distinct_values(part, covered)
     return product
 
@@ -117,12 +117,12 @@ def distinct_values(part: Part, covered: int) -> int:
     return values
 
 
-def reading(judgement: Judgement, data: bytes) -> str:
+def reading(verdict: Verdict, data: bytes) -> str:
     """``velocity: linear 0.5 m/s, angular 0 rad/s``; empty where the file has no message for the frame."""
-    if judgement.delivered_as == "unknown" or judgement.message is None or judgement.payload is None:
+    if verdict.delivered_as == "unknown" or verdict.message is None or verdict.payload is None:
         return ""
-    values = values_text(read_fields(judgement.message, judgement.payload_of(data)))
-    return f"{judgement.message.name}: {values}" if values else judgement.message.name
+    values = values_text(read_fields(verdict.message, verdict.payload_of(data)))
+    return f"{verdict.message.name}: {values}" if values else verdict.message.name
 
 
 def with_format(protocol: Protocol, frame_format: FrameFormat) -> Protocol:
@@ -163,18 +163,18 @@ def constants_as_found(case: Case) -> Case | None:
         found = look(protocol, case.block, case.sender)
         if found is None:
             return None
-        judgement, _ = found
-        rule = judgement.failed
+        verdict, _ = found
+        rule = verdict.failed
         if rule is None or rule.question != Question.CONSTANT or rule.part is None:
             break
-        part = judgement.parts[rule.part]
+        part = verdict.parts[rule.part]
         if part.kind not in CONSTANTS:
             return None
         value = bytes.fromhex(rule.found)
         if len(value) != part.size:
             return None
         assumed.append((part.name, value))
-        protocol = with_part(protocol, judgement.parts, rule.part, replace(part, value=value))
+        protocol = with_part(protocol, verdict.parts, rule.part, replace(part, value=value))
     if not assumed:
         return None
     names = " and ".join(f"{value.hex(' ').upper()} as {name}" for name, value in assumed)
