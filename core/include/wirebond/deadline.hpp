@@ -10,7 +10,7 @@ namespace wirebond {
 /// How a deadline ends once it has struck.
 enum class Recover : std::uint8_t {
   next_message,   ///< by the next message
-  explicit_call,  ///< only by `Deadlines::recover`
+  explicit_call,  ///< only by `Deadlines::recover`; until then its message is held back
 };
 
 /// One line of the protocol file's `deadlines`.
@@ -21,64 +21,169 @@ struct DeadlineRule {
   Recover recover;
 };
 
-/// Watches every deadline of one end, from start-up on, without help from the other end.
-/// `Time` is an unsigned count of microseconds; it may wrap, as long as `poll` is called more often than that.
-/// One thread or interrupt at a time.
-template <std::size_t Size, class Time = std::uint32_t>
-class Deadlines {
+/// May a message that passed every check act? Any other answer than `yes` means: no handler, no subscription, no reply
+/// of a service, no deadline put off. Its frame was delivered all the same: the account counts it, the line is not
+/// silent.
+enum class MayAct : std::uint8_t {
+  yes,
+  late,       ///< it is as old as the shortest deadline of its message at this end, or older
+  held_back,  ///< a deadline of its message with `recover: explicit` has struck, and nobody has called `recover` yet
+};
+
+/// Messages that did not act, by the reason.
+template <class Counter>
+struct NotActed {
+  Counter late = 0;
+  Counter held_back = 0;
+};
+
+/// The rules of a set of deadlines and what is known of each of them, where the number is a constant.
+template <std::size_t Size, class Time>
+struct DeadlineArrays {
+  constexpr std::size_t size() const { return Size; }
+  constexpr const DeadlineRule& rule(std::size_t i) const { return (*rules)[i]; }
+
+  const std::array<DeadlineRule, Size>* rules;
+  std::array<Time, Size> since_us{};
+  std::array<std::uint8_t, Size> marks{};
+};
+
+/// The same where it is known at run time only. Whoever owns the memory keeps it for as long as the deadlines live.
+template <class Time>
+struct DeadlineSpans {
+  std::size_t size() const { return count; }
+  const DeadlineRule& rule(std::size_t i) const { return rules[i]; }
+
+  const DeadlineRule* rules;
+  std::size_t count;
+  Time* since_us;       ///< `count` of them
+  std::uint8_t* marks;  ///< the same
+};
+
+/// Watches every deadline of one end, from start-up on, without help from the other end. One thread or interrupt at a
+/// time. `Time` is an unsigned count of microseconds; it may wrap, as long as `poll` is called more often than that.
+///
+/// What a deadline does, by what happens:
+///
+/// | state | a message that acts | silence for `after` | `recover` |
+/// | --- | --- | --- | --- |
+/// | waiting, no message ever came | waiting | struck early | - |
+/// | waiting | silence begins again | struck | - |
+/// | struck early | waiting | - | waiting |
+/// | struck, `recover: next_message` | waiting | - | waiting |
+/// | struck, `recover: explicit` | none acts: all are held back | - | waiting |
+///
+/// So a deadline that strikes before its message ever came, because the other end takes long to start, holds nothing
+/// back, whatever its `recover` says.
+template <class Memory, class Time>
+class BasicDeadlines {
  public:
-  /// `rules` outlive this object: a table of the generated header is a constant, and takes no memory twice.
-  constexpr Deadlines(const std::array<DeadlineRule, Size>& rules, Time now_us) : rules_(&rules) { start(now_us); }
-  Deadlines(const std::array<DeadlineRule, Size>&&, Time) = delete;
+  constexpr BasicDeadlines(const Memory& memory, Time now_us) : memory_(memory) { start(now_us); }
 
   /// Every silence is counted from here on, and nothing has struck.
   constexpr void start(Time now_us) {
-    for (std::size_t i = 0; i < Size; ++i) {
-      since_us_[i] = now_us;
-      struck_[i] = false;
+    for (std::size_t i = 0; i < memory_.size(); ++i) {
+      memory_.since_us[i] = now_us;
+      memory_.marks[i] = 0;
     }
   }
 
-  /// A valid message came in at `now_us`.
-  void seen(std::int16_t message, Time now_us) {
-    for (std::size_t i = 0; i < Size; ++i) {
-      if ((*rules_)[i].message != message) continue;
-      since_us_[i] = now_us;
-      if ((*rules_)[i].recover == Recover::next_message) struck_[i] = false;
+  /// Ask this before a message that passed its checks acts. `received_us`: when its bytes came, or an earlier time
+  /// where that is not known exactly; `now_us`: when it would act. Any other answer than `yes` is counted.
+  MayAct judge(std::int16_t message, Time received_us, Time now_us) {
+    const Time age_us = static_cast<Time>(now_us - received_us);
+    MayAct answer = MayAct::yes;
+    for (std::size_t i = 0; i < memory_.size(); ++i) {
+      const DeadlineRule& rule = memory_.rule(i);
+      if (rule.message != message) continue;
+      if (age_us >= rule.after_us) {
+        answer = MayAct::late;
+        break;
+      }
+      if (holds(i)) answer = MayAct::held_back;
+    }
+    if (answer == MayAct::late) not_acted_.late += 1;
+    if (answer == MayAct::held_back) not_acted_.held_back += 1;
+    return answer;
+  }
+  /// The same for a message that acts as soon as it comes.
+  MayAct judge(std::int16_t message, Time now_us) { return judge(message, now_us, now_us); }
+
+  /// A valid message came at `received_us`: silence counts from there. One that is held back changes nothing.
+  void seen(std::int16_t message, Time received_us) {
+    for (std::size_t i = 0; i < memory_.size(); ++i) {
+      if (memory_.rule(i).message == message && holds(i)) return;
+    }
+    for (std::size_t i = 0; i < memory_.size(); ++i) {
+      if (memory_.rule(i).message != message) continue;
+      memory_.since_us[i] = received_us;
+      memory_.marks[i] = came;
     }
   }
 
   /// Calls `handler(action)` once for each deadline that strikes now, in the file's order.
   template <class Handler>
   void poll(Time now_us, Handler&& handler) {
-    for (std::size_t i = 0; i < Size; ++i) {
-      if (struck_[i] || static_cast<Time>(now_us - since_us_[i]) < (*rules_)[i].after_us) continue;
-      struck_[i] = true;
-      handler((*rules_)[i].action);
+    for (std::size_t i = 0; i < memory_.size(); ++i) {
+      if (has_struck(i) || static_cast<Time>(now_us - memory_.since_us[i]) < memory_.rule(i).after_us) continue;
+      memory_.marks[i] |= struck_mark;
+      handler(memory_.rule(i).action);
     }
   }
 
-  /// End what `poll` began for this action; the silence is counted anew from `now_us`.
+  /// End what `poll` began for this action; nothing happens where it has not struck. With `recover: explicit` all
+  /// deadlines of the message begin again at `now_us`, but for those that are explicit and have struck themselves: each
+  /// of these is ended by its own action.
   void recover(std::uint8_t action, Time now_us) {
-    for (std::size_t i = 0; i < Size; ++i) {
-      if ((*rules_)[i].action != action) continue;
-      struck_[i] = false;
-      since_us_[i] = now_us;
+    for (std::size_t i = 0; i < memory_.size(); ++i) {
+      if (memory_.rule(i).action != action || !has_struck(i)) continue;
+      end(i, now_us);
+      if (is_explicit(i)) begin_others(i, now_us);
     }
   }
 
   /// Has this action struck, and not ended yet?
   bool struck(std::uint8_t action) const {
-    for (std::size_t i = 0; i < Size; ++i) {
-      if ((*rules_)[i].action == action && struck_[i]) return true;
+    for (std::size_t i = 0; i < memory_.size(); ++i) {
+      if (memory_.rule(i).action == action && has_struck(i)) return true;
     }
     return false;
   }
 
+  /// What `judge` refused.
+  const NotActed<Time>& not_acted() const { return not_acted_; }
+
  private:
-  const std::array<DeadlineRule, Size>* rules_;
-  std::array<Time, Size> since_us_{};
-  std::array<bool, Size> struck_{};
+  static constexpr std::uint8_t struck_mark = 1;
+  static constexpr std::uint8_t came = 2;  ///< its message has acted once
+
+  bool has_struck(std::size_t i) const { return (memory_.marks[i] & struck_mark) != 0; }
+  bool is_explicit(std::size_t i) const { return memory_.rule(i).recover == Recover::explicit_call; }
+  bool holds(std::size_t i) const { return is_explicit(i) && memory_.marks[i] == (struck_mark | came); }
+
+  void end(std::size_t i, Time now_us) {
+    memory_.since_us[i] = now_us;
+    memory_.marks[i] &= came;
+  }
+
+  void begin_others(std::size_t ended, Time now_us) {
+    for (std::size_t i = 0; i < memory_.size(); ++i) {
+      if (memory_.rule(i).message == memory_.rule(ended).message && !(is_explicit(i) && has_struck(i))) end(i, now_us);
+    }
+  }
+
+  Memory memory_;
+  NotActed<Time> not_acted_{};
+};
+
+/// The deadlines of an end whose rules are a constant, as a generated header has them.
+template <std::size_t Size, class Time = std::uint32_t>
+class Deadlines : public BasicDeadlines<DeadlineArrays<Size, Time>, Time> {
+ public:
+  /// `rules` outlive this object: a table of the generated header is a constant, and takes no memory twice.
+  constexpr Deadlines(const std::array<DeadlineRule, Size>& rules, Time now_us)
+      : BasicDeadlines<DeadlineArrays<Size, Time>, Time>({&rules}, now_us) {}
+  Deadlines(const std::array<DeadlineRule, Size>&&, Time) = delete;
 };
 
 /// Says when a message with `every:` is due. After a stall it goes on at the old rhythm and sends no burst.

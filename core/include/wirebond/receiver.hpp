@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/deadline.hpp"
 #include "wirebond/stream_deframer.hpp"
 #include "wirebond/violation.hpp"
 
@@ -29,7 +30,9 @@ class Receiver {
     feed(bytes, size, now_us, handler, unwatched);
   }
 
-  /// The same, and `deadlines.seen` is called for each message that passes its field rules, after its handler.
+  /// The same, and `deadlines` decide: `deadlines.judge(message, now_us)` is asked before each known message, which
+  /// reaches no handler where the answer is not `MayAct::yes`; `deadlines.seen(message, now_us)` is called for each
+  /// that passes its field rules, after its handler.
   template <class Handler, class Watch>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Handler& handler, Watch& deadlines) {
     deframer_.feed(bytes, size, now_us, Sink<Handler, Watch>{*this, handler, deadlines, now_us});
@@ -62,6 +65,7 @@ class Receiver {
 
  private:
   struct Unwatched {
+    MayAct judge(std::int16_t, Counter) { return MayAct::yes; }
     void seen(std::int16_t, Counter) {}
   };
 
@@ -74,6 +78,7 @@ class Receiver {
     Counter now_us;
 
     WIREBOND_INLINE void operator()(const Frame& frame) const {
+      if (frame.message >= 0 && deadlines.judge(frame.message, now_us) != MayAct::yes) return;
       if (Source::dispatch(frame, handler, receiver.violations_)) deadlines.seen(frame.message, now_us);
     }
   };

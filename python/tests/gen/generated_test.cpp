@@ -332,9 +332,27 @@ TEST_CASE("deadlines are put off by valid messages only, and strike by name") {
   CHECK(rover.actions == std::vector<int>{0});
   poll(3'900'000);
   CHECK(rover.actions == std::vector<int>{0, 1});
+  const std::size_t heard = rover.velocities.size();
   receiver.feed(frame.data(), frame.size(), 4'000'000, rover, deadlines);
+  CHECK(rover.velocities.size() == heard);  // safe_mode is `recover: explicit`: it holds its message back
+  CHECK(deadlines.not_acted().held_back == 1);
+  CHECK(deadlines.struck(static_cast<std::uint8_t>(diffdrive::Action::stop)));
+  deadlines.recover(static_cast<std::uint8_t>(diffdrive::Action::safe_mode), 4'100'000);
   CHECK_FALSE(deadlines.struck(static_cast<std::uint8_t>(diffdrive::Action::stop)));
-  CHECK(deadlines.struck(static_cast<std::uint8_t>(diffdrive::Action::safe_mode)));
+  receiver.feed(frame.data(), frame.size(), 4'200'000, rover, deadlines);
+  CHECK(rover.velocities.size() == heard + 1);
+}
+
+TEST_CASE("a deadline that struck before its message ever came is ended by it, also with `recover: explicit`") {
+  diffdrive::Receiver<diffdrive::FromHost> receiver;
+  Rover rover;
+  wirebond::Deadlines<diffdrive::mcu_deadlines.size()> deadlines(diffdrive::mcu_deadlines, 0u);
+  deadlines.poll(30'000'000, [&](std::uint8_t action) { diffdrive::act_at_mcu(action, rover); });
+  REQUIRE(deadlines.struck(static_cast<std::uint8_t>(diffdrive::Action::safe_mode)));
+  const Bytes frame = velocity_frame(500, 0);
+  receiver.feed(frame.data(), frame.size(), 30'000'001, rover, deadlines);
+  CHECK(rover.velocities.size() == 1);
+  CHECK_FALSE(deadlines.struck(static_cast<std::uint8_t>(diffdrive::Action::safe_mode)));
 }
 
 TEST_CASE("a receiver frees a frame behind a false start when the line is idle") {

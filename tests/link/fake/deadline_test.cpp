@@ -88,7 +88,7 @@ TEST_CASE("velocity silence stops at 1 s and is safe at 3 s, within one tick, at
   }
 }
 
-TEST_CASE("silence from the start strikes as well, and each deadline ends as the file says") {
+TEST_CASE("silence from the start strikes as well, and each deadline ends and holds back as the file says") {
   Bench bench(0u - 2'000'000u);
   bench.tick(1'000'000);
   const std::uint32_t started = bench.rover.now_us;
@@ -98,9 +98,19 @@ TEST_CASE("silence from the start strikes as well, and each deadline ends as the
   bench.drive();
   for (int i = 0; i < 10; ++i) bench.tick(1'000'000);
   CHECK_FALSE(bench.link.struck(diffdrive::Action::stop));
+  CHECK_FALSE(bench.link.struck(diffdrive::Action::safe_mode));  // it struck before a message ever came
+  CHECK(bench.rover.moving);
+  while (bench.rover.safe_modes.size() == 1) bench.tick(1'000'000);
+  bench.drive();
+  for (int i = 0; i < 10; ++i) bench.tick(1'000'000);
+  CHECK_FALSE(bench.rover.moving);  // held back
+  CHECK(bench.link.struck(diffdrive::Action::stop));
   CHECK(bench.link.struck(diffdrive::Action::safe_mode));
   bench.link.recover(diffdrive::Action::safe_mode);
   CHECK_FALSE(bench.link.struck(diffdrive::Action::safe_mode));
+  bench.drive();
+  for (int i = 0; i < 10; ++i) bench.tick(1'000'000);
+  CHECK(bench.rover.moving);
 }
 
 TEST_CASE("deadlines run while the port does not") {

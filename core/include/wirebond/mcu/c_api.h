@@ -72,6 +72,12 @@ typedef struct wirebond_violations {
   uint32_t rejected;  ///< messages that the handlers did not get
 } wirebond_violations_t;
 
+/// Intact messages that reached no function, by the reason, modulo 2^32. Their frames count as delivered.
+typedef struct wirebond_not_acted {
+  uint32_t late;       ///< as old as the shortest deadline of their message, or older, when they were found
+  uint32_t held_back;  ///< a deadline of their message with `recover: explicit` had struck
+} wirebond_not_acted_t;
+
 /// A frame of no known message. Pointers are valid during the call that hands it out.
 typedef struct wirebond_frame {
   const uint8_t* wire;  ///< as received, delimiters included

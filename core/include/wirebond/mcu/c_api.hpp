@@ -8,6 +8,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "wirebond/deadline.hpp"
 #include "wirebond/mcu/c_api.h"
 #include "wirebond/receiver.hpp"
 #include "wirebond/status.hpp"
@@ -57,6 +58,8 @@ inline wirebond_violations_t to_c(const Violations& counts) {
           counts.clamped,    counts.wrong_count,  counts.rejected};
 }
 
+inline wirebond_not_acted_t to_c(const NotActed<std::uint32_t>& counts) { return {counts.late, counts.held_back}; }
+
 /// Where a receiver's bytes went. `Account`: one of C's, of receivers or of links.
 template <class Account, class Receiver>
 Account bytes_of(const Receiver& receiver) {
@@ -101,11 +104,14 @@ const Object& object_in(const Storage& storage) {
   return *std::launder(reinterpret_cast<const Object*>(&storage));
 }
 
-/// Tells deadlines of received messages, where C gave it any.
+/// Asks deadlines about received messages, where C gave it any.
 template <class Deadlines>
 struct Watch {
   Deadlines* deadlines = nullptr;
 
+  MayAct judge(std::int16_t message, std::uint32_t now_us) {
+    return deadlines == nullptr ? MayAct::yes : deadlines->judge(message, now_us);
+  }
   void seen(std::int16_t message, std::uint32_t now_us) {
     if (deadlines != nullptr) deadlines->seen(message, now_us);
   }
@@ -113,6 +119,7 @@ struct Watch {
 
 /// Stands for the deadlines of an end that has none.
 struct NoDeadlines {
+  MayAct judge(std::int16_t, std::uint32_t) { return MayAct::yes; }
   void seen(std::int16_t, std::uint32_t) {}
 };
 

@@ -165,7 +165,7 @@ def _deadlines(protocol: Protocol, names: Names, end: End) -> DeadlinesView | No
     if not here:
         return None
     prefix = names.claim(end.value, "deadlines")
-    for verb in ("init", "poll", "recover", "struck"):
+    for verb in ("init", "poll", "recover", "struck", "not_acted"):
         names.claim(end.value, "deadlines", verb)
     return DeadlinesView(
         end,
