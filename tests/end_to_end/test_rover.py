@@ -117,10 +117,12 @@ def test_silence_is_measured_from_the_last_velocity(process: rover.RoverProcess)
 
 def test_rover_drives_what_it_is_told_and_safe_mode_needs_its_parameter(process: rover.RoverProcess) -> None:
     with wirebond.open(DIFFDRIVE, process.port) as link:
-        wait_for_event(process, "safe_mode")  # nobody spoke since start-up
+        wait_for_event(process, "safe_mode")  # nobody spoke since start-up: that holds nothing back
         link.receive()
-        link.send("velocity", linear=0.5, angular=0.0)
-        assert set(ticks(collect(link, 6))) == {0}
+        assert ticks(drive(link, linear=0.5, angular=0.0, odometry=20))[-1] > 0
+        wait_for_event(process, "safe_mode")  # silence after a command does
+        link.receive()
+        assert set(ticks(drive(link, linear=0.5, angular=0.0, odometry=20))) == {0}
 
         link.send("parameter", name="clear_safe_mode", value=0)
         messages = drive(link, linear=0.5, angular=0.0, odometry=30)
