@@ -69,23 +69,23 @@ TEST_CASE("an explicit deadline that has struck holds its message back until `re
     CAPTURE(start);
     Deadlines<3> deadlines(rules, start);
     Log log;
-    CHECK(deadlines.judge(4, start) == MayAct::yes);
+    CHECK(deadlines.may_act(4, start) == MayAct::yes);
     deadlines.seen(4, start);
     deadlines.poll(start + 3'000'000, log);
     CHECK(log.actions == std::vector<int>{stop, safe_mode, warn});
-    CHECK(deadlines.judge(4, start + 3'100'000) == MayAct::held_back);
-    CHECK(deadlines.judge(5, start + 3'100'000) == MayAct::yes);  // another message
-    deadlines.seen(4, start + 3'200'000);                         // nor does it end or put off a deadline
+    CHECK(deadlines.may_act(4, start + 3'100'000) == MayAct::held_back);
+    CHECK(deadlines.may_act(5, start + 3'100'000) == MayAct::yes);  // another message
+    deadlines.seen(4, start + 3'200'000);                           // nor does it end or put off a deadline
     CHECK(deadlines.struck(stop));
-    CHECK(deadlines.judge(4, start + 3'300'000) == MayAct::held_back);
+    CHECK(deadlines.may_act(4, start + 3'300'000) == MayAct::held_back);
     CHECK(deadlines.not_acted().held_back == 2);
     deadlines.recover(stop, start + 3'350'000);  // ends its own, and nothing else
     CHECK(deadlines.struck(safe_mode));
-    CHECK(deadlines.judge(4, start + 3'360'000) == MayAct::held_back);
+    CHECK(deadlines.may_act(4, start + 3'360'000) == MayAct::held_back);
     deadlines.recover(safe_mode, start + 3'400'000);
     CHECK_FALSE(deadlines.struck(safe_mode));
     CHECK_FALSE(deadlines.struck(stop));
-    CHECK(deadlines.judge(4, start + 3'400'001) == MayAct::yes);
+    CHECK(deadlines.may_act(4, start + 3'400'001) == MayAct::yes);
     log.actions.clear();
     deadlines.poll(start + 4'399'999, log);
     CHECK(log.actions.empty());
@@ -100,27 +100,27 @@ TEST_CASE("an explicit deadline that strikes before its message ever came holds 
   Log log;
   deadlines.poll(30'000'000, log);  // the host boots
   CHECK(deadlines.struck(safe_mode));
-  CHECK(deadlines.judge(4, 30'000'001) == MayAct::yes);
+  CHECK(deadlines.may_act(4, 30'000'001) == MayAct::yes);
   CHECK(deadlines.struck(safe_mode));  // it broke a rule of its fields, say: only a valid one ends it
   deadlines.seen(4, 30'000'001);
   CHECK_FALSE(deadlines.struck(safe_mode));
   log.actions.clear();
   deadlines.poll(33'000'001, log);
   CHECK(log.actions == std::vector<int>{stop, safe_mode});
-  CHECK(deadlines.judge(4, 33'000'002) == MayAct::held_back);  // from its first message on, it holds
+  CHECK(deadlines.may_act(4, 33'000'002) == MayAct::held_back);  // from its first message on, it holds
   deadlines.start(40'000'000);
-  CHECK(deadlines.judge(4, 40'000'001) == MayAct::yes);  // and start means start
+  CHECK(deadlines.may_act(4, 40'000'001) == MayAct::yes);  // and start means start
 }
 
 TEST_CASE("a message as old as the shortest of its deadlines is late") {
   for (const std::uint32_t start : {0u, 0xFFFFFFFFu - 400'000u}) {
     CAPTURE(start);
     Deadlines<3> deadlines(rules, start);
-    CHECK(deadlines.judge(4, start, start + 999'999) == MayAct::yes);
-    CHECK(deadlines.judge(4, start, start + 1'000'000) == MayAct::late);
-    CHECK(deadlines.judge(5, start, start + 1'999'999) == MayAct::yes);
-    CHECK(deadlines.judge(5, start, start + 2'000'000) == MayAct::late);
-    CHECK(deadlines.judge(6, start, start + 100'000'000) == MayAct::yes);  // it has no deadline
+    CHECK(deadlines.may_act(4, start, start + 999'999) == MayAct::yes);
+    CHECK(deadlines.may_act(4, start, start + 1'000'000) == MayAct::late);
+    CHECK(deadlines.may_act(5, start, start + 1'999'999) == MayAct::yes);
+    CHECK(deadlines.may_act(5, start, start + 2'000'000) == MayAct::late);
+    CHECK(deadlines.may_act(6, start, start + 100'000'000) == MayAct::yes);  // it has no deadline
     CHECK(deadlines.not_acted().late == 2);
     CHECK(deadlines.not_acted().held_back == 0);
   }
@@ -131,7 +131,7 @@ TEST_CASE("a message that is late and held back is counted once") {
   Log log;
   deadlines.seen(4, 0);
   deadlines.poll(3'000'000, log);
-  CHECK(deadlines.judge(4, 2'000'000, 3'000'000) == MayAct::late);
+  CHECK(deadlines.may_act(4, 2'000'000, 3'000'000) == MayAct::late);
   CHECK(deadlines.not_acted().late == 1);
   CHECK(deadlines.not_acted().held_back == 0);
 }
@@ -139,7 +139,7 @@ TEST_CASE("a message that is late and held back is counted once") {
 TEST_CASE("silence counts from when the bytes came, not from when somebody looked") {
   Deadlines<3> deadlines(rules, 0u);
   Log log;
-  REQUIRE(deadlines.judge(4, 500'000, 1'400'000) == MayAct::yes);
+  REQUIRE(deadlines.may_act(4, 500'000, 1'400'000) == MayAct::yes);
   deadlines.seen(4, 500'000);
   deadlines.poll(1'499'999, log);
   CHECK(log.actions.empty());
@@ -170,9 +170,9 @@ TEST_CASE("of two explicit deadlines of a message each is ended by its own actio
   deadlines.recover(safe_mode, 2'100'000);
   CHECK_FALSE(deadlines.struck(safe_mode));
   CHECK(deadlines.struck(stop));
-  CHECK(deadlines.judge(4, 2'200'000) == MayAct::held_back);
+  CHECK(deadlines.may_act(4, 2'200'000) == MayAct::held_back);
   deadlines.recover(stop, 2'300'000);
-  CHECK(deadlines.judge(4, 2'400'000) == MayAct::yes);
+  CHECK(deadlines.may_act(4, 2'400'000) == MayAct::yes);
 }
 
 TEST_CASE("rules that are known at run time only are watched alike") {
@@ -185,9 +185,9 @@ TEST_CASE("rules that are known at run time only are watched alike") {
   deadlines.seen(4, 7'000'000'000u);
   deadlines.poll(7'003'000'000u, log);
   CHECK(log.actions == std::vector<int>{stop, safe_mode, warn});
-  CHECK(deadlines.judge(4, 7'003'000'001u) == MayAct::held_back);
+  CHECK(deadlines.may_act(4, 7'003'000'001u) == MayAct::held_back);
   deadlines.recover(safe_mode, 7'003'000'002u);
-  CHECK(deadlines.judge(4, 7'003'000'003u) == MayAct::yes);
+  CHECK(deadlines.may_act(4, 7'003'000'003u) == MayAct::yes);
   CHECK_FALSE(deadlines.struck(stop));
 }
 

@@ -90,7 +90,7 @@ class BasicDeadlines {
 
   /// Ask this before a message that passed its checks acts. `received_us`: when its bytes came, or an earlier time
   /// where that is not known exactly; `now_us`: when it would act. Any other answer than `yes` is counted.
-  MayAct judge(std::int16_t message, Time received_us, Time now_us) {
+  MayAct may_act(std::int16_t message, Time received_us, Time now_us) {
     const Time age_us = static_cast<Time>(now_us - received_us);
     MayAct answer = MayAct::yes;
     for (std::size_t i = 0; i < memory_.size(); ++i) {
@@ -107,7 +107,7 @@ class BasicDeadlines {
     return answer;
   }
   /// The same for a message that acts as soon as it comes.
-  MayAct judge(std::int16_t message, Time now_us) { return judge(message, now_us, now_us); }
+  MayAct may_act(std::int16_t message, Time now_us) { return judge(message, now_us, now_us); }
 
   /// A valid message came at `received_us`: silence counts from there. One that is held back changes nothing.
   void seen(std::int16_t message, Time received_us) {
@@ -150,7 +150,7 @@ class BasicDeadlines {
     return false;
   }
 
-  /// What `judge` refused.
+  /// What `may_act` refused.
   const NotActed<Time>& not_acted() const { return not_acted_; }
 
  private:

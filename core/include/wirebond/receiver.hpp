@@ -30,7 +30,7 @@ class Receiver {
     feed(bytes, size, now_us, handler, unwatched);
   }
 
-  /// The same, and `deadlines` decide: `deadlines.judge(message, now_us)` is asked before each known message, which
+  /// The same, and `deadlines` decide: `deadlines.may_act(message, now_us)` is asked before each known message, which
   /// reaches no handler where the answer is not `MayAct::yes`; `deadlines.seen(message, now_us)` is called for each
   /// that passes its field rules, after its handler.
   template <class Handler, class Watch>
@@ -65,7 +65,7 @@ class Receiver {
 
  private:
   struct Unwatched {
-    MayAct judge(std::int16_t, Counter) { return MayAct::yes; }
+    MayAct may_act(std::int16_t, Counter) { return MayAct::yes; }
     void seen(std::int16_t, Counter) {}
   };
 
@@ -78,7 +78,7 @@ class Receiver {
     Counter now_us;
 
     WIREBOND_INLINE void operator()(const Frame& frame) const {
-      if (frame.message >= 0 && deadlines.judge(frame.message, now_us) != MayAct::yes) return;
+      if (frame.message >= 0 && deadlines.may_act(frame.message, now_us) != MayAct::yes) return;
       if (Source::dispatch(frame, handler, receiver.violations_)) deadlines.seen(frame.message, now_us);
     }
   };
