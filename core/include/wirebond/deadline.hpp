@@ -107,7 +107,7 @@ class BasicDeadlines {
     return answer;
   }
   /// The same for a message that acts as soon as it comes.
-  MayAct may_act(std::int16_t message, Time now_us) { return judge(message, now_us, now_us); }
+  MayAct may_act(std::int16_t message, Time now_us) { return may_act(message, now_us, now_us); }
 
   /// A valid message came at `received_us`: silence counts from there. One that is held back changes nothing.
   void seen(std::int16_t message, Time received_us) {
