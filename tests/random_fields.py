@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from enum import IntEnum
@@ -17,6 +18,8 @@ NAMES = (
     "decode", "encode", "clamp", "violations", "out", "reg", "name", "id", "index", "header", "type", "text",
     "mode", "state", "gain", "x", "y", "left", "right", "total",
 )  # fmt: skip
+WIDTHS = (8, 8, 16, 16, 24, 24, 24, 32, 32, 40, 48, 56, 64)
+MOST_OFFSET = 2**46  # in steps of the wire: doubles have to tell them apart
 MOST_SCALED_BITS = 40  # beyond, a double does not tell all numbers of the wire apart
 MOST_RANGED_BITS = 48
 
@@ -100,7 +103,7 @@ class FieldSource:
 
     # ---- numbers
 
-    def _integer(self, widths: range) -> tuple[str, int]:
+    def _integer(self, widths: Sequence[int]) -> tuple[str, int]:
         """Letter and bits."""
         letter = self._random.choice("uuuis")
         return letter, max(self._random.choice(widths), 1 if letter == "u" else 2)
@@ -111,14 +114,22 @@ class FieldSource:
     def _number(self, _: int = 0) -> Drawn:
         if self._random.random() < 0.2:
             return self._float()
-        letter, bits = self._integer(range(8, 65, 8))
+        letter, bits = self._integer(WIDTHS)
         options, default = self._options(letter, bits)
         return Drawn(f"{{type: {self._order(f'{letter}{bits}', bits)}{options}{self._given(default)}}}", bits // 8)
 
     def _float(self) -> Drawn:
         bits = self._random.choice((32, 64))
         options = self._random.choice(
-            ("", "", ", range: [-10.5, 20]", ", range: [0, 1], on_range: clamp", ", scale: 0.5")
+            (
+                "",
+                "",
+                ", range: [-10.5, 20]",
+                ", range: [0, 1], on_range: clamp",
+                ", scale: 0.5",
+                ", scale: -0.25",
+                ", scale: 4",
+            )
         )
         default = self._random.choice(("0.5", "0", "0.125"))
         return Drawn(f"{{type: {self._order(f'f{bits}', bits)}{options}{self._given(default)}}}", bits // 8)
@@ -133,7 +144,7 @@ class FieldSource:
         """
         half = 2 ** (bits - 1)
         least, most = (0, 2 * half - 1) if letter == "u" else (-half + (letter == "s"), half - 1)
-        kind = self._random.choice(("", "", "", "scale", "scale", "range", "enum", "flags"))
+        kind = self._random.choice(("", "", "scale", "scale", "scale", "scale", "range", "enum", "flags"))
         if kind == "enum":
             numbers = sorted({self._random.randint(least, most) for _ in range(self._random.randint(1, 4))})
             names = ", ".join(f"e{i}: {number}" for i, number in enumerate(numbers))
@@ -145,11 +156,12 @@ class FieldSource:
             return f", flags: {{{names}}}", value if repeats else self._random.choice(("[b0]", "[]", value))
         scale, offset, options = Fraction(1), Fraction(0), ""
         if kind == "scale" and bits <= MOST_SCALED_BITS:
-            word = self._random.choice(SCALES)
+            word = self._random.choice(SCALES) if self._random.random() < 0.3 else self._awkward(-9, 3)
             scale, options = Fraction(word), f", scale: {word}, unit: m"
-            if self._random.random() < 0.3:
-                word = self._random.choice(OFFSETS)
-                offset, options = Fraction(word), f"{options}, offset: {word}"
+            if self._random.random() < 0.4:
+                word = self._random.choice(OFFSETS) if self._random.random() < 0.3 else self._awkward(-3, 4)
+                if abs(Fraction(word)) <= MOST_OFFSET * abs(scale):
+                    offset, options = Fraction(word), f"{options}, offset: {word}"
         wires = sorted((self._random.randint(least, most), self._random.randint(least, most)))
         values = sorted(wire * scale + offset for wire in wires)
         ranged = kind in ("scale", "range") and bits <= MOST_RANGED_BITS and values[0] < values[1]
@@ -157,6 +169,12 @@ class FieldSource:
             rule = self._random.choice(("", ", on_range: clamp", ", on_range: reject"))
             options += f", range: [{decimal(values[0])}, {decimal(values[1])}]{rule}"
         return options, decimal(self._random.choice(values))
+
+    def _awkward(self, least: int, most: int) -> str:
+        """A number of up to nine digits that no float holds, times a power of ten: products with it are wide."""
+        digits = self._random.randrange(1, 10 ** self._random.choice((1, 3, 6, 7, 8, 9)))
+        sign = self._random.choice((1, 1, -1))
+        return decimal(Fraction(sign * digits) * Fraction(10) ** self._random.randint(least, most))
 
     def _bool(self, _: int) -> Drawn:
         return Drawn(f"{{type: bool{self._given(self._random.choice(('true', 'false')))}}}", 1)

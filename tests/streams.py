@@ -64,7 +64,8 @@ def _element(described: Field, source: random.Random) -> Any:
         return [name for name, _ in described.flags if source.random() < 0.5]
     if described.kind == FieldKind.FLOAT:
         low, high = described.minimum, described.maximum
-        return source.uniform(-1000 if low is None else low, 1000 if high is None else high)
+        drawn = source.uniform(-1000 if low is None else low, 1000 if high is None else high)
+        return source.choice((-0.0, 0.0)) if source.random() < 0.1 else drawn
     half = 2 ** (described.width - 1)
     least, most = (-half, half - 1) if described.kind == FieldKind.SIGNED else (0, 2 * half - 1)
     least += described.sign_magnitude

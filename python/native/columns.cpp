@@ -170,9 +170,7 @@ nb::object number_column(const Column& column, const Rows& rows, std::size_t str
   const auto raw = [](std::uint64_t bits) { return bits; };
   const auto two = [&](std::uint64_t bits) { return signed_of(field, bits); };
   const auto real = [&](std::uint64_t bits) { return float_of(field, bits); };
-  const auto scale = [&](double wire) {
-    return (wire * field.numerator + field.addend) / field.denominator + field.offset;
-  };
+  const auto scale = [&](double wire) { return to_si(field, wire); };
   switch (field.kind) {
     case FieldKind::boolean:
       return column_of<std::uint8_t>(column, rows, stride, [](std::uint64_t bits) { return bits != 0 ? 1 : 0; })

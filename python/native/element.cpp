@@ -25,10 +25,6 @@ std::string with_unit(const std::string& text, const FieldTable& field) {
   return field.unit.empty() ? text : text + " " + field.unit;
 }
 
-double to_si(const FieldTable& field, double wire) {
-  return (wire * field.numerator + field.addend) / field.denominator + field.offset;
-}
-
 /// The enumerator's name for these bits (two's complement in 64 bits), or an invalid object.
 nb::object enumerator(const FieldTable& field, std::uint64_t bits) {
   for (const auto& [name, value] : field.enumerators) {
@@ -67,7 +63,8 @@ double number_from(const FieldTable& field, nb::handle value, const Path& path) 
   if (!std::isfinite(number)) {
     throw_message_error(path.text() + " is " + number_text(number) + ", not a finite number");
   }
-  if (field.has_range && !(number >= field.minimum && number <= field.maximum)) {
+  if (field.has_range &&
+      !(number >= field.minimum - field.range_slack && number <= field.maximum + field.range_slack)) {
     throw_message_error(path.text() + " = " + with_unit(number_text(number), field) + " is outside " +
                         range_text(field));
   }
@@ -121,7 +118,10 @@ std::uint64_t integer_bits(const FieldTable& field, nb::handle value, const Path
 
 /// What to_si would make this value of, if it were a number on the wire.
 double from_si(const FieldTable& field, double si) {
-  return ((si - field.offset) * field.denominator - field.addend) / field.numerator;
+  if (field.kind != FieldKind::floating) {
+    return ((si - field.offset) * field.denominator - field.addend) / field.numerator;
+  }
+  return (field.offset == 0 ? si : si - field.offset) * field.denominator / field.numerator;
 }
 
 /// The whole number nearest to an SI value; halves go away from zero, as in the generated code.
@@ -268,6 +268,10 @@ std::string fault_of(const FieldTable& field, std::uint64_t raw) {
       const double wire = float_of(field, raw);
       if (!std::isfinite(wire)) return " is " + number_text(wire) + ", not a finite number";
       si = to_si(field, wire);
+      // The generated code computes in the wire's own type, and has no value then.
+      if (!std::isfinite(field.size == 4 ? static_cast<double>(static_cast<float>(si)) : si)) {
+        return " is " + number_text(si) + ", beyond a " + std::to_string(8 * field.size) + "-bit float";
+      }
       break;
     }
     case FieldKind::signed_integer: {

@@ -50,6 +50,15 @@ inline std::int64_t signed_of(const FieldTable& field, std::uint64_t raw) {
   return field.sign_magnitude ? from_sign_magnitude(raw, field.width) : from_twos_complement(raw, field.width);
 }
 
+/// The value of a number on the wire. Any thread. A float's minus zero stays one; an integer's zero has no sign.
+inline double to_si(const FieldTable& field, double wire) {
+  if (field.kind != FieldKind::floating) {
+    return (wire * field.numerator + field.addend) / field.denominator + field.offset;
+  }
+  const double scaled = wire * field.numerator / field.denominator;
+  return field.offset == 0 ? scaled : scaled + field.offset;
+}
+
 /// The number of a float field.
 double float_of(const FieldTable& field, std::uint64_t raw);
 

@@ -65,6 +65,7 @@ void read_meaning(FieldTable& table, nb::handle field) {
     table.has_range = true;
     table.minimum = as_double(minimum);
     table.maximum = as_double(field.attr("maximum"));
+    table.range_slack = as_double(field.attr("double_slack"));
   }
   table.default_value = field.attr("default");
   table.has_default = !table.default_value.is_none();

@@ -28,7 +28,8 @@ enum class Repeat : std::uint8_t {
 };
 
 /// One field. `value = (wire * numerator + addend) / denominator + offset`: exact whole numbers, so that one rounding
-/// is left and 9 * 0.001 is 0.009, not 0.009000000000000001. `offset` is zero where such numbers hold it.
+/// is left and 9 * 0.001 is 0.009, not 0.009000000000000001. `offset` is zero where such numbers hold it, and `addend`
+/// of a float always.
 struct FieldTable {
   std::string name;
   nb::object key;  ///< the name, interned
@@ -62,6 +63,7 @@ struct FieldTable {
   bool has_range = false;
   double minimum = 0;
   double maximum = 0;
+  double range_slack = 0;  ///< what the arithmetic may lose of a bound
   bool has_default = false;
   nb::object default_value;
   bool has_enum = false;

@@ -46,13 +46,32 @@ def test_words_become_values_within_structs(message: str, words: list[str], valu
         (["origin.at.x=1", "origin.at.x=2"], "origin.at.x is given twice"),
         (["origin=3", "origin.mode=moving"], "origin is given twice"),
         (["origin"], "'origin' is no assignment; write field=value, for example n=0"),
+        (['points=[{"x": 1, "y": 2, "x": 3}]'], "points has 'x' twice in one JSON object; give it once"),
+        (['origin={"at": {"x": 1, "x": 1}}'], "origin has 'x' twice in one JSON object; give it once"),
+        (["origin.at.x=1_0"], "x is '1_0'; expected a number"),
+        (["origin.at.x=1_0.5"], "x is '1_0.5'; expected a number"),
+        (["origin.at.x=0x1_0"], "x is '0x1_0'; expected a number"),
+        (["origin.at.x=\u0661\u0662"], "x is '\u0661\u0662'; expected a number"),
+        (["echoes=1,\uff12"], "echoes is '\uff12'; expected a number"),
     ],
-    ids=range(8),
+    ids=range(15),
 )
 def test_wrong_words_are_told(words: list[str], sentence: str) -> None:
     with pytest.raises(WirebondError) as caught:
         parse_assignments(SHAPES.model.message("scan"), words)
     assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("12", 12), ("-7", -7), ("+7", 7), ("007", 7), ("0x1F", 31), ("-0b11", -3), ("0o17", 15), ("0.5", 0.5),
+        (".5", 0.5), ("5.", 5.0), ("1e3", 1000.0), ("-2.5E-1", -0.25),
+    ],
+)  # fmt: skip
+def test_numbers_are_written_as_usual(text: str, value: float) -> None:
+    given = parse_assignments(SHAPES.model.message("scan"), [f"origin.at.x={text}"])
+    assert given == {"origin": {"at": {"x": value}}}
 
 
 def test_padding_is_no_field() -> None:

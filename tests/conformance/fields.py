@@ -131,4 +131,7 @@ def _is_same(field: Field | None, value: Any, token: str) -> bool:
         return int(token) == value
     error, step = (FLOAT_ERROR, FLOAT_STEP) if real_type(field) == "float" else (DOUBLE_ERROR, DOUBLE_STEP)
     size = max(abs(value), abs(float(field.offset)))
-    return math.isclose(float.fromhex(token), value, rel_tol=0, abs_tol=error * size + step)
+    found = float.fromhex(token)
+    if found == 0 == value and math.copysign(1, found) != math.copysign(1, value):
+        return False
+    return math.isclose(found, value, rel_tol=0, abs_tol=error * size + step)

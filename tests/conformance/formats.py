@@ -18,6 +18,7 @@ from wirebond.protocol.model import End, Protocol
 SOURCE = Path(__file__).with_name("formats_main.cpp")
 # Clang without optimisation is the quickest over this program, by three times.
 COMPILE = ("clang++-14", *FLAGS, "-Wconversion", "-Wshadow", "-Wpedantic", "-O0")
+SANITIZE = ("-fsanitize=undefined,float-cast-overflow", "-fno-sanitize-recover=all")
 
 
 @dataclass(frozen=True)
@@ -56,9 +57,12 @@ class Answers:
     defaults: dict[tuple[int, int], bytes | None]  # by row and message: the frame of a struct as it was made
 
 
-def build_formats(protocols: list[Protocol], folded: Collection[int], build: Path = BUILD) -> Path:
+def build_formats(
+    protocols: list[Protocol], folded: Collection[int], build: Path = BUILD, *, sanitize: bool = False
+) -> Path:
     """The program for these protocols, whose names differ; those of ``folded``, by their place, have a deframer and an
-    encoder of their own, as firmware has. AssertionError with the compiler's words when it does not compile.
+    encoder of their own, as firmware has. ``sanitize``: undefined behaviour ends the program. AssertionError with the
+    compiler's words when it does not compile.
     """
     build.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=build) as name:
@@ -66,7 +70,8 @@ def build_formats(protocols: list[Protocol], folded: Collection[int], build: Pat
         headers = {path for protocol in protocols for path in generate_cpp(protocol, folder)}
         rows = folder / "formats.hpp"
         rows.write_text("\n".join(_rows(protocols, folded)), encoding="utf-8")
-        return compiled(f"formats_{protocols[0].name}", SOURCE, list(COMPILE), [*headers, rows], build)
+        command = [*COMPILE, *(SANITIZE if sanitize else ())]
+        return compiled(f"formats_{protocols[0].name}", SOURCE, command, [*headers, rows], build)
 
 
 def decode_all(program: Path, jobs: list[Job], folder: Path) -> Answers:

@@ -104,9 +104,9 @@ def test_integer_literal_has_its_width(value: int, literal: str) -> None:
     ("scale", "offset", "size", "from_wire", "to_wire"),
     [
         ("0.001", "0", 2, "static_cast<float>(w) / 1000.0F", "v * 1000.0F"),
-        ("5", "0", 2, "static_cast<float>(w * 5)", "v / 5.0F"),
-        ("0.3", "0", 2, "static_cast<float>(w * 3) / 10.0F", "v * 10.0F / 3.0F"),
-        ("0.5", "-40", 1, "static_cast<float>(w - 80) / 2.0F", "(v + 40.0F) * 2.0F"),
+        ("5", "0", 2, "static_cast<float>(static_cast<std::int32_t>(w) * 5)", "v / 5.0F"),
+        ("0.3", "0", 2, "static_cast<float>(static_cast<std::int32_t>(w) * 3) / 10.0F", "v * 10.0F / 3.0F"),
+        ("0.5", "-40", 1, "static_cast<float>(static_cast<std::int32_t>(w) - 80) / 2.0F", "(v + 40.0F) * 2.0F"),
         ("0.0174533", "1", 2, "static_cast<float>(w) * 0.0174533F + 1.0F", "(v - 1.0F) * 10000000.0F / 174533.0F"),
         ("0.01", "7", 4, "static_cast<double>(static_cast<std::int64_t>(w) + 700) / 100.0", "(v - 7.0) * 100.0"),
     ],

@@ -190,6 +190,30 @@ MEANING = [
         "u64, unit: m/s, scale: @1e300",
         "the greatest value is beyond a double",
     ),
+    ("scale: 0.001", "scale: @1e-310", "out of the range of a double; write a number from 1e-300 to 1e300"),
+    ("scale: 0.001", "scale: @5e-324", "out of the range of a double; write a number from 1e-300 to 1e300"),
+    ("scale: 0.001", "scale: @1_0", "`1_0` is not a number"),
+    ("scale: 0.001", "scale: @٣", "`٣` is not a number"),
+    (
+        "scale: 0.001, range: [-2.0, 2.0], on_range: clamp",
+        "offset: @1e300",
+        "beside an offset of 1e+300 a double loses the steps of 1; write an offset of at most 281474976710656",
+    ),
+    (
+        "scale: 0.001, range: [-2.0, 2.0], on_range: clamp",
+        "scale: 0.000123, offset: @1.0e+12",
+        "a double loses the steps of 0.000123; write an offset of at most",
+    ),
+    (
+        "type: i16, unit: m/s, scale: 0.001, range: [-2.0, 2.0], on_range: clamp",
+        "type: f64, offset: @1e300",
+        "beside an offset of 1e+300 a double loses the steps of 1",
+    ),
+    (
+        "type: i16, unit: m/s, scale: 0.001, range: [-2.0, 2.0], on_range: clamp",
+        "type: f32, scale: @1e-60",
+        "f32 values are computed in 32-bit floats, and 1e-60 is out of their range",
+    ),
     ("on_range: clamp", "default: @3", "3 does not fit `speed`, which takes values from -2 to 2"),
     ("on_range: clamp", "default: @slow", "`slow` is not a number"),
     (

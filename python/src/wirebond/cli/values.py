@@ -12,6 +12,9 @@ from wirebond.protocol.model import Field, FieldKind, Message
 
 _TRUE = {"true", "yes", "on", "1"}
 _FALSE = {"false", "no", "off", "0"}
+# As Python reads them, but without its underscores and the digits of other scripts; int() takes 4300 digits at most.
+_WHOLE = re.compile(r"[+-]?([0-9]{1,4000}|0[xX][0-9a-fA-F]{1,64}|0[oO][0-7]{1,64}|0[bB][01]{1,64})")
+_DECIMAL = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|infinity|nan)", re.IGNORECASE)
 
 
 def parse_assignments(message: Message, words: list[str]) -> dict[str, Any]:
@@ -85,7 +88,7 @@ def _parse(described: Field, text: str) -> Any:
 
 def _from_json(described: Field, text: str) -> Any:
     try:
-        return _with_bytes(described, json.loads(text))
+        return _with_bytes(described, json.loads(text, object_pairs_hook=lambda pairs: _unique(described, pairs)))
     except (json.JSONDecodeError, RecursionError) as error:
         reason = error.msg if isinstance(error, json.JSONDecodeError) else "nested too deep"
         names = ", ".join(f'"{f.name}": 0' for f in described.fields[:2])
@@ -94,6 +97,16 @@ def _from_json(described: Field, text: str) -> Any:
         raise UsageError(
             f"{described.name} is '{text[:60]}', which is not JSON ({reason}); write '{described.name}={example}'"
         ) from error
+
+
+def _unique(described: Field, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A mapping of JSON, in which no name stands twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise UsageError(f"{described.name} has '{twice}' twice in one JSON object; give it once")
+    return found
 
 
 def _with_bytes(described: Field, value: Any) -> Any:
@@ -119,18 +132,15 @@ def _parse_one(described: Field, text: str) -> Any:
     value = _number_or_name(text)
     if isinstance(value, str) and not described.enum:
         unit = f" in {described.unit}" if described.unit else ""
-        raise MessageError(f"{described.name} is '{text}'; expected a number{unit}")
+        raise MessageError(f"{described.name} is '{text}'; expected a number{unit}, such as 12 or 0.5")
     return value
 
 
 def _number_or_name(text: str) -> int | float | str:
     text = text.strip()
-    for convert in (lambda t: int(t, 0), int, float):
-        try:
-            return convert(text)
-        except ValueError:
-            continue
-    return text
+    if _WHOLE.fullmatch(text):
+        return int(text, 10 if text.lstrip("+-").isdigit() else 0)
+    return float(text) if _DECIMAL.fullmatch(text) else text
 
 
 def hex_of(data: bytes) -> str:

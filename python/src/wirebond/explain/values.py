@@ -314,12 +314,27 @@ def _float(field: Field, raw: int) -> _Number:
     if not field.is_scaled:
         return wire, _with_unit(shown, field), _range_fault(field, wire)
     value = _scaled(field, wire)
-    return value, f"{_with_unit(_decimal(value), field)} ({_working(field, shown)})", _range_fault(field, value)
+    fault = _range_fault(field, value)
+    if not math.isfinite(value) or (field.size == 4 and _as_f32(value) is None):
+        fault = f" is {value:g}, beyond a {8 * field.size}-bit float"
+    return value, f"{_with_unit(_decimal(value), field)} ({_working(field, shown)})", fault
+
+
+def _as_f32(value: float) -> float | None:
+    """The nearest 32-bit float; None where it is too large."""
+    try:
+        return float(struct.unpack("<f", struct.pack("<f", value))[0])
+    except OverflowError:
+        return None
 
 
 def _scaled(field: Field, wire: float) -> float:
-    """In doubles and in this order, so that it is the engine's value to the last bit."""
+    """In doubles and in this order, so that it is the engine's value to the last bit: `to_si` in native/element.hpp.
+    tests/test_scaled_values.py compares the two."""
     numerator, addend, denominator, offset = field.double_factors
+    if field.kind == FieldKind.FLOAT:  # adding a zero would take the sign of another
+        scaled = float(wire) * numerator / denominator
+        return scaled + float(offset) if offset else scaled
     return (float(wire) * numerator + addend) / denominator + float(offset)
 
 
@@ -346,9 +361,6 @@ def _shortest_f32(value: float) -> str:
     """The fewest digits that give this float again: 0.1, not 0.10000000149."""
     for digits in range(1, 9):
         text = f"{value:.{digits}g}"
-        try:
-            if struct.unpack("<f", struct.pack("<f", float(text)))[0] == value:
-                return text
-        except OverflowError:  # rounded up past the greatest float
-            continue
+        if _as_f32(float(text)) == value:  # none where it was rounded up past the greatest float
+            return text
     return f"{value:.9g}"

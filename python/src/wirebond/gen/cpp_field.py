@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import Enum, auto
 from fractions import Fraction
 
 from wirebond.gen.cpp_number import Scaling, integer, nearest_float, real, real_type, wire_integer
@@ -119,7 +120,15 @@ def _template_arguments(spec: Field, type_name: str) -> str:
     return f"<{', '.join(arguments)}>"
 
 
-def _bounds(spec: Field, received: bool) -> tuple[str, str]:
+class _Limit(Enum):
+    """What a bound is compared with."""
+
+    SENT = auto()  # a value to send
+    RECEIVED = auto()  # a received value
+    CLAMPED = auto()  # nothing: a value becomes the bound
+
+
+def _bounds(spec: Field, limit: _Limit) -> tuple[str, str]:
     """Literals of the lower and upper bound, each empty where the type itself is as narrow."""
 
     def literal(bound: float | None, upper: bool) -> str:
@@ -128,8 +137,10 @@ def _bounds(spec: Field, received: bool) -> tuple[str, str]:
         if _is_real(spec):
             type_name = real_type(spec)
             value: Fraction | float = bound
-            if received and spec.kind != FieldKind.FLOAT:
+            if limit == _Limit.RECEIVED and spec.kind != FieldKind.FLOAT:
                 value = Scaling(spec, type_name).received_limit(bound, upper)
+            if limit == _Limit.SENT:
+                value = Scaling(spec, type_name).given_limit(bound, upper)
             if type_name == "float" and math.isinf(nearest_float(float(value))):
                 return ""
             return real(value, type_name)
@@ -143,7 +154,7 @@ def _bounds(spec: Field, received: bool) -> tuple[str, str]:
 
 def outside(spec: Field, value: str, received: bool) -> str:
     """A condition that holds where the value is outside its range; empty where there is none."""
-    low, high = _bounds(spec, received)
+    low, high = _bounds(spec, _Limit.RECEIVED if received else _Limit.SENT)
     return " || ".join(part for part in (low and f"{value} < {low}", high and f"{value} > {high}") if part)
 
 
@@ -270,6 +281,6 @@ def clamp_value(spec: Field, value: str) -> list[str]:
     """Lines that bring a received value to its nearest bound."""
     if spec.on_range != OnRange.CLAMP or spec.enum or spec.kind not in NUMBERS:
         return []
-    low, high = _bounds(spec, received=False)
+    low, high = _bounds(spec, _Limit.CLAMPED)
     lines = [f"if ({value} < {low}) {value} = {low};"] if low else []
     return [*lines, f"if ({value} > {high}) {value} = {high};"] if high else lines

@@ -11,6 +11,8 @@ from wirebond.protocol.model import Field, FieldKind
 
 FLOAT_DIGITS = 24  # bits of a float's mantissa
 DOUBLE_DIGITS = 53
+_LEAST_FLOAT = Fraction(1, 1 << 126)  # with all its digits
+_GREATEST_FLOAT = Fraction((1 << 24) - 1) * (1 << 104)
 
 
 def nearest_float(value: float) -> float:
@@ -84,15 +86,11 @@ def real_type(field: Field) -> str:
 
 
 def _survives_float(field: Field) -> bool:
-    """Is what a wire number loses as a float, there and back, too little to become another one?
-
-    Each operation and each constant is off by half a unit in the last place at most (IEEE 754, round to nearest): there
-    are five of the value's size on the way, and three of the offset's.
-    """
-    wire = wire_integer(field)
-    span = max(abs(wire.low), wire.high) * abs(field.scale)
-    error = (5 * span + 3 * abs(field.offset)) * Fraction(1, 1 << FLOAT_DIGITS)
-    return error < abs(field.scale) / 2
+    """Is what a wire number loses as a float, there and back, too little to become another one?"""
+    greatest = (1 << field.width) * abs(field.scale) + abs(field.offset)
+    if abs(field.scale) < _LEAST_FLOAT or greatest > _GREATEST_FLOAT:
+        return False
+    return field.lost_digits(FLOAT_DIGITS) < abs(field.scale) / 2
 
 
 @dataclass(frozen=True)
@@ -115,25 +113,41 @@ class Scaling:
         ends = [abs(wire.low * numerator + shift), abs(wire.high * numerator + shift), denominator]
         return all(end <= limit for end in ends)
 
+    @property
+    def _integer_type(self) -> str:
+        """The type that has room for each step of the exact arithmetic; empty where there is none to do. Never `int`:
+        it has 16 bits on some processors."""
+        numerator, shift, _ = self.field.common_factors
+        if (numerator, shift) == (1, 0):
+            return ""
+        wire = wire_integer(self.field)
+        products = [wire.low * numerator, wire.high * numerator]
+        steps = [numerator, shift, wire.low, wire.high, *products, *(product + shift for product in products)]
+        return "std::int32_t" if max(abs(step) for step in steps) < 2**31 else "std::int64_t"
+
     def from_wire(self, wire: str) -> str:
-        """The SI value of the wire number that the expression ``wire`` yields."""
+        """The SI value of the wire number that the expression ``wire`` yields. An integer's zero has no sign."""
         if not self.is_exact:
-            text = f"static_cast<{self.type_name}>({wire}) * {real(self.field.scale, self.type_name)}"
+            scale = self.field.scale
+            if scale < 0 and not self.field.offset and self.field.kind != FieldKind.FLOAT:
+                return f"0.0{self._suffix} - static_cast<{self.type_name}>({wire}) * {real(-scale, self.type_name)}"
+            text = f"static_cast<{self.type_name}>({wire}) * {real(scale, self.type_name)}"
             if self.field.offset:
                 text += f" + {real(self.field.offset, self.type_name)}"
             return text
         numerator, shift, denominator = self.field.common_factors
-        if (numerator, shift) != (1, 0) and self.field.width > 24:
-            wire = f"static_cast<std::int64_t>({wire})"
-        elif min(numerator, shift) < 0 and self.field.width > 16:  # in an unsigned type these would wrap
-            wire = f"static_cast<std::int32_t>({wire})"
-        text = wire
+        wide = self._integer_type
+        text = wire if wide in ("", wire_integer(self.field).type_name) else f"static_cast<{wide}>({wire})"
         if numerator != 1:
             text += f" * {integer(numerator)}"
         if shift:
             text += f" {'+' if shift > 0 else '-'} {integer(abs(shift))}"
         text = f"static_cast<{self.type_name}>({text})"
         return text if denominator == 1 else f"{text} / {real(denominator, self.type_name)}"
+
+    @property
+    def _suffix(self) -> str:
+        return "" if self.type_name == "double" else "F"
 
     def to_wire(self, value: str) -> str:
         """The wire number, not yet rounded, of the SI value that the expression ``value`` yields."""
@@ -148,6 +162,14 @@ class Scaling:
         if scale.denominator != 1:
             value = f"{value} * {real(scale.denominator, self.type_name)}"
         return value if scale.numerator == 1 else f"{value} / {real(scale.numerator, self.type_name)}"
+
+    def given_limit(self, bound: float, upper: bool) -> Fraction:
+        """The bound for values to send: what the arithmetic lost of the bound itself is not held against a value."""
+        if self.field.kind == FieldKind.FLOAT or self.is_exact:
+            return Fraction(str(bound))
+        mantissa = FLOAT_DIGITS if self.type_name == "float" else DOUBLE_DIGITS
+        slack = min(self.field.lost_digits(mantissa), abs(self.field.scale) / 4)
+        return Fraction(str(bound)) + (slack if upper else -slack)
 
     def received_limit(self, bound: float, upper: bool) -> Fraction:
         """The bound for received values: a bound between two wire values lets the one pass that it is rounded to."""

@@ -124,14 +124,37 @@ class Field:
         return int(self.scale * denominator), int(self.offset * denominator), denominator
 
     @property
-    def double_factors(self) -> tuple[int, int, int, Fraction]:
-        """``value = (wire * numerator + addend) / denominator + offset`` as doubles compute it, with one rounding where
-        the whole numbers are exact in a double: then the offset is in the addend."""
+    def is_exact_in_double(self) -> bool:
+        """Are all whole numbers exact in a double, between a wire number and its value?"""
         numerator, addend, denominator = self.common_factors
         largest = (1 << self.width) * abs(numerator) + abs(addend)
-        if self.kind != FieldKind.FLOAT and max(largest, denominator) <= 2**53:
-            return numerator, addend, denominator, Fraction(0)
-        return self.scale.numerator, 0, self.scale.denominator, self.offset
+        return self.kind != FieldKind.FLOAT and max(largest, denominator) <= 2**53
+
+    @property
+    def double_factors(self) -> tuple[Fraction | int, int, int, Fraction | int]:
+        """``value = (wire * numerator + addend) / denominator + offset`` as doubles compute it, with one rounding where
+        the whole numbers are exact in a double: then the offset is in the addend."""
+        if self.is_exact_in_double:
+            return *self.common_factors, 0
+        numerator, denominator = self.scale.as_integer_ratio()
+        if max(abs(numerator), denominator) > 2**53:
+            return self.scale, 0, 1, self.offset
+        return numerator, 0, denominator, self.offset
+
+    def lost_digits(self, mantissa: int) -> Fraction:
+        """The most that a scaled integer's value loses, there and back, in floats of so many bits where the whole
+        numbers are not exact.
+
+        Each operation and each constant is off by half a unit in the last place at most (IEEE 754, round to nearest):
+        there are five of the value's size on the way, and three of the offset's.
+        """
+        span = (1 << self.width) * abs(self.scale)
+        return (5 * span + 3 * abs(self.offset)) / (1 << mantissa)
+
+    @property
+    def double_slack(self) -> Fraction | int:
+        """How far a double may lie beyond a bound, and be taken for the bound itself."""
+        return 0 if self.kind == FieldKind.FLOAT or self.is_exact_in_double else self.lost_digits(53)
 
     @property
     def width(self) -> int:

@@ -11,7 +11,8 @@ from wirebond.protocol.problems import quoted, suggestion
 
 INTEGERS = (FieldKind.UNSIGNED, FieldKind.SIGNED)
 F64_MAX = Fraction(sys.float_info.max)
-_F32_MAX = Fraction(2**24 - 1) * 2**104
+F32_MAX = Fraction(2**24 - 1) * 2**104
+F32_MIN = Fraction(1, 2**126)  # with all its digits
 _BYTE = re.compile(r"0x[0-9a-fA-F]{1,2}")
 
 Given = Fraction | bool | str | list[Fraction | bool | str]  # a value as the file gives it
@@ -26,7 +27,7 @@ def wire_limits(field: Field) -> tuple[Fraction, Fraction]:
     if field.kind == FieldKind.SIGNED:
         half = 2 ** (field.width - 1)
         return Fraction(1 - half if field.sign_magnitude else -half), Fraction(half - 1)
-    greatest = _F32_MAX if field.size == 4 else F64_MAX
+    greatest = F32_MAX if field.size == 4 else F64_MAX
     return -greatest, greatest
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
 
 from wirebond.protocol.meaning.field_values import (
+    F32_MAX,
+    F32_MIN,
     F64_MAX,
     INTEGERS,
     Given,
@@ -20,6 +23,11 @@ from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.text.field_grammar import TO_END, BitFieldSyntax, PlainSyntax, ValueSyntax
 from wirebond.protocol.text.scalars import WireType
 from wirebond.protocol.text.yaml_tree import Mapping, Scalar
+
+# How many steps of the scale an offset may have, so that a double tells neighbours on the wire apart, there and back:
+# it has 53 bits, and what is not exact in it takes some of them.
+_MOST_EXACT_STEPS = 2**51
+_MOST_STEPS = 2**48
 
 _NUMBERS = (*INTEGERS, FieldKind.FLOAT)
 _STRINGS = (FieldKind.TEXT, FieldKind.BYTES)
@@ -130,12 +138,8 @@ class ValueReader:
         if field.scale == 0:
             self._wrong(self._node.value_place("scale"), "a scale of 0 would make every value the same; write another")
         elif field.kind in _NUMBERS and field.is_scaled:
-            greatest = max(abs(bound) for bound in value_limits(field))
-            if field.kind != FieldKind.FLOAT and greatest > F64_MAX:
-                self._wrong(
-                    self._node.value_place("scale"),
-                    "with this scale the greatest value is beyond a double; scale less",
-                )
+            for option, fault in _scale_faults(field):
+                self._wrong(self._node.value_place(option), fault)
 
     def _check_range(self, field: Field) -> None:
         bounds = self._syntax.range
@@ -192,6 +196,29 @@ class ValueReader:
             other = by_bit.setdefault(bit, name)
             if other != name:
                 self._wrong(node.value_place(name), f"`{other}` is bit {bit} already; give `{name}` a bit of its own")
+
+
+def _scale_faults(field: Field) -> Iterator[tuple[str, str]]:
+    """What scale and offset make of the numbers on the wire, where that is more than a float of their type can hold."""
+    greatest = max(abs(bound) for bound in value_limits(field))
+    if field.kind != FieldKind.FLOAT and greatest > F64_MAX:
+        yield "scale", "with this scale the greatest value is beyond a double; scale less"
+        return
+    if field.kind == FieldKind.FLOAT and field.size == 4:
+        for option, number in (("scale", field.scale), ("offset", field.offset)):
+            if number and not F32_MIN <= abs(number) <= F32_MAX:
+                yield (
+                    option,
+                    (
+                        f"f32 values are computed in 32-bit floats, and {number_text(number)} is out of their range "
+                        "(1.2e-38 to 3.4e+38); write a number within it, or take f64"
+                    ),
+                )
+                return
+    most = abs(field.scale) * (_MOST_EXACT_STEPS if field.is_exact_in_double else _MOST_STEPS)
+    if abs(field.offset) > most:
+        beside = f"beside an offset of {number_text(field.offset)} a double loses the steps of"
+        yield "offset", f"{beside} {number_text(field.scale)}; write an offset of at most {number_text(most)}"
 
 
 class _BitFieldReader(ValueReader):

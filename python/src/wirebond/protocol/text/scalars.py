@@ -119,9 +119,8 @@ def _exact(value: object) -> Fraction:
         raise wrong(f"{describe(value)} is not a number; write a decimal, such as 0.001")
     if not math.isfinite(value.value):
         raise wrong(f"{describe(value)} is not a finite number; write a decimal, such as 0.001")
-    if abs(value.value) > 1e300 or (
-        value.value == 0 and any(c in "123456789" for c in re.split("[eE]", value.text)[0])
-    ):
+    is_nonzero = value.value != 0 or any(c in "123456789" for c in re.split("[eE]", value.text)[0])
+    if is_nonzero and not 1e-300 <= abs(value.value) <= 1e300:
         raise wrong(f"{describe(value)} is out of the range of a double; write a number from 1e-300 to 1e300")
     return value.exact()
 
