@@ -14,6 +14,7 @@ from wirebond.protocol.model import (
     Algorithm,
     BitRole,
     ByteOrder,
+    CheckKind,
     End,
     Escapes,
     LengthCounts,
@@ -22,6 +23,7 @@ from wirebond.protocol.model import (
     PartKind,
     PayloadRule,
     Protocol,
+    Stuffing,
 )
 
 CONSTANTS = (PartKind.CONSTANT, PartKind.TAIL)
@@ -256,7 +258,7 @@ def _longest_on_wire(protocol: Protocol) -> int:
 
 
 def _overhead(protocol: Protocol, size: int) -> int:
-    return {"none": 0, "cobs": 1 + size // 254, "escape": size}[protocol.format.stuffing]
+    return {Stuffing.NONE: 0, Stuffing.COBS: 1 + size // 254, Stuffing.ESCAPE: size}[protocol.format.stuffing]
 
 
 def _examine_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[int, str]:
@@ -275,7 +277,7 @@ def _examine_block(protocol: Protocol, block: bytes, sender: End | None) -> tupl
 
 def _unstuffed(protocol: Protocol, block: bytes) -> bytes | None:
     """What the sender stuffed, and around it what it sent as it is."""
-    if protocol.format.stuffing == "none":
+    if protocol.format.stuffing == Stuffing.NONE:
         return block
     stuffed = [i for i, part in enumerate(protocol.format.parts) if not part.is_plain]
     front = sum(part.size for part in protocol.format.parts[: stuffed[0]])
@@ -559,15 +561,15 @@ def _holds(
 def checksum(algorithm: Algorithm, data: bytes) -> int:
     """One bit at a time, as the definition says."""
     width = algorithm.width
-    if algorithm.kind == "xor":
+    if algorithm.kind == CheckKind.XOR:
         value = algorithm.init
         for byte in data:
             value ^= byte
         return value ^ algorithm.xorout
-    if algorithm.kind == "sum":
+    if algorithm.kind == CheckKind.SUM:
         value = algorithm.init + sum(data)
         return (-value if algorithm.negate else value) % 2**width ^ algorithm.xorout
-    if algorithm.kind == "fletcher":
+    if algorithm.kind == CheckKind.FLETCHER:
         modulus = algorithm.modulus or 2 ** (width // 2)
         first = second = 0
         for byte in data:

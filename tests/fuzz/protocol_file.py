@@ -9,7 +9,7 @@ from tests.fuzz.emit import bound_rounds_past
 from tests.streams import random_values
 from wirebond import Codec, MessageError
 from wirebond.protocol import ProtocolFileError, loads, protocol_hash
-from wirebond.protocol.model import End, Message, Protocol
+from wirebond.protocol.model import End, Message, Protocol, Stuffing
 from wirebond.protocol.plan import plan_for
 
 _MOST_MESSAGES = 3  # of a file, each time: others of the same kind tell nothing new
@@ -73,7 +73,7 @@ def _check_message(codec: Codec, message: Message, source: random.Random) -> Non
 def _splits(protocol: Protocol, frame: bytes) -> bool:
     """Where nothing is stuffed, a delimiter within the frame ends it too early; the manual says so."""
     frame_format = protocol.format
-    if frame_format.delimiter is None or frame_format.stuffing != "none":
+    if frame_format.delimiter is None or frame_format.stuffing != Stuffing.NONE:
         return False
     body = frame[len(frame_format.opening or b"") : -len(frame_format.delimiter)]
     return any(mark in body for mark in (frame_format.delimiter, frame_format.opening) if mark is not None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 
-from wirebond.protocol.model import Algorithm
+from wirebond.protocol.model import Algorithm, CheckKind
 
 
 def checksum(algorithm: Algorithm, data: bytes) -> int:
@@ -56,10 +56,10 @@ def _fletcher(algorithm: Algorithm, data: bytes) -> int:
 
 # One entry for each kind of algorithm in the model: the value before the final steps that all kinds share.
 _REGISTERS: dict[str, Callable[[Algorithm, bytes], int]] = {
-    "crc": _crc,
-    "sum": _sum,
-    "xor": _xor,
-    "fletcher": _fletcher,
+    CheckKind.CRC: _crc,
+    CheckKind.SUM: _sum,
+    CheckKind.XOR: _xor,
+    CheckKind.FLETCHER: _fletcher,
 }
 
 

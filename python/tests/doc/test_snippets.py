@@ -11,16 +11,16 @@ import pytest
 from wirebond.checksum import checksum
 from wirebond.doc import snippets
 from wirebond.protocol.algorithms import ALGORITHMS
-from wirebond.protocol.model import Algorithm
+from wirebond.protocol.model import Algorithm, CheckKind
 
 # Beside the catalogue: what a file may give by its parameters, and what no catalogue entry has.
 OWN = [
-    Algorithm("own-1", "crc", 16, 0x1021, 0x1234, refin=True, refout=False, xorout=0x5555),
-    Algorithm("own-2", "crc", 32, 0x04C11DB7, 0xFFFFFFFF, refin=False, refout=True, xorout=0xFFFFFFFF),
-    Algorithm("own-3", "crc", 64, 0x42F0E1EBA9EA3693, 0x1, refin=True, refout=False),
-    Algorithm("own-4", "crc", 8, 0x07, 0xAB, refin=False, refout=True, xorout=0x01),
-    Algorithm("own-5", "sum", 16, init=0x1234, xorout=0xFFFF),
-    Algorithm("own-6", "fletcher", 16, init=0x0102, modulus=255, negate=True),
+    Algorithm("own-1", CheckKind.CRC, 16, 0x1021, 0x1234, refin=True, refout=False, xorout=0x5555),
+    Algorithm("own-2", CheckKind.CRC, 32, 0x04C11DB7, 0xFFFFFFFF, refin=False, refout=True, xorout=0xFFFFFFFF),
+    Algorithm("own-3", CheckKind.CRC, 64, 0x42F0E1EBA9EA3693, 0x1, refin=True, refout=False),
+    Algorithm("own-4", CheckKind.CRC, 8, 0x07, 0xAB, refin=False, refout=True, xorout=0x01),
+    Algorithm("own-5", CheckKind.SUM, 16, init=0x1234, xorout=0xFFFF),
+    Algorithm("own-6", CheckKind.FLETCHER, 16, init=0x0102, modulus=255, negate=True),
 ]
 EVERY = [*ALGORITHMS.values(), *OWN]
 DATA = [b"", b"\0", b"123456789", bytes(range(256)), b"\xff" * 300]

@@ -12,6 +12,7 @@ from wirebond.protocol.algorithms import (
     advice_for_unknown,
     find,
 )
+from wirebond.protocol.model import CheckKind
 
 DIGITS = b"123456789"
 
@@ -22,15 +23,15 @@ def reversed_bits(value: int, width: int) -> int:
 
 def slow_check(a: Algorithm, data: bytes) -> int:
     """Long division, one bit at a time, as the definition has it."""
-    if a.kind == "sum":
+    if a.kind == CheckKind.SUM:
         total = sum(data)
         return (-total if a.negate else total) % 2**a.width ^ a.xorout
-    if a.kind == "fletcher":
+    if a.kind == CheckKind.FLETCHER:
         half = 2 ** (a.width // 2)
         first = sum(data) % a.modulus
         second = sum(sum(data[: i + 1]) for i in range(len(data))) % a.modulus
         return second * half + first
-    if a.kind == "xor":
+    if a.kind == CheckKind.XOR:
         result = 0
         for byte in data:
             result ^= byte

@@ -20,7 +20,7 @@ from wirebond.check.places import Places
 from wirebond.check.samples import Pool, pool
 from wirebond.check.wording import count, percent
 from wirebond.codec import Codec
-from wirebond.protocol.model import FrameFormat, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model import CheckKind, FrameFormat, PartKind, PayloadRule, Protocol
 
 RULE = "check-strength"
 REFERENCE_MIX = (9, 12, 6, 26, 13, 40)  # payload bytes
@@ -153,13 +153,13 @@ def _reason(frame_format: FrameFormat) -> str:
     part = checks[-1]
     algorithm = part.algorithm
     assert algorithm is not None, "a check has an algorithm"
-    if algorithm.kind == "sum" and part.shift:
+    if algorithm.kind == CheckKind.SUM and part.shift:
         return "only the high byte of a sum is sent: most wrong bits change the low byte alone, and nobody sees it"
-    if algorithm.kind == "sum":
+    if algorithm.kind == CheckKind.SUM:
         return "in a sum two errors of opposite sign cancel, and the order of bytes does not matter"
-    if algorithm.kind == "xor":
+    if algorithm.kind == CheckKind.XOR:
         return "in an exclusive-or two wrong bits at the same place of two bytes cancel"
-    if algorithm.kind == "fletcher":
+    if algorithm.kind == CheckKind.FLETCHER:
         return "Fletcher's sums are weak against errors close together, and some of them do not tell 0x00 from 0xFF"
     bits = (4 if part.as_hex else 8) * part.size
     if bits < 16:

@@ -12,7 +12,7 @@ from wirebond.check.places import Places
 from wirebond.check.wording import plural
 from wirebond.codec import Codec, Message
 from wirebond.errors import MessageError
-from wirebond.protocol.model import Example, Part, PartKind, Protocol
+from wirebond.protocol.model import Example, Part, PartKind, Protocol, Stuffing
 from wirebond.protocol.plan import parts_of_forms
 from wirebond.protocol.problems import Place
 
@@ -115,7 +115,7 @@ def _as_received(codec: Codec, example: Example) -> str:
 def _part_at(protocol: Protocol, example: Example, index: int) -> str:
     """` (check)`: the part of the frame that this byte belongs to. Empty for stuffed frames, whose bytes move."""
     frame_format = protocol.format
-    if frame_format.stuffing != "none" or frame_format.delimiter is not None:
+    if frame_format.stuffing != Stuffing.NONE or frame_format.delimiter is not None:
         return ""
     parts = _parts(protocol, example)
     payload = len(example.frame) - sum(part.size for part in parts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from wirebond.protocol.model import BitRole, End, Field, FieldKind, Message, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model import BitRole, End, Field, FieldKind, Message, PartKind, PayloadRule, Protocol, Stuffing
 from wirebond.protocol.plan import Form, plan_for
 
 ENDS = (End.HOST, End.MCU)
@@ -61,7 +61,7 @@ def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
     form = forms(protocol, sender)[0]
     content = form.fixed_payload if form.payload == PayloadRule.FIXED else payload
     size = form.prefix + content + form.suffix
-    if frame_format.stuffing == "cobs":
+    if frame_format.stuffing == Stuffing.COBS:
         size += 1 + size // 254
     elif frame_format.escapes is not None:
         size = math.ceil(size * (1 + len(frame_format.escapes.pairs) / 256))
@@ -79,7 +79,7 @@ def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | N
     frame_format = protocol.format
     part = frame_format.part(PartKind.PAYLOAD)
     assert part is not None, "every frame has a payload part"
-    unstuffed = frame_format.delimiter is not None and frame_format.stuffing == "none"
+    unstuffed = frame_format.delimiter is not None and frame_format.stuffing == Stuffing.NONE
     if part.payload == PayloadRule.BY_ID or unstuffed or any(p.seeded for p in frame_format.parts):
         return None
     if part.payload == PayloadRule.FIXED:

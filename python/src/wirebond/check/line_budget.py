@@ -10,7 +10,7 @@ from wirebond.check.frame_facts import ENDS, wire_bytes
 from wirebond.check.places import Places
 from wirebond.check.wording import count, direction, percent, rate
 from wirebond.errors import UsageError
-from wirebond.protocol.model import End, LinkSettings, Message, Protocol
+from wirebond.protocol.model import End, LinkSettings, Message, Parity, Protocol
 from wirebond.protocol.problems import no_message
 
 RULE = "line-budget"
@@ -176,7 +176,7 @@ def assess(protocol: Protocol, directions: list[Budget], places: Places) -> list
                 f"{direction(budget.sender)} takes {percent(budget.share)} of the line: {count(needs)} of "
                 f"{count(budget.capacity)} bytes/s; {greatest}",
                 f"at {count(link.baud)} baud a byte takes {link.bits_per_byte:g} bits with start"
-                f"{', parity' if link.parity != 'none' else ''} and stop, so "
+                f"{', parity' if link.parity != Parity.NONE else ''} and stop, so "
                 + (
                     "frames queue up without end, or are lost"
                     if over

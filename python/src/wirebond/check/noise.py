@@ -14,7 +14,7 @@ from wirebond.check.places import Places
 from wirebond.check.samples import Pool
 from wirebond.check.wording import count, direction
 from wirebond.codec import Codec
-from wirebond.protocol.model import End, Message, PayloadRule, Protocol
+from wirebond.protocol.model import End, Message, PayloadRule, Protocol, Stuffing
 from wirebond.protocol.plan import Form, Number
 
 RULE = "false-frames"
@@ -95,7 +95,7 @@ def expected_rate(protocol: Protocol, sender: End) -> float | None:
     messages = [message for message in protocol.messages if message.sent_by(sender)]
     if frame_format.delimiter is None:
         return sum(_constants_and_checks(form) * _id_and_size(protocol, form, messages) for form in possible)
-    if frame_format.stuffing != "cobs" or frame_format.opening != frame_format.delimiter:
+    if frame_format.stuffing != Stuffing.COBS or frame_format.opening != frame_format.delimiter:
         return None
     return sum(_constants_and_checks(form) * _cobs(protocol, form, messages) for form in possible)
 

@@ -12,7 +12,7 @@ from wirebond.check.places import Places
 from wirebond.check.samples import pool
 from wirebond.check.wording import count, percent
 from wirebond.codec import Codec
-from wirebond.protocol.model import FrameFormat, PartKind, Protocol
+from wirebond.protocol.model import CheckKind, FrameFormat, PartKind, Protocol, Stuffing
 
 RULE = "inserted-zero"
 _FRAMES = 64  # of each message
@@ -38,7 +38,7 @@ def measure_inserted_zero(codec: Codec, seed: int) -> InsertedZero | None:
     Under COBS that is one byte 0x01 on the wire; a delimiter whose lowest bit flips has the same effect.
     """
     frame_format = codec.model.format
-    if frame_format.stuffing == "none":
+    if frame_format.stuffing == Stuffing.NONE:
         return None
     zero = _stuffed_zero(frame_format)
     opening = len(frame_format.opening or b"")
@@ -59,14 +59,14 @@ def measure_inserted_zero(codec: Codec, seed: int) -> InsertedZero | None:
 
 def _reason(protocol: Protocol) -> str:
     check = protocol.format.part(PartKind.CHECK)
-    is_crc = check is not None and check.algorithm is not None and check.algorithm.kind == "crc"
+    is_crc = check is not None and check.algorithm is not None and check.algorithm.kind == CheckKind.CRC
     why = (
         "without a final xor a CRC's register is zero behind an intact frame and stays so with one zero more"
         if is_crc
         else "a zero more does not change a sum or an exclusive-or"
     )
     wire = ", and under COBS a single wrong bit in a delimiter makes that zero"
-    return why + (wire if protocol.format.stuffing == "cobs" else "")
+    return why + (wire if protocol.format.stuffing == Stuffing.COBS else "")
 
 
 def _stuffed_zero(frame_format: FrameFormat) -> bytes:
@@ -79,7 +79,9 @@ def _stuffed_zero(frame_format: FrameFormat) -> bytes:
 def explains_damage(protocol: Protocol, found: InsertedZero | None) -> bool:
     """Is the inserted zero what lets damaged frames pass? A long CRC sees the rest; `assess` tells of this one."""
     checks = [part for part in protocol.format.parts if part.kind == PartKind.CHECK]
-    long_crc = any(p.algorithm is not None and p.algorithm.kind == "crc" and p.algorithm.width >= 16 for p in checks)
+    long_crc = any(
+        p.algorithm is not None and p.algorithm.kind == CheckKind.CRC and p.algorithm.width >= 16 for p in checks
+    )
     return long_crc and found is not None and found.any_size.accepted > 0
 
 

@@ -7,7 +7,7 @@ from wirebond.check.wording import count, direction, percent, rate, seconds
 from wirebond.doc.examples import values_line
 from wirebond.doc.table import table
 from wirebond.protocol.meaning.messages import spoken
-from wirebond.protocol.model import Protocol, Recover
+from wirebond.protocol.model import Parity, Protocol, Recover
 
 _RECOVERIES = {
     Recover.NEXT_MESSAGE: "with the next such message",
@@ -24,7 +24,7 @@ _SERVICES = {
 
 def line_chapter(protocol: Protocol) -> list[str]:
     link = protocol.link
-    parity = {"none": "no parity", "even": "even parity", "odd": "odd parity"}[link.parity]
+    parity = {Parity.NONE: "no parity", Parity.EVEN: "even parity", Parity.ODD: "odd parity"}[link.parity]
     stop = f"{link.stop_bits:g} stop bit{'s' * (link.stop_bits != 1)}"
     return [
         "## Line",

@@ -5,9 +5,9 @@ from __future__ import annotations
 from itertools import takewhile
 
 from wirebond.explain.examine import hex_of
-from wirebond.protocol.model import FrameFormat, Part, PartKind, PayloadRule
+from wirebond.protocol.model import FrameFormat, Part, PartKind, PayloadRule, Stuffing
 
-_STUFFINGS = {"cobs": "COBS", "escape": "escapes"}
+_STUFFINGS = {Stuffing.COBS: "COBS", Stuffing.ESCAPE: "escapes"}
 
 
 def diagram(frame_format: FrameFormat, longest_payload: int) -> list[str]:
@@ -31,7 +31,7 @@ def diagram(frame_format: FrameFormat, longest_payload: int) -> list[str]:
 
 def _around(frame_format: FrameFormat) -> str:
     inside = "these parts"
-    if frame_format.stuffing != "none":
+    if frame_format.stuffing != Stuffing.NONE:
         stuffed = [part.name for part in frame_format.parts if not part.is_plain]
         groups = [
             [p.name for p in takewhile(lambda p: p.is_plain, parts)]

@@ -14,7 +14,7 @@ from wirebond.doc.table import table
 from wirebond.explain import Kind, explain
 from wirebond.explain.examine import hex_of
 from wirebond.protocol.meaning.field_values import wire_limits
-from wirebond.protocol.model import End, Field, FieldKind, Message
+from wirebond.protocol.model import End, Field, FieldKind, Message, Stuffing
 from wirebond.protocol.plan import expecting
 
 
@@ -55,7 +55,7 @@ def _example(codec: Codec, message: Message, values: dict[str, Any]) -> list[str
     (stretch,) = explain(expecting(codec.model, message.name), frame, sender).stretches
     assert (stretch.kind, stretch.message) == (Kind.FRAME, message.name), "the engine's frame is explained as itself"
     shown = values_line(values)
-    stuffed = codec.model.format.stuffing != "none"
+    stuffed = codec.model.format.stuffing != Stuffing.NONE
     heads = (">at", "bytes" if not stuffed else "on the wire", "unstuffed", "part", "meaning")
     rows = [
         (

@@ -16,12 +16,14 @@ from wirebond.protocol.model import (
     Algorithm,
     BitRole,
     ByteOrder,
+    CheckKind,
     FrameFormat,
     LengthCounts,
     Part,
     PartKind,
     PayloadRule,
     Protocol,
+    Stuffing,
 )
 from wirebond.protocol.spelling import condition_text, number_type
 
@@ -107,7 +109,7 @@ def _ends(protocol: Protocol) -> list[str]:
 
 def _stuffing(frame_format: FrameFormat) -> list[str]:
     where, checks = _stuffed_parts(frame_format), _checks_and_stuffing(frame_format)
-    if frame_format.stuffing == "cobs":
+    if frame_format.stuffing == Stuffing.COBS:
         return ["", f"{where} the frame is stuffed with {_COBS[0]}", *_COBS[1:], checks]
     if frame_format.escapes is None:
         return []
@@ -297,12 +299,12 @@ def _algorithm(algorithm: Algorithm) -> list[str]:
     width = algorithm.width // 4
     value = checksum(algorithm, b"123456789")
     rows = [("kind", algorithm.kind), ("width", f"{algorithm.width} bits")]
-    if algorithm.kind == "crc":
+    if algorithm.kind == CheckKind.CRC:
         rows.append(("poly", f"0x{algorithm.poly:0{width}X}"))
     rows += [("init", f"0x{algorithm.init:0{width}X}")]
-    if algorithm.kind == "crc":
+    if algorithm.kind == CheckKind.CRC:
         rows += [("refin", str(algorithm.refin).lower()), ("refout", str(algorithm.refout).lower())]
-    if algorithm.kind == "fletcher":
+    if algorithm.kind == CheckKind.FLETCHER:
         rows.append(("modulus of both sums", str(algorithm.modulus or 1 << algorithm.width // 2)))
     if algorithm.negate:
         rows.append(("two's complement of the value", "yes"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from wirebond.protocol.model import Algorithm
+from wirebond.protocol.model import Algorithm, CheckKind
 
 
 def function_name(algorithm: Algorithm) -> str:
@@ -65,21 +65,23 @@ def _mask(algorithm: Algorithm) -> int:
 
 def _c_halves(algorithm: Algorithm) -> list[str]:
     """Two sums that run side by side."""
-    if algorithm.kind != "fletcher":
+    if algorithm.kind != CheckKind.FLETCHER:
         return []
     half = algorithm.width // 2
     return [f"    uint32_t first = value & {hex((1 << half) - 1)}u, second = value >> {half};"]
 
 
 def _python_halves(algorithm: Algorithm) -> list[str]:
-    if algorithm.kind != "fletcher":
+    if algorithm.kind != CheckKind.FLETCHER:
         return []
     half = algorithm.width // 2
     return [f"    first, second = value & {hex((1 << half) - 1)}, value >> {half}"]
 
 
 def _begin(algorithm: Algorithm) -> int:
-    return _reflected(algorithm.init, algorithm) if algorithm.kind == "crc" and algorithm.refin else algorithm.init
+    return (
+        _reflected(algorithm.init, algorithm) if algorithm.kind == CheckKind.CRC and algorithm.refin else algorithm.init
+    )
 
 
 def _reflected(value: int, algorithm: Algorithm) -> int:
@@ -192,10 +194,10 @@ _Maker = Callable[[Algorithm], _Code]
 
 # One entry for each kind of algorithm in the model: C and Python.
 _KINDS: dict[str, tuple[_Maker, _Maker]] = {
-    "crc": (_c_crc, _python_crc),
-    "sum": (_c_sum, _python_sum),
-    "xor": (_c_xor, _python_xor),
-    "fletcher": (_c_fletcher, _python_fletcher),
+    CheckKind.CRC: (_c_crc, _python_crc),
+    CheckKind.SUM: (_c_sum, _python_sum),
+    CheckKind.XOR: (_c_xor, _python_xor),
+    CheckKind.FLETCHER: (_c_fletcher, _python_fletcher),
 }
 
 

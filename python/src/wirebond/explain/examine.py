@@ -34,6 +34,20 @@ class Outcome(StrEnum):
     REFUSED = "refused"
 
 
+class Cause(StrEnum):
+    """Why bytes are discarded, in the decoder's words and their order."""
+
+    NONE = ""  # they are not: a frame
+    NO_START = "no_start"
+    CONSTANT_MISMATCH = "constant_mismatch"
+    LENGTH_OUT_OF_RANGE = "length_out_of_range"
+    UNKNOWN_MESSAGE = "unknown_message"
+    HEADER_CHECK_MISMATCH = "header_check_mismatch"
+    CHECK_MISMATCH = "check_mismatch"
+    BAD_STUFFING = "bad_stuffing"
+    INCOMPLETE = "incomplete"
+
+
 class Question(StrEnum):
     """What a rule asks."""
 
@@ -62,7 +76,7 @@ class Verdict:
     format whose frames differ. ``payload`` is its place in the frame, where its size is known."""
 
     outcome: Outcome
-    cause: str
+    cause: Cause
     extent: int
     parts: tuple[Part, ...]
     rules: tuple[Rule, ...]
@@ -252,12 +266,12 @@ def _is_nearer(found: Verdict, best: Verdict) -> bool:
     if waits:
         return not best_waits or found.extent < best.extent
     # A form whose bits "there or not" differ is not meant at all: of two that go as far, any other cause says more.
-    nearness = (found.extent, found.cause != "constant_mismatch")
-    return not best_waits and nearness > (best.extent, best.cause != "constant_mismatch")
+    nearness = (found.extent, found.cause != Cause.CONSTANT_MISMATCH)
+    return not best_waits and nearness > (best.extent, best.cause != Cause.CONSTANT_MISMATCH)
 
 
 class _Decided(Exception):  # noqa: N818  (an outcome, not an error)
-    def __init__(self, outcome: Outcome, cause: str, size: int) -> None:
+    def __init__(self, outcome: Outcome, cause: Cause, size: int) -> None:
         self.outcome, self.cause, self.size = outcome, cause, size
 
 
@@ -279,7 +293,7 @@ class _Examination:
 
     def run(self) -> Verdict:
         try:
-            decided = _Decided(Outcome.FRAME, "", self._go_through())
+            decided = _Decided(Outcome.FRAME, Cause.NONE, self._go_through())
         except _Decided as outcome:
             decided = outcome
         return Verdict(
@@ -312,7 +326,7 @@ class _Examination:
         if early_id:
             self._message_fits(size, prefix)
         for index in self._checks(header=True):
-            self._check(index, before, "header_check_mismatch", prefix)
+            self._check(index, before, Cause.HEADER_CHECK_MISMATCH, prefix)
 
         places = spans(parts, size)
         total = places[-1][1]
@@ -323,11 +337,11 @@ class _Examination:
             self._read_id(places)
             self._message_fits(size, total)
         for index in self._checks(header=False):
-            self._check(index, places, "check_mismatch", total)
+            self._check(index, places, Cause.CHECK_MISMATCH, total)
         return total
 
     def _rule(
-        self, question: Question, part: int | None, holds: bool, expected: str, found: str, cause: str, extent: int
+        self, question: Question, part: int | None, holds: bool, expected: str, found: str, cause: Cause, extent: int
     ) -> None:
         self.rules.append(Rule(question, part, holds, expected, found))
         if not holds:
@@ -338,8 +352,8 @@ class _Examination:
             have = len(self.data)
             self.rules.append(Rule(Question.SIZE, None, False, f"at least {size} bytes", f"{have} bytes"))
             if self.block is not None:
-                raise _Decided(Outcome.REFUSED, "length_out_of_range", have)
-            raise _Decided(Outcome.INCOMPLETE, "incomplete", size)
+                raise _Decided(Outcome.REFUSED, Cause.LENGTH_OUT_OF_RANGE, have)
+            raise _Decided(Outcome.INCOMPLETE, Cause.INCOMPLETE, size)
 
     def _constant(self, index: int, start: int, extent: int) -> None:
         """Bytes, or bits, that cannot vary: each as soon as its byte is there."""
@@ -358,7 +372,7 @@ class _Examination:
                 self._need(start + place + 1)
             if bits and found[place] & bits != byte:
                 expected, got = self._constant_texts(part, mask, value, found)
-                self._rule(Question.CONSTANT, index, False, expected, got, "constant_mismatch", extent)
+                self._rule(Question.CONSTANT, index, False, expected, got, Cause.CONSTANT_MISMATCH, extent)
         expected, got = self._constant_texts(part, mask, value, found)
         self.rules.append(Rule(Question.CONSTANT, index, True, expected, got))
 
@@ -392,7 +406,9 @@ class _Examination:
             return payload.fixed_payload
         if payload.payload == PayloadRule.REST:
             size, expected = have - outside, f"{outside} to {outside + most} bytes"
-            self._rule(Question.SIZE, None, 0 <= size <= most, expected, f"{have} bytes", "length_out_of_range", have)
+            self._rule(
+                Question.SIZE, None, 0 <= size <= most, expected, f"{have} bytes", Cause.LENGTH_OUT_OF_RANGE, have
+            )
             return size
         if payload.payload == PayloadRule.BY_ID:
             self._known_message(prefix)
@@ -407,14 +423,14 @@ class _Examination:
         size = number * part.length_unit - beside
         expected = f"{max(0, beside)} to {(most + beside) // part.length_unit}"
         holds = 0 <= size <= most
-        self._rule(Question.LENGTH, index, holds, expected, str(number), "length_out_of_range", prefix)
+        self._rule(Question.LENGTH, index, holds, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix)
         return size
 
     def _known_message(self, extent: int) -> None:
         index = id_index(self.parts)
         found = id_text(self.parts, self.id or 0) if index is not None else "no id"
         expected = "the id of a known message"
-        self._rule(Question.MESSAGE, index, self.message is not None, expected, found, "unknown_message", extent)
+        self._rule(Question.MESSAGE, index, self.message is not None, expected, found, Cause.UNKNOWN_MESSAGE, extent)
 
     def _message_fits(self, size: int, extent: int) -> None:
         frame_format = self.protocol.format
@@ -430,13 +446,13 @@ class _Examination:
             fits = least <= size <= message.max_payload
             most = f" to {message.max_payload}" if message.max_payload != least else ""
             expected = f"{least}{most} payload bytes for {message.name}"
-            self._rule(Question.MESSAGE, id_index(self.parts), fits, expected, str(size), "unknown_message", extent)
+            self._rule(Question.MESSAGE, id_index(self.parts), fits, expected, str(size), Cause.UNKNOWN_MESSAGE, extent)
 
     def _whole_frame(self, total: int) -> None:
         have = len(self.data)
         if self.block is not None:
             expected, found = f"{total} bytes", f"{have} bytes"
-            self._rule(Question.SIZE, None, have == total, expected, found, "length_out_of_range", have)
+            self._rule(Question.SIZE, None, have == total, expected, found, Cause.LENGTH_OUT_OF_RANGE, have)
         else:
             self._need(total)
 
@@ -448,7 +464,7 @@ class _Examination:
             if part.kind == PartKind.CHECK and (index < at and part.last < at) == header
         ]
 
-    def _check(self, index: int, places: list[tuple[int, int]], cause: str, extent: int) -> None:
+    def _check(self, index: int, places: list[tuple[int, int]], cause: Cause, extent: int) -> None:
         part = self.parts[index]
         start, stop = places[index]
         seed = self.message.seed or 0 if self.message is not None else 0

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from wirebond.errors import UsageError
-from wirebond.explain.examine import Question, Rule, Verdict, forms, id_text
+from wirebond.explain.examine import Cause, Question, Rule, Verdict, forms, id_text
 from wirebond.explain.guesses.guess import Case, constants_as_found, look
 from wirebond.explain.nearest import Search, join, repaired, search, search_sender, search_unstuffed
 from wirebond.explain.parts import check_text, sent_by
@@ -40,7 +41,11 @@ def explain(protocol: Protocol, data: bytes, sender: End | None = None, peers: S
     found = scan(protocol, data, sender)
     stretches = _Stretches(protocol, data, sender, tuple(peers), found).all()
     name = None if sender is None else sender.value
-    return Explanation(protocol.name, name, stretches, dict(found.discarded), dict(found.rejected))
+    return Explanation(protocol.name, name, stretches, _by_name(found.discarded), _by_name(found.rejected))
+
+
+def _by_name(counts: Counter[Cause]) -> dict[str, int]:
+    return {cause.value: count for cause, count in counts.items()}
 
 
 @dataclass(frozen=True)
@@ -161,7 +166,7 @@ class _Stretches:
             return False
         claimed = before.start if before.candidate is None else before.candidate.offset + before.candidate.extent
         least = self._least
-        reached_far = candidate.extent >= least or candidate.cause == "incomplete"
+        reached_far = candidate.extent >= least or candidate.cause == Cause.INCOMPLETE
         return at >= claimed and (reached_far or (at - before.start >= least and candidate.extent > 1))
 
     def _refused(self, run: _Refused) -> Stretch:
@@ -209,7 +214,7 @@ class _Stretches:
             Kind.NOISE,
             run.start,
             wire,
-            "no_start",
+            Cause.NO_START,
             self._no_start(),
             rows,
             guesses=result.guesses,

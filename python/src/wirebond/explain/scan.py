@@ -8,7 +8,17 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
-from wirebond.explain.examine import CONSTANTS, Outcome, Verdict, examine, fixed_bits, forms, hex_of, payload_index
+from wirebond.explain.examine import (
+    CONSTANTS,
+    Cause,
+    Outcome,
+    Verdict,
+    examine,
+    fixed_bits,
+    forms,
+    hex_of,
+    payload_index,
+)
 from wirebond.explain.stuffing import Impossible, Unstuffed, overhead, plain, unstuff
 from wirebond.protocol.model import ByteOrder, End, PayloadRule, Protocol
 
@@ -34,7 +44,7 @@ class Candidate:
 
     offset: int
     extent: int
-    cause: str
+    cause: Cause
     begin: int
     end: int | None = None
     verdict: Verdict | None = None  # None: it failed before its parts could be looked at
@@ -47,12 +57,12 @@ class Scan:
     frames: list[Found] = field(default_factory=list)
     fill: list[int] = field(default_factory=list)  # offsets of delimiters between frames
     blamed: dict[int, Candidate | None] = field(default_factory=dict)  # each discarded byte's offset; None: no start
-    rejected: Counter[str] = field(default_factory=Counter)  # candidates, by cause
+    rejected: Counter[Cause] = field(default_factory=Counter)  # candidates, by cause
 
     @property
-    def discarded(self) -> Counter[str]:
+    def discarded(self) -> Counter[Cause]:
         """Bytes by cause."""
-        return Counter("no_start" if c is None else c.cause for c in self.blamed.values())
+        return Counter(Cause.NO_START if c is None else c.cause for c in self.blamed.values())
 
     def reject(self, candidate: Candidate) -> None:
         """A candidate that is not rescanned: all its bytes carry its cause."""
@@ -186,7 +196,7 @@ def _examine_bracket(
     while end < limit and not any(stream.startswith(mark, end, limit) for mark in (opening, closing)):
         if stream[end] == doubled and end + 1 < limit and stream[end + 1] != doubled:
             reason = f"at {end}: {stream[end]:02X} {stream[end + 1]:02X} is neither a delimiter nor a doubled byte"
-            return Candidate(at, end + 2 - at, "bad_stuffing", begin, end + 2, reason=reason)
+            return Candidate(at, end + 2 - at, Cause.BAD_STUFFING, begin, end + 2, reason=reason)
         end += 2 if stream[end] == doubled else 1
     if end >= limit or stream.startswith(opening, end, limit):
         return _unended(protocol, stream, sender, at, begin, min(end, limit), closing)
@@ -220,7 +230,7 @@ def _unended(
 ) -> Candidate:
     size, longest = end - offset, _longest_on_wire(protocol, sender)
     mark = hex_of(closing)
-    cause = "length_out_of_range" if size >= longest else "incomplete"
+    cause = Cause.LENGTH_OUT_OF_RANGE if size >= longest else Cause.INCOMPLETE
     reason = f"{size} bytes without a delimiter; the largest frame has {longest}"
     if size < longest:
         reason = f"the delimiter {mark} that ends the frame is missing"
@@ -240,11 +250,11 @@ def _examine_block(
     extent = end - offset
     if len(block) > most:
         reason = f"{len(block)} bytes are more than the {most} that a frame can have"
-        return Candidate(offset, extent, "length_out_of_range", begin, end, reason=reason)
+        return Candidate(offset, extent, Cause.LENGTH_OUT_OF_RANGE, begin, end, reason=reason)
     content = unstuff(frame_format, block)
     if isinstance(content, Impossible):
         reason = f"at {begin + content.at}: {content.reason}"
-        return Candidate(offset, extent, "bad_stuffing", begin, end, reason=reason)
+        return Candidate(offset, extent, Cause.BAD_STUFFING, begin, end, reason=reason)
     verdict = examine(protocol, content.data, sender, block=block)
     if verdict.is_frame:
         return Found(offset, end + closing - offset, verdict, content, begin)

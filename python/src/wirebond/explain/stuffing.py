@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-from wirebond.protocol.model import Escapes, FrameFormat
+from wirebond.protocol.model import Escapes, FrameFormat, Stuffing
 
 
 @dataclass(frozen=True)
@@ -155,14 +155,14 @@ _Entry = tuple[
 ]
 
 # One entry for each stuffing in the model: undo, do, most bytes added.
-_STUFFINGS: dict[str, _Entry] = {
-    "none": (lambda _, block: plain(block), lambda _, data: data, lambda _: 0),
-    "cobs": (_uncobs, _cobs, lambda size: 1 + size // 254),
-    "escape": (_unescape, _escape, lambda size: size),
+_STUFFINGS: dict[Stuffing, _Entry] = {
+    Stuffing.NONE: (lambda _, block: plain(block), lambda _, data: data, lambda _: 0),
+    Stuffing.COBS: (_uncobs, _cobs, lambda size: 1 + size // 254),
+    Stuffing.ESCAPE: (_unescape, _escape, lambda size: size),
 }
 
 
-def _known(stuffing: str) -> _Entry:
+def _known(stuffing: Stuffing) -> _Entry:
     if stuffing not in _STUFFINGS:
         raise NotImplementedError(f"stuffing.py has no entry for '{stuffing}'")
     return _STUFFINGS[stuffing]

@@ -15,7 +15,7 @@ from wirebond.gen.cpp_number import real
 from wirebond.gen.folder import core_headers, render, write_files
 from wirebond.gen.names import namespace
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import End, Protocol
+from wirebond.protocol.model import End, Parity, Protocol, Stuffing
 from wirebond.protocol.plan import plan_for
 
 
@@ -66,7 +66,7 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
         "hash": f"0x{protocol_hash(protocol):016X}",
         "link_name": link_name(protocol.name),
         "constants": constants,
-        "parity": {"none": "N", "even": "E", "odd": "O"}[protocol.link.parity],
+        "parity": {Parity.NONE: "N", Parity.EVEN: "E", Parity.ODD: "O"}[protocol.link.parity],
         "stop_bits": real(protocol.link.stop_bits, "float"),
         "idle_us": round(protocol.idle_seconds * 1e6),
         "types": shared,
@@ -225,7 +225,7 @@ def _receiver_view(
         type_name=type_name,
         handlers_type=handlers_type,
         prefix=prefix,
-        workspace=2 * largest + (0 if protocol.format.stuffing == "none" else largest),
+        workspace=2 * largest + (0 if protocol.format.stuffing == Stuffing.NONE else largest),
         messages=tuple(view for view in views if view.sender in (end, End.BOTH)),
         requests=tuple(view for view in views if view.reply in told_by_request),
         watch=next((w for w in watches if w is not None and w.end != end), None),

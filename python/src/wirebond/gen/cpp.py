@@ -27,8 +27,8 @@ from wirebond.gen.cpp_struct import (
 )
 from wirebond.gen.folder import core_headers, render, write_files
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import Algorithm, BitRole, End, Message, PartKind, PayloadRule, Protocol, Queue
-from wirebond.protocol.plan import MessageRow, Number, Plan, Position, plan_for
+from wirebond.protocol.model import Algorithm, BitRole, CheckKind, End, Message, PartKind, PayloadRule, Protocol, Queue
+from wirebond.protocol.plan import Framing, MessageRow, Number, Plan, Position, plan_for
 
 
 def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
@@ -223,7 +223,7 @@ def format_lines(plan: Plan) -> list[str]:
         f"format.framing = wirebond::Framing::{plan.framing};",
         f"format.stuffing = wirebond::Stuffing::{plan.stuffing};",
     ]
-    if plan.framing in ("delimited", "bracketed"):
+    if plan.framing in (Framing.DELIMITED, Framing.BRACKETED):
         lines += [f"format.opening = {_mark(plan.opening)};", f"format.closing = {_mark(plan.closing)};"]
         lines += [] if plan.sends_opening else ["format.sends_opening = false;"]
     if plan.escapes is not None:
@@ -303,7 +303,7 @@ def _number(number: Number) -> str:
 
 
 def _check_kind(algorithm: Algorithm) -> str:
-    return "wirebond::CheckKind::" + {"xor": "exclusive_or"}.get(algorithm.kind, algorithm.kind)
+    return "wirebond::CheckKind::" + {CheckKind.XOR: "exclusive_or"}.get(algorithm.kind, algorithm.kind)
 
 
 def _algorithm(algorithm: Algorithm) -> str:
@@ -315,7 +315,7 @@ def _algorithm(algorithm: Algorithm) -> str:
 
 def _update(algorithm: Algorithm, index: int) -> str:
     """The call that runs an algorithm's register over bytes."""
-    if algorithm.kind == "crc":
+    if algorithm.kind == CheckKind.CRC:
         reflected = "true" if algorithm.refin else "false"
         return f"wirebond::crc_update<{algorithm.width}, 0x{algorithm.poly:X}U, {reflected}>(reg, bytes, size)"
     return f"wirebond::sum_update(format_from_host.algorithms[{index}], reg, bytes, size)"

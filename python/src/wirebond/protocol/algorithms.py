@@ -6,7 +6,7 @@ CRC parameters and check values: Greg Cook's "Catalogue of parametrised CRC algo
 
 from __future__ import annotations
 
-from wirebond.protocol.model import Algorithm
+from wirebond.protocol.model import Algorithm, CheckKind
 from wirebond.protocol.problems import suggestion
 
 _CRCS = """\
@@ -113,13 +113,15 @@ def _tables() -> tuple[dict[str, Algorithm], dict[str, int]]:
     for line in _OTHERS.splitlines()[1:]:
         name, kind, bits, xorout, modulus, negated, check = line.split()
         found[name] = Algorithm(
-            name, kind, int(bits), xorout=int(xorout, 16), modulus=int(modulus), negate=negated == "yes"
+            name, CheckKind(kind), int(bits), xorout=int(xorout, 16), modulus=int(modulus), negate=negated == "yes"
         )
         check_values[name] = int(check, 16)
     for line in _CRCS.splitlines()[1:]:
         name, bits, poly, init, refin, refout, xorout, check = line.split()
         reflected = (refin == "yes", refout == "yes")
-        found[name] = Algorithm(name, "crc", int(bits), int(poly, 16), int(init, 16), *reflected, int(xorout, 16))
+        found[name] = Algorithm(
+            name, CheckKind.CRC, int(bits), int(poly, 16), int(init, 16), *reflected, int(xorout, 16)
+        )
         check_values[name] = int(check, 16)
     return found, check_values
 

@@ -35,7 +35,7 @@ def _protocol(protocol: Protocol) -> dict[str, Any]:
         "opening": _mark(frame_format.opening),
         "escapes": None if frame_format.escapes is None else [*vars(frame_format.escapes).values()],
         "silence": frame_format.ends_by_silence,
-        "stuffing": frame_format.stuffing,
+        "stuffing": frame_format.stuffing.value,
         "parts": [_part(part) for part in frame_format.parts],
         "messages": {message.name: _message(message) for message in protocol.messages},
         "services": {service.name: dict(service.messages) for service in protocol.services},
@@ -71,7 +71,7 @@ def _part(part: Part) -> dict[str, Any]:
         entry |= {"payload": part.payload.value, "fixed": part.fixed_payload, "trims": part.trims_zeros}
     elif part.algorithm is not None:
         a = part.algorithm
-        entry["algorithm"] = [a.kind, a.width, a.poly, a.init, a.refin, a.refout, a.xorout, a.modulus, a.negate]
+        entry["algorithm"] = [a.kind.value, a.width, a.poly, a.init, a.refin, a.refout, a.xorout, a.modulus, a.negate]
         entry |= {"first": part.first, "last": part.last, "shift": part.shift}
         entry |= {"seeded": part.seeded, "as_hex": part.as_hex}
     return entry

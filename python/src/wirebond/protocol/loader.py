@@ -10,7 +10,7 @@ from wirebond.protocol.meaning.examples import read_examples
 from wirebond.protocol.meaning.frames import read_frame
 from wirebond.protocol.meaning.messages import check_ids, read_messages
 from wirebond.protocol.meaning.structs import Types
-from wirebond.protocol.model import ByteOrder, End, LinkSettings, Protocol
+from wirebond.protocol.model import ByteOrder, End, LinkSettings, Parity, Protocol
 from wirebond.protocol.problems import Problems
 from wirebond.protocol.text import yaml_tree
 from wirebond.protocol.text.grammar import File, Link
@@ -82,4 +82,6 @@ def _byte_order(root: Mapping) -> ByteOrder:
 
 
 def _link(syntax: Link) -> LinkSettings:
-    return LinkSettings(syntax.baud, syntax.data_bits, syntax.parity, syntax.stop_bits, syntax.max_run, syntax.max_age)
+    return LinkSettings(
+        syntax.baud, syntax.data_bits, Parity(syntax.parity), syntax.stop_bits, syntax.max_run, syntax.max_age
+    )

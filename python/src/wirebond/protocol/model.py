@@ -257,12 +257,19 @@ class LengthCounts(StrEnum):
     FRAME = "frame"
 
 
+class CheckKind(StrEnum):
+    CRC = "crc"
+    SUM = "sum"
+    XOR = "xor"
+    FLETCHER = "fletcher"
+
+
 @dataclass(frozen=True)
 class Algorithm:
     """A check algorithm by its parameters. CRC parameters as in the reveng catalogue (Rocksoft model)."""
 
     name: str
-    kind: str  # crc, sum, xor, fletcher
+    kind: CheckKind
     width: int  # bits
     poly: int = 0
     init: int = 0
@@ -337,6 +344,12 @@ class Part:
     on_wire: bool = False  # check: over the bytes as they are sent, after stuffing
 
 
+class Stuffing(StrEnum):
+    NONE = "none"
+    COBS = "cobs"
+    ESCAPE = "escape"  # by an escape byte: see ``Escapes``
+
+
 @dataclass(frozen=True)
 class Escapes:
     """Byte stuffing by an escape byte: each of ``pairs`` is (byte that must not appear, code behind the escape).
@@ -362,7 +375,7 @@ class FrameFormat:
     max_payload: int
     deliver_unknown: bool
     delimiter: bytes | None = None  # behind a frame
-    stuffing: str = "none"  # none, cobs, escape
+    stuffing: Stuffing = Stuffing.NONE
     opening: bytes | None = None  # delimiter before a frame; None: only its end is marked
     escapes: Escapes | None = None
     ends_by_silence: bool = False
@@ -377,11 +390,17 @@ class FrameFormat:
         return b"" if self.delimiter is None or self.opening is not None else self.delimiter
 
 
+class Parity(StrEnum):
+    NONE = "none"
+    EVEN = "even"
+    ODD = "odd"
+
+
 @dataclass(frozen=True)
 class LinkSettings:
     baud: int = 115200
     data_bits: int = 8
-    parity: str = "none"
+    parity: Parity = Parity.NONE
     stop_bits: float = 1
     max_run: float = 0.001  # seconds of line that one run of frames takes at most, unless it is a single frame
     max_age: float | None = None  # seconds; frames that waited longer expire
@@ -389,7 +408,7 @@ class LinkSettings:
     @property
     def bits_per_byte(self) -> float:
         """Start bit, data, parity and stop bits."""
-        return 1 + self.data_bits + (self.parity != "none") + self.stop_bits
+        return 1 + self.data_bits + (self.parity != Parity.NONE) + self.stop_bits
 
     @property
     def max_run_bytes(self) -> int:
@@ -471,9 +490,9 @@ class Protocol:
         if rule is not None and rule.payload == PayloadRule.FIXED:
             payload = rule.fixed_payload
         size = sum(p.size for p in self.format.parts) + (self.format.max_payload if payload is None else payload)
-        if self.format.stuffing == "cobs":
+        if self.format.stuffing == Stuffing.COBS:
             size += 1 + size // 254
-        if self.format.stuffing == "escape":
+        if self.format.stuffing == Stuffing.ESCAPE:
             size *= 2
         delimiter = self.format.delimiter or b""
         return size + len(self.format.opening or delimiter) + len(delimiter)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 from wirebond.protocol.model import (
     Algorithm,
@@ -22,6 +23,7 @@ from wirebond.protocol.model import (
     PartKind,
     PayloadRule,
     Protocol,
+    Stuffing,
 )
 
 MAX_CONSTANTS = 16
@@ -115,6 +117,15 @@ class MessageRow:
     only_expected: bool  # shares its id with others of its sender: it is meant where its request has gone out
 
 
+class Framing(StrEnum):
+    """How a frame's place in a stream is found."""
+
+    BY_START = "by_start"  # by its first constant and its size
+    DELIMITED = "delimited"  # between two equal delimiters
+    BRACKETED = "bracketed"  # between an opening and a closing delimiter that differ
+    SILENCE = "silence"  # between two silences of the line
+
+
 @dataclass(frozen=True)
 class Plan:
     """One end's view: how frames from ``sender`` look, and which messages they carry.
@@ -122,11 +133,11 @@ class Plan:
     The first form is the one that is sent unless header values ask for another.
     """
 
-    framing: str  # by_start, delimited, bracketed, silence
+    framing: Framing
     opening: bytes
     closing: bytes
     sends_opening: bool
-    stuffing: str
+    stuffing: Stuffing
     escapes: Escapes | None
     deliver_unknown: bool
     skips_failed: bool
@@ -177,13 +188,14 @@ def _algorithms(parts: tuple[Part, ...]) -> list[Algorithm]:
     return list(dict.fromkeys(part.algorithm for part in parts if part.algorithm is not None))
 
 
-def _framing(protocol: Protocol) -> str:
+def _framing(protocol: Protocol) -> Framing:
     frame_format = protocol.format
     if frame_format.ends_by_silence:
-        return "silence"
+        return Framing.SILENCE
     if frame_format.delimiter is None:
-        return "by_start"
-    return "bracketed" if frame_format.opening not in (None, frame_format.delimiter) else "delimited"
+        return Framing.BY_START
+    is_delimited = frame_format.opening in (None, frame_format.delimiter)
+    return Framing.DELIMITED if is_delimited else Framing.BRACKETED
 
 
 def told_by_request(messages: tuple[Message, ...], sender: End | None) -> set[str]:

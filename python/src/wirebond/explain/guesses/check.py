@@ -9,7 +9,7 @@ from wirebond.explain.examine import CONSTANTS, check_value, payload_index, same
 from wirebond.explain.guesses.guess import Case, Guess, Guesses, spelled, with_part
 from wirebond.explain.stuffing import stuff
 from wirebond.protocol.algorithms import ALGORITHMS
-from wirebond.protocol.model import Algorithm, ByteOrder, Part, PartKind
+from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, Part, PartKind
 from wirebond.protocol.spelling import range_text
 
 
@@ -198,7 +198,7 @@ def _with_algorithm(part: Part, algorithm: Algorithm) -> list[Part]:
     if algorithm.width == 8 * size:
         other = replace(part, algorithm=algorithm, shift=0)
         return [other, *(_other_spelling(other) if size > 1 else [])]
-    if size == 1 and algorithm.kind == "sum":
+    if size == 1 and algorithm.kind == CheckKind.SUM:
         return [replace(part, algorithm=algorithm, shift=algorithm.width - 8)]
     return []
 

@@ -9,7 +9,7 @@ from functools import cached_property
 from wirebond.explain.examine import CONSTANTS, Question, Verdict, examine
 from wirebond.explain.stuffing import Impossible, unstuff
 from wirebond.explain.values import read_fields, values_text
-from wirebond.protocol.model import End, FrameFormat, Part, PartKind, Protocol
+from wirebond.protocol.model import CheckKind, End, FrameFormat, Part, PartKind, Protocol
 from wirebond.protocol.spelling import part_text
 
 
@@ -112,7 +112,7 @@ def evidence(verdict: Verdict, before: Verdict | None = None) -> int:
 def distinct_values(part: Part, covered: int) -> int:
     """How many values a check can take over so many bytes: the high byte of a short sum takes few."""
     values = 1 << 8 * (part.size // 2 if part.as_hex else part.size)
-    if part.algorithm is not None and part.algorithm.kind == "sum":
+    if part.algorithm is not None and part.algorithm.kind == CheckKind.SUM:
         values = min(values, (255 * max(covered, 1) >> part.shift) + 1)
     return values
 

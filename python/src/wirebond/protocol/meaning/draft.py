@@ -18,6 +18,7 @@ from wirebond.protocol.model import (
     Part,
     PartKind,
     PayloadRule,
+    Stuffing,
 )
 from wirebond.protocol.plan import forms, parts_of_forms
 from wirebond.protocol.problems import Place, Problems
@@ -32,7 +33,7 @@ class Envelope:
 
     delimiter: bytes | None = None
     opening: bytes | None = None
-    stuffing: str = "none"
+    stuffing: Stuffing = Stuffing.NONE
     escapes: Escapes | None = None
     silence: float | None = None  # seconds
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from wirebond.protocol import plan
 from wirebond.protocol.meaning.draft import Envelope
-from wirebond.protocol.model import Escapes
+from wirebond.protocol.model import Escapes, Stuffing
 from wirebond.protocol.problems import Place
 from wirebond.protocol.spelling import bytes_text
 from wirebond.protocol.text.frame_grammar import (
@@ -51,7 +51,7 @@ def read_envelope(outer: Outer, wrong: Wrong) -> Envelope:
     elif stuffed:
         _check_plain_parts(outer, wrong)
     reader = _Delimited(marks, wrong)
-    kind, escapes = reader.stuffing(stuffed[0][0]) if stuffed else ("none", None)
+    kind, escapes = reader.stuffing(stuffed[0][0]) if stuffed else (Stuffing.NONE, None)
     return Envelope(reader.closing, reader.opening, kind, escapes)
 
 
@@ -98,18 +98,18 @@ class _Delimited:
         if opening.startswith(closing) or closing.startswith(opening):
             self._wrong(self._place, "one of these delimiters begins with the other; take two that can be told apart")
 
-    def stuffing(self, syntax: Syntax) -> tuple[str, Escapes | None]:
+    def stuffing(self, syntax: Syntax) -> tuple[Stuffing, Escapes | None]:
         if isinstance(syntax, DoubledPart):
-            return "escape", self._doubled()
+            return Stuffing.ESCAPE, self._doubled()
         self._check_sizes(syntax)
         if isinstance(syntax, CobsPart):
-            return "cobs", None
+            return Stuffing.COBS, None
         if isinstance(syntax, SlipPart):
-            return "escape", Escapes(0xDB, 0, ((0xC0, 0xDC), (0xDB, 0xDD)))
+            return Stuffing.ESCAPE, Escapes(0xDB, 0, ((0xC0, 0xDC), (0xDB, 0xDD)))
         if isinstance(syntax, HdlcPart):
-            return "escape", Escapes(0x7D, 0x20, ((0x7E, 0x5E), (0x7D, 0x5D)))
+            return Stuffing.ESCAPE, Escapes(0x7D, 0x20, ((0x7E, 0x5E), (0x7D, 0x5D)))
         assert isinstance(syntax, EscapedPart)
-        return "escape", self._own_rule(syntax)
+        return Stuffing.ESCAPE, self._own_rule(syntax)
 
     def _check_sizes(self, syntax: Syntax) -> None:
         """The stuffings that free a frame of single bytes, some of them of one byte alone."""

@@ -12,12 +12,14 @@ from wirebond.protocol.model import (
     BitRole,
     Bits,
     ByteOrder,
+    CheckKind,
     Condition,
     End,
     LengthCounts,
     Part,
     PartKind,
     PayloadRule,
+    Stuffing,
 )
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.spelling import bytes_text
@@ -79,7 +81,7 @@ class _FrameReader:
                 plain += [False] * len(stuffed)
             elif isinstance(syntax, PartSyntax) and isinstance(node, Mapping):
                 inner.append((syntax, node))
-                plain.append(envelope.stuffing != "none")
+                plain.append(envelope.stuffing != Stuffing.NONE)
         parts = [
             replace(_lower(syntax, self._order), is_plain=is_plain)
             for (syntax, _), is_plain in zip(inner, plain, strict=True)
@@ -211,7 +213,7 @@ class _FrameReader:
             )
         return Algorithm(
             OWN_CRC,
-            "crc",
+            CheckKind.CRC,
             width,
             check.poly or 0,
             check.init or 0,
@@ -391,7 +393,7 @@ class _FrameReader:
         envelope = draft.envelope
         marks = [mark for mark in (envelope.opening, envelope.delimiter) if mark is not None]
         for part, place in zip(draft.parts, draft.places, strict=True):
-            if envelope.stuffing != "none" and not part.is_plain:
+            if envelope.stuffing != Stuffing.NONE and not part.is_plain:
                 continue
             held = next((mark for mark in marks if mark in part.value), None)
             if held is not None:
