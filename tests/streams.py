@@ -113,8 +113,8 @@ class Speaker:
                 if condition.field == part.name:
                     number = number & ~(1 << condition.bit) | truth << condition.bit
             numbers.append(number)
-        table = codec.format_for(message.sender)
-        return _engine.encode(codec.table, table, codec.index_of(message.name), values, index, numbers)
+        table = codec._format_for(message.sender)
+        return _engine.encode(codec._table, table, codec._index_of(message.name), values, index, numbers)
 
     def _forms_of(self, sender: End) -> list[tuple[FormParts, Form]]:
         if sender not in self._forms:

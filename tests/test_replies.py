@@ -98,7 +98,7 @@ def test_engine_generated_code_and_reference_agree(name: str, tmp_path: Path) ->
         assert stats["rejected_candidates"] == dict(expected.rejected_candidates)
 
         file.write_bytes(stream)
-        reply = -1 if request is None else names.index(proto.reply_to(request))
+        reply = -1 if request is None else names.index(proto._reply_to(request))
         for chunk in (1, 0):
             result = decode(program, file, chunk=chunk, expected=reply)
             found = [(f.offset, f.wire, f.id, names[f.message] if f.message >= 0 else "unknown") for f in result.frames]

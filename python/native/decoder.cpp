@@ -19,12 +19,23 @@ constexpr const char* cause_names[cause_count] = {
 }  // namespace
 
 BufferView::BufferView(nb::handle object) {
-  if (PyObject_GetBuffer(object.ptr(), &view_, PyBUF_SIMPLE) != 0) {
-    PyErr_Clear();
-    PyErr_Format(PyExc_TypeError, "expected bytes, a bytearray or a contiguous buffer, not %s",
+  if (PyObject_CheckBuffer(object.ptr()) == 0) {
+    PyErr_Format(PyExc_TypeError, "expected bytes, a bytearray, a memoryview or another buffer, not %s",
                  Py_TYPE(object.ptr())->tp_name);
     throw nb::python_error();
   }
+  if (PyObject_GetBuffer(object.ptr(), &view_, PyBUF_SIMPLE) == 0) {
+    data_ = static_cast<const std::uint8_t*>(view_.buf);
+    return;
+  }
+  PyErr_Clear();
+  if (PyObject_GetBuffer(object.ptr(), &view_, PyBUF_FULL_RO) != 0) throw nb::python_error();
+  gathered_.resize(size());  // its bytes lie apart, as those of every second element do
+  if (PyBuffer_ToContiguous(gathered_.data(), &view_, view_.len, 'C') != 0) {
+    PyBuffer_Release(&view_);
+    throw nb::python_error();
+  }
+  data_ = gathered_.data();
 }
 
 Event record(const Frame& frame, double time, Batch& batch) {
@@ -80,6 +91,18 @@ nb::object Message::fields() {
   return fields_;
 }
 
+nb::object Message::field(nb::str name) {
+  const nb::object all = fields();
+  nb::object value = nb::borrow(PyDict_GetItemWithError(all.ptr(), name.ptr()));
+  if (value.is_valid()) return value;
+  if (PyErr_Occurred() != nullptr) throw nb::python_error();
+  const nb::object names = nb::str(", ").attr("join")(all);
+  const nb::object text = nb::str("{} has no field {!r}; it has {}")
+                              .format(this->name(), name, nb::len(all) == 0 ? nb::object(nb::str("none")) : names);
+  PyErr_SetObject(PyExc_KeyError, text.ptr());
+  throw nb::python_error();
+}
+
 nb::list Message::violations() const {
   if (table() != nullptr) return find_violations(*table(), payload_bytes(), event_.payload_size);
   return nb::list();
@@ -132,10 +155,19 @@ Decoder::Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<
       deframer_(format_->source(), workspace_.data(), static_cast<std::uint64_t>(std::ceil(idle_seconds * 1e6))),
       counts_(protocol_->messages().size(), 0) {}
 
-std::uint64_t Decoder::microseconds(double time) {
+double Decoder::seconds(nb::handle value) {
+  const double time = PyFloat_AsDouble(value.ptr());
+  if (time == -1.0 && PyErr_Occurred() != nullptr) throw nb::python_error();
   if (!std::isfinite(time) || std::fabs(time) > 9e12) {
-    throw nb::value_error("t must be a finite number of seconds");
+    const nb::object text = nb::str("t is {!r}; expected a finite number of seconds").format(value);
+    const nb::object type = nb::module_::import_("wirebond.errors").attr("UsageError");
+    PyErr_SetObject(type.ptr(), text.ptr());
+    throw nb::python_error();
   }
+  return time;
+}
+
+std::uint64_t Decoder::microseconds(double time) {
   if (time > latest_) latest_ = time;  // a clock that steps back must not look like a long silence
   return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::llround(latest_ * 1e6)));
 }
@@ -153,13 +185,15 @@ nb::list Decoder::collect(double time, Step step) {
   return to_list(batch, events);
 }
 
-nb::list Decoder::feed(nb::handle bytes, double time) {
+nb::list Decoder::feed(nb::handle bytes, nb::handle t) {
   const BufferView view(bytes);
+  const double time = seconds(t);
   const std::uint64_t now = microseconds(time);
   return collect(time, [&](auto sink) { deframer_.feed(view.data(), view.size(), now, sink); });
 }
 
-nb::list Decoder::idle(double time) {
+nb::list Decoder::idle(nb::handle t) {
+  const double time = seconds(t);
   const std::uint64_t now = microseconds(time);
   return collect(time, [&](auto sink) { deframer_.idle(now, sink); });
 }

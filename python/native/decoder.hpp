@@ -47,6 +47,7 @@ class Message {
   nb::bytes raw() const;
   nb::bytes payload() const;
   nb::object fields();
+  nb::object field(nb::str name);
   nb::list violations() const;
   nb::dict header() const;
   std::uint32_t id() const { return event_.id; }
@@ -82,15 +83,16 @@ class Decoder {
   Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
           double idle_seconds);
 
-  nb::list feed(nb::handle bytes, double time);
+  nb::list feed(nb::handle bytes, nb::handle time);
   void expect(std::int16_t message) { deframer_.expect(message); }
-  nb::list idle(double time);
+  nb::list idle(nb::handle time);
   nb::list finish();
   nb::dict stats() const {
     return account_dict(deframer_.account(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_);
   }
 
  private:
+  double seconds(nb::handle time);
   std::uint64_t microseconds(double time);
   template <class Step>
   nb::list collect(double time, Step step);
@@ -108,7 +110,7 @@ std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTab
                                      const std::vector<std::uint8_t>& payload, std::size_t form,
                                      const std::vector<std::uint32_t>& header);
 
-/// Read-only view of a bytes-like object, released with this object.
+/// Read-only view of a bytes-like object, released with this object. Bytes that do not lie together are copied.
 class BufferView {
  public:
   explicit BufferView(nb::handle object);
@@ -116,11 +118,13 @@ class BufferView {
   BufferView(const BufferView&) = delete;
   BufferView& operator=(const BufferView&) = delete;
 
-  const std::uint8_t* data() const { return static_cast<const std::uint8_t*>(view_.buf); }
+  const std::uint8_t* data() const { return data_; }
   std::size_t size() const { return static_cast<std::size_t>(view_.len); }
 
  private:
   Py_buffer view_{};
+  const std::uint8_t* data_ = nullptr;
+  std::vector<std::uint8_t> gathered_;
 };
 
 }  // namespace wirebond::engine

@@ -51,13 +51,30 @@ std::string range_text(const FieldTable& field) {
   return with_unit(number_text(field.minimum) + " ... " + number_text(field.maximum), field);
 }
 
+/// Does its type say how it becomes a number? What that function raises is the caller's, and comes through.
+bool is_number(nb::handle value) {
+  const PyNumberMethods* const methods = Py_TYPE(value.ptr())->tp_as_number;
+  return methods != nullptr && (methods->nb_float != nullptr || methods->nb_index != nullptr);
+}
+
+/// wrong_type for a value that could have been a number: what it raised is the cause.
+[[noreturn]] void wrong_type_because(nb::python_error cause, const Path& path, nb::handle value) {
+  try {
+    wrong_type(path, value, "a number");
+  } catch (nb::python_error& error) {
+    PyException_SetCause(error.value().ptr(), nb::borrow(cause.value()).release().ptr());
+    throw;
+  }
+}
+
 double number_from(const FieldTable& field, nb::handle value, const Path& path) {
   if (PyUnicode_Check(value.ptr())) wrong_type(path, value, "a number");
+  if (!is_number(value)) wrong_type(path, value, "a number");
   const double number = PyFloat_AsDouble(value.ptr());
   if (number == -1.0 && PyErr_Occurred() != nullptr) {
-    const bool overflow = PyErr_ExceptionMatches(PyExc_OverflowError) != 0;
+    if (PyErr_ExceptionMatches(PyExc_TypeError) != 0) wrong_type_because(nb::python_error(), path, value);
+    if (PyLong_Check(value.ptr()) == 0) throw nb::python_error();  // of the value's own __float__: the caller's
     PyErr_Clear();
-    if (!overflow) wrong_type(path, value, "a number");
     throw_message_error(path.text() + " is too large for a 64-bit number");
   }
   if (!std::isfinite(number)) {
@@ -215,7 +232,7 @@ std::string shown(nb::handle value) {
 
 void throw_message_error(const std::string& text) {
   const nb::object type = nb::module_::import_("wirebond.errors").attr("MessageError");
-  PyErr_SetString(type.ptr(), text.c_str());
+  PyErr_SetObject(type.ptr(), nb::str(text.data(), text.size()).ptr());
   throw nb::python_error();
 }
 
@@ -329,12 +346,16 @@ std::uint64_t encode_element(const FieldTable& field, nb::handle value, const Pa
       if (field.has_flags) return flag_bits(field, value, path);
       if (field.has_enum) return raw_of(field, enum_bits(field, value, path));
       if (field.scaled) return raw_of(field, scaled_bits(field, value, path));
-      const nb::object index = nb::steal(PyNumber_Index(value.ptr()));
+      const nb::object index = nb::steal(PyIndex_Check(value.ptr()) != 0 ? PyNumber_Index(value.ptr()) : nullptr);
+      if (!index.is_valid() && PyErr_Occurred() != nullptr) {
+        // An array of numpy's has __index__ and refuses it; its __float__ decides.
+        if (PyErr_ExceptionMatches(PyExc_TypeError) == 0) throw nb::python_error();
+        PyErr_Clear();
+      }
       if (index.is_valid()) {
         if (field.has_range) static_cast<void>(number_from(field, index, path));
         return raw_of(field, integer_bits(field, index, path));
       }
-      PyErr_Clear();
       const double number = number_from(field, value, path);
       if (number != std::floor(number)) wrong_type(path, value, "an integer");
       const nb::object whole = steal(PyLong_FromDouble(number));

@@ -61,7 +61,8 @@ void validate_all(const std::vector<FieldTable>& fields, std::size_t place, Walk
                   nb::list& out);
 
 void add(nb::list& out, const Path& path, const std::string& fault) {
-  if (!fault.empty()) out.append(nb::str((path.text() + fault).c_str()));
+  const std::string text = path.text() + fault;
+  if (!fault.empty()) out.append(nb::str(text.data(), text.size()));
 }
 
 /// A list or string of which the payload promises more than it has, or more than the protocol allows.
@@ -198,9 +199,8 @@ std::size_t sequence_size(const FieldTable& field, nb::handle value, const Path&
     wrong_type(path, value, "a list of " + wanted);
   }
   const Py_ssize_t size = PySequence_Size(value.ptr());
-  PyErr_Clear();
-  if (is_list ? size < 0 || size > static_cast<Py_ssize_t>(field.max_count)
-              : size != static_cast<Py_ssize_t>(field.count)) {
+  if (size < 0) throw nb::python_error();  // of the value's own __len__: the caller's
+  if (is_list ? size > static_cast<Py_ssize_t>(field.max_count) : size != static_cast<Py_ssize_t>(field.count)) {
     throw_message_error(path.text() + " has " + std::to_string(size) + " elements; expected " + wanted);
   }
   return static_cast<std::size_t>(size);

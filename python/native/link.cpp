@@ -63,9 +63,11 @@ std::string sentence(const std::string& path, const posix::SerialSettings& setti
   return "cannot open " + path + ": " + reason;
 }
 
-[[noreturn]] void throw_port_error(const std::string& text) {
+/// `code`: the system's error number; 0 where it gave none.
+[[noreturn]] void throw_port_error(const std::string& text, int code, const std::string& path) {
   const nb::object type = nb::module_::import_("wirebond.errors").attr("PortError");
-  PyErr_SetString(type.ptr(), text.c_str());
+  const nb::object number = code == 0 ? nb::object(nb::none()) : nb::object(nb::int_(code));
+  PyErr_SetObject(type.ptr(), type(text, number, path).ptr());
   throw nb::python_error();
 }
 
@@ -88,10 +90,15 @@ Link::Link(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const 
       deadline_rules_(one_by_one(deadlines)) {
   posix::SerialError error;
   port_ = posix::open_serial(options_.path, options_.serial, error);
-  if (!port_.is_open()) throw_port_error(sentence(options_.path, options_.serial, error));
+  if (!port_.is_open()) {
+    throw_port_error(sentence(options_.path, options_.serial, error), error.code, options_.path);
+  }
   wakeup_ = posix::Descriptor(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
-  if (!wakeup_.is_open())
-    throw_port_error(std::string("the system has no event descriptor left: ") + std::strerror(errno));
+  if (!wakeup_.is_open()) {
+    const int code = errno;
+    throw_port_error(std::string("the system has no event descriptor left: ") + std::strerror(code), code,
+                     options_.path);
+  }
   const std::uint64_t now = monotonic_us();
   for (const auto& rule : deadline_rules_) deadlines_.emplace_back(rule, now);
   thread_ = std::thread([this] { run(); });

@@ -64,6 +64,20 @@ NB_MODULE(_engine, m) {
       .def_prop_ro("id", &Message::id, "The id on the wire.")
       .def_prop_ro("t", &Message::time, "Time of the feed that completed it, in seconds.")
       .def_prop_ro("offset", &Message::offset, "Of its first byte in the stream.")
+      .def("__getitem__", &Message::field, "name"_a, "The value of this field. KeyError where it has none.")
+      .def(
+          "__contains__",
+          [](Message& self, nb::handle name) {
+            const int found = PyDict_Contains(self.fields().ptr(), name.ptr());
+            if (found < 0) throw nb::python_error();
+            return found != 0;
+          },
+          "name"_a.none(), "Has it a field of this name?")
+      .def(
+          "__iter__", [](Message& self) { return nb::iter(self.fields()); }, "The names of its fields, in their order.")
+      .def(
+          "keys", [](Message& self) { return self.fields().attr("keys")(); },
+          "The names of its fields, so that dict(message) is possible.")
       .def("__repr__",
            [](Message& self) { return nb::str("<wirebond.Message {} {}>").format(self.name(), self.fields()); });
 
@@ -73,9 +87,9 @@ NB_MODULE(_engine, m) {
           [](Decoder* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
              double idle_seconds) { new (self) Decoder(std::move(protocol), std::move(format), idle_seconds); },
           "protocol"_a, "format"_a, "idle_seconds"_a)
-      .def("feed", &Decoder::feed, "bytes"_a.none(), "t"_a)
+      .def("feed", &Decoder::feed, "bytes"_a.none(), "t"_a.none())
       .def("expect", &Decoder::expect, "message"_a)
-      .def("idle", &Decoder::idle, "t"_a)
+      .def("idle", &Decoder::idle, "t"_a.none())
       .def("finish", &Decoder::finish)
       .def("stats", &Decoder::stats);
 

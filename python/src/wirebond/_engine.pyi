@@ -1,43 +1,91 @@
 """Types of the compiled engine."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, KeysView
 from typing import Any
 
 class ProtocolTable:
-    def __init__(self, protocol: object) -> None: ...
+    """The messages of a protocol, as the engine reads and writes them. Any thread may use it."""
+
+    def __init__(self, protocol: object) -> None:
+        """:param protocol: a ``wirebond.protocol.model.Protocol``."""
 
 class FormatTable:
-    def __init__(self, plan: object) -> None: ...
+    """The frame format of one end, or of both. Any thread may use it."""
+
+    def __init__(self, plan: object) -> None:
+        """:param plan: a ``wirebond.protocol.plan.Plan``."""
 
 class Message:
+    """One frame that passed every check. It does not change; use it from one thread at a time.
+
+    Its fields are read by name, too: ``message["linear"]``, ``"linear" in message``; iteration gives their names, and
+    ``dict(message)`` the fields.
+    """
+
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """The message's name; ``unknown`` for an unknown id or a payload too short for it."""
     @property
-    def sender(self) -> str | None: ...
+    def sender(self) -> str | None:
+        """``host``, ``mcu`` or ``both``; None for an unknown message."""
     @property
-    def fields(self) -> dict[str, Any]: ...
+    def fields(self) -> dict[str, Any]:
+        """Values in SI units by field name, decoded when first asked for. Empty for an unknown message."""
     @property
-    def violations(self) -> list[str]: ...
+    def violations(self) -> list[str]:
+        """A sentence for each field rule that it breaks; the values are as they came, not clamped."""
     @property
-    def header(self) -> dict[str, int]: ...
+    def header(self) -> dict[str, int]:
+        """Values of the frame's named header fields."""
     @property
-    def raw(self) -> bytes: ...
+    def raw(self) -> bytes:
+        """The frame's bytes as received, delimiters included."""
     @property
-    def payload(self) -> bytes: ...
+    def payload(self) -> bytes:
+        """The payload's bytes, after unstuffing."""
     @property
-    def id(self) -> int: ...
+    def id(self) -> int:
+        """The id on the wire; 0 where the format has none."""
     @property
-    def t(self) -> float: ...
+    def t(self) -> float:
+        """When it was completed, in seconds: the time of that ``feed``; for a ``Link`` on ``time.monotonic()``."""
     @property
-    def offset(self) -> int: ...
+    def offset(self) -> int:
+        """Of its first byte in the stream, in bytes."""
+    def keys(self) -> KeysView[str]:
+        """The names of its fields, so that ``dict(message)`` is possible."""
+    def __getitem__(self, name: str) -> Any:
+        """The value of this field.
+
+        :param name: the field's name; fields within a struct are in its dict.
+        :raises KeyError: the message has no such field.
+        """
+    def __contains__(self, name: object) -> bool:
+        """Has it a field of this name?"""
+    def __iter__(self) -> Iterator[str]:
+        """The names of its fields, in their order."""
 
 class Decoder:
-    def __init__(self, protocol: ProtocolTable, format: FormatTable, idle_seconds: float) -> None: ...
-    def feed(self, bytes: bytes | bytearray | memoryview, t: float) -> list[Message]: ...
-    def expect(self, message: int) -> None: ...
-    def idle(self, t: float) -> list[Message]: ...
-    def finish(self) -> list[Message]: ...
-    def stats(self) -> dict[str, Any]: ...
+    """Bytes in, messages out. One thread at a time."""
+
+    def __init__(self, protocol: ProtocolTable, format: FormatTable, idle_seconds: float) -> None:
+        """:param idle_seconds: how long a line is silent before an incomplete frame is given up."""
+    def feed(self, bytes: bytes | bytearray | memoryview, t: float) -> list[Message]:
+        """:param t: when the bytes were read, in seconds.
+        :raises TypeError: no buffer, or no number.
+        :raises UsageError: ``t`` is not finite.
+        """
+    def expect(self, message: int) -> None:
+        """:param message: the index of the reply that is meant from here on; -1: of none."""
+    def idle(self, t: float) -> list[Message]:
+        """A read that began at ``t`` found nothing.
+
+        :raises UsageError: ``t`` is not finite.
+        """
+    def finish(self) -> list[Message]:
+        """No byte will ever follow."""
+    def stats(self) -> dict[str, Any]:
+        """The account, as the fields of ``wirebond.Stats``."""
 
 class Link:
     def __init__(
@@ -69,11 +117,26 @@ def encode(
     values: dict[str, Any],
     form: int,
     header: list[int],
-) -> bytes: ...
+) -> bytes:
+    """One frame.
+
+    :param index: of the message in the protocol.
+    :param form: of the frame.
+    :param header: a value for each of that form's header fields.
+    :raises MessageError: a value is refused, or the frame would be too large.
+    """
+
 def decode_columns(
     protocol: ProtocolTable,
     format: FormatTable,
     capture: object,
     threads: int,
     progress: Callable[[int, int], object] | None,
-) -> dict[str, Any]: ...
+) -> dict[str, Any]:
+    """A whole capture. Releases the interpreter's lock.
+
+    :param capture: a buffer.
+    :param threads: 1 or more.
+    :returns: ``messages``: by name a dict of ``fields`` and ``offset``; ``stats`` as ``Decoder.stats``.
+    :raises TypeError: ``capture`` is no buffer.
+    """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, ItemsView, Iterator, KeysView, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,16 @@ class Stats:
     """Where every received byte went. Exact after every ``feed``, ``idle`` and ``finish``:
 
     ``bytes == frame_bytes + fill_bytes + pending_bytes + sum(discarded_bytes.values())``
+
+    :ivar bytes: all that were fed.
+    :ivar frames: frames that were delivered.
+    :ivar unknown_frames: of these, frames of no message that the protocol has.
+    :ivar frame_bytes: bytes in delivered frames.
+    :ivar fill_bytes: delimiters between frames.
+    :ivar pending_bytes: bytes that are not settled yet.
+    :ivar discarded_bytes: bytes thrown away, by cause; every cause has its entry.
+    :ivar rejected_candidates: how often a start turned out to be none, by cause.
+    :ivar messages: how many were delivered, by message; those that came.
     """
 
     bytes: int
@@ -45,7 +55,10 @@ class Stats:
     messages: dict[str, int]
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: causes that did not occur are left out."""
+        """For JSON.
+
+        :returns: the attributes by name; causes that did not occur are left out.
+        """
         out = dict(vars(self))
         for key in ("discarded_bytes", "rejected_candidates"):
             out[key] = {cause: n for cause, n in out[key].items() if n}
@@ -55,74 +68,136 @@ class Stats:
 class Decoder:
     """Bytes of one end in, messages out. Never waits and reads no clock: times come in, in seconds.
 
-    Use it from one thread at a time.
+    ``Codec.decoder`` makes one. Use it from one thread at a time.
     """
 
-    def __init__(self, engine: _engine.Decoder, codec: Codec) -> None:
+    def __init__(self, engine: _engine.Decoder, codec: Codec, sender: End | None) -> None:
         self._engine = engine
         self._codec = codec
+        self._sender = sender
 
     def feed(self, data: Buffer, t: float = 0.0) -> list[Message]:
-        """Messages that ``data``, read at time ``t``, completes. Any bytes are fine; what is no frame is counted."""
+        """Take what was read. Any bytes are fine; what is no frame is counted.
+
+        :param data: any number of bytes; any buffer, also one whose bytes do not lie together (it is copied).
+        :param t: when they were read, in seconds on a clock of your choice. A time before the latest one counts as
+            the latest.
+        :returns: the messages that these bytes complete, in the order of the stream.
+        :raises TypeError: ``data`` is no buffer, or ``t`` no number.
+        :raises UsageError: ``t`` is not finite.
+        """
         return self._engine.feed(data, t)
 
     def expect(self, request: str | None) -> None:
-        """``request`` goes out: where several messages share an id (or have none), its reply is meant from here on,
-        until the next call. None: no reply is expected. Bytes that are pending are examined for it, too; where silence
-        ends a frame, call ``idle`` first. A ``Link`` does this for what it sends.
+        """Say what was asked: where several messages share an id (or have none), the reply to ``request`` is meant
+        from here on, until the next call. Bytes that are pending are examined for it, too; where silence ends a frame,
+        call ``idle`` first. A ``Link`` does this for what it sends.
 
+        :param request: the message that goes out; None: no reply is expected.
         :raises UsageError: the protocol has no such message, or it has no ``reply``.
         """
         index = -1
         if request is not None:
-            index = self._codec.index_of(self._codec.reply_to(request))
+            index = self._codec._index_of(self._codec._reply_to(request))
         self._engine.expect(index)
 
     def idle(self, t: float) -> list[Message]:
-        """A read that began at ``t`` found nothing. After the protocol's ``idle`` time an incomplete frame is given
-        up and its bytes are looked through again; messages behind a false start come out here."""
+        """Say that a read found nothing. After the protocol's ``idle`` time an incomplete frame is given up and its
+        bytes are looked through again.
+
+        :param t: when that read began, in seconds on the clock of ``feed``.
+        :returns: messages that stood behind a false start.
+        :raises TypeError: ``t`` is no number.
+        :raises UsageError: ``t`` is not finite.
+        """
         return self._engine.idle(t)
 
     def finish(self) -> list[Message]:
-        """No byte will ever follow: settle what is pending."""
+        """Say that no byte will ever follow: what is pending is settled.
+
+        :returns: messages that stood behind a false start.
+        """
         return self._engine.finish()
 
     @property
     def stats(self) -> Stats:
+        """Where every byte went, up to now."""
         return Stats(**self._engine.stats())
+
+    def __repr__(self) -> str:
+        stats = self.stats
+        whose = "either end" if self._sender is None else f"the {self._sender}"
+        return (
+            f"<wirebond.Decoder {self._codec.name} from {whose}: {stats.frames} frames in {stats.bytes} bytes, "
+            f"{stats.pending_bytes} pending>"
+        )
 
 
 @dataclass(frozen=True)
-class Table(Mapping[str, "Column"]):
-    """Every occurrence of one message: a column per field, and each row's byte offset in the capture."""
+class Table:
+    """Every occurrence of one message: a column for each field, all of the same length, which is ``len(table)``.
+
+    ``table["left_ticks"]`` is a column, ``in`` and iteration go over their names, and ``dict(table)`` is possible.
+
+    :ivar offset: of each row's first byte in the capture, in bytes; uint64 of shape (rows,).
+    :ivar fields: the columns by name.
+    """
 
     offset: NDArray[np.uint64]
     fields: dict[str, Column] = field(repr=False)
 
     def __getitem__(self, name: str) -> Column:
-        return self.fields[name]
+        try:
+            return self.fields[name]
+        except KeyError:
+            raise KeyError(f"the table has no column {name!r}; it has {', '.join(self.fields) or 'none'}") from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.fields
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.fields)
 
     def __len__(self) -> int:
-        """Number of fields; ``rows`` is the number of messages."""
-        return len(self.fields)
+        """How many messages, each of them a row."""
+        return len(self.offset)
+
+    def __bool__(self) -> bool:
+        return True
+
+    def keys(self) -> KeysView[str]:
+        """:returns: the names of the columns."""
+        return self.fields.keys()
+
+    def items(self) -> ItemsView[str, Column]:
+        """:returns: name and column of each."""
+        return self.fields.items()
 
     @property
     def rows(self) -> int:
+        """How many messages: ``len(table)``."""
         return len(self.offset)
+
+    def __repr__(self) -> str:
+        return f"<wirebond.Table {len(self)} rows: {', '.join(self.fields)}>"
 
 
 @dataclass(frozen=True)
 class Columns(Mapping[str, Table]):
-    """A decoded capture: a table per message that occurred. ``unknown`` holds frames with unknown ids."""
+    """A decoded capture: a table for each message that occurred, by name. ``unknown`` holds frames with unknown ids.
+
+    :ivar tables: the tables by message.
+    :ivar stats: where every byte of the capture went.
+    """
 
     tables: dict[str, Table]
     stats: Stats
 
     def __getitem__(self, name: str) -> Table:
-        return self.tables[name]
+        try:
+            return self.tables[name]
+        except KeyError:
+            raise KeyError(f"no {name!r} in this capture; it has {', '.join(self.tables) or 'no message'}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.tables)
@@ -130,9 +205,17 @@ class Columns(Mapping[str, Table]):
     def __len__(self) -> int:
         return len(self.tables)
 
+    def __repr__(self) -> str:
+        rows = ", ".join(f"{name} {len(table)}" for name, table in self.tables.items())
+        return f"<wirebond.Columns of {self.stats.bytes} bytes: {rows or 'no message'}>"
+
 
 class Codec:
-    """One protocol, ready to use. Immutable; any thread may use it."""
+    """One protocol, ready to use. ``load`` makes it from a file. It does not change; any thread may use it.
+
+    :param model: the protocol as plain values.
+    :ivar model: the same: all that the file says, with its defaults.
+    """
 
     def __init__(self, model: Protocol) -> None:
         self.model = model
@@ -143,6 +226,7 @@ class Codec:
 
     @property
     def name(self) -> str:
+        """The protocol's name."""
         return self.model.name
 
     @property
@@ -159,18 +243,22 @@ class Codec:
         header: Mapping[str, int] | None = None,
         **fields: Any,
     ) -> bytes:
-        """One frame's bytes. Fields by keyword or as a mapping, in SI units; ``header`` gives the frame's own named
-        fields where they differ from their defaults.
+        """One frame's bytes. What a value's own ``__float__`` or ``__index__`` raises comes through.
 
+        :param message: the message's name.
+        :param values: its fields as a mapping, in SI units.
+        :param header: the frame's own named fields, where they differ from their defaults.
+        :param fields: its fields by keyword; they go before those of ``values``.
+        :returns: the frame as it stands on the wire, delimiters included.
         :raises MessageError: unknown message or field, a value out of range, not finite or of the wrong type.
         """
-        index = self._index.get(message)
+        index = self._index.get(message) if isinstance(message, str) else None
         if index is None:
             raise MessageError(no_message(self.name, message, self._index))
         sender = self.model.messages[index].sender
-        form, numbers = self._form_for(sender, header or {})
-        everything = {**(values or {}), **fields}
-        return _engine.encode(self._table, self.format_for(sender), index, everything, form, numbers)
+        form, numbers = self._form_for(sender, {} if header is None else _mapping("header", header))
+        everything = {**({} if values is None else _mapping(message, values)), **fields}
+        return _engine.encode(self._table, self._format_for(sender), index, everything, form, numbers)
 
     def _form_for(self, sender: End, header: Mapping[str, int]) -> tuple[int, list[int]]:
         """The form of the frame that these header values ask for, and a value for each of its header fields."""
@@ -196,12 +284,14 @@ class Codec:
         return self._forms[sender]
 
     def decoder(self, sender: str | None = None) -> Decoder:
-        """A decoder for what ``sender`` ("mcu" or "host") sends; without it, for both, where their ids differ.
+        """A decoder for the bytes of one end.
 
+        :param sender: whose bytes these are, ``"mcu"`` or ``"host"``; None: of both, where their ids differ.
+        :returns: a decoder that has seen no byte yet.
         :raises UsageError: another sender, or ids that mean different messages in each direction.
         """
-        format_table = self.format_for(self.sender_for(sender))
-        return Decoder(_engine.Decoder(self._table, format_table, self.model.idle_seconds), self)
+        end = self._sender_for(sender)
+        return Decoder(_engine.Decoder(self._table, self._format_for(end), self.model.idle_seconds), self, end)
 
     def decode_columns(
         self,
@@ -211,40 +301,59 @@ class Codec:
         threads: int | None = None,
         progress: Callable[[int, int], object] | None = None,
     ) -> Columns:
-        """A whole capture at once, without a Python object per message.
+        """A whole capture at once, without a Python object for each message. The capture's end settles an incomplete
+        frame. Other threads of Python run meanwhile; Ctrl-C ends the call.
 
-        ``threads`` share a large capture (by default as many as the machine has cores); the result does not depend on
-        them. ``progress(done, size)``, both in bytes, is called some ten times a second meanwhile, and at the end; for
-        a capture of less than 256 KiB it is not called.
-
-        Scaled fields are float64 in SI units; other numbers keep their wire type; enums and flags stay integers;
-        arrays have shape (rows, count); text and bytes are lists. The capture's end settles an incomplete frame.
+        :param capture: the bytes; any buffer, which must not change meanwhile.
+        :param sender: as for ``decoder``.
+        :param threads: how many share a large capture, at most 64; None: as many as the machine has cores. The result
+            does not depend on it.
+        :param progress: called as ``progress(done, size)``, both in bytes, some ten times a second and at the end, in
+            the calling thread; not for a capture of less than 256 KiB. What it raises ends the call.
+        :returns: a table for each message that occurred. Scaled fields are float64 in SI units; other numbers keep
+            their wire type; enums and flags stay integers; arrays have shape (rows, count); text and bytes are lists.
+        :raises TypeError: ``capture`` is no buffer, or ``progress`` cannot be called.
+        :raises UsageError: a sender as for ``decoder``, or ``threads`` is no number of 1 or more.
         """
-        if threads is not None and threads < 1:
-            raise UsageError(f"threads is {threads}; expected 1 or more, or None for as many as there are cores")
+        if threads is not None and (not isinstance(threads, int) or threads < 1):
+            raise UsageError(f"threads is {threads!r}; expected 1 or more, or None for as many as there are cores")
+        if progress is not None and not callable(progress):
+            raise TypeError(f"progress is {progress!r}; expected a function that takes two numbers, or None")
         threads = min(threads or os.cpu_count() or 1, _MOST_THREADS)
-        form = self.format_for(self.sender_for(sender))
+        form = self._format_for(self._sender_for(sender))
         result = _engine.decode_columns(self._table, form, capture, threads, progress)
         tables = {name: Table(**table) for name, table in result["messages"].items()}
         return Columns(tables, Stats(**result["stats"]))
 
-    def format_for(self, sender: End | None) -> _engine.FormatTable:
+    def log_line(self, message: Message) -> LogLine | None:
+        """What a received message says in the log.
+
+        :param message: one that a decoder or a link of this protocol gave.
+        :returns: its level and text; None where it is no log line.
+        """
+        index = self._index.get(message.name)
+        return None if index is None else log_line(self.model, self.model.messages[index], message.fields)
+
+    def __repr__(self) -> str:
+        return f"<wirebond.Codec {self.name}: {', '.join(self._index)}>"
+
+    # ---- for the package's own modules: the engine's tables, and what names of messages and ends mean
+
+    def _format_for(self, sender: End | None) -> _engine.FormatTable:
         """The engine's tables for frames of this sender."""
         if sender not in self._formats:
             self._formats[sender] = _engine.FormatTable(plan_for(self.model, sender))
         return self._formats[sender]
 
-    @property
-    def table(self) -> _engine.ProtocolTable:
-        """The engine's tables of the messages."""
-        return self._table
-
-    def index_of(self, message: str) -> int:
+    def _index_of(self, message: str) -> int:
         return self._index[message]
 
-    def reply_to(self, request: str) -> str:
-        """The message that answers ``request``."""
-        index = self._index.get(request)
+    def _reply_to(self, request: str) -> str:
+        """The message that answers ``request``.
+
+        :raises UsageError: the protocol has no such message, or it has no ``reply``.
+        """
+        index = self._index.get(request) if isinstance(request, str) else None
         if index is None:
             raise UsageError(no_message(self.name, request, self._index))
         reply = self.model.messages[index].reply
@@ -253,16 +362,11 @@ class Codec:
             raise UsageError(f"{request} has no `reply` in {self.name}; messages that have one: {asking}")
         return reply
 
-    def log_line(self, message: Message) -> LogLine | None:
-        """What a received message says in the log, with its level; None where it is no log line."""
-        index = self._index.get(message.name)
-        return None if index is None else log_line(self.model, self.model.messages[index], message.fields)
-
-    def request_for(self, reply: str) -> str | None:
+    def _request_for(self, reply: str) -> str | None:
         """The first message that ``reply`` answers."""
         return next((m.name for m in self.model.messages if m.reply == reply), None)
 
-    def sender_for(self, sender: str | None) -> End | None:
+    def _sender_for(self, sender: str | None) -> End | None:
         """Check a sender that a user named."""
         if sender is None:
             collisions = ids_collide(self.model)
@@ -277,18 +381,19 @@ class Codec:
             raise UsageError(f"sender is {sender!r}; expected 'mcu' or 'host'")
         return End(sender)
 
-    def __repr__(self) -> str:
-        return f"<wirebond.Codec {self.name}: {', '.join(self._index)}>"
+
+def _mapping(owner: str, values: Mapping[str, Any]) -> Mapping[str, Any]:
+    if not isinstance(values, Mapping):
+        what = "the frame's own fields" if owner == "header" else "its fields"
+        raise MessageError(f"{owner} is {values!r:.80}; expected {what} as a mapping of names and values")
+    return values
 
 
 def load(path: str | os.PathLike[str]) -> Codec:
     """Read a protocol file.
 
-    :raises ProtocolFileError: every problem of the file, each with line and column.
+    :param path: of the file.
+    :returns: the protocol, ready to encode and to decode.
+    :raises ProtocolFileError: with every problem of the file.
     """
     return Codec(load_model(path))
-
-
-def names(messages: Iterable[Message]) -> list[str]:
-    """The messages' names, in order: what tests and quick looks most often ask for."""
-    return [message.name for message in messages]

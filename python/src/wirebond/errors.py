@@ -5,9 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from wirebond.visible import visible
+
 
 class WirebondError(Exception):
-    """Base of every error that Wirebond raises on purpose."""
+    """Base of every error that Wirebond raises on purpose. Its text is safe to print: what a device, a file's name or a
+    file has put into it cannot command a terminal.
+    """
+
+    def __str__(self) -> str:
+        return visible(str(self.args[0]) if self.args else "", keep="\n")
 
 
 @dataclass(frozen=True, order=True)
@@ -25,7 +32,7 @@ class Problem:
 
     def __str__(self) -> str:
         place = f"{self.path}:{self.line}:{self.column}" if self.line else self.path
-        return f"{place}: {self.message}"
+        return visible(f"{place}: {self.message}")
 
 
 class ProtocolFileError(WirebondError):
@@ -57,7 +64,17 @@ class MessageError(WirebondError, ValueError):
 
 
 class PortError(WirebondError, OSError):
-    """A port cannot be opened."""
+    """A port cannot be opened.
+
+    ``errno`` is the system's error number (``errno.ENOENT``, ``errno.EACCES``, ``errno.EBUSY``, …), or None where the
+    system had nothing against it; ``filename`` is the port.
+    """
+
+    def __init__(self, text: str, code: int | None = None, port: str | None = None) -> None:
+        super().__init__(text)
+        self.errno = code
+        self.strerror = text
+        self.filename = port
 
 
 class LinkDownError(WirebondError, ConnectionError):

@@ -60,12 +60,12 @@ class Link:
         if settings.stop_bits not in (1, 2):
             raise UsageError(f"a Linux tty has 1 or 2 stop bits, and {model.name} asks for {settings.stop_bits:g}")
         self.codec = codec
-        self.port = os.fspath(port)
+        self.port = _port_name(port)
         self.baud = speed
         self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
         deadlines = [
             (
-                codec.index_of(d.message),
+                codec._index_of(d.message),
                 round(d.after * 1e6),
                 self._actions.index(d.then),
                 d.recover == Recover.EXPLICIT,
@@ -74,8 +74,8 @@ class Link:
             if d.at == End.HOST
         ]
         self._engine = _engine.Link(
-            codec.table,
-            codec.format_for(End.MCU),
+            codec._table,
+            codec._format_for(End.MCU),
             self.port,
             speed,
             settings.data_bits,
@@ -129,7 +129,7 @@ class Link:
         safe = b""
         if stop is not None and stop.message == name:
             safe = self.codec.encode(name, dict(stop.values))
-        self._engine.repeat(self.codec.index_of(name), frame, safe, period, hold, self._reply_index(name))
+        self._engine.repeat(self.codec._index_of(name), frame, safe, period, hold, self._reply_index(name))
 
     def stop_repeating(self, message: str) -> None:
         """Stop repeating, without a last value.
@@ -137,7 +137,7 @@ class Link:
         :raises MessageError: the protocol has no such message.
         """
         self._check_sender(message)
-        self._engine.stop_repeating(self.codec.index_of(message))
+        self._engine.stop_repeating(self.codec._index_of(message))
 
     def emergency_stop(self) -> None:
         """Send the file's ``emergency_stop`` before all that waits to be sent, and stop repeating that message.
@@ -194,6 +194,9 @@ class Link:
         self._closed = True
         self._engine.close()
 
+    def __repr__(self) -> str:
+        return f"<wirebond.Link {self.codec.name} on {self.port}: {'closed' if self._closed else self.state}>"
+
     def __enter__(self) -> Self:
         return self
 
@@ -211,7 +214,7 @@ class Link:
 
     def _reply_index(self, message: str) -> int:
         reply = self.codec.model.message(message).reply
-        return -1 if reply is None else self.codec.index_of(reply)
+        return -1 if reply is None else self.codec._index_of(reply)
 
     def _check_sender(self, message: str) -> None:
         known = {m.name: m for m in self.codec.model.messages}
@@ -219,6 +222,21 @@ class Link:
             raise MessageError(no_message(self.codec.name, message, known))
         if not known[message].sent_by(End.HOST):
             raise MessageError(f"{message} is sent by the mcu, not by the host")
+
+
+def _port_name(port: str | os.PathLike[str]) -> str:
+    """The port as text that the system takes whole.
+
+    :raises UsageError: it names none.
+    """
+    name = os.fsdecode(port)
+    if not name:
+        raise UsageError("the port's name is empty; give a tty such as /dev/ttyUSB0")
+    if "\0" in name or (not name.isascii() and any("\udc80" <= c <= "\udcff" for c in name)):
+        raise UsageError(
+            f"the port's name {name!r} has a byte that no port's name has; give a tty such as /dev/ttyUSB0"
+        )
+    return name
 
 
 def open_link(protocol: str | os.PathLike[str] | Codec, port: str | os.PathLike[str], baud: int | None = None) -> Link:

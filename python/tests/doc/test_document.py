@@ -51,7 +51,7 @@ def test_its_frames_are_what_the_decoder_reads(path: Path) -> None:
         sender = "host" if message.sender == "both" else message.sender
         for text in frames:
             decoder = codec.decoder(sender)
-            decoder.expect(codec.request_for(message.name))
+            decoder.expect(codec._request_for(message.name))
             decoded = decoder.feed(bytes.fromhex(text)) + decoder.finish()
             assert [m.name for m in decoded] == [message.name]
             assert decoded[0].violations == []

@@ -59,7 +59,7 @@ def _compare(codec: Codec, example: Example, values: dict[str, Any]) -> tuple[st
     if example.frame != expected:
         return _bytes_differ(codec, example, expected)
     decoder = codec.decoder(example.sender)
-    decoder.expect(codec.request_for(example.message))
+    decoder.expect(codec._request_for(example.message))
     messages = decoder.feed(example.frame) + decoder.finish()
     if [message.name for message in messages] != [example.message]:
         return (
@@ -103,7 +103,7 @@ def _bytes_differ(codec: Codec, example: Example, expected: bytes) -> tuple[str,
 def _as_received(codec: Codec, example: Example) -> str:
     """What the receiver makes of the example's own bytes."""
     decoder = codec.decoder(example.sender)
-    decoder.expect(codec.request_for(example.message))
+    decoder.expect(codec._request_for(example.message))
     messages = decoder.feed(example.frame) + decoder.finish()
     if messages:
         values = ", ".join(f"{name} {value}" for name, value in messages[0].fields.items())

@@ -35,7 +35,7 @@ def explain_bytes(path: Path, hex_text: str, sender: str | None, as_json: bool) 
     data = parse_hex(hex_text)
     if not data:
         raise UsageError('--hex holds no bytes; write some, as "AA 55 01"')
-    explanation = explain(codec.model, data, codec.sender_for(sender), _peers(path, codec.model))
+    explanation = explain(codec.model, data, codec._sender_for(sender), _peers(path, codec.model))
     if as_json:
         sys.stdout.write(to_json(explanation_dict(explanation)) + "\n")
     else:

@@ -70,9 +70,11 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
     return found[0] if found else ""
 
 
-def no_message(protocol: str, wanted: str, messages: Iterable[str]) -> str:
+def no_message(protocol: str, wanted: object, messages: Iterable[str]) -> str:
     """That the protocol has no message of this name; the nearest, and all that there are."""
     names = list(messages)
+    if not isinstance(wanted, str):
+        return f"{wanted!r:.80} is no message's name; {protocol} has {', '.join(names)}"
     near = nearest(wanted, names)
     hint = f"did you mean {near}? " if near else ""
     return f"{protocol} has no message {wanted!r}; {hint}it has {', '.join(names)}"
