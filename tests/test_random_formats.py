@@ -87,7 +87,7 @@ def listen(drawn: Drawn, sender: End | None, source: random.Random, messages: in
     return Heard(drawn, found, decoder.stats), stream
 
 
-def check_generated(heard: Heard, answer: Answer) -> None:
+def verify_generated(heard: Heard, answer: Answer) -> None:
     """The generated code against the engine, over one stream."""
     drawn, stats, account = heard.drawn, heard.stats, answer.deframed.account
     index = {message.name: i for i, message in enumerate(drawn.codec.model.messages)}
@@ -106,7 +106,7 @@ def check_generated(heard: Heard, answer: Answer) -> None:
             assert not found, f"{message.name} {message.payload.hex()}: {found}\n{drawn}"
 
 
-def check_defaults(drawn: Drawn, row: int, defaults: dict[tuple[int, int], bytes | None]) -> None:
+def verify_defaults(drawn: Drawn, row: int, defaults: dict[tuple[int, int], bytes | None]) -> None:
     """What is left out takes its default, or must be given."""
     for index, message in enumerate(drawn.codec.model.messages):
         try:
@@ -116,7 +116,7 @@ def check_defaults(drawn: Drawn, row: int, defaults: dict[tuple[int, int], bytes
         assert defaults[row, index] == frame, f"{message.name}\n{drawn}"
 
 
-def check_formats(seeds: range, messages: int, folder: Path, build: Path) -> None:
+def verify_formats(seeds: range, messages: int, folder: Path, build: Path) -> None:
     """All three decoders over ``messages`` messages of each format."""
     formats = [drawn_format(seed) for seed in seeds]
     program = build_formats([drawn.codec.model for drawn in formats], range(0, len(formats), FOLDED), build)
@@ -131,9 +131,9 @@ def check_formats(seeds: range, messages: int, folder: Path, build: Path) -> Non
                 heard.append(result)
     answers = decode_all(program, jobs, folder)
     for result, answer in zip(heard, answers.jobs, strict=True):
-        check_generated(result, answer)
+        verify_generated(result, answer)
     for row, drawn in enumerate(formats):
-        check_defaults(drawn, row, answers.defaults)
+        verify_defaults(drawn, row, answers.defaults)
 
 
 def test_nearly_all_drawn_files_load() -> None:
@@ -149,11 +149,11 @@ def test_nearly_all_drawn_files_load() -> None:
 
 @pytest.mark.parametrize("first", [0, 12])
 def test_three_decoders_agree_on_random_formats(first: int, tmp_path: Path) -> None:
-    check_formats(range(first, first + 12), 100, tmp_path, BUILD)
+    verify_formats(range(first, first + 12), 100, tmp_path, BUILD)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("first", range(0, 10_000, BATCH), ids=lambda first: f"from_{first:04}")
 def test_three_decoders_agree_on_ten_thousand_random_formats(first: int, tmp_path: Path) -> None:
     """A hundred messages of each. `-k from_0450` runs the fifty formats from number 450 on."""
-    check_formats(range(first, first + BATCH), 100, tmp_path, tmp_path)
+    verify_formats(range(first, first + BATCH), 100, tmp_path, tmp_path)

@@ -107,17 +107,17 @@ def test_the_model_checker_finds_each_weakened_memory_order(relacy: Path, site: 
 @pytest.mark.parametrize("kind", ["outbox", "mixed"])
 @pytest.mark.parametrize("senders", [1, 2, 4, 8])
 def test_threads_lose_no_frame_and_race_for_no_byte(watched_threads: Path, kind: str, senders: int) -> None:
-    check_threads(watched_threads, kind, senders, 24_000)
+    verify_threads(watched_threads, kind, senders, 24_000)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["outbox", "mixed"])
 @pytest.mark.parametrize("senders", [1, 2, 4, 8])
 def test_threads_lose_no_frame_of_a_million(watched_threads: Path, kind: str, senders: int) -> None:
-    check_threads(watched_threads, kind, senders, 1_000_000)
+    verify_threads(watched_threads, kind, senders, 1_000_000)
 
 
-def check_threads(program: Path, kind: str, senders: int, frames: int) -> None:
+def verify_threads(program: Path, kind: str, senders: int, frames: int) -> None:
     result = run(program, kind, str(senders), str(frames))
     assert result.returncode == 0, result.stdout + result.stderr[-4000:]
     told: dict[str, Any] = json.loads(result.stdout)

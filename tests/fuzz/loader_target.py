@@ -19,7 +19,7 @@ from tests.fuzz.text_mutation import mutated
 
 
 def one_input(data: bytes) -> None:
-    protocol_file.check(data.decode("utf-8", errors="replace"))
+    protocol_file.verify(data.decode("utf-8", errors="replace"))
 
 
 def mutate(data: bytes, max_size: int, seed: int) -> bytes:

@@ -20,12 +20,12 @@ _MOST_MESSAGES = 3  # of a file, each time: others of the same kind tell nothing
 _REFUSALS = ("is empty, and so is its frame", "which the frame's length cannot tell")
 
 
-def check(text: str) -> bool:
+def verify(text: str) -> bool:
     """True if the text is a protocol. AssertionError, or whatever else comes out, where an invariant is broken."""
     try:
         protocol = loads(text, "f")
     except ProtocolFileError as error:
-        _check_refusal(error, text)
+        _verify_refusal(error, text)
         return False
     for end in (End.HOST, End.MCU):
         plan_for(protocol, end)
@@ -33,21 +33,21 @@ def check(text: str) -> bool:
     codec = Codec(protocol)
     source = random.Random(zlib.crc32(text.encode("utf-8", errors="replace")))
     for message in source.sample(protocol.messages, min(_MOST_MESSAGES, len(protocol.messages))):
-        _check_message(codec, message, source)
+        _verify_message(codec, message, source)
     return True
 
 
-def _check_refusal(error: ProtocolFileError, text: str) -> None:
+def _verify_refusal(error: ProtocolFileError, text: str) -> None:
     assert error.problems, "a refusal has a reason"
     lines = text.count("\n") + text.count("\r") + text.count("\x85") + text.count("\u2028") + text.count("\u2029") + 2
     for problem in error.problems:
         assert 0 <= problem.line <= lines, f"the place is in the text: {problem}"
         assert (problem.column > 0) == (problem.line > 0), f"a place has line and column: {problem}"
-        assert "; " in problem.message, f"a problem says what to do: {problem}"
+        assert "; " in problem.sentence, f"a problem says what to do: {problem}"
         assert str(problem).isprintable(), f"a sentence is one line: {problem!r}"
 
 
-def _check_message(codec: Codec, message: Message, source: random.Random) -> None:
+def _verify_message(codec: Codec, message: Message, source: random.Random) -> None:
     """A message of random values goes through encode and decode, and comes out as it was."""
     sender = End.HOST if message.sender == End.BOTH else message.sender
     try:

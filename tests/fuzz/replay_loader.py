@@ -11,7 +11,7 @@ from tests.fuzz import protocol_file
 def main() -> None:
     for folder in sys.argv[1:]:
         for path in sorted(Path(folder).iterdir()):
-            protocol_file.check(path.read_bytes().decode("utf-8", errors="replace"))
+            protocol_file.verify(path.read_bytes().decode("utf-8", errors="replace"))
 
 
 if __name__ == "__main__":

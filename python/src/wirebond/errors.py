@@ -22,17 +22,17 @@ class Problem:
     """One thing wrong in a protocol file.
 
     ``line`` and ``column`` count from 1, in characters; both are 0 where the file as a whole is meant.
-    ``message`` says what is wrong and what would be right.
+    ``sentence`` says what is wrong and what would be right.
     """
 
     path: str
     line: int
     column: int
-    message: str
+    sentence: str
 
     def __str__(self) -> str:
         place = f"{self.path}:{self.line}:{self.column}" if self.line else self.path
-        return visible(f"{place}: {self.message}")
+        return visible(f"{place}: {self.sentence}")
 
 
 class ProtocolFileError(WirebondError):

@@ -95,7 +95,7 @@ def loads_or_explains(text: str) -> bool:
         assert list(refusal.problems) == sorted(set(refusal.problems))
         for problem in refusal.problems:
             assert 0 <= problem.line <= text.count("\n") + 2
-            assert "; " in problem.message
+            assert "; " in problem.sentence
             assert "\n" not in str(problem)
         return False
     for end in (End.HOST, End.MCU):

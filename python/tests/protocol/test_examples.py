@@ -126,7 +126,7 @@ def test_a_wrong_example_gets_a_sentence_at_its_place(example: str, at: str, sen
     with pytest.raises(ProtocolFileError) as refused:
         loads(text)
     problem = refused.value.problems[0]
-    assert sentence in problem.message
+    assert sentence in problem.sentence
     assert text.splitlines()[problem.line - 1][problem.column - 1 :].startswith(at)
     assert problem.line == FILE.count("\n") + 2
 

@@ -590,14 +590,14 @@ def test_an_error_carries_its_problems_as_data() -> None:
         loads(GOOD.replace("rover", "Rover"), "rover.yaml")
     (problem,) = caught.value.problems
     assert (problem.path, problem.line, problem.column) == ("rover.yaml", 2, 11)
-    assert problem.message.startswith("`Rover` is not a name; ")
+    assert problem.sentence.startswith("`Rover` is not a name; ")
 
 
 def test_a_flood_of_problems_is_cut_short_with_their_number() -> None:
     text = GOOD + "".join(f"key{n}: 0\n" for n in range(300))
     lines = problems_of(text)
     assert len(lines) == 101
-    assert lines[-1].endswith("200 more problems from here on; mend those before first")
+    assert lines[-1].endswith("200 more problems from here on; correct the earlier ones first")
 
 
 SHAPES = """\

@@ -5,16 +5,16 @@ from __future__ import annotations
 import os
 
 from wirebond.protocol.meaning import references
-from wirebond.protocol.meaning.draft import check_sizes, delivers_unknown, finish, skips_failed
+from wirebond.protocol.meaning.draft import delivers_unknown, finish, skips_failed, validate_sizes
 from wirebond.protocol.meaning.examples import read_examples
 from wirebond.protocol.meaning.frames import read_frame
-from wirebond.protocol.meaning.messages import check_ids, read_messages
+from wirebond.protocol.meaning.messages import read_messages, validate_ids
 from wirebond.protocol.meaning.structs import Types
 from wirebond.protocol.model import ByteOrder, End, LinkSettings, Parity, Protocol
 from wirebond.protocol.problems import Problems
 from wirebond.protocol.text import yaml_tree
 from wirebond.protocol.text.grammar import File, Link
-from wirebond.protocol.text.syntax import check_syntax, readable
+from wirebond.protocol.text.syntax import readable, validate_syntax
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Scalar
 
 
@@ -30,7 +30,7 @@ def loads(text: str, path: str = "<text>") -> Protocol:
     """As `load`, from text; ``path`` is the name that errors give it."""
     problems = Problems(path)
     root = yaml_tree.parse(text, problems)
-    check_syntax(root, problems)
+    validate_syntax(root, problems)
     protocol = _read(root, path, problems) if isinstance(root, Mapping) else None
     problems.raise_if_any()
     assert protocol is not None, "what is missing from the protocol has been reported"
@@ -51,13 +51,13 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     if draft is None:
         return None
     with_id = {end for end in (End.HOST, End.MCU) if draft.has_id_from(end)}
-    check_ids(messages, draft.id_bits, with_id, problems)
+    validate_ids(messages, draft.id_bits, with_id, problems)
     file = readable(File, root)
     if file is None:
         # The file's own limits may be what is wrong; the frame's hold all the same.
-        check_sizes(draft, messages, None, problems, root.place)
+        validate_sizes(draft, messages, None, problems, root.place)
         return None
-    max_payload = check_sizes(draft, messages, file.max_payload, problems, root.value_place("max_payload"))
+    max_payload = validate_sizes(draft, messages, file.max_payload, problems, root.value_place("max_payload"))
     deliver_unknown = delivers_unknown(draft, file.unknown, problems, root.value_place("unknown"))
     is_strict = skips_failed(draft, file.resync, problems, root.value_place("resync"))
     return Protocol(

@@ -31,12 +31,12 @@ class Problems:
         self.path = path
         self._found: list[Problem] = []
 
-    def add(self, place: Place, message: str) -> None:
-        self._found.append(Problem(self.path, place.line, place.column, message))
+    def add(self, place: Place, sentence: str) -> None:
+        self._found.append(Problem(self.path, place.line, place.column, sentence))
 
-    def stop(self, place: Place, message: str) -> NoReturn:
+    def stop(self, place: Place, sentence: str) -> NoReturn:
         """Report a problem that leaves nothing to look at, with those found before it."""
-        self.add(place, message)
+        self.add(place, sentence)
         raise self._error()
 
     def raise_if_any(self) -> None:
@@ -47,7 +47,7 @@ class Problems:
         found = sorted(set(self._found))
         shown, more = found[:_MOST_PROBLEMS], found[_MOST_PROBLEMS:]
         if more:
-            note = f"{len(more)} more problems from here on; mend those before first"
+            note = f"{len(more)} more problems from here on; correct the earlier ones first"
             shown.append(Problem(self.path, more[0].line, more[0].column, note))
         return ProtocolFileError(shown)
 

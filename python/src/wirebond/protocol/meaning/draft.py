@@ -120,7 +120,9 @@ class Draft:
         )
 
 
-def check_sizes(draft: Draft, messages: Messages, max_payload: int | None, problems: Problems, max_place: Place) -> int:
+def validate_sizes(
+    draft: Draft, messages: Messages, max_payload: int | None, problems: Problems, max_place: Place
+) -> int:
     """The frame's greatest payload in bytes. ``max_payload``: the file's; None: the largest message's."""
     rule = draft.payload.payload
     complete = [(entry, entry.complete) for entry in messages.values()]

@@ -49,13 +49,13 @@ def read_envelope(outer: Outer, wrong: Wrong) -> Envelope:
     if len(stuffed) > 1:
         wrong(stuffed[1][1].place, "a frame has one group of stuffed parts; put all parts into the first")
     elif stuffed:
-        _check_plain_parts(outer, wrong)
+        _validate_plain_parts(outer, wrong)
     reader = _Delimited(marks, wrong)
     kind, escapes = reader.stuffing(stuffed[0][0]) if stuffed else (Stuffing.NONE, None)
     return Envelope(reader.closing, reader.opening, kind, escapes)
 
 
-def _check_plain_parts(outer: Outer, wrong: Wrong) -> None:
+def _validate_plain_parts(outer: Outer, wrong: Wrong) -> None:
     """Parts beside the stuffed ones have the same place in every frame."""
     for syntax, node in outer:
         if isinstance(syntax, PayloadPart):
@@ -82,9 +82,9 @@ class _Delimited:
         self._place = marks[0][2].place
         self.closing = marks[-1][1].delimiter
         self.opening = marks[0][1].delimiter if len(marks) == 2 else None
-        self._check_marks()
+        self._validate_marks()
 
-    def _check_marks(self) -> None:
+    def _validate_marks(self) -> None:
         for _, mark, node in self._marks:
             if len(mark.delimiter) == 2 and len(set(mark.delimiter)) == 1 and isinstance(node, Mapping):
                 self._wrong(
@@ -101,7 +101,7 @@ class _Delimited:
     def stuffing(self, syntax: Syntax) -> tuple[Stuffing, Escapes | None]:
         if isinstance(syntax, DoubledPart):
             return Stuffing.ESCAPE, self._doubled()
-        self._check_sizes(syntax)
+        self._validate_sizes(syntax)
         if isinstance(syntax, CobsPart):
             return Stuffing.COBS, None
         if isinstance(syntax, SlipPart):
@@ -111,7 +111,7 @@ class _Delimited:
         assert isinstance(syntax, EscapedPart)
         return Stuffing.ESCAPE, self._own_rule(syntax)
 
-    def _check_sizes(self, syntax: Syntax) -> None:
+    def _validate_sizes(self, syntax: Syntax) -> None:
         """The stuffings that free a frame of single bytes, some of them of one byte alone."""
         wanted = _DELIMITERS.get(type(syntax))
         for _, mark, node in self._marks:

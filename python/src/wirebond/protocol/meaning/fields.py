@@ -96,11 +96,11 @@ class ValueReader:
 
     def _validated(self, field: Field) -> Field | None:
         """The field with its default, after all that its options mean together."""
-        self._check_scale(field)
+        self._validate_scale(field)
         if self._good:
-            self._check_range(field)
-        self._check_enum(field)
-        self._check_flags(field)
+            self._validate_range(field)
+        self._validate_enum(field)
+        self._validate_flags(field)
         if not self._good:
             return None
         default: Given | None = self._syntax.default
@@ -115,7 +115,7 @@ class ValueReader:
             return None
         return Field(**{**vars(field), "default": value})
 
-    def _check_options(self) -> None:
+    def _validate_options(self) -> None:
         syntax, kind = self._syntax, self._type.kind
         for option, kinds, whose in _OPTIONS:
             if getattr(syntax, option, None) is not None and kind not in kinds:
@@ -134,14 +134,14 @@ class ValueReader:
                 "`on_range` has no meaning without `range`; add `range: [0, 1]`",
             )
 
-    def _check_scale(self, field: Field) -> None:
+    def _validate_scale(self, field: Field) -> None:
         if field.scale == 0:
             self._wrong(self._node.value_place("scale"), "a scale of 0 would make every value the same; write another")
         elif field.kind in _NUMBERS and field.is_scaled:
             for option, fault in _scale_faults(field):
                 self._wrong(self._node.value_place(option), fault)
 
-    def _check_range(self, field: Field) -> None:
+    def _validate_range(self, field: Field) -> None:
         bounds = self._syntax.range
         if bounds is None:
             return
@@ -166,7 +166,7 @@ class ValueReader:
             if math.ceil(ends[0]) > math.floor(ends[1]):
                 self._wrong(place, "no number on the wire has a value in this range; widen it, or take a finer scale")
 
-    def _check_enum(self, field: Field) -> None:
+    def _validate_enum(self, field: Field) -> None:
         node = self._node.get("enum")
         if not field.enum or not isinstance(node, Mapping):
             return
@@ -182,7 +182,7 @@ class ValueReader:
             if other != name:
                 self._wrong(node.value_place(name), f"`{other}` is {value} already; give `{name}` a value of its own")
 
-    def _check_flags(self, field: Field) -> None:
+    def _validate_flags(self, field: Field) -> None:
         node = self._node.get("flags")
         if not field.flags or not isinstance(node, Mapping):
             return
@@ -224,7 +224,7 @@ def _scale_faults(field: Field) -> Iterator[tuple[str, str]]:
 class _BitFieldReader(ValueReader):
     def read(self, name: str, syntax: BitFieldSyntax) -> Field | None:
         is_padding = self._type.kind == FieldKind.PADDING
-        self._check_options()
+        self._validate_options()
         if is_padding and syntax.size is None:
             self._wrong(self._node.value_place("type"), "padding needs its number of bits; add `size: 2`")
         if not self._good:
@@ -236,9 +236,9 @@ class _BitFieldReader(ValueReader):
 class _PlainReader(ValueReader):
     def read(self, name: str, syntax: PlainSyntax, order: ByteOrder, earlier: dict[str, Field]) -> Field | None:
         kind = self._type.kind
-        self._check_options()
-        self._check_size(syntax)
-        self._check_packed(syntax)
+        self._validate_options()
+        self._validate_size(syntax)
+        self._validate_packed(syntax)
         count = self._counted("count", syntax.count, syntax.max, earlier, "elements")
         size = self._counted("size", syntax.size, syntax.max, earlier, "bytes")
         if not self._good:
@@ -260,7 +260,7 @@ class _PlainReader(ValueReader):
             )
         )
 
-    def _check_size(self, syntax: PlainSyntax) -> None:
+    def _validate_size(self, syntax: PlainSyntax) -> None:
         kind, node = self._type.kind, self._node
         if kind in _STRINGS and syntax.size is None and syntax.max is None:
             self._wrong(
@@ -284,7 +284,7 @@ class _PlainReader(ValueReader):
                 "`max` is for text, bytes and arrays of varying size; for an array of numbers write `count`",
             )
 
-    def _check_packed(self, syntax: PlainSyntax) -> None:
+    def _validate_packed(self, syntax: PlainSyntax) -> None:
         node, wire_type = self._node, self._type
         if syntax.packed is None:
             if wire_type.bits:

@@ -88,21 +88,21 @@ class _FrameReader:
         ]
         nodes = [node for _, node in inner]
         names = self._names(parts, inner)
-        self._check_places(parts, nodes, place, envelope)
-        self._check_bits(parts, nodes)
+        self._validate_places(parts, nodes, place, envelope)
+        self._validate_bits(parts, nodes)
         if not self._good:
             return None
         for index, (syntax, node) in enumerate(inner):
             if isinstance(syntax, CheckPart):
                 parts[index] = self._lower_check(index, parts, names, syntax.check, node)
         self._mark_checks_on_wire(parts, nodes)
-        self._check_order_of_checks(parts, nodes)
+        self._validate_order_of_checks(parts, nodes)
         parts = [replace(part, name=name) for part, name in zip(parts, _unique(names), strict=True)]
         draft = Draft(tuple(parts), tuple(node.place for node in nodes), envelope)
         if self._good:
-            self._check_conditions(parts, nodes, place)
+            self._validate_conditions(parts, nodes, place)
         if self._good:
-            self._check_whole(draft, place)
+            self._validate_whole(draft, place)
         return draft if self._good else None
 
     # ---- names and ranges ----
@@ -224,7 +224,7 @@ class _FrameReader:
 
     # ---- which part may stand where ----
 
-    def _check_bits(self, parts: list[Part], nodes: list[Mapping]) -> None:
+    def _validate_bits(self, parts: list[Part], nodes: list[Mapping]) -> None:
         for part, node in zip(parts, nodes, strict=True):
             if part.kind != PartKind.BITS:
                 continue
@@ -241,7 +241,7 @@ class _FrameReader:
                 if run.value > run.mask:
                     self._wrong(fields.key_place(run.name), f"{run.value} does not fit {run.width} bits; take less")
 
-    def _check_conditions(self, parts: list[Part], nodes: list[Mapping], place: Place) -> None:
+    def _validate_conditions(self, parts: list[Part], nodes: list[Mapping], place: Place) -> None:
         """What a condition names must stand in the header, and the frame may have only so many forms."""
         widths = {p.name: 8 * p.size for p in parts if p.kind in (PartKind.FIELD, PartKind.SEQUENCE)}
         widths |= {r.name: r.width for p in parts for r in p.bits if r.role in (BitRole.FIELD, BitRole.SEQUENCE)}
@@ -284,7 +284,7 @@ class _FrameReader:
             if found > limit:
                 self._wrong(place, f"the frame has {found} {what}; at most {limit} are possible")
 
-    def _check_places(self, parts: list[Part], nodes: list[Mapping], place: Place, envelope: Envelope) -> None:
+    def _validate_places(self, parts: list[Part], nodes: list[Mapping], place: Place, envelope: Envelope) -> None:
         kinds = [part.kind for part in parts]
         for kind in _ONCE:
             found = [i for i, other in enumerate(kinds) if other == kind]
@@ -306,7 +306,7 @@ class _FrameReader:
         if PartKind.TAIL in kinds[:-1]:
             index = kinds.index(PartKind.TAIL)
             self._wrong(nodes[index].place, "a tail ends the frame; put it last, or write `constant` here")
-        self._check_payload_rule(parts, nodes, payload_index, envelope)
+        self._validate_payload_rule(parts, nodes, payload_index, envelope)
         constants = sum(len(part.value) for part in parts)
         for limit, number, what in (
             (plan.MAX_CONSTANTS, constants, "bytes of magic, constants and tail"),
@@ -315,7 +315,7 @@ class _FrameReader:
             if number > limit:
                 self._wrong(place, f"the frame has {number} {what}; at most {limit} are possible")
 
-    def _check_payload_rule(
+    def _validate_payload_rule(
         self, parts: list[Part], nodes: list[Mapping], payload_index: int, envelope: Envelope
     ) -> None:
         rule, at = parts[payload_index].payload, nodes[payload_index].value_place("payload")
@@ -334,7 +334,7 @@ class _FrameReader:
                 at, "`payload: rest` needs delimiters or a silence, which say where the frame ends; or write by_length"
             )
 
-    def _check_order_of_checks(self, parts: list[Part], nodes: list[Mapping]) -> None:
+    def _validate_order_of_checks(self, parts: list[Part], nodes: list[Mapping]) -> None:
         """A check over another needs its value. Header checks are worked out first, the rest in order."""
         payload_index = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
 
@@ -353,7 +353,7 @@ class _FrameReader:
                         "end its range before that",
                     )
 
-    def _check_whole(self, draft: Draft, place: Place) -> None:
+    def _validate_whole(self, draft: Draft, place: Place) -> None:
         parts = draft.parts
         if draft.envelope == Envelope() and not any(part.kind in (*_FIXED_BYTES, PartKind.CHECK) for part in parts):
             self._wrong(
@@ -368,8 +368,8 @@ class _FrameReader:
                 f"the frame has {constants} constant bytes, those of bits and of conditions counted; "
                 f"at most {plan.MAX_CONSTANTS} are possible",
             )
-        self._check_seeds(draft)
-        self._check_unstuffed_constants(draft)
+        self._validate_seeds(draft)
+        self._validate_unstuffed_constants(draft)
         longest, length = draft.longest_by_length, draft.length_part
         if longest is None or length is None:
             return
@@ -389,7 +389,7 @@ class _FrameReader:
                 f"with this offset a payload under {shortest} bytes would have a negative length; take a greater one",
             )
 
-    def _check_unstuffed_constants(self, draft: Draft) -> None:
+    def _validate_unstuffed_constants(self, draft: Draft) -> None:
         envelope = draft.envelope
         marks = [mark for mark in (envelope.opening, envelope.delimiter) if mark is not None]
         for part, place in zip(draft.parts, draft.places, strict=True):
@@ -403,7 +403,7 @@ class _FrameReader:
                     "every frame is cut here; take another delimiter, or stuff this part",
                 )
 
-    def _check_seeds(self, draft: Draft) -> None:
+    def _validate_seeds(self, draft: Draft) -> None:
         """A check of the header alone is compared before the bytes behind the payload are there."""
         payload_index = draft.payload_index
         id_index = _holder(list(draft.parts), PartKind.ID, BitRole.ID)

@@ -42,8 +42,8 @@ def read_messages(node: Node | None, types: Types, problems: Problems) -> Messag
             found[name] = _read_message(name, entry.key_place, entry.value, types, problems)
         else:
             found[name] = Entry(name, entry.key_place, Mapping(entry.value.place), None, False)
-    _check_type_names(found, types, problems)
-    _check_replies(found, problems)
+    _validate_type_names(found, types, problems)
+    _validate_replies(found, problems)
     return found
 
 
@@ -86,7 +86,7 @@ def _read_message(name: str, place: Place, node: Mapping, types: Types, problems
     return Entry(name, place, node, message, complete)
 
 
-def _check_type_names(messages: Messages, types: Types, problems: Problems) -> None:
+def _validate_type_names(messages: Messages, types: Types, problems: Problems) -> None:
     """Messages and the file's types become structs side by side."""
     taken: dict[str, str] = {}
     for name, place in (*types.names().items(), *((entry.name, entry.place) for entry in messages.values())):
@@ -98,7 +98,7 @@ def _check_type_names(messages: Messages, types: Types, problems: Problems) -> N
         taken.setdefault(type_name, name)
 
 
-def _check_replies(messages: Messages, problems: Problems) -> None:
+def _validate_replies(messages: Messages, problems: Problems) -> None:
     for entry in messages.values():
         message = entry.message
         if message is None or message.reply is None:
@@ -121,7 +121,7 @@ def _check_replies(messages: Messages, problems: Problems) -> None:
                 )
 
 
-def check_ids(messages: Messages, id_bits: int, with_id: set[End], problems: Problems) -> None:
+def validate_ids(messages: Messages, id_bits: int, with_id: set[End], problems: Problems) -> None:
     """``id_bits``: width of the frame's id; 0 where it has none. ``with_id``: the ends whose frames have it."""
     taken: dict[tuple[End, int], Entry] = {}
     replies = {entry.message.reply for entry in messages.values() if entry.message is not None}

@@ -33,7 +33,7 @@ def read_deadlines(node: Node | None, messages: Messages, problems: Problems) ->
         if syntax is None or not isinstance(item, Mapping):
             continue
         deadline = Deadline(syntax.message, End(syntax.at), syntax.after, syntax.then, Recover(syntax.recover))
-        _check_deadline(deadline, item, messages, problems)
+        _validate_deadline(deadline, item, messages, problems)
         if fault := action_fault(deadline.then):
             problems.add(item.value_place("then"), f"`{deadline.then}` {fault}")
         same = [d for d in deadlines if (d.message, d.at, d.then) == (deadline.message, deadline.at, deadline.then)]
@@ -46,7 +46,7 @@ def read_deadlines(node: Node | None, messages: Messages, problems: Problems) ->
     return tuple(deadlines)
 
 
-def _check_deadline(deadline: Deadline, node: Mapping, messages: Messages, problems: Problems) -> None:
+def _validate_deadline(deadline: Deadline, node: Mapping, messages: Messages, problems: Problems) -> None:
     entry = _find(deadline.message, node.value_place("message"), messages, problems)
     if entry is None or entry.message is None:
         return
@@ -171,12 +171,12 @@ def read_services(node: Node | None, messages: Messages, problems: Problems) -> 
         roles = dict(getattr(syntax, name))
         for expected in _ROLES:
             if expected.service == name:
-                _check_role(expected, roles[expected.role], entry.value, messages, problems)
+                _validate_role(expected, roles[expected.role], entry.value, messages, problems)
         services.append(Service(name, tuple(roles.items())))
     return tuple(services)
 
 
-def _check_role(expected: _Role, name: str, node: Mapping, messages: Messages, problems: Problems) -> None:
+def _validate_role(expected: _Role, name: str, node: Mapping, messages: Messages, problems: Problems) -> None:
     place = node.value_place(expected.role)
     entry = _find(name, place, messages, problems)
     if entry is None or entry.message is None:

@@ -84,7 +84,7 @@ def read_fields(node: Node | None, types: Types) -> tuple[FieldList, bool]:
             one = _read_field(name, entry.value, found, types)
             if one is not None:
                 found[name] = one
-    _check_ends(node, found, types.problems)
+    _validate_ends(node, found, types.problems)
     fields = tuple(found.values())
     return fields, len(fields) == len(node.entries) and _bounded(fields, node.place, types.problems)
 
@@ -194,7 +194,7 @@ def _fields_or_type(node: Mapping, key: str, types: Types) -> FieldList | None:
     return fields if complete else None
 
 
-def _check_ends(node: Mapping, found: dict[str, Field], problems: Problems) -> None:
+def _validate_ends(node: Mapping, found: dict[str, Field], problems: Problems) -> None:
     """Only the last field can reach to the payload's end."""
     last = next(reversed(node.entries), "")
     for name, one in found.items():

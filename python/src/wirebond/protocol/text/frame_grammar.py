@@ -297,7 +297,7 @@ def part_keys(value: dict[str, object]) -> list[str]:
 
 
 def _one_part(allowed: tuple[str, ...]) -> Callable[[object], object]:
-    def check(value: object) -> object:
+    def validate(value: object) -> object:
         if not isinstance(value, dict):
             raise wrong(f"{describe(value)} is not a part of a frame; write `- part: value`, such as `- magic: 0xAA`")
         found = part_keys(value)
@@ -311,7 +311,7 @@ def _one_part(allowed: tuple[str, ...]) -> Callable[[object], object]:
         key = next(iter(value), "")
         raise wrong(f"{quoted(str(key))} is not a part of a frame; {suggestion(str(key), allowed)}")
 
-    return check
+    return validate
 
 
 InnerPart = Annotated[

@@ -47,14 +47,14 @@ def describe(value: object) -> str:
 
 
 def word(*allowed: str) -> Callable[[object], str]:
-    def check(value: object) -> str:
+    def validate(value: object) -> str:
         if isinstance(value, str) and value in allowed:
             return value
         if isinstance(value, str):
             raise wrong(f"{describe(value)} is not possible here; {suggestion(value, allowed)}")
         raise wrong(f"{describe(value)} is not possible here; write {either(allowed)}")
 
-    return check
+    return validate
 
 
 def one_word(*allowed: str) -> Any:
@@ -63,7 +63,7 @@ def one_word(*allowed: str) -> Any:
 
 
 def _name(fault: Callable[[str], str]) -> Callable[[object], str]:
-    def check(value: object) -> str:
+    def validate(value: object) -> str:
         if not isinstance(value, str):
             raise wrong(f"{describe(value)} is not a name; write a word, such as `wheel_speed`")
         found = fault(value)
@@ -71,7 +71,7 @@ def _name(fault: Callable[[str], str]) -> Callable[[object], str]:
             raise wrong(f"{describe(value)} {found}")
         return value
 
-    return check
+    return validate
 
 
 def _text(value: object) -> str:
@@ -90,14 +90,14 @@ Text = Annotated[str, PlainValidator(_text, json_schema_input_type=str)]
 
 
 def whole(minimum: int, maximum: int) -> Callable[[object], int]:
-    def check(value: object) -> int:
+    def validate(value: object) -> int:
         if isinstance(value, Number) and isinstance(value.value, int):
             if minimum <= value.value <= maximum:
                 return value.value
             raise wrong(f"{describe(value)} is out of range; write a whole number from {minimum} to {maximum}")
         raise wrong(f"{describe(value)} is not a whole number; write one from {minimum} to {maximum}")
 
-    return check
+    return validate
 
 
 def _integer(minimum: int, maximum: int) -> Any:
@@ -106,12 +106,12 @@ def _integer(minimum: int, maximum: int) -> Any:
 
 
 def one_of_numbers(*allowed: float) -> Callable[[object], float]:
-    def check(value: object) -> float:
+    def validate(value: object) -> float:
         if isinstance(value, Number) and value.value in allowed:
             return float(value.value)
         raise wrong(f"{describe(value)} is not possible here; write {either(f'{n:g}' for n in allowed)}")
 
-    return check
+    return validate
 
 
 def _exact(value: object) -> Fraction:
@@ -174,7 +174,7 @@ _BYTE = re.compile(r"0x[0-9a-fA-F]{1,2}")
 def _hex_bytes(most: int) -> Callable[[object], bytes]:
     advice = "bytes are written 0x.., such as 0xAA" + (" 0x55" if most > 1 else "")
 
-    def check(value: object) -> bytes:
+    def validate(value: object) -> bytes:
         if not isinstance(value, (str, Number)):
             raise wrong(f"{describe(value)} is not a byte; {advice}")
         text = value if isinstance(value, str) else value.text
@@ -188,7 +188,7 @@ def _hex_bytes(most: int) -> Callable[[object], bytes]:
             raise wrong(f"{len(tokens)} bytes are too many here; at most {most}")
         return bytes(int(token, 16) for token in tokens)
 
-    return check
+    return validate
 
 
 def _bytes_pattern(most: int) -> str:
@@ -368,7 +368,7 @@ PartType = Annotated[
 OWN_CRC = "crc"
 
 
-def _check_name(value: object) -> str:
+def _validate_name(value: object) -> str:
     if isinstance(value, str) and (value == OWN_CRC or algorithms.find(value) is not None):
         return value
     if isinstance(value, str):
@@ -473,7 +473,7 @@ When = Annotated[
 _CHECK_NAMES = (OWN_CRC, *algorithms.ALGORITHMS, *algorithms.ALIASES)
 CheckName = Annotated[
     str,
-    PlainValidator(_check_name, json_schema_input_type=Literal[_CHECK_NAMES]),
+    PlainValidator(_validate_name, json_schema_input_type=Literal[_CHECK_NAMES]),
 ]
 PartRange = Annotated[
     tuple[str, str],

@@ -16,7 +16,7 @@ _Model = TypeVar("_Model", bound=Syntax)
 _PART: TypeAdapter[Syntax] = TypeAdapter(Part)
 
 
-def check_syntax(root: Node, problems: Problems) -> None:
+def validate_syntax(root: Node, problems: Problems) -> None:
     """Report everything in the tree that the grammar does not allow."""
     try:
         File.model_validate(plain(root))
@@ -28,7 +28,7 @@ def check_syntax(root: Node, problems: Problems) -> None:
 
 
 def readable(model: type[_Model], node: Node) -> _Model | None:
-    """This piece of the file by itself, or None where its syntax is wrong (`check_syntax` reports it)."""
+    """This piece of the file by itself, or None where its syntax is wrong (`validate_syntax` reports it)."""
     try:
         return model.model_validate(plain(node))
     except ValidationError:

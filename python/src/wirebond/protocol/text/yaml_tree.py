@@ -110,7 +110,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
         problems.stop(WHOLE_FILE, "this file may not be read by you; check its permissions")
     except (OSError, ValueError) as error:
         problems.stop(WHOLE_FILE, f"cannot be read: {getattr(error, 'strerror', None) or error}; check the path")
-    _check_size(len(data), problems)
+    _validate_size(len(data), problems)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -125,7 +125,7 @@ def parse(text: str, problems: Problems) -> Node:
     ProtocolFileError at once.
     """
     text = text.removeprefix("\ufeff")
-    _check_size(len(text.encode("utf-8", errors="surrogatepass")), problems)
+    _validate_size(len(text.encode("utf-8", errors="surrogatepass")), problems)
     unprintable = _UNPRINTABLE.search(text)
     if unprintable is not None:
         code = f"U+{ord(unprintable.group()):04X}"
@@ -203,7 +203,7 @@ def _place_at(text: str, index: int) -> Place:
     return Place(before.count("\n") + 1, index - (before.rfind("\n") + 1) + 1)
 
 
-def _check_size(size: int, problems: Problems) -> None:
+def _validate_size(size: int, problems: Problems) -> None:
     if size > MAX_FILE_BYTES:
         limit = MAX_FILE_BYTES // 1024
         problems.stop(
