@@ -319,6 +319,23 @@ def test_files_that_are_named_exist(page: Path) -> None:
     assert [name for name in named if not (ROOT / name).exists() and name != "bench/latest.json"] == []
 
 
+def tour_paths(text: str) -> set[str]:
+    """Files, and folders of two names and more, that stand in backticks. `<name>` stands for any name."""
+    ending = r"\.(?:hpp|cpp|h|py|j2|yaml|json|md|txt)"
+    whole = re.findall(rf"`([\w<>./-]+{ending}|[\w<>.-]+/[\w<>./-]*)`", text)
+    return {name.replace("<name>", "*") for name in whole if "<protocol>" not in name}
+
+
+def test_the_tour_names_files_where_they_are() -> None:
+    text = without_blocks(ROOT / "docs" / "TOUR.md")
+    roots = ("", "core/include/wirebond", "python", "python/src/wirebond")
+    stated = re.search(r"Paths begin at the root of the repository, or in (.*?)\.", text, re.DOTALL)
+    assert stated is not None and tuple(re.findall(r"`([\w/]+?)/`", stated[1])) == roots[1:]
+    named = tour_paths(text)
+    assert len(named) > 80
+    assert [name for name in sorted(named) if not any(list((ROOT / root).glob(name)) for root in roots)] == []
+
+
 def test_make_targets_that_are_named_exist() -> None:
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
     named = {name for page in PAGES for name in re.findall(r"`make ([a-z-]+)", page.read_text(encoding="utf-8"))}
