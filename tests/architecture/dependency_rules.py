@@ -31,7 +31,7 @@ class Rules:
     """What docs/DESIGN.md allows."""
 
     cpp: dict[str, tuple[set[str], bool]]  # folder: folders that it may use, and whether any standard header
-    python: dict[str, set[str]]  # room: rooms that it may use
+    python: dict[str, set[str]]  # package: packages that it may use
 
 
 def read_rules(text: str) -> Rules:
@@ -43,7 +43,7 @@ def read_rules(text: str) -> Rules:
         _names(row[0])[0]: ({*_names(row[1]), *({"generated"} if "generated code" in row[1] else ())}, row[2] == "any")
         for row in _table(text, "| C++ folder |")
     }
-    python = {room: {*_names(row[2])} for row in _table(text, "| Python room |") for room in _names(row[0])}
+    python = {package: {*_names(row[2])} for row in _table(text, "| Python package |") for package in _names(row[0])}
     return Rules(cpp, python)
 
 
@@ -119,39 +119,41 @@ def _is_of(rules: Rules, target: str, folder: str) -> bool:
 
 
 def python_problems(rules: Rules) -> list[str]:
-    """A sentence for each import that the rules do not allow, and for each room that has none."""
+    """A sentence for each import that the rules do not allow, and for each package that has none."""
     problems = []
     for path in sorted(PACKAGE.rglob("*.py")):
         module = path.relative_to(PACKAGE).with_suffix("").as_posix().removesuffix("/__init__")
         if module == "__init__":  # what the package offers
             continue
-        room = python_room(rules, module)
+        package = python_package(rules, module)
         where = path.relative_to(ROOT).as_posix()
-        if room is None:
-            problems.append(f"{where}: docs/DESIGN.md has no row for this room; say there what it may use")
+        if package is None:
+            problems.append(f"{where}: docs/DESIGN.md has no row for this package; say there what it may use")
             continue
-        allowed = {room, *rules.python[room]}
-        if room.startswith("*"):
+        allowed = {package, *rules.python[package]}
+        if package.startswith("*"):
             allowed |= rules.python[module.split("/")[0]]
         for line, imported in _imports(path):
-            problem = f"{where}:{line}: {room} must not import {imported}"
+            problem = f"{where}:{line}: {package} must not import {imported}"
             if imported.split("/")[0] in ("tests", "bench", "docs"):
                 problems.append(problem)
-            elif imported.startswith("wirebond/") and room != "cli":
+            elif imported.startswith("wirebond/") and package != "cli":
                 target = imported.removeprefix("wirebond/")
-                same_room = room.startswith("*") and target.split("/")[0] == module.split("/")[0]
-                if not same_room and not ({target, python_room(rules, target)} & allowed):
-                    problems.append(f"{problem}; it may use {', '.join(sorted(rules.python[room])) or 'only itself'}")
+                same_room = package.startswith("*") and target.split("/")[0] == module.split("/")[0]
+                if not same_room and not ({target, python_package(rules, target)} & allowed):
+                    problems.append(
+                        f"{problem}; it may use {', '.join(sorted(rules.python[package])) or 'only itself'}"
+                    )
     return problems
 
 
-def python_room(rules: Rules, module: str) -> str | None:
+def python_package(rules: Rules, module: str) -> str | None:
     """The most particular row of the table for this module: ``*/command`` before ``check``."""
     name = module.rsplit("/", maxsplit=1)[-1]
     if "/" in module and f"*/{name}" in rules.python:
         return f"*/{name}"
-    rooms = [room for room in rules.python if f"{module}/".startswith(f"{room}/")]
-    return max(rooms, key=len, default="_engine" if module == "_engine" else None)
+    packages = [package for package in rules.python if f"{module}/".startswith(f"{package}/")]
+    return max(packages, key=len, default="_engine" if module == "_engine" else None)
 
 
 def _imports(path: Path) -> list[tuple[int, str]]:

@@ -1,4 +1,4 @@
-"""The dependency rules refuse what the design page does not allow, and the design page names rooms that exist."""
+"""The dependency rules refuse what the design page does not allow, and the design page names packages that exist."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_an_import_that_no_row_allows_is_refused(
     assert len(python_problems(RULES)) == 1
 
 
-def test_the_page_has_a_row_for_each_room_and_no_other() -> None:
-    rooms = {room for room in RULES.python if not room.startswith("*")}
-    assert all((PACKAGE / room).is_dir() or (PACKAGE / f"{room}.py").is_file() for room in rooms)
+def test_the_page_has_a_row_for_each_package_and_no_other() -> None:
+    packages = {package for package in RULES.python if not package.startswith("*")}
+    assert all((PACKAGE / package).is_dir() or (PACKAGE / f"{package}.py").is_file() for package in packages)
     assert all((ROOT / folder).is_dir() for folder in RULES.cpp)

@@ -511,7 +511,7 @@ ONE_MESSAGE = "wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages
             "unknown: deliver",
             "magic: 0x01, id: u8, payload: by_id, check: crc-32",
             "{id: 1, sender: host}",
-            "3:10: with `payload: by_id` nobody knows the size of an unknown message",
+            "3:10: with `payload: by_id` the size of an unknown message is not known",
         ),
         (
             "",

@@ -147,14 +147,14 @@ def _reason(frame_format: FrameFormat) -> str:
     checks = [part for part in frame_format.parts if part.kind == PartKind.CHECK]
     unconditional = [part for part in checks if part.condition is None]
     if checks and not unconditional:
-        return "the check is there only when a bit of the header says so: a frame may come without, and nobody knows"
+        return "the check is there only when a bit of the header says so: a wrong bit there gives a frame without it"
     if not checks:
         return "the frame has no check: only its constant bytes and sizes refuse anything"
     part = checks[-1]
     algorithm = part.algorithm
     assert algorithm is not None, "a check has an algorithm"
     if algorithm.kind == CheckKind.SUM and part.shift:
-        return "only the high byte of a sum is sent: most wrong bits change the low byte alone, and nobody sees it"
+        return "only the high byte of a sum is sent: most wrong bits change only the low byte, so they go unnoticed"
     if algorithm.kind == CheckKind.SUM:
         return "in a sum two errors of opposite sign cancel, and the order of bytes does not matter"
     if algorithm.kind == CheckKind.XOR:

@@ -55,7 +55,11 @@ def _compare(codec: Codec, example: Example, values: dict[str, Any]) -> tuple[st
     try:
         expected = codec.encode(example.message, values, header=dict(example.header))
     except MessageError as error:
-        return f"its values cannot be encoded: {error}", "a worked example has to be one that works", "mend its values"
+        return (
+            f"its values cannot be encoded: {error}",
+            "a worked example has to be one that works",
+            "correct its values",
+        )
     if example.frame != expected:
         return _bytes_differ(codec, example, expected)
     decoder = codec.decoder(example.sender)
@@ -96,7 +100,7 @@ def _bytes_differ(codec: Codec, example: Example, expected: bytes) -> tuple[str,
     return (
         listed + more,
         f"these values make {hex_expected}; {_as_received(codec, example)}",
-        "if the rule is right, mend the example's bytes; if the bytes are proven, mend the frame or the fields",
+        "if the rule is right, correct the example's bytes; if the bytes are proven, the frame format or the fields",
     )
 
 

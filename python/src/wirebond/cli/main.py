@@ -113,7 +113,7 @@ def send(
     port: Port,
     message: Annotated[str, typer.Argument(help="Name of a message that the host sends.")],
     values: Annotated[list[str] | None, typer.Argument(metavar="field=value…", help="Its fields, in SI units.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Send again and again, so many times a second.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Send again and again, this many times a second.")] = None,
     baud: Baud = None,
     seconds: Seconds = None,
 ) -> None:

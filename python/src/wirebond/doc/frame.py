@@ -183,7 +183,7 @@ def _payload(protocol: Protocol, index: int) -> str:
 
 def _field(protocol: Protocol, index: int) -> str:
     default = protocol.format.parts[index].default
-    return f"a number of its own; {default} unless said"
+    return f"a number of its own; default {default}"
 
 
 def _bits_content(protocol: Protocol, index: int) -> str:

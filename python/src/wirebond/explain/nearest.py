@@ -122,20 +122,20 @@ def repaired(case: Case) -> str:
     places = spans(case.parts, case.verdict.payload_size or 0)
     if places[-1][1] > len(data):
         return ""
-    mended = []
+    right = []
     for index, part in enumerate(case.parts):
         if part.kind != PartKind.CHECK:
             continue
         start, stop = places[index]
         value = check_value(part, data[places[part.first][0] : places[part.last][1]], case.verdict.seed)
         if not same_check(part, value, data[start:stop]):
-            mended.append(f"{part.name} {shown_check(part, value)}")
+            right.append(f"{part.name} {shown_check(part, value)}")
         data = data[:start] + value + data[stop:]
     found = look(case.protocol, stuff(case.protocol.format, data), case.sender)
     if found is None or not found[0].is_frame:
         return ""
     name = reading(*found) or f"a frame with the unknown id 0x{found[0].id or 0:02X}"
-    return f"with {' and '.join(mended)} this is {name}"
+    return f"with {' and '.join(right)} this is {name}"
 
 
 class _Hunt:

@@ -143,11 +143,11 @@ def _around(case: Case, failed: _Failed, covered: bytes, selection: list[int], *
     itself = ", and itself as zeros" if zeros else ""
     start, stop = failed.places[failed.index]
     held = check_value(failed.part, failed.covered(case.data, failed.part.first, failed.part.last), failed.seed)
-    mended = case.data[:start] + held + case.data[stop:]  # so that the examination goes on behind this check
+    repaired_data = case.data[:start] + held + case.data[stop:]  # so that the examination goes on behind this check
 
     what = f"the {failed.part.name} {shown_check(failed.part, failed.found)} fits if it covers {names}{itself}"
     remedy = "no `over:` can say that, for it names one unbroken range; the sender must cover one"
-    block = stuff(case.protocol.format, mended)
+    block = stuff(case.protocol.format, repaired_data)
     return Guess(case.protocol, block, case.sender, what, remedy)
 
 

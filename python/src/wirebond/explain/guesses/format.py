@@ -43,8 +43,8 @@ def other_sender(case: Case) -> Guesses:
 
     def remedy(verdict: Verdict) -> str:
         name = verdict.delivered_as
-        mend = f", or mend the `sender:` of {name} in the file" if name != "unknown" else ""
-        return f"say `--sender {other.value}`{mend}"
+        remedy_in_file = f", or correct the `sender:` of {name} in the file" if name != "unknown" else ""
+        return f"say `--sender {other.value}`{remedy_in_file}"
 
     yield Guess(case.protocol, case.block, other, what, remedy)
 

@@ -221,7 +221,7 @@ def delivers_unknown(draft: Draft, unknown: str | None, problems: Problems, plac
         if unknown == "deliver":
             problems.add(
                 place,
-                "with `payload: by_id` nobody knows the size of an unknown message; write `unknown: reject`",
+                "with `payload: by_id` the size of an unknown message is not known; write `unknown: reject`",
             )
         return False
     seeded = any(part.seeded for part in draft.parts)

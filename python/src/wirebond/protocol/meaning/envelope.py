@@ -89,8 +89,8 @@ class _Delimited:
             if len(mark.delimiter) == 2 and len(set(mark.delimiter)) == 1 and isinstance(node, Mapping):
                 self._wrong(
                     node.value_place("delimiter"),
-                    "in a row of equal bytes nobody knows which two are the delimiter; write one byte, or two that "
-                    "differ",
+                    "in a row of equal bytes a receiver cannot tell which two are the delimiter; write one byte, or "
+                    "two that differ",
                 )
         opening, closing = self.opening, self.closing
         if opening is None or opening == closing:

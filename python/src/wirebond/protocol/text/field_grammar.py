@@ -59,7 +59,7 @@ class ValueSyntax(Syntax):
     )
     on_range: Annotated[str | None, one_word("reject", "clamp")] = Field(
         None,
-        description="What the handler's side does with a received value out of range; reject unless said.",
+        description="What the handler's side does with a received value out of range. Default: reject.",
         examples=["clamp"],
     )
     default: DefaultValue | None = Field(

@@ -70,14 +70,14 @@ class Check(Syntax):
     )
     over: PartRange | None = Field(
         None,
-        description="The parts it covers, first..last by kind or name; all that precede it unless said.",
+        description="The parts it covers, first..last by kind or name; default: all that precede it.",
         examples=["id..payload"],
     )
     byte: Annotated[str | None, one_word("low", "high")] = Field(
         None, description="Send this byte of the check's value alone.", examples=["high"]
     )
     byte_order: Annotated[str | None, one_word("little", "big")] = Field(
-        None, description="Byte order of the check; the file's unless said.", examples=["big"]
+        None, description="Byte order of the check. Default: the file's.", examples=["big"]
     )
     text: Annotated[str | None, one_word("hex")] = Field(
         None, description="Sent as hex digits, two a byte, the highest first.", examples=["hex"]
@@ -94,10 +94,10 @@ class Check(Syntax):
     poly: Register | None = Field(
         None, description="Polynomial, highest power first, without the leading one.", examples=["0x1021"]
     )
-    init: Register | None = Field(None, description="Register at the start; 0 unless said.", examples=["0xFFFF"])
-    refin: Bool | None = Field(None, description="Bytes enter lowest bit first; false unless said.", examples=["true"])
-    refout: Bool | None = Field(None, description="The result is reflected; false unless said.", examples=["true"])
-    xorout: Register | None = Field(None, description="Combined with the result; 0 unless said.", examples=["0xFFFF"])
+    init: Register | None = Field(None, description="Register at the start. Default: 0.", examples=["0xFFFF"])
+    refin: Bool | None = Field(None, description="Bytes enter lowest bit first. Default: false.", examples=["true"])
+    refout: Bool | None = Field(None, description="The result is reflected. Default: false.", examples=["true"])
+    xorout: Register | None = Field(None, description="Combined with the result. Default: 0.", examples=["0xFFFF"])
 
 
 def _payload(value: object) -> int | str:

@@ -103,7 +103,7 @@ class MessageHead(Syntax):
         examples=['"motor {motor} is too hot: {temperature} °C"'],
     )
     level: Annotated[str | None, one_word("debug", "info", "warning", "error")] = Field(
-        None, description="How severe the log line is; `info` unless said.", examples=["warning"]
+        None, description="How severe the log line is. Default: `info`.", examples=["warning"]
     )
     description: Text = Field("", description="For people.", examples=["what it is for"])
 
@@ -240,20 +240,19 @@ class File(Syntax):
     )
     max_payload: PayloadBytes | None = Field(
         None,
-        description="Most payload bytes of a frame; the largest known message unless said.",
+        description="Most payload bytes of a frame. Default: the largest known message.",
         examples=[64],
     )
     idle: Duration | None = Field(
         None,
-        description="Silence after which an incomplete frame is given up; the longer of 20 ms and "
-        "two frames unless said.",
+        description="Silence after which an incomplete frame is given up. Default: 20 ms or the time of two largest "
+        "frames, whichever is longer.",
         examples=["20 ms"],
     )
     unknown: Annotated[str | None, one_word("deliver", "reject")] = Field(
         None,
-        description="Frames of unknown id or other size: delivered as unknown, or taken for a false "
-        "start. `deliver` "
-        "unless said where a check of 16 bits or more covers id, length and payload.",
+        description="Frames of unknown id or other size: delivered as unknown, or taken for a false start. Default: "
+        "`deliver` if a check of 16 bits or more covers id, length and payload, else `reject`.",
         examples=["deliver"],
     )
     resync: Annotated[str, one_word("rescan", "strict")] = Field(
