@@ -118,7 +118,7 @@ messages:
   mcu_deadlines: {id: 6, sender: both, fields: {empty: {struct: {gap: {type: padding, size: 2}}}}}
   velocity: {id: 7, sender: host, fields: {id: {type: u8, enum: {index: 0}}, every: {type: u8, enum: {us: 0}}}}
 deadlines: [{message: t, at: mcu, after: 1 s, then: context}, {message: t, at: mcu, after: 2 s, then: unknown}]
-emergency_stop: {message: from_host_handlers}
+emergency_stop: [{message: from_host_handlers}, {message: mcu_deadlines}]
 """
 
 

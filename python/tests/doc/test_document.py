@@ -40,6 +40,17 @@ def test_every_message_field_and_part_is_in_it(path: Path) -> None:
     assert f"{codec.hash:016x}" in text
 
 
+def test_a_stop_of_several_messages_is_a_list_in_its_order() -> None:
+    text = (ROOT / "protocols" / "diffdrive.yaml").read_text()
+    stop = "emergency_stop: {message: velocity, linear: 0, angular: 0}"
+    several = text.replace(
+        stop, "emergency_stop: [{message: status_query}, {message: velocity, linear: 0, angular: 0}]"
+    )
+    chapter = markdown(Codec(loads(several))).split("## Emergency stop")[1]
+    assert chapter.startswith("\n\nThese messages, in this order:\n\n1. status_query\n2. velocity with ")
+    assert "The message velocity with " in markdown(Codec(loads(text)))
+
+
 @BY_NAME
 def test_its_frames_are_what_the_decoder_reads(path: Path) -> None:
     codec = wirebond.load(path)

@@ -386,7 +386,8 @@ TEST_CASE("facts of the file are constants") {
   static_assert(diffdrive::mcu_deadlines.size() == 2);
   static_assert(diffdrive::host_deadlines[1].after_us == 5'000'000);
   static_assert(diffdrive::emergency_stop().linear == 0.0F);
-  static_assert(log_protocol::emergency_stop().level == 7);
+  static_assert(log_protocol::emergency_stop_receiver().level == 7);
+  static_assert(decltype(log_protocol::emergency_stop_from_host())::Info::id == 0x0104);
   static_assert(log_protocol::parity == log_protocol::Parity::even);
   static_assert(log_protocol::stop_bits == 1.5F);
   static_assert(native::emergency_stop().mode == native::Command::Mode::idle);

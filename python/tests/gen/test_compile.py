@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from wirebond.gen import generate_cpp
-from wirebond.gen.cpp import struct_names
+from wirebond.gen.cpp import stop_functions, struct_names
 from wirebond.gen.names import namespace
 from wirebond.protocol.model import End, Protocol
 
@@ -73,8 +73,8 @@ def use_of(protocol: Protocol) -> str:
                 "  });",
                 "}",
             ]
-    if protocol.emergency_stop is not None:
-        lines.append(f"auto stop() {{ return {space}::emergency_stop(); }}")
+    for function in stop_functions(protocol):
+        lines.append(f"auto stop_by_{function}() {{ return {space}::{function}(); }}")
     return "\n".join([*lines, "}", ""])
 
 

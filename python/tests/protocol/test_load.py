@@ -19,6 +19,7 @@ from wirebond.protocol import (
     Recover,
     load,
     loads,
+    protocol_hash,
 )
 from wirebond.protocol.plan import plan_for
 
@@ -66,8 +67,18 @@ def test_diffdrive_is_what_its_specification_says() -> None:
         "safe_mode",
     )
     assert protocol.deadlines[1].recover == Recover.EXPLICIT
-    assert protocol.emergency_stop is not None
-    assert dict(protocol.emergency_stop.values) == {"linear": 0.0, "angular": 0.0}
+    (stop,) = protocol.emergency_stop
+    assert dict(stop.values) == {"linear": 0.0, "angular": 0.0}
+
+
+def test_a_stop_of_several_messages_keeps_its_order_and_is_not_in_the_hash() -> None:
+    text = (PROTOCOLS / "diffdrive.yaml").read_text()
+    stop = "emergency_stop: {message: velocity, linear: 0, angular: 0}"
+    several = loads(
+        text.replace(stop, "emergency_stop:\n  - message: status_query\n  - {message: velocity, linear: 0, angular: 0}")
+    )
+    assert [stop.message for stop in several.emergency_stop] == ["status_query", "velocity"]
+    assert protocol_hash(several) == protocol_hash(loads(text))
 
 
 def test_enterprize_checks_its_header_before_its_whole() -> None:
@@ -87,8 +98,8 @@ def test_native_lies_between_zeros_and_names_its_services() -> None:
     parameter = protocol.service("parameter")
     assert parameter is not None
     assert parameter.message("value") == "parameter_value"
-    assert protocol.emergency_stop is not None
-    assert dict(protocol.emergency_stop.values) == {"speed": 0.0, "mode": "idle"}
+    (stop,) = protocol.emergency_stop
+    assert dict(stop.values) == {"speed": 0.0, "mode": "idle"}
 
 
 def test_a_high_byte_of_a_sum_is_one_byte_and_too_weak_to_deliver_what_is_unknown() -> None:
@@ -104,7 +115,7 @@ def test_what_a_file_leaves_out_has_the_documented_defaults() -> None:
     assert (protocol.link.max_run, protocol.link.max_age) == (0.001, None)
     assert {message.queue for message in protocol.messages} == {Queue.NORMAL}
     assert protocol.format.parts[3].order == ByteOrder.LITTLE
-    assert (protocol.idle, protocol.description, protocol.emergency_stop) == (None, "", None)
+    assert (protocol.idle, protocol.description, protocol.emergency_stop) == (None, "", ())
     assert protocol.path == "<text>"
 
 

@@ -291,6 +291,19 @@ MEANING = [
         "@drive, speed: 0",
         "the stop leaves `mode` open; add for example `mode: 0`",
     ),
+    (
+        "{message: drive, speed: 0, mode: idle}",
+        "[{message: drive, speed: 0, mode: idle}, {message: @drive, speed: 0, mode: idle}]",
+        "`drive` is in the stop already",
+    ),
+    (
+        "{message: drive, speed: 0, mode: idle}",
+        "[{message: drive, speed: 0, mode: idle}, {message: @state}]",
+        "from the MCU",
+    ),
+    ("{message: drive, speed: 0, mode: idle}", "@[]", "`emergency_stop` has too few entries (0); it needs at least 1"),
+    ("{message: drive, speed: 0, mode: idle}", "[@drive]", "cannot stand for a message of `emergency_stop`"),
+    ("{message: drive, speed: 0, mode: idle}", "[@{speed: 0}]", "needs `message`"),
     # services
     (
         "deadlines:",

@@ -93,7 +93,7 @@ def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | N
         format=replace(frame_format, max_payload=payload, deliver_unknown=True),
         messages=(message,),
         deadlines=(),
-        emergency_stop=None,
+        emergency_stop=(),
         services=(),
         examples=(),
     )

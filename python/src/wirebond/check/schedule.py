@@ -75,7 +75,7 @@ def assess_safety(protocol: Protocol, places: Places) -> list[Finding]:
                 place.column,
             )
         )
-    if protocol.emergency_stop is None:
+    if not protocol.emergency_stop:
         place = places.at("messages")
         found.append(
             Finding(

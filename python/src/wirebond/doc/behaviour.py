@@ -64,10 +64,15 @@ def deadlines_chapter(protocol: Protocol) -> list[str]:
         rows = [(d.message, spoken(d.at), seconds(d.after), d.then, _RECOVERIES[d.recover]) for d in protocol.deadlines]
         lines += ["## Deadlines", "", "They run from start-up on, before the first message has come.", ""]
         lines += [*table(("message stays away", "at the", ">for", "then", "ends"), rows), ""]
-    stop = protocol.emergency_stop
-    if stop is not None:
+    stops = []
+    for stop in protocol.emergency_stop:
         values = values_line(dict(stop.values))
-        lines += ["## Emergency stop", "", f"The message {stop.message}{' with ' + values if values else ''}.", ""]
+        stops.append(f"{stop.message}{' with ' + values if values else ''}")
+    if len(stops) == 1:
+        lines += ["## Emergency stop", "", f"The message {stops[0]}.", ""]
+    elif stops:
+        lines += ["## Emergency stop", "", "These messages, in this order:", ""]
+        lines += [*(f"{i}. {stop}" for i, stop in enumerate(stops, 1)), ""]
     return lines
 
 

@@ -9,7 +9,7 @@ from wirebond.gen.amalgamate import amalgamated
 from wirebond.gen.c_link import link_view
 from wirebond.gen.c_names import Names, header_name, link_name
 from wirebond.gen.c_struct import Declarations, Declarer, MessageView
-from wirebond.gen.cpp import cpp_header, id_literal, link_header, message_comment, shapes
+from wirebond.gen.cpp import cpp_header, id_literal, link_header, message_comment, shapes, stop_functions
 from wirebond.gen.cpp_field import comment_text
 from wirebond.gen.cpp_number import real
 from wirebond.gen.folder import core_headers, render, write_files
@@ -53,7 +53,7 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
     actions = list(dict.fromkeys(deadline.then for deadline in protocol.deadlines))
     action_type = names.claim("action", suffix="_t")
     action_constants = [names.constant("action", action) for action in actions]
-    stop = names.claim("emergency_stop")
+    stop_names = [names.claim(function) for function in stop_functions(protocol)]
     views, shared = _messages(protocol, names, facts, functions)
     values: dict[str, object] = {
         "file": comment_text(Path(protocol.path).name or protocol.name),
@@ -78,10 +78,10 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
         "watches": [watch for watch in watches if watch is not None],
         "action_type": action_type,
         "actions": list(zip(actions, action_constants, strict=True)),
-        "stop": stop,
-        "stop_message": next(
-            (v for v in views if protocol.emergency_stop and v.name == protocol.emergency_stop.message), None
-        ),
+        "stops": [
+            (name, function, next(view for view in views if view.name == stop.message))
+            for name, function, stop in zip(stop_names, stop_functions(protocol), protocol.emergency_stop, strict=True)
+        ],
     }
     values["link"] = link_view(protocol, names, views)
     return {

@@ -67,7 +67,7 @@ def cpp_header(protocol: Protocol) -> str:
         sources=[_source_view(protocol, end, plans[end]) for end in (End.HOST, End.MCU)],
         actions=list(dict.fromkeys(d.then for d in protocol.deadlines)),
         ends=[_deadline_view(protocol, end) for end in (End.HOST, End.MCU)],
-        stop=_emergency_stop(protocol),
+        stops=_emergency_stop(protocol),
         services=_services(protocol),
     )
 
@@ -414,18 +414,27 @@ def _urgent_bytes(protocol: Protocol, end: End) -> int:
 
 @dataclass(frozen=True)
 class StopView:
+    """The function that gives one message of the stop."""
+
+    function: str
     struct: str
     assignments: tuple[str, ...]
 
 
-def _emergency_stop(protocol: Protocol) -> StopView | None:
-    stop = protocol.emergency_stop
-    if stop is None:
-        return None
-    shape = message_shapes(protocol)[stop.message]
-    members = {name: shape.member(name) for name, _ in stop.values}
-    lines = [f"message.{members[name].name} = {given_value(members[name], value)};" for name, value in stop.values]
-    return StopView(shape.path, tuple(lines))
+def stop_functions(protocol: Protocol) -> list[str]:
+    """The functions for the stop's messages, in their order: with the message's name where there are several."""
+    stops = protocol.emergency_stop
+    return ["emergency_stop" if len(stops) == 1 else f"emergency_stop_{stop.message}" for stop in stops]
+
+
+def _emergency_stop(protocol: Protocol) -> list[StopView]:
+    views = []
+    for stop, function in zip(protocol.emergency_stop, stop_functions(protocol), strict=True):
+        shape = message_shapes(protocol)[stop.message]
+        members = {name: shape.member(name) for name, _ in stop.values}
+        lines = [f"message.{members[name].name} = {given_value(members[name], value)};" for name, value in stop.values]
+        views.append(StopView(function, shape.path, tuple(lines)))
+    return views
 
 
 def _services(protocol: Protocol) -> list[tuple[str, list[tuple[str, str]]]]:

@@ -9,7 +9,6 @@ from wirebond.protocol.model import (
     ByteOrder,
     CheckKind,
     Deadline,
-    EmergencyStop,
     End,
     Example,
     Field,
@@ -27,6 +26,7 @@ from wirebond.protocol.model import (
     Queue,
     Recover,
     Service,
+    StopMessage,
     Stuffing,
 )
 
@@ -36,7 +36,6 @@ __all__ = [
     "ByteOrder",
     "CheckKind",
     "Deadline",
-    "EmergencyStop",
     "End",
     "Example",
     "Field",
@@ -56,6 +55,7 @@ __all__ = [
     "Queue",
     "Recover",
     "Service",
+    "StopMessage",
     "Stuffing",
     "load",
     "loads",

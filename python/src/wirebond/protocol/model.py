@@ -425,7 +425,9 @@ class Deadline:
 
 
 @dataclass(frozen=True)
-class EmergencyStop:
+class StopMessage:
+    """One message of ``emergency_stop``: what stops the robot, and the safe value that ends a lease."""
+
     message: str
     values: tuple[tuple[str, float | int | bool | str], ...]
 
@@ -467,7 +469,7 @@ class Protocol:
     messages: tuple[Message, ...]
     link: LinkSettings = LinkSettings()
     deadlines: tuple[Deadline, ...] = ()
-    emergency_stop: EmergencyStop | None = None
+    emergency_stop: tuple[StopMessage, ...] = ()  # sent and released together, in this order
     services: tuple[Service, ...] = ()
     examples: tuple[Example, ...] = ()
     idle: float | None = None  # seconds; None: the default rule

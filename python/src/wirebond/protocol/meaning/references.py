@@ -7,10 +7,10 @@ from typing import Any
 
 from wirebond.protocol.meaning.field_values import fit_value, settled
 from wirebond.protocol.meaning.messages import Entry, Messages, receiver_of, spoken
-from wirebond.protocol.model import Deadline, EmergencyStop, End, Field, FieldKind, Recover, Service
+from wirebond.protocol.model import Deadline, End, Field, FieldKind, Recover, Service, StopMessage
 from wirebond.protocol.names import action_fault
 from wirebond.protocol.problems import Place, Problems, suggestion
-from wirebond.protocol.text.grammar import DeadlineSyntax, EmergencyStopSyntax, Services
+from wirebond.protocol.text.grammar import DeadlineSyntax, Services, StopMessageSyntax
 from wirebond.protocol.text.syntax import readable
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
@@ -72,8 +72,23 @@ def _validate_deadline(deadline: Deadline, node: Mapping, messages: Messages, pr
 _VALUELESS = (FieldKind.BYTES, FieldKind.PADDING)
 
 
-def read_emergency_stop(node: Node | None, messages: Messages, problems: Problems) -> EmergencyStop | None:
-    syntax = readable(EmergencyStopSyntax, node) if isinstance(node, Mapping) else None
+def read_emergency_stop(node: Node | None, messages: Messages, problems: Problems) -> tuple[StopMessage, ...]:
+    stops: list[StopMessage] = []
+    for item in node.items if isinstance(node, Sequence) else (node,):
+        stop = _read_stop_message(item, messages, problems)
+        if stop is None or not isinstance(item, Mapping):
+            continue
+        if any(stop.message == other.message for other in stops):
+            problems.add(
+                item.value_place("message"),
+                f"`{stop.message}` is in the stop already; give it the values that stop once",
+            )
+        stops.append(stop)
+    return tuple(stops)
+
+
+def _read_stop_message(node: Node | None, messages: Messages, problems: Problems) -> StopMessage | None:
+    syntax = readable(StopMessageSyntax, node) if isinstance(node, Mapping) else None
     if syntax is None or not isinstance(node, Mapping):
         return None
     entry = _find(syntax.message, node.value_place("message"), messages, problems)
@@ -120,7 +135,7 @@ def read_emergency_stop(node: Node | None, messages: Messages, problems: Problem
             values.append((name, value))
         else:
             problems.add(node.value_place(name), fault)
-    return EmergencyStop(syntax.message, tuple(values))
+    return StopMessage(syntax.message, tuple(values))
 
 
 def _can_be_given(field: Field) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, PlainValidator
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, PlainValidator, Tag
 
 from wirebond.protocol.text.field_grammar import Fields, FieldSyntax
 from wirebond.protocol.text.frame_grammar import MAX_PARTS, Part
@@ -137,14 +137,25 @@ class DeadlineSyntax(Syntax):
     )
 
 
-class EmergencyStopSyntax(Syntax):
-    """The message that stops everything, with the values of its fields."""
+class StopMessageSyntax(Syntax):
+    """A message of the emergency stop, with the values of its fields."""
 
     model_config = ConfigDict(extra="allow")
-    noun = "`emergency_stop`"
+    noun = "a message of `emergency_stop`"
     __pydantic_extra__: dict[str, OwnValue]
 
     message: Name = Field(description="The message to send; its fields' values stand beside it.", examples=["velocity"])
+
+
+def _one_or_list(value: object) -> str:
+    return "emergency_stop" if isinstance(value, list) else "[one]"  # also places in an error's location
+
+
+EmergencyStopSyntax = Annotated[
+    Annotated[StopMessageSyntax, Tag("[one]")]
+    | Annotated[list[StopMessageSyntax], Field(min_length=1), Tag("emergency_stop")],
+    Discriminator(_one_or_list),
+]
 
 
 class ExampleSyntax(Syntax):
@@ -279,7 +290,7 @@ class File(Syntax):
     )
     emergency_stop: EmergencyStopSyntax | None = Field(
         None,
-        description="The message that stops everything, and its values.",
+        description="The message that stops everything, and its values; or a list of such messages.",
         examples=["{message: velocity, linear: 0, angular: 0}"],
     )
     services: Services | None = Field(
