@@ -7,6 +7,7 @@
 #include "decoder.hpp"
 #include "fields.hpp"
 #include "link.hpp"
+#include "link_core.hpp"
 #include "protocol.hpp"
 
 namespace nb = nanobind;
@@ -96,5 +97,6 @@ NB_MODULE(_engine, m) {
   m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "form"_a, "header"_a);
   m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
         "progress"_a.none());
+  bind_link_core(m);
   bind_link(m);
 }

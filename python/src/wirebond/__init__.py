@@ -13,6 +13,7 @@ from wirebond.errors import (
     ProtocolFileError,
     ProtocolMismatchError,
     QueueFullError,
+    StoppedError,
     UsageError,
     WirebondError,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "QueueFullError",
     "SendStats",
     "Stats",
+    "StoppedError",
     "Table",
     "UsageError",
     "WirebondError",

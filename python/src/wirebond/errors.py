@@ -78,8 +78,26 @@ class PortError(WirebondError, OSError):
 
 
 class LinkDownError(WirebondError, ConnectionError):
-    """The port is not connected at the moment. The link reconnects by itself; this frame was not sent."""
+    """The port is not connected at the moment, or the program has closed the link; nothing was sent. A link that is
+    not closed reconnects by itself."""
 
 
 class QueueFullError(WirebondError):
     """The line does not keep up with what is sent; this frame was refused."""
+
+
+class StoppedError(WirebondError):
+    """An emergency stop holds this message until ``release_stop()``; nothing was sent.
+
+    ``message`` is its name; ``stopped`` names every message that the stop holds.
+    """
+
+    def __init__(self, message: str, stopped: Iterable[str]) -> None:
+        self.message = message
+        self.stopped: tuple[str, ...] = tuple(stopped)
+        super().__init__(
+            f"{message} was not sent: an emergency stop holds {', '.join(self.stopped)} until release_stop() is called"
+        )
+
+    def __reduce__(self) -> tuple[type[StoppedError], tuple[str, tuple[str, ...]]]:
+        return type(self), (self.message, self.stopped)  # else a copy would be made from the text alone

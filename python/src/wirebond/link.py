@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
+import math
 import os
+import weakref
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import TracebackType
@@ -10,48 +14,76 @@ from typing import Any, Self
 
 from wirebond import _engine
 from wirebond.codec import Codec, Message, Stats, load
-from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
+from wirebond.errors import LinkDownError, MessageError, QueueFullError, StoppedError, UsageError
 from wirebond.protocol.model import End, Recover
 from wirebond.protocol.problems import no_message
 from wirebond.typed import TypedMessage, name_and_values
 
-DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after it was last set
+DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
 MAX_HOLD = 60.0  # seconds: a longer lease would be none
+STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
 ADAPTER_LATENCY = 0.016  # seconds: what a USB adapter may hold bytes back (the FTDI default)
+_ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are heard meanwhile
+
+_DOWN, _FULL, _STOPPED = 1, 2, 3  # answers of the engine
 
 
 @dataclass(frozen=True)
 class SendStats:
-    """``offered == accepted + refused_down + refused_full``;
-    ``accepted == sent + queued + replaced + expired + aborted``."""
+    """What became of every frame. Exact at any time:
+
+    ``offered == accepted + refused_down + refused_full + refused_stopped``
+    ``accepted == sent + queued + replaced + expired + overruled + aborted``
+
+    Repeated values, safe values and stops are offered each time that they are due.
+    """
 
     offered: int
     accepted: int
-    refused_down: int
-    refused_full: int
-    sent: int
+    refused_down: int  #: the port was away, or the link closed
+    refused_full: int  #: the queue was full
+    refused_stopped: int  #: an emergency stop held the message
+    sent: int  #: handed to the port whole
     sent_bytes: int
-    queued: int
-    replaced: int
-    expired: int
-    aborted: int
+    queued: int  #: waiting now, or under way
+    replaced: int  #: a repeated value or a stop, by the next one of its message
+    expired: int  #: the port went away, or it waited longer than the file's ``max_age``
+    overruled: int  #: waited when a stop, a safe value or ``stop_repeating`` dropped it
+    aborted: int  #: the port went away in its middle
 
 
 @dataclass(frozen=True)
 class LinkStats:
+    """The accounts of a link: ``receive`` closes as a decoder's does, ``send`` by its two sums."""
+
     receive: Stats
     send: SendStats
-    dropped_messages: int  # came in, were not taken by the program, and made room for newer ones
-    reconnects: int
+    dropped_messages: int  #: came in, were not taken by the program, and made room for newer ones
+    late: int  #: as old as the shortest of their deadlines at the host: not given to the program
+    held_back: int  #: one of their deadlines with ``recover: explicit`` had struck: not given to the program
+    reconnects: int  #: times that the port came back
 
 
 class Link:
-    """The host's end. It reconnects by itself; frames that were queued when the port went away expire, counted.
+    """The host's end of one port. It reconnects by itself; what waited when the port went away expires, counted.
 
-    Any thread may call any method. Iterating gives messages until ``close``; one thread should iterate.
+    Threads: any thread may call any method. Iteration and ``receive`` give each message once, to one caller; let one
+    thread take them. A forked child has no link: there ``close`` does nothing and the rest raises ``LinkDownError``.
+
+    The end of the program: ``close``, the end of a ``with`` block, an exception that ends it, ``sys.exit``, garbage
+    collection and the normal end of the interpreter all end every lease, with its safe value where it has one. A signal
+    without a handler and a kill end the process at once; then the MCU's own deadlines guard.
     """
 
-    def __init__(self, codec: Codec, port: str | os.PathLike[str], baud: int | None = None) -> None:
+    def __init__(
+        self,
+        codec: Codec,
+        port: str | os.PathLike[str],
+        baud: int | None = None,
+        *,
+        paced: bool = True,
+        hold_back: bool = True,
+    ) -> None:
         model = codec.model
         settings = model.link
         speed = settings.baud if baud is None else baud
@@ -62,43 +94,30 @@ class Link:
         self.codec = codec
         self.port = _port_name(port)
         self.baud = speed
+        self.paced = paced
         self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
-        deadlines = [
-            (
-                codec._index_of(d.message),
-                round(d.after * 1e6),
-                self._actions.index(d.then),
-                d.recover == Recover.EXPLICIT,
-            )
-            for d in model.deadlines
-            if d.at == End.HOST
-        ]
+        self._taken: deque[Message] = deque()  # taken from the engine, and not yet by the program
         self._engine = _engine.Link(
-            codec._table,
-            codec._format_for(End.MCU),
-            self.port,
-            speed,
-            settings.data_bits,
-            settings.parity,
-            round(settings.stop_bits),
-            model.idle_seconds + ADAPTER_LATENCY,
-            deadlines,
+            codec._table, codec._format_for(End.MCU), self.port, engine_settings(codec, speed, paced, hold_back)
         )
-        self._closed = False
+        _open_links.add(self)
 
     # ---- sending
 
     def send(self, message: str | TypedMessage, values: Mapping[str, Any] | None = None, /, **fields: Any) -> None:
-        """Send one frame whole: a message by its name, or one of a generated module. Returns when it is queued or
-        written; never waits for the line.
+        """Send one frame whole. Returns when it is queued or written; never waits for the line. Any thread.
 
-        :raises MessageError: nothing was sent: a value is wrong, or the message is the MCU's to send.
-        :raises LinkDownError: the port is gone at the moment; the link is looking for it.
-        :raises QueueFullError: the line does not keep up.
+        :param message: a message of the host by its name, or an object of a generated module.
+        :param values: its fields by name, in SI units; or give them as keywords.
+        :raises MessageError: a value is wrong, or the message is the MCU's to send.
+        :raises StoppedError: an emergency stop holds the message.
+        :raises LinkDownError: the port is gone at the moment, and the link is looking for it; or the link is closed.
+        :raises QueueFullError: 64 KiB wait already: the line does not keep up.
         """
         name, given = name_and_values(message, values, fields)
         self._check_sender(name)
-        self._send(name, self.codec.encode(name, given), urgent=False)
+        frame = self.codec.encode(name, given)
+        self._raise_for(name, self._engine.send(self.codec._index_of(name), frame, _reply_index(self.codec, name)))
 
     def repeat(
         self,
@@ -109,11 +128,20 @@ class Link:
         hold: float = DEFAULT_HOLD,
         **fields: Any,
     ) -> None:
-        """Repeat this value at the rhythm of the message's ``every``, for ``hold`` seconds after this call.
+        """Repeat this value at the rhythm of the message's ``every``, for ``hold`` seconds after this call. Any thread.
 
-        A program that goes on calls it again in time. When it does not, the message's safe value (that of
-        ``emergency_stop``) is sent once, or nothing more if it has none: a program that hangs cannot keep a robot
-        driving.
+        A program that goes on calls it again in time. When it does not, because it hangs or ends, the lease ends: what
+        waits of the message is dropped, and the message's safe value (that of ``emergency_stop``) goes before all
+        else, once. A message without a safe value falls silent. So a program that hangs cannot keep a robot driving.
+
+        :param message: a message of the host by its name, or an object of a generated module.
+        :param values: its fields by name, in SI units; or give them as keywords.
+        :param hold: seconds, more than 0 and at most 60.
+        :raises MessageError: a value is wrong, or the message is the MCU's to send.
+        :raises UsageError: the message has no ``every``, or ``hold`` is out of its range.
+        :raises StoppedError: an emergency stop holds the message.
+        :raises LinkDownError: the link is closed. A port that is away for a while raises nothing: the value goes on
+            when it is back, within its lease.
         """
         if not 0 < hold <= MAX_HOLD:
             raise UsageError(
@@ -122,44 +150,81 @@ class Link:
         name, given = name_and_values(message, values, fields)
         self._check_sender(name)
         frame = self.codec.encode(name, given)
-        period = self.codec.model.message(name).every
-        if period is None:
+        if self.codec.model.message(name).every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; use send()")
-        stop = self.codec.model.emergency_stop
-        safe = b""
-        if stop is not None and stop.message == name:
-            safe = self.codec.encode(name, dict(stop.values))
-        self._engine.repeat(self.codec._index_of(name), frame, safe, period, hold, self._reply_index(name))
+        reply = _reply_index(self.codec, name)
+        self._raise_for(name, self._engine.repeat(self.codec._index_of(name), frame, hold, reply))
 
     def stop_repeating(self, message: str) -> None:
-        """Stop repeating, without a last value.
+        """End the message's lease at once, without a last value. Any thread.
 
-        :raises MessageError: the protocol has no such message.
+        :raises MessageError: the protocol has no such message, or it is the MCU's.
         """
         self._check_sender(message)
         self._engine.stop_repeating(self.codec._index_of(message))
 
     def emergency_stop(self) -> None:
-        """Send the file's ``emergency_stop`` before all that waits to be sent, and stop repeating that message.
+        """Send the file's ``emergency_stop``, before all that waits, and go on until ``release_stop()``. Any thread.
+
+        Never refused, also with a full queue. What waits of the stop's messages is dropped, and their leases end. The
+        stop is repeated at each message's ``every``, or every 50 ms where it has none. ``send`` and ``repeat`` of
+        those messages raise ``StoppedError``. While the port is away the stop waits, and is the first to leave when
+        it is back.
+
+        The latch lives in this object: another program, and the MCU, do not see it.
 
         :raises UsageError: the protocol has none.
-        :raises LinkDownError: the port is gone at the moment.
+        :raises LinkDownError: the link is closed: nothing can be sent any more.
         """
-        stop = self.codec.model.emergency_stop
-        if stop is None:
+        if not self.codec.model.emergency_stop:
             raise UsageError(f"{self.codec.name} has no emergency_stop")
-        self.stop_repeating(stop.message)
-        self._send(stop.message, self.codec.encode(stop.message, dict(stop.values)), urgent=True)
+        if self._engine.is_closed():
+            raise LinkDownError(f"the link to {self.port} is closed; the emergency stop was not sent")
+        self._engine.stop()
+
+    def release_stop(self) -> None:
+        """Let the stopped messages be sent again. Sends nothing itself: the robot stays as it is until the program
+        sends. Without a stop nothing happens. Any thread."""
+        self._engine.release_stop()
+
+    @property
+    def stopped(self) -> bool:
+        """Does an emergency stop hold its messages? From ``emergency_stop()`` to ``release_stop()``."""
+        return self._engine.is_stopped()
 
     # ---- receiving
 
     def receive(self, timeout: float = 0.0) -> list[Message]:
-        """Messages since the last call, waiting up to ``timeout`` seconds for the first."""
-        return self._engine.receive(timeout)
+        """Messages since the last call, waiting up to ``timeout`` seconds for the first.
+
+        Signals are heard within a moment: Ctrl-C raises ``KeyboardInterrupt`` here.
+
+        :param timeout: seconds; 0 does not wait.
+        :raises LinkDownError: the link is closed, and all that had come was taken.
+        """
+        messages: list[Message] = []
+        while self._taken:
+            try:
+                messages.append(self._taken.popleft())
+            except IndexError:  # another thread took it
+                break
+        messages += self._engine.receive(0.0 if messages else timeout)
+        if not messages and self._engine.is_closed():
+            raise LinkDownError(f"the link to {self.port} is closed; no message will come")
+        return messages
 
     def __iter__(self) -> Iterator[Message]:
-        while not self._closed:
-            yield from self._engine.receive(0.1)  # short, so that Ctrl-C is heard
+        """Messages as they come, until ``close``. Those that are left when a loop ends are for the next one."""
+        while True:
+            try:
+                message = self._taken.popleft()
+            except IndexError:
+                came = self._engine.receive(_ITERATION_WAIT)
+                if not came and self._engine.is_closed():
+                    return
+                self._taken.extend(came)
+            else:
+                yield message
 
     # ---- supervision
 
@@ -175,7 +240,11 @@ class Link:
         return {name: index in struck for index, name in enumerate(self._actions)}
 
     def recover(self, action: str) -> None:
-        """End a deadline with ``recover: explicit``."""
+        """End a deadline with ``recover: explicit``.
+
+        :param action: the deadline's ``then``.
+        :raises UsageError: the file has no such deadline at the host.
+        """
         if action not in self._actions:
             raise UsageError(
                 f"{self.codec.name} has no deadline {action!r} at the host; it has {', '.join(self._actions)}"
@@ -186,16 +255,19 @@ class Link:
     def stats(self) -> LinkStats:
         raw = self._engine.stats()
         send = SendStats(**raw.pop("send"))
-        dropped, reconnects = raw.pop("dropped_messages"), raw.pop("reconnects")
-        return LinkStats(Stats(**raw), send, dropped, reconnects)
+        rest = {name: raw.pop(name) for name in ("dropped_messages", "late", "held_back", "reconnects")}
+        return LinkStats(Stats(**raw), send, **rest)
 
     def close(self) -> None:
-        """Send what is queued (a second at most) and give the port back."""
-        self._closed = True
+        """End every lease, with its safe value where it has one; send what is queued (a second at most); give the port
+        back. What had come can still be taken. A second call does nothing. Any thread."""
         self._engine.close()
+        _open_links.discard(self)
 
     def __repr__(self) -> str:
-        return f"<wirebond.Link {self.codec.name} on {self.port}: {'closed' if self._closed else self.state}>"
+        return (
+            f"<wirebond.Link {self.codec.name} on {self.port}: {'closed' if self._engine.is_closed() else self.state}>"
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -205,16 +277,15 @@ class Link:
     ) -> None:
         self.close()
 
-    def _send(self, message: str, frame: bytes, urgent: bool) -> None:
-        answer = self._engine.send(frame, urgent, self._reply_index(message))
-        if answer == 1:
+    def _raise_for(self, message: str, answer: int) -> None:
+        if answer == _STOPPED:
+            raise StoppedError(message, (stop.message for stop in self.codec.model.emergency_stop))
+        if answer == _DOWN and self._engine.is_closed():
+            raise LinkDownError(f"the link to {self.port} is closed; {message} was not sent")
+        if answer == _DOWN:
             raise LinkDownError(f"{self.port} is not connected; {message} was not sent")
-        if answer == 2:
+        if answer == _FULL:
             raise QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
-
-    def _reply_index(self, message: str) -> int:
-        reply = self.codec.model.message(message).reply
-        return -1 if reply is None else self.codec._index_of(reply)
 
     def _check_sender(self, message: str) -> None:
         known = {m.name: m for m in self.codec.model.messages}
@@ -224,25 +295,90 @@ class Link:
             raise MessageError(f"{message} is sent by the mcu, not by the host")
 
 
-def _port_name(port: str | os.PathLike[str]) -> str:
-    """The port as text that the system takes whole.
+def open_link(
+    protocol: str | os.PathLike[str] | Codec,
+    port: str | os.PathLike[str],
+    baud: int | None = None,
+    *,
+    paced: bool = True,
+    hold_back: bool = True,
+) -> Link:
+    """Open a tty with the protocol file's settings.
 
-    :raises UsageError: it names none.
-    """
-    name = os.fsdecode(port)
-    if not name:
-        raise UsageError("the port's name is empty; give a tty such as /dev/ttyUSB0")
-    if "\0" in name or (not name.isascii() and any("\udc80" <= c <= "\udcff" for c in name)):
-        raise UsageError(
-            f"the port's name {name!r} has a byte that no port's name has; give a tty such as /dev/ttyUSB0"
-        )
-    return name
-
-
-def open_link(protocol: str | os.PathLike[str] | Codec, port: str | os.PathLike[str], baud: int | None = None) -> Link:
-    """Open ``port`` (a tty) with the protocol file's settings, at its baud rate unless ``baud`` is given.
-
+    :param protocol: a protocol file's path, or a ``Codec``.
+    :param port: the tty's path.
+    :param baud: bits per second; default: the file's.
+    :param paced: frames are handed to the port at the pace of its baud rate, so that at most 5 ms of line, or one
+        frame, lie before an emergency stop. False: as fast as the port takes them, for ports whose baud rate means
+        nothing, as of an MCU's own USB; what the driver holds then leaves before a stop.
+    :param hold_back: messages that are late, or that a deadline with ``recover: explicit`` holds back, are counted and
+        not given to the program. False: they are given all the same, for programs that only show or record.
+    :raises ProtocolFileError: the file cannot be used.
     :raises PortError: the port cannot be opened; the sentence says why and what to do.
     """
     codec = protocol if isinstance(protocol, Codec) else load(protocol)
-    return Link(codec, port, baud)
+    return Link(codec, port, baud, paced=paced, hold_back=hold_back)
+
+
+def engine_settings(codec: Codec, baud: int, paced: bool = True, hold_back: bool = True) -> dict[str, Any]:
+    """What the engine's link takes from the protocol."""
+    model = codec.model
+    actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
+    return {
+        "baud": baud,
+        "paced": paced,
+        "hold_back": hold_back,
+        "data_bits": model.link.data_bits,
+        "parity": model.link.parity,
+        "stop_bits": round(model.link.stop_bits),
+        "bits_per_byte": math.ceil(model.link.bits_per_byte),
+        "idle_seconds": model.idle_seconds + ADAPTER_LATENCY,
+        "max_age_seconds": model.link.max_age or 0.0,
+        "largest_frame": model.max_wire_bytes(),
+        "every": [m.every if m.sent_by(End.HOST) and m.every is not None else 0.0 for m in model.messages],
+        "stop": [
+            (
+                codec._index_of(stop.message),
+                codec.encode(stop.message, dict(stop.values)),
+                _reply_index(codec, stop.message),
+                model.message(stop.message).every or STOP_EVERY,
+            )
+            for stop in model.emergency_stop
+        ],
+        "deadlines": [
+            (codec._index_of(d.message), round(d.after * 1e6), actions.index(d.then), d.recover == Recover.EXPLICIT)
+            for d in model.deadlines
+            if d.at == End.HOST
+        ],
+    }
+
+
+def _reply_index(codec: Codec, message: str) -> int:
+    reply = codec.model.message(message).reply
+    return -1 if reply is None else codec._index_of(reply)
+
+
+# ---- the end of the process, and forks --------------------------------------------------------------------------
+
+_open_links: weakref.WeakSet[Link] = weakref.WeakSet()
+
+
+def _close_all() -> None:
+    """The interpreter ends: safe values leave. Threads that wait in a link do not come back into Python, which is no
+    more there for them."""
+    _engine.end_of_interpreter()
+    for link in list(_open_links):
+        link.close()
+    _engine.settle_threads()
+
+
+def _leave_to_the_parent() -> None:
+    """In a forked child: its copies of the ports are given back, and nothing is sent."""
+    _engine.after_fork()
+    for link in list(_open_links):
+        link._engine.after_fork()
+    _open_links.clear()
+
+
+atexit.register(_close_all)
+os.register_at_fork(after_in_child=_leave_to_the_parent)

@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.output import console, stats_line, values_text
+from wirebond.cli.signals import ended_by_signals
 from wirebond.codec import Message, load
 from wirebond.errors import LinkDownError
 from wirebond.link import Link, open_link
@@ -83,13 +84,13 @@ def run_demo(seconds: float | None) -> int:
     console.print("building the rover's firmware for this machine …", style="dim")
     program = rover.build()
     codec = load(rover.protocol_file())
-    with rover.RoverProcess(program) as process, open_link(codec, process.port) as link:
+    with rover.RoverProcess(program) as process, ended_by_signals(), open_link(codec, process.port) as link:
         console.print(f"rover on {process.port}, protocol {codec.name}", style="dim", soft_wrap=True)
         began = time.monotonic()
         try:
             _drive(link, process, math.inf if seconds is None else began + seconds)
         except KeyboardInterrupt:
-            console.print("ended by Ctrl-C", style="dim")
+            console.print("ended by Ctrl-C or a signal", style="dim")
         return _summary(link, time.monotonic() - began)
 
 

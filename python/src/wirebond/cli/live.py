@@ -14,6 +14,7 @@ from rich.markup import escape
 from wirebond.cli.commands import find_message
 from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.output import console, errors, print_message, stats_line, values_text
+from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_assignments
 from wirebond.codec import Codec, Message, load
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
@@ -32,13 +33,13 @@ def _end(seconds: float | None) -> float:
 
 @contextmanager
 def _ctrl_c_ends() -> Iterator[None]:
-    """Ctrl-C is how a user ends these commands: no error."""
+    """Ctrl-C is how a user ends these commands, and SIGTERM how a supervisor does: no error."""
     with suppress(KeyboardInterrupt):
         yield
 
 
 def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None, as_json: bool) -> None:
-    with open_link(path, port, baud) as link:
+    with open_link(path, port, baud, hold_back=False) as link:  # a viewer shows everything
         end = _end(seconds)
         with _ctrl_c_ends():
             if as_json or not console.is_terminal:
@@ -96,9 +97,10 @@ def send_message(
         raise MessageError(f"{name} is sent by the mcu, not by the host")
     values = parse_assignments(described, words)
     codec.encode(name, values)  # wrong values are told before a port is touched
-    with open_link(codec, port, baud) as link:
-        if rate is None:
+    if rate is None:
+        with open_link(codec, port, baud) as link:
             return _send_once(link, codec, name, values)
+    with ended_by_signals(), open_link(codec, port, baud) as link:
         return _send_repeatedly(link, codec, name, values, rate, _end(seconds))
 
 
@@ -130,16 +132,17 @@ def _send_repeatedly(link: Link, codec: Codec, name: str, values: dict[str, obje
                 missed += 1  # the port may come back, the line may catch up: go on
             due = max(due + 1 / rate, time.monotonic())  # after a stall: no burst of old commands
     told = f"sent {name} {sent} times"
-    stop = codec.model.emergency_stop
-    ends_with_stop = stop is not None and stop.message == name
+    ends_with_stop = name in {stop.message for stop in codec.model.emergency_stop}
+    if ends_with_stop:
+        link.emergency_stop()  # also while the port is away: it leaves if the port comes back in time
     is_away = link.state == "down"
     if ends_with_stop and not is_away:
-        link.emergency_stop()
         told += ", then the emergency stop"
     if missed:
         told += f"; {missed} times the port was away or its queue full"
     if is_away:
-        told += f"; {link.port} is away" + ("" if stop is None else ", and the emergency stop could not be sent")
+        told += f"; {link.port} is away"
+        told += ", and the emergency stop could not be sent" if codec.model.emergency_stop else ""
     errors.print(told)
     return 3 if is_away else 0
 

@@ -45,6 +45,9 @@ class PtyPort:
             written = 0
         self.lost_bytes += len(data) - written
 
+    def fileno(self) -> int:
+        return self._controller
+
     def close(self) -> None:
         os.close(self._controller)
         os.close(self._keeper)

@@ -1,0 +1,88 @@
+// A value that is repeated while its writer lives: rhythm, end and bytes. No queue, no port.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "wirebond/deadline.hpp"
+
+namespace wirebond {
+
+/// One message of the host that may be repeated. The caller fills in the first three and owns the memory.
+/// Time is in microseconds and does not wrap. One thread at a time.
+class Lease {
+ public:
+  Lease() = default;
+  /// `every_us`: the message's rhythm; 0: it has none and cannot be repeated. `room`: memory for its largest frame.
+  Lease(std::uint64_t every_us, std::uint8_t* room, std::size_t capacity)
+      : every_us_(every_us), room_(room), capacity_(capacity) {}
+
+  bool can_repeat(std::size_t size) const { return every_us_ != 0 && size != 0 && size <= capacity_; }
+  bool is_alive() const { return is_alive_; }
+
+  /// From now on, or on: this value, until `end_us`.
+  void renew(const std::uint8_t* frame, std::size_t size, std::int16_t reply, std::uint64_t end_us,
+             std::uint64_t now_us) {
+    std::memcpy(room_, frame, size);
+    size_ = size;
+    reply_ = reply;
+    end_us_ = end_us;
+    if (!is_alive_) rhythm_ = Periodic<std::uint64_t>(every_us_, now_us);
+    is_alive_ = true;
+  }
+  void end() { is_alive_ = false; }
+
+  bool is_over(std::uint64_t now_us) const { return is_alive_ && now_us >= end_us_; }
+  bool is_due(std::uint64_t now_us) { return is_alive_ && rhythm_.due(now_us); }
+  std::uint64_t next_us() const { return std::min(end_us_, rhythm_.next_us()); }
+
+  const std::uint8_t* frame() const { return room_; }
+  std::size_t size() const { return size_; }
+  std::int16_t reply() const { return reply_; }
+
+  bool waits = false;  ///< its turn is in the queue
+
+ private:
+  std::uint64_t every_us_ = 0;
+  std::uint8_t* room_ = nullptr;
+  std::size_t capacity_ = 0;
+  std::size_t size_ = 0;
+  std::uint64_t end_us_ = 0;
+  Periodic<std::uint64_t> rhythm_{1, 0};
+  std::int16_t reply_ = -1;
+  bool is_alive_ = false;
+};
+
+/// One message of the file's `emergency_stop`, with the values that stop: also the safe value that ends its lease.
+class SafeValue {
+ public:
+  SafeValue() = default;
+  /// `frame` outlives this object. `every_us`: how often a stop repeats it, not 0.
+  SafeValue(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
+            std::uint64_t every_us)
+      : frame_(frame), size_(size), every_us_(every_us), message_(message), reply_(reply) {}
+
+  std::int16_t message() const { return message_; }
+  const std::uint8_t* frame() const { return frame_; }
+  std::size_t size() const { return size_; }
+  std::int16_t reply() const { return reply_; }
+
+  /// A stop was sent at `now_us`; the next one is due after `every`.
+  void begin_repeating(std::uint64_t now_us) { rhythm_ = Periodic<std::uint64_t>(every_us_, now_us + every_us_); }
+  bool is_due(std::uint64_t now_us) { return rhythm_.due(now_us); }
+  std::uint64_t next_us() const { return rhythm_.next_us(); }
+
+  bool waits = false;  ///< it leaves before all that is queued
+
+ private:
+  const std::uint8_t* frame_ = nullptr;
+  std::size_t size_ = 0;
+  std::uint64_t every_us_ = 1;
+  Periodic<std::uint64_t> rhythm_{1, 0};
+  std::int16_t message_ = -1;
+  std::int16_t reply_ = -1;
+};
+
+}  // namespace wirebond

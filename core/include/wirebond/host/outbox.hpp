@@ -1,0 +1,388 @@
+// All that a host wants to send, and the order in which it leaves: queue, repeated values, safe values, the stop.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "wirebond/host/frame_queue.hpp"
+#include "wirebond/host/lease.hpp"
+#include "wirebond/host/pacing.hpp"
+
+namespace wirebond {
+
+/// What became of a call that wants to send.
+enum class [[nodiscard]] SendResult : std::uint8_t{
+    accepted,
+    down,     ///< the port is away, or the link is closed
+    full,     ///< no room in the queue
+    stopped,  ///< an emergency stop holds this message
+};
+
+/// Frames since the start. Exact after every call:
+///     offered  = accepted + refused_down + refused_full + refused_stopped
+///     accepted = sent + queued + replaced + expired + overruled + aborted
+struct HostSendAccount {
+  std::uint64_t offered = 0;
+  std::uint64_t accepted = 0;
+  std::uint64_t refused_down = 0;
+  std::uint64_t refused_full = 0;
+  std::uint64_t refused_stopped = 0;
+  std::uint64_t sent = 0;
+  std::uint64_t sent_bytes = 0;
+  std::uint64_t queued = 0;     ///< now: waiting, or under way
+  std::uint64_t replaced = 0;   ///< a repeated value or a stop, by the next of its message
+  std::uint64_t expired = 0;    ///< the port went away, or it waited longer than `max_age`
+  std::uint64_t overruled = 0;  ///< waited when a stop, a safe value or the end of repeating took its message over
+  std::uint64_t aborted = 0;    ///< the port went away in its middle
+
+  constexpr bool balances() const {
+    return offered == accepted + refused_down + refused_full + refused_stopped &&
+           accepted == sent + queued + replaced + expired + overruled + aborted;
+  }
+};
+
+/// The bytes to hand over next. `size` 0: none now.
+struct Outgoing {
+  const std::uint8_t* bytes = nullptr;
+  std::size_t size = 0;
+  std::int16_t reply = -1;  ///< where a frame begins with these bytes: index of the message that answers it
+};
+
+/// Order: the frame under way to its end; then safe values, in the file's order; then the queue, in which each
+/// repeated value has one place.
+///
+/// A stop, and the end of a lease with a safe value, drop all that waits of their messages. Neither is ever refused.
+/// Time is in microseconds and does not wrap. One thread at a time.
+class HostOutbox {
+ public:
+  /// The caller's, and outlives this object. `leases` has one entry for each message of the protocol, by index.
+  /// `leaving` holds the largest frame.
+  struct Memory {
+    std::uint8_t* bytes = nullptr;
+    std::size_t byte_capacity = 0;
+    QueuedFrame* frames = nullptr;
+    std::size_t frame_capacity = 0;
+    Lease* leases = nullptr;
+    std::size_t lease_count = 0;
+    SafeValue* safe_values = nullptr;
+    std::size_t safe_count = 0;
+    std::uint8_t* leaving = nullptr;
+    std::size_t leaving_capacity = 0;
+  };
+
+  /// `max_age_us`: a frame that waited longer expires; 0: never.
+  HostOutbox(const Memory& memory, const Pacing& pacing, std::uint64_t max_age_us)
+      : queue_(memory.bytes, memory.byte_capacity, memory.frames, memory.frame_capacity),
+        memory_(memory),
+        pacing_(pacing),
+        max_age_us_(max_age_us) {}
+  HostOutbox(const HostOutbox&) = delete;
+  HostOutbox& operator=(const HostOutbox&) = delete;
+
+  // ---- what programs want
+
+  /// One frame of `message`, whole. O(size).
+  SendResult send(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
+                  std::uint64_t now_us) {
+    account_.offered += 1;
+    if (is_stopped(message)) return refuse(account_.refused_stopped, SendResult::stopped);
+    if (!is_up_ || is_closed_) return refuse(account_.refused_down, SendResult::down);
+    expire(now_us);
+    // One place is kept for the repeated value of each message: these are never refused.
+    if (size == 0 || size > memory_.leaving_capacity || !queue_.has_room(size, memory_.lease_count) ||
+        !queue_.push({static_cast<std::uint32_t>(size), message, reply, now_us}, frame)) {
+      return refuse(account_.refused_full, SendResult::full);
+    }
+    account_.accepted += 1;
+    return SendResult::accepted;
+  }
+
+  /// Repeat this value at the message's rhythm until `hold_us` from now. `full`: the message has no rhythm, or the
+  /// frame is larger than its memory.
+  SendResult repeat(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
+                    std::uint64_t hold_us, std::uint64_t now_us) {
+    if (is_stopped(message)) return SendResult::stopped;
+    if (is_closed_) return SendResult::down;
+    Lease& lease = lease_of(message);
+    if (!lease.can_repeat(size)) return SendResult::full;
+    lease.renew(frame, size, reply, now_us + hold_us, now_us);
+    poll(now_us);
+    return SendResult::accepted;
+  }
+
+  /// No more of it, without a last value; one that waits is dropped.
+  void stop_repeating(std::int16_t message) {
+    Lease& lease = lease_of(message);
+    lease.end();
+    if (lease.waits) drop(message, true);
+  }
+
+  /// Drop all that waits of the stop's messages, end their leases, send the stop before all else, and again until
+  /// `release_stop`. Also while the port is down: then it is the first to leave.
+  void stop(std::uint64_t now_us) {
+    is_latched_ = true;
+    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
+      SafeValue& safe = memory_.safe_values[i];
+      overrule(safe);
+      safe.begin_repeating(now_us);
+    }
+  }
+
+  /// The messages may be sent again. Sends nothing; a stop that has not left yet still leaves.
+  void release_stop() { is_latched_ = false; }
+
+  bool is_stopped() const { return is_latched_; }
+  bool is_stopped(std::int16_t message) const { return is_latched_ && safe_of(message) != nullptr; }
+
+  /// Nothing more is taken. Every lease ends, with its safe value where it has one.
+  void close() {
+    is_closed_ = true;
+    for (std::size_t i = 0; i < memory_.lease_count; ++i) {
+      if (memory_.leases[i].is_alive()) end_lease(static_cast<std::int16_t>(i));
+    }
+  }
+
+  /// What still waits will never leave: it expires.
+  void end() {
+    port_down();
+    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
+      account_.expired += memory_.safe_values[i].waits ? 1 : 0;
+      memory_.safe_values[i].waits = false;
+    }
+  }
+
+  // ---- time and port
+
+  /// Leases end, values fall due, old frames expire.
+  void poll(std::uint64_t now_us) {
+    expire(now_us);
+    for (std::size_t i = 0; i < memory_.lease_count; ++i) {
+      Lease& lease = memory_.leases[i];
+      if (lease.is_over(now_us)) {
+        end_lease(static_cast<std::int16_t>(i));
+      } else if (lease.is_due(now_us)) {
+        offer_value(static_cast<std::int16_t>(i), now_us);
+      }
+    }
+    if (!is_latched_ || !is_up_ || is_closed_) return;
+    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
+      if (memory_.safe_values[i].is_due(now_us)) offer_safe(memory_.safe_values[i]);
+    }
+  }
+
+  /// When to call `poll`, or `to_write`, next; `never` if nothing is to be done. While the port takes nothing
+  /// (`is_blocked`) it is the port that says when to write.
+  std::uint64_t next_due(std::uint64_t now_us) const {
+    std::uint64_t due = never;
+    const auto by = [&](std::uint64_t when) { due = std::min(due, std::max(when, now_us)); };
+    for (std::size_t i = 0; i < memory_.lease_count; ++i) {
+      if (memory_.leases[i].is_alive()) by(memory_.leases[i].next_us());
+    }
+    if (!is_up_) return due;
+    for (std::size_t i = 0; is_latched_ && !is_closed_ && i < memory_.safe_count; ++i) {
+      by(memory_.safe_values[i].next_us());
+    }
+    if (max_age_us_ != 0 && !queue_.is_empty() && !queue_.front().is_value()) {
+      by(queue_.front().accepted_us + max_age_us_ + 1);
+    }
+    if (is_blocked_) return due;
+    if (written_ != 0) {
+      by(now_us);
+    } else if (const std::size_t size = next_size(); size != 0) {
+      by(pacing_.begins_at_us(size, now_us));
+    }
+    return due;
+  }
+
+  static constexpr std::uint64_t never = ~std::uint64_t{0};
+
+  void port_up(std::uint64_t now_us) {
+    is_up_ = true;
+    is_blocked_ = false;
+    pacing_.forget();
+    if (!is_latched_) return;
+    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
+      SafeValue& safe = memory_.safe_values[i];
+      if (!safe.waits) offer_safe(safe);
+      safe.begin_repeating(now_us);
+    }
+  }
+
+  /// What waits expires, but for safe values: those are the first to leave when the port is back.
+  void port_down() {
+    is_up_ = false;
+    is_blocked_ = false;
+    if (written_ != 0) {
+      account_.aborted += 1;
+      written_ = leaving_size_ = 0;
+      if (SafeValue* const safe = safe_under_way_) {
+        if (!safe->waits) offer_safe(*safe);
+        safe_under_way_ = nullptr;
+      }
+    }
+    account_.expired += queue_.drop([](const QueuedFrame&) { return true; });
+    for (std::size_t i = 0; i < memory_.lease_count; ++i) memory_.leases[i].waits = false;
+  }
+
+  // ---- writing
+
+  /// What to hand to the port now. Call `written` before anything else.
+  Outgoing to_write(std::uint64_t now_us) {
+    if (!is_up_) return {};
+    if (written_ != 0) return {memory_.leaving + written_, leaving_size_ - written_, -1};
+    expire(now_us);
+    leaving_size_ = next_size();
+    if (leaving_size_ == 0 || !pacing_.may_begin(leaving_size_, now_us)) return {};
+    return copy_next();
+  }
+
+  /// The port took `size` bytes of what `to_write` gave. 0: it takes nothing until it says so.
+  void written(std::size_t size, std::uint64_t now_us) {
+    is_blocked_ = size == 0;
+    if (size == 0) return;
+    if (written_ == 0) take_next();
+    pacing_.written(size, now_us);
+    written_ += size;
+    account_.sent_bytes += size;
+    if (written_ < leaving_size_) return;
+    account_.sent += 1;
+    written_ = leaving_size_ = 0;
+    safe_under_way_ = nullptr;
+  }
+
+  /// The port took nothing, and says when it will.
+  bool is_blocked() const { return is_blocked_; }
+
+  /// Bytes that the driver holds, where it can tell.
+  void driver_holds(std::size_t size, std::uint64_t now_us) { pacing_.driver_holds(size, now_us); }
+
+  /// Nothing waits and nothing is under way.
+  bool is_empty() const { return written_ == 0 && next_size() == 0; }
+
+  HostSendAccount account() const {
+    HostSendAccount account = account_;
+    account.queued = queue_.size() + (written_ != 0 ? 1 : 0);
+    for (std::size_t i = 0; i < memory_.safe_count; ++i) account.queued += memory_.safe_values[i].waits ? 1 : 0;
+    return account;
+  }
+
+ private:
+  static SendResult refuse(std::uint64_t& counter, SendResult why) {
+    counter += 1;
+    return why;
+  }
+
+  Lease& lease_of(std::int16_t message) { return memory_.leases[static_cast<std::size_t>(message)]; }
+
+  SafeValue* safe_of(std::int16_t message) const {
+    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
+      if (memory_.safe_values[i].message() == message) return &memory_.safe_values[i];
+    }
+    return nullptr;
+  }
+
+  SafeValue* waiting_safe() const {
+    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
+      if (memory_.safe_values[i].waits) return &memory_.safe_values[i];
+    }
+    return nullptr;
+  }
+
+  void drop(std::int16_t message, bool only_value) {
+    account_.overruled += queue_.drop(
+        [&](const QueuedFrame& frame) { return frame.message == message && (frame.is_value() || !only_value); });
+    lease_of(message).waits = false;
+  }
+
+  void overrule(SafeValue& safe) {
+    lease_of(safe.message()).end();
+    drop(safe.message(), false);
+    offer_safe(safe);
+  }
+
+  void offer_safe(SafeValue& safe) {
+    account_.offered += 1;
+    account_.accepted += 1;
+    if (safe.waits) account_.replaced += 1;
+    safe.waits = true;
+  }
+
+  void end_lease(std::int16_t message) {
+    if (SafeValue* const safe = safe_of(message)) return overrule(*safe);
+    stop_repeating(message);
+  }
+
+  void offer_value(std::int16_t message, std::uint64_t now_us) {
+    account_.offered += 1;
+    if (!is_up_) {
+      account_.refused_down += 1;
+      return;
+    }
+    Lease& lease = lease_of(message);
+    account_.accepted += 1;
+    if (lease.waits) {  // it leaves with the newest bytes, in the place that it has
+      account_.replaced += 1;
+      return;
+    }
+    lease.waits = queue_.push({0, message, -1, now_us}, nullptr);
+    if (!lease.waits) account_.accepted -= 1, account_.refused_full += 1;  // more places were taken than `send` leaves
+  }
+
+  void expire(std::uint64_t now_us) {
+    if (max_age_us_ == 0) return;
+    while (!queue_.is_empty() && !queue_.front().is_value() && now_us - queue_.front().accepted_us > max_age_us_) {
+      queue_.pop();
+      account_.expired += 1;
+    }
+  }
+
+  std::size_t next_size() const {
+    if (const SafeValue* const safe = waiting_safe()) return safe->size();
+    if (queue_.is_empty()) return 0;
+    const QueuedFrame& frame = queue_.front();
+    return frame.is_value() ? memory_.leases[static_cast<std::size_t>(frame.message)].size() : frame.size;
+  }
+
+  Outgoing copy_next() {
+    if (const SafeValue* const safe = waiting_safe()) {
+      std::memcpy(memory_.leaving, safe->frame(), safe->size());
+      return {memory_.leaving, safe->size(), safe->reply()};
+    }
+    const QueuedFrame& frame = queue_.front();
+    if (!frame.is_value()) {
+      queue_.copy_front(memory_.leaving);
+      return {memory_.leaving, frame.size, frame.reply};
+    }
+    const Lease& lease = lease_of(frame.message);
+    std::memcpy(memory_.leaving, lease.frame(), lease.size());
+    return {memory_.leaving, lease.size(), lease.reply()};
+  }
+
+  /// What `copy_next` gave is under way.
+  void take_next() {
+    safe_under_way_ = waiting_safe();
+    if (safe_under_way_ != nullptr) {
+      safe_under_way_->waits = false;
+      return;
+    }
+    if (queue_.front().is_value()) lease_of(queue_.front().message).waits = false;
+    queue_.pop();
+  }
+
+  FrameQueue queue_;
+  Memory memory_;
+  Pacing pacing_;
+  std::uint64_t max_age_us_;
+  HostSendAccount account_;
+  std::size_t written_ = 0;  ///< of the frame under way; 0: none has begun
+  std::size_t leaving_size_ = 0;
+  SafeValue* safe_under_way_ = nullptr;
+  bool is_up_ = false;
+  bool is_blocked_ = false;
+  bool is_latched_ = false;
+  bool is_closed_ = false;
+};
+
+}  // namespace wirebond

@@ -1,0 +1,83 @@
+// How much of the line may lie in the port's driver: no frame, no queue.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+namespace wirebond {
+
+/// A driver takes thousands of bytes before the first one has left, and what it has taken cannot be called back. This
+/// class works out when those bytes will have left, so that the next frame is handed over only shortly before:
+/// - a frame that leaves within `most_us`, with all that was handed over before it, may go at once;
+/// - a longer frame may go once at most `lead_us` of line are left before it.
+/// So at most 5 ms of line lie in the driver; or one frame, where it takes longer than 4 ms, behind the last
+/// millisecond of the one before it. The line never runs dry as long as the caller is not late by `lead_us`.
+///
+/// Time is in microseconds and does not wrap. One thread at a time.
+class Pacing {
+ public:
+  static constexpr std::uint64_t most_us = 5'000;
+  static constexpr std::uint64_t lead_us = 1'000;
+  static constexpr std::uint64_t refill_us = 3'000;  ///< what is left when it is time to hand over more
+
+  /// Not paced: the driver takes what it takes. For ports whose baud rate means nothing (USB CDC, TCP).
+  constexpr Pacing() = default;
+
+  /// `bits_per_byte`: start, data, parity and stop bits together. `baud` 0: not paced.
+  constexpr Pacing(std::uint32_t baud, unsigned bits_per_byte) : baud_(baud), bits_per_byte_(bits_per_byte) {}
+
+  constexpr bool is_paced() const { return baud_ != 0; }
+
+  /// What `size` bytes take on the line.
+  constexpr std::uint64_t line_us(std::size_t size) const { return (line_ns(size) + 999) / 1000; }
+
+  /// What is handed over and has not left, in microseconds of line.
+  constexpr std::uint64_t waiting_us(std::uint64_t now_us) const {
+    const std::uint64_t now_ns = now_us * 1000;
+    return free_ns_ <= now_ns ? 0 : (free_ns_ - now_ns + 999) / 1000;
+  }
+
+  /// May a frame of `size` bytes be handed over now?
+  constexpr bool may_begin(std::size_t size, std::uint64_t now_us) const {
+    return !is_paced() || waiting_us(now_us) <= room_us(size);
+  }
+
+  /// When to try again after `may_begin` said no: early enough that the line does not run dry, and not for each frame.
+  constexpr std::uint64_t begins_at_us(std::size_t size, std::uint64_t now_us) const {
+    const std::uint64_t left = std::min(room_us(size), std::max(refill_us, lead_us));
+    const std::uint64_t waiting = waiting_us(now_us);
+    return waiting <= left ? now_us : now_us + (waiting - left);
+  }
+
+  /// The driver took `size` bytes.
+  constexpr void written(std::size_t size, std::uint64_t now_us) {
+    free_ns_ = std::max(free_ns_, now_us * 1000) + line_ns(size);
+  }
+
+  /// The driver says that `size` bytes have not left yet: the line may be slower than its rate. It may hold more than
+  /// it knows of (in a USB adapter), so that a small answer shortens nothing.
+  constexpr void driver_holds(std::size_t size, std::uint64_t now_us) {
+    if (is_paced()) free_ns_ = std::max(free_ns_, now_us * 1000 + line_ns(size));
+  }
+
+  /// The port is another one now: nothing lies in its driver.
+  constexpr void forget() { free_ns_ = 0; }
+
+ private:
+  constexpr std::uint64_t line_ns(std::size_t size) const {
+    return baud_ == 0 ? 0 : static_cast<std::uint64_t>(size) * bits_per_byte_ * 1'000'000'000 / baud_;
+  }
+
+  /// How much may lie before a frame of this size.
+  constexpr std::uint64_t room_us(std::size_t size) const {
+    const std::uint64_t own = line_us(size);
+    return own + lead_us >= most_us ? lead_us : most_us - own;
+  }
+
+  std::uint32_t baud_ = 0;
+  unsigned bits_per_byte_ = 10;
+  std::uint64_t free_ns_ = 0;  ///< when the last byte that was handed over will have left
+};
+
+}  // namespace wirebond

@@ -1,0 +1,276 @@
+// A host's link with its memory, and what it received in batches for Python: no thread, no port, no clock.
+#include "link_core.hpp"
+
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace wirebond::engine {
+
+namespace {
+
+std::uint64_t to_us(double seconds) { return static_cast<std::uint64_t>(std::llround(seconds * 1e6)); }
+
+std::vector<std::uint8_t> bytes_of(const nb::bytes& bytes) {
+  const auto* const data = static_cast<const std::uint8_t*>(bytes.data());
+  return {data, data + bytes.size()};
+}
+
+template <class Value>
+Value setting(const nb::dict& settings, const char* name) {
+  return nb::cast<Value>(settings[name]);
+}
+
+}  // namespace
+
+const char* name_of(HostLinkState state) {
+  switch (state) {
+    case HostLinkState::down: return "down";
+    case HostLinkState::stale: return "stale";
+    case HostLinkState::up: break;
+  }
+  return "up";
+}
+
+LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
+                     nb::dict settings) {
+  LinkSetup setup;
+  setup.protocol = std::move(protocol);
+  setup.receive = std::move(receive);
+  const std::uint32_t baud = setting<bool>(settings, "paced") ? setting<std::uint32_t>(settings, "baud") : 0;
+  setup.pacing = Pacing(baud, setting<unsigned>(settings, "bits_per_byte"));
+  setup.idle_us = to_us(setting<double>(settings, "idle_seconds"));
+  setup.max_age_us = to_us(setting<double>(settings, "max_age_seconds"));
+  setup.largest_frame = setting<std::size_t>(settings, "largest_frame");
+  for (nb::handle seconds : nb::list(settings["every"])) setup.every_us.push_back(to_us(nb::cast<double>(seconds)));
+  for (nb::handle stop : nb::list(settings["stop"])) {
+    setup.stop.push_back({nb::cast<std::int16_t>(stop[0]), bytes_of(nb::cast<nb::bytes>(stop[1])),
+                          nb::cast<std::int16_t>(stop[2]),
+                          std::max<std::uint64_t>(to_us(nb::cast<double>(stop[3])), 1)});
+  }
+  for (nb::handle rule : nb::list(settings["deadlines"])) {
+    setup.deadlines.push_back({nb::cast<std::int16_t>(rule[0]), nb::cast<std::uint32_t>(rule[1]),
+                               nb::cast<std::uint8_t>(rule[2]),
+                               nb::cast<bool>(rule[3]) ? Recover::explicit_call : Recover::next_message});
+  }
+  setup.holds_back = setting<bool>(settings, "hold_back");
+  return setup;
+}
+
+LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
+    : setup_(std::move(setup)),
+      workspace_(workspace_bytes(setup_.receive->source())),
+      queue_bytes_(max_queued_bytes),
+      // The queue keeps one place for each message's repeated value.
+      queue_frames_(new QueuedFrame[max_queued_frames + setup_.every_us.size()]),
+      values_(setup_.every_us.size()),
+      leaving_(setup_.largest_frame),
+      counts_(setup_.protocol->messages().size(), 0) {
+  for (std::size_t i = 0; i < setup_.every_us.size(); ++i) {
+    if (setup_.every_us[i] != 0) values_[i].resize(setup_.largest_frame);
+    leases_.emplace_back(setup_.every_us[i], values_[i].data(), values_[i].size());
+  }
+  for (const StopFrame& stop : setup_.stop) {
+    safe_values_.emplace_back(stop.message, stop.frame.data(), stop.frame.size(), stop.reply, stop.every_us);
+  }
+  deadline_since_.resize(setup_.deadlines.size());
+  deadline_marks_.resize(setup_.deadlines.size());
+
+  HostLink::Memory memory;
+  memory.workspace = workspace_.data();
+  memory.outbox.bytes = queue_bytes_.data();
+  memory.outbox.byte_capacity = queue_bytes_.size();
+  memory.outbox.frames = queue_frames_.get();
+  memory.outbox.frame_capacity = max_queued_frames + setup_.every_us.size();
+  memory.outbox.leases = leases_.data();
+  memory.outbox.lease_count = leases_.size();
+  memory.outbox.safe_values = safe_values_.data();
+  memory.outbox.safe_count = safe_values_.size();
+  memory.outbox.leaving = leaving_.data();
+  memory.outbox.leaving_capacity = leaving_.size();
+  memory.deadlines = {setup_.deadlines.data(), setup_.deadlines.size(), deadline_since_.data(), deadline_marks_.data()};
+  HostLink::Settings settings;
+  settings.pacing = setup_.pacing;
+  settings.idle_us = setup_.idle_us;
+  settings.max_age_us = setup_.max_age_us;
+  link_ = std::make_unique<HostLink>(setup_.receive->source(), memory, settings, now_us);
+}
+
+void LinkCore::received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
+                        bool is_all) {
+  Arrivals arrivals;
+  link_->received(bytes, size, before_us, after_us, is_all,
+                  [&](const Frame& frame, MayAct may_act) { keep(frame, may_act, before_us, arrivals); });
+  publish(std::move(arrivals));
+}
+
+void LinkCore::idle(std::uint64_t began_us) {
+  Arrivals arrivals;
+  link_->idle(began_us, [&](const Frame& frame, MayAct may_act) { keep(frame, may_act, began_us, arrivals); });
+  publish(std::move(arrivals));
+}
+
+void LinkCore::port_up(std::uint64_t now_us) {
+  if (was_up_) reconnects_ += 1;
+  was_up_ = true;
+  link_->port_up(now_us);
+}
+
+void LinkCore::port_down(std::uint64_t now_us) {
+  Arrivals arrivals;
+  link_->port_down(now_us, [&](const Frame& frame, MayAct may_act) { keep(frame, may_act, now_us, arrivals); });
+  publish(std::move(arrivals));
+}
+
+void LinkCore::keep(const Frame& frame, MayAct may_act, std::uint64_t when_us, Arrivals& arrivals) {
+  if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
+  if (may_act != MayAct::yes && setup_.holds_back) return;
+  if (arrivals.batch == nullptr) {
+    arrivals.batch = std::make_shared<Batch>();
+    arrivals.batch->protocol = setup_.protocol;
+    arrivals.batch->format = setup_.receive;
+  }
+  arrivals.events.push_back(record(frame, static_cast<double>(when_us) * 1e-6, *arrivals.batch));
+}
+
+void LinkCore::publish(Arrivals&& arrivals) {
+  if (arrivals.events.empty()) return;
+  waiting_messages_ += arrivals.events.size();
+  arrivals_.push_back(std::move(arrivals));
+  while (waiting_messages_ > max_waiting_messages && arrivals_.size() > 1) {  // the newest matter more
+    waiting_messages_ -= arrivals_.front().events.size();
+    dropped_messages_ += arrivals_.front().events.size();
+    arrivals_.pop_front();
+  }
+}
+
+std::deque<Arrivals> LinkCore::take() {
+  waiting_messages_ = 0;
+  return std::exchange(arrivals_, {});
+}
+
+nb::dict LinkCore::stats() const {
+  const HostSendAccount account = link_->outbox().account();
+  nb::dict send;
+  send["offered"] = account.offered;
+  send["accepted"] = account.accepted;
+  send["refused_down"] = account.refused_down;
+  send["refused_full"] = account.refused_full;
+  send["refused_stopped"] = account.refused_stopped;
+  send["sent"] = account.sent;
+  send["sent_bytes"] = account.sent_bytes;
+  send["queued"] = account.queued;
+  send["replaced"] = account.replaced;
+  send["expired"] = account.expired;
+  send["overruled"] = account.overruled;
+  send["aborted"] = account.aborted;
+  const auto& deframer = link_->deframer();
+  nb::dict out = account_dict(deframer.account(), deframer.bytes(), deframer.pending(), *setup_.protocol, counts_);
+  out["send"] = send;
+  out["dropped_messages"] = dropped_messages_;
+  out["late"] = link_->deadlines().not_acted().late;
+  out["held_back"] = link_->deadlines().not_acted().held_back;
+  out["reconnects"] = reconnects_;
+  return out;
+}
+
+std::vector<std::uint8_t> LinkCore::struck_deadlines() const {
+  std::vector<std::uint8_t> out;
+  for (const DeadlineRule& rule : setup_.deadlines) {
+    if (link_->deadlines().struck(rule.action) && std::find(out.begin(), out.end(), rule.action) == out.end())
+      out.push_back(rule.action);
+  }
+  return out;
+}
+
+// ---- binding ---------------------------------------------------------------------------------------------------
+
+void bind_link_core(nb::module_& m) {
+  nb::class_<LinkCore>(m, "LinkCore", "A link under virtual time: every time is an argument, in microseconds.")
+      .def(
+          "__init__",
+          [](LinkCore* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
+             nb::dict settings, std::uint64_t now) {
+            new (self) LinkCore(link_setup(std::move(protocol), std::move(receive), settings), now);
+          },
+          nb::arg("protocol"), nb::arg("receive"), nb::arg("settings"), nb::arg("now"))
+      .def(
+          "send",
+          [](LinkCore& self, std::int16_t message, nb::bytes frame, std::int16_t reply, std::uint64_t now) {
+            return answer_of(
+                self.outbox().send(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(), reply, now));
+          },
+          nb::arg("message"), nb::arg("frame"), nb::arg("reply"), nb::arg("now"))
+      .def(
+          "repeat",
+          [](LinkCore& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply,
+             std::uint64_t now) {
+            return answer_of(self.outbox().repeat(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(),
+                                                  reply, to_us(hold), now));
+          },
+          nb::arg("message"), nb::arg("frame"), nb::arg("hold"), nb::arg("reply"), nb::arg("now"))
+      .def(
+          "stop_repeating", [](LinkCore& self, std::int16_t message) { self.outbox().stop_repeating(message); },
+          nb::arg("message"))
+      .def(
+          "stop", [](LinkCore& self, std::uint64_t now) { self.outbox().stop(now); }, nb::arg("now"))
+      .def("release_stop", [](LinkCore& self) { self.outbox().release_stop(); })
+      .def("is_stopped", [](LinkCore& self) { return self.outbox().is_stopped(); })
+      .def("close", [](LinkCore& self) { self.outbox().close(); })
+      .def(
+          "end",
+          [](LinkCore& self, std::uint64_t now) {
+            self.port_down(now);
+            self.outbox().end();
+          },
+          nb::arg("now"))
+      .def("is_empty", [](LinkCore& self) { return self.outbox().is_empty(); })
+      .def("port_up", &LinkCore::port_up, nb::arg("now"))
+      .def("port_down", &LinkCore::port_down, nb::arg("now"))
+      .def(
+          "received",
+          [](LinkCore& self, nb::bytes bytes, std::uint64_t before, std::uint64_t after) {
+            self.received(static_cast<const std::uint8_t*>(bytes.data()), bytes.size(), before, after, true);
+          },
+          nb::arg("bytes"), nb::arg("before"), nb::arg("after"))
+      .def("idle", &LinkCore::idle, nb::arg("now"))
+      .def(
+          "poll", [](LinkCore& self, std::uint64_t now) { self.link().poll(now); }, nb::arg("now"))
+      .def(
+          "to_write",
+          [](LinkCore& self, std::uint64_t now) {
+            const Outgoing out = self.link().to_write(now);
+            return nb::bytes(reinterpret_cast<const char*>(out.bytes), out.size);
+          },
+          nb::arg("now"))
+      .def(
+          "written", [](LinkCore& self, std::size_t size, std::uint64_t now) { self.link().written(size, now); },
+          nb::arg("size"), nb::arg("now"))
+      .def("is_blocked", [](LinkCore& self) { return self.link().is_blocked(); })
+      .def(
+          "driver_holds",
+          [](LinkCore& self, std::size_t size, std::uint64_t now) { self.link().driver_holds(size, now); },
+          nb::arg("size"), nb::arg("now"))
+      .def(
+          "next_due", [](LinkCore& self, std::uint64_t now) { return self.link().next_due(now); }, nb::arg("now"))
+      .def("receive",
+           [](LinkCore& self) {
+             nb::list out;
+             for (const Arrivals& arrivals : self.take()) out.extend(to_list(arrivals.batch, arrivals.events));
+             return out;
+           })
+      .def("stats", &LinkCore::stats)
+      .def(
+          "state", [](LinkCore& self, std::uint64_t now) { return name_of(self.link().state(now)); }, nb::arg("now"))
+      .def("struck_deadlines", &LinkCore::struck_deadlines)
+      .def(
+          "recover_deadline",
+          [](LinkCore& self, std::uint8_t action, std::uint64_t now) { self.link().deadlines().recover(action, now); },
+          nb::arg("action"), nb::arg("now"));
+}
+
+}  // namespace wirebond::engine

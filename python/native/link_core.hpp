@@ -1,0 +1,108 @@
+// A host's link with its memory, and what it received in batches for Python: no thread, no port, no clock.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <vector>
+
+#include "decoder.hpp"
+#include "protocol.hpp"
+#include "wirebond/host/link.hpp"
+
+namespace wirebond::engine {
+
+/// One message of the file's emergency stop, in its order.
+struct StopFrame {
+  std::int16_t message = -1;
+  std::vector<std::uint8_t> frame;
+  std::int16_t reply = -1;
+  std::uint64_t every_us = 0;  ///< how often a stop repeats it
+};
+
+/// What a link takes from the protocol file and the port.
+struct LinkSetup {
+  std::shared_ptr<const ProtocolTable> protocol;
+  std::shared_ptr<const FormatTable> receive;  ///< what the MCU sends
+  Pacing pacing;
+  std::uint64_t idle_us = 20'000;
+  std::uint64_t max_age_us = 0;
+  std::size_t largest_frame = 0;        ///< bytes of the largest frame that the host sends
+  std::vector<std::uint64_t> every_us;  ///< by message; 0: it has no rhythm
+  std::vector<StopFrame> stop;          ///< empty: the file has none
+  std::vector<DeadlineRule> deadlines;  ///< of the host
+  bool holds_back = true;               ///< what may not act is not given to the program either
+};
+
+/// Messages that came with one read.
+struct Arrivals {
+  std::shared_ptr<Batch> batch;
+  std::vector<Event> events;
+};
+
+/// One thread at a time. Only `take` and `stats` make Python objects.
+class LinkCore {
+ public:
+  static constexpr std::size_t max_queued_bytes = 65536;
+  static constexpr std::size_t max_queued_frames = 16384;
+  static constexpr std::size_t max_waiting_messages = 65536;
+
+  LinkCore(LinkSetup setup, std::uint64_t now_us);
+  LinkCore(const LinkCore&) = delete;
+  LinkCore& operator=(const LinkCore&) = delete;
+
+  HostLink& link() { return *link_; }
+  const HostLink& link() const { return *link_; }
+  HostOutbox& outbox() { return link_->outbox(); }
+
+  void received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
+                bool is_all);
+  void idle(std::uint64_t began_us);
+  void port_up(std::uint64_t now_us);
+  void port_down(std::uint64_t now_us);
+
+  bool has_arrivals() const { return !arrivals_.empty(); }
+  /// All that came and was not taken; without the GIL.
+  std::deque<Arrivals> take();
+
+  nb::dict stats() const;
+  std::vector<std::uint8_t> struck_deadlines() const;
+
+ private:
+  void keep(const Frame& frame, MayAct may_act, std::uint64_t when_us, Arrivals& arrivals);
+  void publish(Arrivals&& arrivals);
+
+  LinkSetup setup_;
+  std::vector<std::uint8_t> workspace_;
+  std::vector<std::uint8_t> queue_bytes_;
+  std::unique_ptr<QueuedFrame[]> queue_frames_;
+  std::vector<std::vector<std::uint8_t>> values_;  ///< by message: the repeated value
+  std::vector<Lease> leases_;
+  std::vector<SafeValue> safe_values_;
+  std::vector<std::uint8_t> leaving_;
+  std::vector<std::uint64_t> deadline_since_;
+  std::vector<std::uint8_t> deadline_marks_;
+  std::unique_ptr<HostLink> link_;
+
+  std::vector<std::uint64_t> counts_;  ///< delivered frames by message
+  std::deque<Arrivals> arrivals_;
+  std::size_t waiting_messages_ = 0;
+  std::uint64_t dropped_messages_ = 0;
+  std::uint64_t reconnects_ = 0;
+  bool was_up_ = false;
+};
+
+/// As Python calls it: `LinkCore` with times in microseconds as arguments, for tests under virtual time.
+void bind_link_core(nb::module_& m);
+
+/// The setup's part that is the same for both bindings.
+LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
+                     nb::dict settings);
+
+/// 0 to 3 in the order of SendResult.
+inline int answer_of(SendResult result) { return static_cast<int>(result); }
+const char* name_of(HostLinkState state);
+
+}  // namespace wirebond::engine

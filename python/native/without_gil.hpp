@@ -1,0 +1,57 @@
+// Waiting without the interpreter's lock, also while the interpreter ends. No link, no port.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <thread>
+
+namespace wirebond::engine {
+
+/// A thread that asks for the GIL while the interpreter ends is thrown out of its C++ frames, and that aborts the
+/// process. So a thread that waits in a `WithoutGil` when the interpreter ends stays there: it sleeps until the
+/// process is gone. `end_of_interpreter` waits for those that are on their way back.
+class WithoutGil {
+ public:
+  WithoutGil() {
+    outside_.fetch_add(1);
+    thread_ = PyEval_SaveThread();
+  }
+  ~WithoutGil() {
+    if (ends_.load() && std::this_thread::get_id() != ending_thread_) {
+      outside_.fetch_sub(1);
+      for (;;) ::pause();
+    }
+    PyEval_RestoreThread(thread_);
+    outside_.fetch_sub(1);
+  }
+  WithoutGil(const WithoutGil&) = delete;
+  WithoutGil& operator=(const WithoutGil&) = delete;
+
+  /// From now on no thread but the caller's comes back from its wait. Wake those that wait, then `settle`. With the
+  /// GIL.
+  static void end_of_interpreter() {
+    ending_thread_ = std::this_thread::get_id();
+    ends_.store(true);
+  }
+
+  /// Wait until every thread is back or asleep. Those that wait must have been woken. With the GIL.
+  static void settle() {
+    PyThreadState* const thread = PyEval_SaveThread();
+    while (outside_.load() != 0) std::this_thread::yield();
+    PyEval_RestoreThread(thread);
+  }
+
+  /// In a forked child only the thread that forked goes on.
+  static void after_fork() { outside_.store(0); }
+
+ private:
+  inline static std::atomic<int> outside_{0};
+  inline static std::atomic<bool> ends_{false};
+  inline static std::thread::id ending_thread_;
+
+  PyThreadState* thread_;
+};
+
+}  // namespace wirebond::engine
