@@ -48,6 +48,8 @@ nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::
 }  // namespace
 
 NB_MODULE(_engine, m) {
+  // A thread that sleeps in a link when the interpreter ends keeps what it holds: that is no fault of the program.
+  nb::set_leak_warnings(false);
   m.doc() = "Compiled engine of wirebond. Use the wirebond package; this module's names are private.";
 
   nb::class_<ProtocolTable>(m, "ProtocolTable").def(nb::init<nb::handle>(), "protocol"_a);

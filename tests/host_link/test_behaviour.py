@@ -41,7 +41,8 @@ def test_a_stop_passes_a_full_queue_and_nothing_older_of_its_messages_follows(ma
     assert taken > 1000
     link.emergency_stop()
     stats = link.stats()["send"]
-    assert stats["overruled"] > taken - 100
+    assert stats["overruled"] > 1000
+    assert stats["overruled"] >= taken - stats["sent"] - 1  # and one under way
     assert stats["queued"] < 10
     link.run_until(lambda: STOP[1] in link.messages(), "the stop arrives")
     link.run(0.2)

@@ -295,6 +295,21 @@ class Link:
             raise MessageError(f"{message} is sent by the mcu, not by the host")
 
 
+def _port_name(port: str | os.PathLike[str]) -> str:
+    """The port as text that the system takes whole.
+
+    :raises UsageError: it names none.
+    """
+    name = os.fsdecode(port)
+    if not name:
+        raise UsageError("the port's name is empty; give a tty such as /dev/ttyUSB0")
+    if "\0" in name or (not name.isascii() and any("\udc80" <= c <= "\udcff" for c in name)):
+        raise UsageError(
+            f"the port's name {name!r} has a byte that no port's name has; give a tty such as /dev/ttyUSB0"
+        )
+    return name
+
+
 def open_link(
     protocol: str | os.PathLike[str] | Codec,
     port: str | os.PathLike[str],

@@ -1,0 +1,231 @@
+"""How a program ends, and what its robot gets: real processes, looked at from the far end of their pty."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wirebond
+from tests.host_link.protocol import manipulator
+from wirebond.sim.pty_port import PtyPort
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE = 30.0  # seconds: a bound for slow machines, not an expectation
+FAST = {"speed": 1000, "turn": 7}
+SAFE = {"speed": 0, "turn": 0}
+
+# The worst moment: full speed under way for a minute to come, the queue full of other frames, the pty slow.
+BEGIN = """
+import gc, os, signal, sys, threading, time
+import wirebond
+from tests.host_link.protocol import manipulator
+
+def drive():
+    link = wirebond.open(manipulator(), sys.argv[1])
+    link.repeat("drive", hold=60, speed=1000, turn=7)
+    time.sleep(0.05)
+    try:
+        while True:
+            link.send("note", number=1, text=bytes(100))
+    except wirebond.QueueFullError:
+        print("ready", flush=True)
+    return link
+
+link = drive()
+"""
+
+_CTRL_C = "threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+# How it ends, and the exit code.
+ENDS = {
+    "close": ("link.close()", 0),
+    "with": ("with link: pass", 0),
+    "exception": ("raise RuntimeError('boom')", 1),
+    "exception_in_with": ("with link: raise RuntimeError('boom')", 1),
+    "system_exit": ("raise SystemExit(3)", 3),
+    "sys_exit_in_a_function": ("def f(): sys.exit(4)\nf()", 4),
+    "end_of_the_file": ("", 0),
+    "handler_of_sigterm": (
+        "signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))\nos.kill(os.getpid(), signal.SIGTERM)\ntime.sleep(60)",
+        143,
+    ),
+    "ctrl_c_in_receive": (_CTRL_C + "link.receive(60)", -signal.SIGINT),
+    "ctrl_c_in_an_iteration": (_CTRL_C + "for m in link: pass", -signal.SIGINT),
+    "a_thread_takes_messages": (
+        "threading.Thread(target=lambda: [m for m in link], daemon=True).start()\ntime.sleep(0.2)",
+        0,
+    ),
+    "an_exception_in_a_thread": ("t = threading.Thread(target=lambda: 1 / 0)\nt.start()\nt.join()", 0),
+}
+
+
+@pytest.fixture
+def port() -> Iterator[PtyPort]:
+    pty = PtyPort()
+    yield pty
+    pty.close()
+
+
+class Program:
+    def __init__(self, port: PtyPort, text: str) -> None:
+        self._port = port
+        self.data = b""
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", text, port.path],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+        )
+
+    def wait_for(self, word: str) -> None:
+        """The far end does not read meanwhile."""
+        assert self._process.stdout is not None
+        assert self._process.stdout.readline().strip() == word.encode()
+
+    def read(self, seconds: float = 0.05) -> None:
+        self.data += self._port.read(seconds)
+
+    def tell(self) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(b"\n")
+        self._process.stdin.flush()
+
+    def signal(self, number: int) -> None:
+        self._process.send_signal(number)
+
+    def end(self) -> tuple[int, str]:
+        """Read until it has ended and the pty is empty; its exit code, and what it said."""
+        until = time.monotonic() + PATIENCE
+        while self._process.poll() is None:
+            self.read()
+            assert time.monotonic() < until, "the program does not end"
+        before = -1
+        while before != len(self.data):
+            before = len(self.data)
+            self.read(0.1)
+        _, told = self._process.communicate()
+        return self._process.returncode, told.decode()
+
+    def drives(self) -> list[dict[str, Any]]:
+        decoder = manipulator().decoder("host")
+        messages = decoder.feed(self.data) + decoder.finish()
+        return [dict(message.fields) for message in messages if message.name == "drive"]
+
+
+@pytest.mark.parametrize("way", ENDS)
+def test_the_safe_value_leaves_when_a_program_ends(port: PtyPort, way: str) -> None:
+    text, expected = ENDS[way]
+    program = Program(port, f"{BEGIN}{text}\n")
+    program.wait_for("ready")
+    code, told = program.end()
+    drives = program.drives()
+    assert FAST in drives
+    assert drives[-1] == SAFE, told
+    assert drives.count(SAFE) == 1
+    assert code == expected
+    if code == 0 and way != "an_exception_in_a_thread":
+        assert told == ""
+
+
+@pytest.mark.parametrize("way", ["del link", "link.me = link\ndel link\ngc.collect()"])
+def test_the_safe_value_leaves_when_a_link_is_collected(port: PtyPort, way: str) -> None:
+    program = Program(port, f"{BEGIN}{way}\nprint('collected', flush=True)\nsys.stdin.readline()\n")
+    program.wait_for("ready")
+    program.wait_for("collected")
+    until = time.monotonic() + PATIENCE
+    while SAFE not in program.drives() and time.monotonic() < until:
+        program.read()
+    assert program.drives()[-1] == SAFE  # while the program goes on
+    program.tell()
+    assert program.end() == (0, "")
+
+
+def test_a_kill_sends_nothing_more(port: PtyPort) -> None:
+    """What the guide says of it: the MCU's deadline guards then."""
+    program = Program(port, BEGIN + "time.sleep(60)\n")
+    program.wait_for("ready")
+    program.signal(signal.SIGKILL)
+    assert program.end()[0] == -signal.SIGKILL
+    assert set(map(str, program.drives())) == {str(FAST)}
+
+
+DAEMON = """
+link = wirebond.open(manipulator(), sys.argv[1])
+def take():
+    while True:
+        {call}
+for _ in range(8):
+    threading.Thread(target=take, daemon=True).start()
+time.sleep(0.1)
+"""
+
+
+@pytest.mark.parametrize(
+    "call", ["link.receive(60)", "link.receive(0.001)", "link.receive()", "list(link)", "link.stats"]
+)
+def test_daemon_threads_in_a_link_do_not_abort_the_interpreter(port: PtyPort, call: str) -> None:
+    for _ in range(3):
+        imports = BEGIN[: BEGIN.index("def drive")]
+        program = Program(port, imports + DAEMON.format(call=call))
+        code, told = program.end()
+        assert code == 0, told
+        assert "Fatal" not in told and "terminate" not in told
+
+
+FORK = """
+child = os.fork()
+if child == 0:
+    try:
+        link.send("drive", speed=9, turn=9)
+        os._exit(1)
+    except wirebond.LinkDownError as error:
+        assert "its fork" in str(error), error
+    link.close()
+    {end}
+os.waitpid(child, 0)
+print("waited", flush=True)
+link.stop_repeating("drive")
+link.send("lamp", level=1)
+sys.stdin.readline()
+os._exit(0)
+"""
+
+
+@pytest.mark.parametrize("end", ["sys.exit(0)", "del link; gc.collect(); os._exit(0)", "raise RuntimeError('boom')"])
+def test_a_forked_child_sends_nothing(port: PtyPort, end: str) -> None:
+    begin = BEGIN.replace("while True:", "for _ in range(5):").replace(
+        "    except wirebond.QueueFullError:\n        print", "    finally:\n        print"
+    )
+    program = Program(port, begin + FORK.format(end=end))
+    program.wait_for("ready")
+    program.wait_for("waited")
+    until = time.monotonic() + PATIENCE
+    lamp = manipulator().encode("lamp", level=1)
+    while lamp not in program.data and time.monotonic() < until:
+        program.read()
+    assert lamp in program.data  # the parent's link lives
+    assert set(map(str, program.drives())) == {str(FAST)}  # nobody stopped it
+    program.tell()
+    assert program.end()[0] == 0
+
+
+def test_a_forked_child_does_not_keep_the_port(port: PtyPort) -> None:
+    link = wirebond.open(manipulator(), port.path)
+    child = os.fork()
+    if child == 0:
+        time.sleep(60)
+        os._exit(0)
+    try:
+        link.close()
+        wirebond.open(manipulator(), port.path).close()
+    finally:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
