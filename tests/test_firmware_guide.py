@@ -119,3 +119,64 @@ def test_it_compiles_against_the_vendors_hal(family: str, callbacks: str, projec
     flags = ["-std=c++17", "-Os", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti", *TARGET]
     folder = ["-Igenerated", "-isystem", "Core/Inc", f"-D{FAMILIES[family]}", *vendor]
     run("arm-none-eabi-g++", *flags, *folder, "-c", source, "-o", "rover_link.o", cwd=project)
+
+
+DRIVES = """\
+// The page's source file on the double of the HAL: what its rover does when the host falls silent, and afterwards.
+#include "rover_link.cpp"
+
+#include "board.hpp"
+#include "stm32f4xx_hal.h"
+#include "wirebond/fake/line.hpp"
+
+extern "C" void USART3_IRQHandler(void) { rover_link_pended(); }
+
+int main() {
+  wirebond::fake::Line in{diffdrive::baud, 10};
+  wirebond::fake::Line out{diffdrive::baud, 10};
+  wirebond::fake::Uart hardware{in, out};
+  Board board{hardware};
+  wirebond::fake::Time now = 0;
+  const auto pass = [&](unsigned ms) {
+    for (; ms != 0; --ms) {
+      board.run(now += 1'000'000);
+      rover_link_poll(static_cast<std::uint32_t>(now / 1000));
+    }
+  };
+  const auto command = [&](float linear) {
+    unsigned char frame[diffdrive::Velocity::Info::max_frame_bytes];
+    std::size_t size = 0;
+    if (diffdrive::encode(diffdrive::Velocity{linear, 0.0F}, frame, sizeof frame, size) != wirebond::Status::ok) return;
+    in.put(frame, size, now);
+    pass(5);
+  };
+  pass(5'000);  // the host boots
+  if (rover.speed != 0.0F) return 1;
+  command(0.5F);
+  if (rover.speed != 0.5F) return 2;
+  pass(1'500);  // silence
+  if (rover.speed != 0.0F) return 3;
+  command(0.5F);
+  if (rover.speed != 0.5F) return 4;  // `stop` ends with the next message
+  pass(4'000);
+  command(0.5F);
+  if (rover.speed != 0.0F) return 5;  // safe mode does not
+  if (rover_link.counters().held_back != 1) return 6;
+  rover_button_pressed();
+  if (rover.speed != 0.0F) return 7;
+  command(0.25F);
+  return rover.speed == 0.25F ? 0 : 8;
+}
+"""
+
+
+def test_its_rover_stands_still_in_safe_mode_until_somebody_recovers(project: Path) -> None:
+    """The source file itself runs: it drove on in safe mode once, and everybody copies it."""
+    ports = ROOT / "ports"
+    main = project / "Core/Src/drives.cpp"
+    main.write_text(DRIVES, encoding="utf-8")
+    folders = ("generated", "Core/Inc", "Core/Src", ports / "stm32_hal/tests", ports / "fake/include")
+    includes = [f"-I{project / folder}" for folder in folders]
+    double = ports / "stm32_hal/tests/stm32f4xx_hal.cpp"
+    run("c++", "-std=c++17", "-O1", "-Wall", "-Wextra", *includes, main, double, "-o", "drives", cwd=project)
+    run("./drives", cwd=project)
