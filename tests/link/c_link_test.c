@@ -24,6 +24,7 @@ struct wire {
   size_t place;
   uint8_t run[512];
   size_t run_size;
+  int clock_looks;
   int receive_starts;
   int transmit_stops;
   bool is_receiving;
@@ -63,8 +64,8 @@ static bool reaches(void* context, const void* bytes, size_t size) {
 }
 
 static wirebond_port_t port_over(struct wire* wire) {
-  const wirebond_port_t port = {wire,           start_receive, receiving, receive_position,
-                                start_transmit, stop_transmit, pend,      reaches};
+  const wirebond_port_t port = {
+      wire, start_receive, receiving, receive_position, start_transmit, stop_transmit, pend, reaches, NULL, false};
   memset(wire, 0, sizeof *wire);
   wire->is_reachable = true;
   return port;
@@ -160,12 +161,17 @@ static void drive(void) {
   expect(diffdrive_link_violations(link).rejected == 0, "violations");
 
   // Both deadlines strike at their time: one second and three after the velocity.
-  for (i = 0; i < 999; ++i) diffdrive_link_poll(link, now_us += ms);
+  for (i = 0; i < 998; ++i) diffdrive_link_poll(link, now_us += ms);
   expect(rover.stops == 0, "the stop comes before its time");
   diffdrive_link_poll(link, now_us += ms);
   expect(rover.stops == 1 && !diffdrive_link_struck(link, DIFFDRIVE_ACTION_SAFE_MODE), "the stop does not come");
   for (i = 0; i < 2000; ++i) diffdrive_link_poll(link, now_us += ms);
   expect(rover.safe_modes == 1 && diffdrive_link_struck(link, DIFFDRIVE_ACTION_SAFE_MODE), "no safe mode");
+  arrive(&wire, frame, size);
+  diffdrive_link_on_received(link);
+  diffdrive_link_poll(link, now_us += ms);
+  expect(rover.velocities == 1 && diffdrive_link_counters(link).held_back == 1, "a command acts in safe mode");
+  for (i = 0; i < 1000; ++i) diffdrive_link_poll(link, now_us += ms);
   diffdrive_link_recover(link, DIFFDRIVE_ACTION_SAFE_MODE);
   expect(!diffdrive_link_struck(link, DIFFDRIVE_ACTION_SAFE_MODE), "safe mode does not end");
   expect(rover.state == WIREBOND_STATE_STALE, "silence is not told");
@@ -187,6 +193,20 @@ static void drive(void) {
   rover.has_odometry = false;
   diffdrive_link_on_transmitted(link);
   expect(diffdrive_link_send_account(link).sent == 1, "a frame that left is not counted");
+
+  // A poll that comes too late.
+  arrive(&wire, frame, size);
+  diffdrive_link_on_received(link);
+  diffdrive_link_poll(link, now_us += 600 * ms);
+  expect(rover.velocities == 1, "an old command acts");
+  expect(diffdrive_link_counters(link).slow_polls == 1, "a slow poll is not counted");
+  expect(diffdrive_link_counters(link).late == 0 && diffdrive_link_counters(link).nested_polls == 0, "other counters");
+  {
+    const wirebond_receive_account_t account = diffdrive_link_receive_account(link);
+    expect(account.laps_unknown == 1 && account.dropped == size, "what was dropped is not counted");
+    expect(account.received == account.handed_out + account.lapped + account.dropped, "what was received");
+  }
+  wire.pended = false;
 
   // Answers and faults.
   status.battery = 1e9F;
@@ -281,6 +301,11 @@ static native_link_t* arm_link;
 static native_from_mcu_t host_receiver;
 static uint32_t arm_us;
 
+static uint32_t arm_clock(void* context) {
+  ++((struct wire*)context)->clock_looks;
+  return arm_us;
+}
+
 /// The request comes in, and what the MCU answers goes to the host.
 static void ask(const uint8_t* frame, size_t size) {
   arrive(&arm_wire, frame, size);
@@ -321,6 +346,8 @@ static void serve(void) {
   char line[49];
 
   port = port_over(&arm_wire);
+  port.now_us = arm_clock;
+  port.tells_every_lap = true;
   handlers.context = &arm;
   handlers.on_stop = stop_arm;
   handlers.unknown = on_unknown;
@@ -377,6 +404,11 @@ static void serve(void) {
   ask(NULL, 0);
   expect(strlen(host.line) == 48, "a long line is not cut");
   expect(native_link_log(arm_link, WIREBOND_LEVEL_INFO, NULL) == WIREBOND_OK, "log of no line");
+
+  expect(arm_wire.clock_looks > 0, "the clock is not asked when bytes come");
+  arm_us += 10000000;  // longer than the ring takes to fill
+  ASK(ping, native_encode_ping);
+  expect(native_link_receive_account(arm_link).laps_unknown == 0, "a port without DMA is said to be lapped");
 
   // A second link has its own memory.
   {

@@ -177,7 +177,7 @@ TEST_CASE("deadlines strike within one poll of their time, also when the clock w
     bench.poll(0);
     bench.arrive(diffdrive::Velocity{0.5F, 0.0F});
     bench.poll();
-    for (int i = 0; i < 999; ++i) bench.poll();
+    for (int i = 0; i < 998; ++i) bench.poll();  // the message may have come right behind the first poll
     CHECK(bench.rover.actions.empty());
     bench.poll();
     CHECK(bench.rover.actions == "stop ");

@@ -20,9 +20,16 @@ struct ScriptedPort {
     if (error_behind_start) std::exchange(error_behind_start, nullptr)();
     return true;
   }
-  bool receiving() const { return is_receiving; }
-  std::size_t receive_position() const { return place; }
+  bool receiving() const {
+    call();
+    return is_receiving;
+  }
+  std::size_t receive_position() const {
+    call();
+    return place;
+  }
   bool start_transmit(const std::uint8_t* bytes, std::size_t bytes_size) {
+    call();
     ++transmit_starts;
     if (refuses_transmit) return false;
     run.assign(bytes, bytes + bytes_size);
@@ -31,6 +38,13 @@ struct ScriptedPort {
   void stop_transmit() { ++transmit_stops; }
   void pend() { pended = true; }
   bool reaches(const void*, std::size_t) const { return is_reachable; }
+
+  void call() const {
+    if (at_call && !std::exchange(is_called, true)) {
+      at_call();
+      is_called = false;
+    }
+  }
 
   void arrive(const Bytes& bytes) {
     for (const std::uint8_t byte : bytes) {
@@ -48,6 +62,8 @@ struct ScriptedPort {
   int transmit_stops = 0;
   bool is_receiving = false;
   std::function<void()> error_behind_start;  ///< an interrupt at the end of `start_receive`, once
+  std::function<void()> at_call;             ///< an interrupt in each call of the link's events
+  mutable bool is_called = false;            ///< it does not interrupt itself
   bool refuses_receive = false;
   bool refuses_transmit = false;
   bool is_reachable = true;

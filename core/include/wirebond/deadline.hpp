@@ -21,6 +21,16 @@ struct DeadlineRule {
   Recover recover;
 };
 
+/// The shortest silence of these rules; 0: there are none.
+template <std::size_t Size>
+constexpr std::uint32_t shortest(const std::array<DeadlineRule, Size>& rules) {
+  std::uint32_t least = 0;
+  for (std::size_t i = 0; i < Size; ++i) {
+    if (least == 0 || rules[i].after_us < least) least = rules[i].after_us;
+  }
+  return least;
+}
+
 /// May a message that passed every check act? Any other answer than `yes` means: no handler, no subscription, no reply
 /// of a service, no deadline put off. Its frame was delivered all the same: the account counts it, the line is not
 /// silent.

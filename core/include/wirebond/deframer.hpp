@@ -102,6 +102,7 @@ class Deframer {
   std::size_t needed() const { return needed_; }
   /// Behind a frame: whether what comes depends on the bytes that follow alone.
   bool owes_nothing() const { return blamed_ == 0 && !overlong_; }
+  Counter settled() const { return settled_; }  ///< bytes since the start
   const Account& account() const { return account_; }
   const Source& source() const { return source_; }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 #include "wirebond/deadline.hpp"
 #include "wirebond/stream_deframer.hpp"
@@ -30,12 +31,22 @@ class Receiver {
     feed(bytes, size, now_us, handler, unwatched);
   }
 
-  /// The same, and `deadlines` decide: `deadlines.may_act(message, now_us)` is asked before each known message, which
-  /// reaches no handler where the answer is not `MayAct::yes`; `deadlines.seen(message, now_us)` is called for each
-  /// that passes its field rules, after its handler.
+  /// The same, and `deadlines` decide: `deadlines.may_act(message, came_us, now_us)` is asked before each known
+  /// message, which reaches no handler where the answer is not `MayAct::yes`; `deadlines.seen(message, came_us)` is
+  /// called for each that passes its field rules, after its handler.
   template <class Handler, class Watch>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Handler& handler, Watch& deadlines) {
-    deframer_.feed(bytes, size, now_us, Sink<Handler, Watch>{*this, handler, deadlines, now_us});
+    feed(bytes, size, now_us, now_us, handler, deadlines);
+  }
+
+  /// The same for bytes that were found at `now_us` and came at `came_us` or later: a message is judged by that. One
+  /// that lay behind a false start, and is found now, came when the oldest byte did that was kept with it.
+  template <class Handler, class Watch>
+  void feed(const std::uint8_t* bytes, std::size_t size, Counter came_us, Counter now_us, Handler& handler,
+            Watch& deadlines) {
+    const Counter kept_until = this->bytes();
+    deframer_.feed(bytes, size, now_us, Sink<Handler, Watch>{*this, handler, deadlines, came_us, now_us, kept_until});
+    if (pending() <= size) kept_since_us_ = came_us;
   }
 
   /// A read that began at `now_us` found nothing: gives up an incomplete frame once the silence lasted `idle_us`.
@@ -47,7 +58,13 @@ class Receiver {
 
   template <class Handler, class Watch>
   void idle(Counter now_us, Handler& handler, Watch& deadlines) {
-    deframer_.idle(now_us, Sink<Handler, Watch>{*this, handler, deadlines, now_us});
+    deframer_.idle(now_us, kept(now_us, handler, deadlines));
+  }
+
+  /// Bytes were lost here, and nothing that follows belongs to what is kept: settles all of it.
+  template <class Handler, class Watch>
+  void give_up(Counter now_us, Handler& handler, Watch& deadlines) {
+    deframer_.give_up(kept(now_us, handler, deadlines));
   }
 
   /// A `Request` goes out: of messages that share an id, its reply is meant from here on. Call it before the request's
@@ -65,29 +82,45 @@ class Receiver {
 
  private:
   struct Unwatched {
-    MayAct may_act(std::int16_t, Counter) { return MayAct::yes; }
+    MayAct may_act(std::int16_t, Counter, Counter) { return MayAct::yes; }
     void seen(std::int16_t, Counter) {}
   };
 
-  // One named type for `feed` and `idle`, so that the deframer is compiled once for a handler.
+  // One named type for all, so that the deframer is compiled once for a handler.
   template <class Handler, class Watch>
   struct Sink {
     Receiver& receiver;
     Handler& handler;
     Watch& deadlines;
+    Counter came_us;
     Counter now_us;
+    Counter kept_until;  ///< bytes that were there before those that came at `came_us`
 
     WIREBOND_INLINE void operator()(const Frame& frame) const {
-      if (frame.message >= 0 && deadlines.may_act(frame.message, now_us) != MayAct::yes) return;
-      if (Source::dispatch(frame, handler, receiver.violations_)) deadlines.seen(frame.message, now_us);
+      Counter since_us = came_us;
+      if (!std::is_same_v<Watch, Unwatched> && frame.message >= 0) {
+        const auto end = static_cast<Counter>(frame.offset) + static_cast<Counter>(frame.wire_size);
+        if (static_cast<Counter>(kept_until - end) <= static_cast<Counter>(workspace_size)) {
+          since_us = receiver.kept_since_us_;
+        }
+        if (deadlines.may_act(frame.message, since_us, now_us) != MayAct::yes) return;
+      }
+      if (Source::dispatch(frame, handler, receiver.violations_)) deadlines.seen(frame.message, since_us);
     }
   };
+
+  /// For frames in what is kept.
+  template <class Handler, class Watch>
+  Sink<Handler, Watch> kept(Counter now_us, Handler& handler, Watch& deadlines) {
+    return {*this, handler, deadlines, kept_since_us_, now_us, bytes()};
+  }
 
   static constexpr std::size_t workspace_size = workspace_bytes(Source{});
 
   std::array<std::uint8_t, workspace_size> workspace_{};
   StreamDeframer<Source, Counter, Account> deframer_;
   Violations violations_{};
+  Counter kept_since_us_ = 0;  ///< when the oldest byte came that is kept
 };
 
 }  // namespace wirebond

@@ -99,7 +99,7 @@ class StreamDeframer : private detail::CarryPlace<Source> {
 
   bool owes_nothing() const { return deframer_.owes_nothing(); }  ///< see Deframer
   const Account& account() const { return deframer_.account(); }
-  Counter bytes() const { return account().settled() + static_cast<Counter>(carried_); }  ///< all that were fed
+  Counter bytes() const { return deframer_.settled() + static_cast<Counter>(carried_); }  ///< all that were fed
   std::size_t pending() const { return carried_; }                                        ///< of these, not settled yet
   Counter idle_us() const { return idle_us_; }
 

@@ -11,6 +11,7 @@
 #include "peer.hpp"
 #include "wirebond/fake/uart.hpp"
 #include "wirebond/mcu/link.hpp"
+#include "wirebond/mcu/receive_age.hpp"
 
 /// `usual`, or `many` where the environment asks for it by WIREBOND_LONG.
 inline std::uint32_t rounds(std::uint32_t usual, std::uint32_t many) {
@@ -28,13 +29,13 @@ struct Handler {
   void stop() {}
 };
 
-template <class Wire, std::size_t receive_bytes = 1024, std::size_t send_bytes = 512>
+template <class Wire, std::size_t receive_bytes = 1024, std::size_t send_bytes = 512, class Port = wirebond::fake::Uart>
 class Board {
  public:
   using Time = wirebond::fake::Time;
   using Fate = wirebond::fake::Fate;
   using Memory = typename Wire::template Memory<receive_bytes, send_bytes>;
-  using Link = typename Wire::template Link<Handler<Wire>, wirebond::fake::Uart, Memory>;
+  using Link = typename Wire::template Link<Handler<Wire>, Port, Memory>;
 
   explicit Board(std::uint64_t seed)
       : draw(seed),
@@ -43,6 +44,7 @@ class Board {
         uart(to_mcu, from_mcu, {}, seed + 2),
         peer(to_mcu, from_mcu),
         clock_start_us_(static_cast<std::uint32_t>(draw.next())) {
+    if constexpr (wirebond::detail::HasClock<Port>::value) uart.clock_start_us = clock_start_us_;
     link.emplace(handler, uart, memory);
   }
 
@@ -73,8 +75,9 @@ class Board {
     REQUIRE(counts.written == to_mcu.count(Fate::received) + to_mcu.count(Fate::damaged));
     REQUIRE(counts.taken == from_mcu.put_count() + counts.broken_off + uart.waiting());
     const wirebond::ReceiveAccount ring = link->receive_account();
-    REQUIRE(ring.received == static_cast<std::uint32_t>(counts.written - written_before_));
-    REQUIRE(ring.received == ring.handed_out + ring.lapped + static_cast<std::uint32_t>(link->unread()));
+    const auto unnoticed = static_cast<std::uint32_t>(counts.written - written_before_) - ring.received;
+    REQUIRE((ring.laps_unknown != 0 ? unnoticed % receive_bytes == 0 : unnoticed == 0));
+    REQUIRE(ring.received == ring.handed_out + ring.lapped + ring.dropped + static_cast<std::uint32_t>(link->unread()));
     const auto& receiver = link->receiver();
     REQUIRE(receiver.bytes() == ring.handed_out);
     const auto& account = receiver.account();
@@ -93,7 +96,7 @@ class Board {
   wirebond::fake::Draw draw;
   wirebond::fake::Line to_mcu;
   wirebond::fake::Line from_mcu;
-  wirebond::fake::Uart uart;
+  Port uart;
   Peer<Wire> peer;
   Handler<Wire> handler;
   Memory memory;

@@ -60,7 +60,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("velocity silence stops at 1 s and is safe at 3 s, within one tick, at any time of the clock") {
+TEST_CASE("velocity silence stops at 1 s and is safe at 3 s, within one tick, at any clock time") {
   for (const fake::Time tick : {1'000'000u, 2'000'000u, 5'000'000u}) {
     const auto tick_us = static_cast<std::uint32_t>(tick / 1000);
     // The clock wraps before, between and after the deadlines, at each of their microseconds' neighbours, or not at
@@ -80,9 +80,10 @@ TEST_CASE("velocity silence stops at 1 s and is safe at 3 s, within one tick, at
       REQUIRE(bench.rover.stops.size() == 1);
       REQUIRE(bench.rover.safe_modes.size() == 1);
       CHECK_FALSE(bench.rover.moving);
-      CHECK(bench.rover.stops[0] - heard >= 1'000'000);
+      // Silence counts from the poll before the one that found the message, which may have come right behind it.
+      CHECK(bench.rover.stops[0] - heard + tick_us >= 1'000'000);
       CHECK(bench.rover.stops[0] - heard <= 1'000'000 + tick_us);
-      CHECK(bench.rover.safe_modes[0] - heard >= 3'000'000);
+      CHECK(bench.rover.safe_modes[0] - heard + tick_us >= 3'000'000);
       CHECK(bench.rover.safe_modes[0] - heard <= 3'000'000 + tick_us);
     }
   }

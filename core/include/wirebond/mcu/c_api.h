@@ -94,9 +94,10 @@ typedef struct wirebond_frame {
 
 // ---- links ----------------------------------------------------------------------------------------------------------
 
-/// A UART, as a link asks for it. Each function must be there; `context` is given to each. A table may be `const` and
-/// in flash, and outlives its link. "The interrupt" is that of the UART and those of its DMA, which must have one
-/// priority, so that they never interrupt each other. Where there is none, whoever polls the link stands for it.
+/// A UART, as a link asks for it. Each function must be there but the last; `context` is given to each. A table may be
+/// `const` and in flash, and outlives its link. "The interrupt" is that of the UART and those of its DMA, which must
+/// have one priority, so that they never interrupt each other. Where there is none, whoever polls the link stands for
+/// it.
 ///
 /// In turn the interrupt calls the link: ..._link_on_received, _on_transmitted, _on_error and _on_pended.
 typedef struct wirebond_port {
@@ -118,6 +119,15 @@ typedef struct wirebond_port {
   void (*pend)(void* context);
   /// Can the UART's DMA reach all of bytes[0 .. size)? The link stays down where it cannot. From its poll.
   bool (*reaches)(void* context, const void* bytes, size_t size);
+
+  // These two may be left out.
+
+  /// The clock that the poll is given, in microseconds. With it, received bytes are as old as the receive event before
+  /// them; where it is NULL, as the poll before the one that found them. The interrupt.
+  uint32_t (*now_us)(void* context);
+  /// No DMA: your code moves each byte, and calls ..._on_received at least once in each turn of the ring. Then nothing
+  /// is dropped for a poll that is late by more than the ring takes to fill.
+  bool tells_every_lap;
 } wirebond_port_t;
 
 /// How a link stands.
@@ -142,12 +152,16 @@ typedef enum wirebond_level {
   WIREBOND_LEVEL_ERROR
 } wirebond_level_t;
 
-/// What happened to the line and the port, modulo 2^32.
+/// What happened to the line, the port and the polls, modulo 2^32.
 typedef struct wirebond_link_counters {
   uint32_t line_errors;        ///< framing, noise, overrun and DMA errors that the port told of
   uint32_t receive_restarts;   ///< reception was begun again, after an error or for silence
   uint32_t transmit_retries;   ///< the port did not take a run: busy, or an error
   uint32_t transmit_timeouts;  ///< a run did not leave in time, and was broken off
+  uint32_t slow_polls;         ///< more than half the shortest deadline after the poll before
+  uint32_t nested_polls;       ///< polls that found the UART's interrupt at work, and returned at once
+  uint32_t late;       ///< messages as old as their shortest deadline when they were found: no function was called
+  uint32_t held_back;  ///< messages held back by a deadline with `recover: explicit`: no function was called
 } wirebond_link_counters_t;
 
 /// Where every byte went that was handed out from the receive ring, as wirebond_account_t says it; a link does not
@@ -163,13 +177,17 @@ typedef struct wirebond_link_account {
   uint32_t unknown_frames;
 } wirebond_link_account_t;
 
-/// What became of the bytes that DMA wrote, modulo 2^32: received = handed_out + lapped + still unread.
+/// What became of the bytes that DMA wrote, modulo 2^32: received = handed_out + lapped + dropped + still unread.
 typedef struct wirebond_receive_account {
   uint32_t received;    ///< bytes that DMA wrote into the ring
   uint32_t handed_out;  ///< of these, given to the receiver; its own account says where they went
   uint32_t lapped;      ///< of these, written over before they were read
   uint32_t laps;        ///< how often that happened
   uint32_t overtaken;   ///< handed out, and written over while they were read: the ring is too small
+  uint32_t dropped;     ///< of `received`: not read, because more may have come than anybody could count
+  /// How often nobody looked for as long as the ring takes to fill. Whole rings may have come that `received` does not
+  /// know of; what was left of them is in `dropped`.
+  uint32_t laps_unknown;
 } wirebond_receive_account_t;
 
 /// Why a frame was not accepted: the index into wirebond_send_account_t::refused_by.

@@ -109,8 +109,8 @@ template <class Deadlines>
 struct Watch {
   Deadlines* deadlines = nullptr;
 
-  MayAct may_act(std::int16_t message, std::uint32_t now_us) {
-    return deadlines == nullptr ? MayAct::yes : deadlines->may_act(message, now_us);
+  MayAct may_act(std::int16_t message, std::uint32_t came_us, std::uint32_t now_us) {
+    return deadlines == nullptr ? MayAct::yes : deadlines->may_act(message, came_us, now_us);
   }
   void seen(std::int16_t message, std::uint32_t now_us) {
     if (deadlines != nullptr) deadlines->seen(message, now_us);
@@ -119,7 +119,7 @@ struct Watch {
 
 /// Stands for the deadlines of an end that has none.
 struct NoDeadlines {
-  MayAct may_act(std::int16_t, std::uint32_t) { return MayAct::yes; }
+  MayAct may_act(std::int16_t, std::uint32_t, std::uint32_t) { return MayAct::yes; }
   void seen(std::int16_t, std::uint32_t) {}
 };
 

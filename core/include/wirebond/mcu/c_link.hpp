@@ -37,7 +37,7 @@ static_assert(refusal_count == WIREBOND_REFUSAL_COUNT);
 class Port {
  public:
   /// `table` outlives this object, and is complete.
-  explicit Port(const wirebond_port_t& table) : table_(table) {}
+  explicit Port(const wirebond_port_t& table) : tells_every_lap(table.tells_every_lap), table_(table) {}
 
   static bool is_complete(const wirebond_port_t& table) {
     return table.start_receive != nullptr && table.receiving != nullptr && table.receive_position != nullptr &&
@@ -54,6 +54,10 @@ class Port {
   void stop_transmit() { table_.stop_transmit(table_.context); }
   void pend() { table_.pend(table_.context); }
   bool reaches(const void* bytes, std::size_t size) const { return table_.reaches(table_.context, bytes, size); }
+  bool clock_runs() const { return table_.now_us != nullptr; }
+  std::uint32_t now_us() const { return table_.now_us(table_.context); }
+
+  const bool tells_every_lap;
 
  private:
   const wirebond_port_t& table_;
@@ -99,11 +103,19 @@ inline wirebond_link_state_t to_c(LinkState state) { return static_cast<wirebond
 inline wirebond_peer_t to_c(Peer peer) { return static_cast<wirebond_peer_t>(peer); }
 
 inline wirebond_link_counters_t to_c(const LinkCounters& counts) {
-  return {counts.line_errors, counts.receive_restarts, counts.transmit_retries, counts.transmit_timeouts};
+  return {counts.line_errors,
+          counts.receive_restarts,
+          counts.transmit_retries,
+          counts.transmit_timeouts,
+          counts.slow_polls,
+          counts.nested_polls,
+          counts.late,
+          counts.held_back};
 }
 
 inline wirebond_receive_account_t to_c(const ReceiveAccount& account) {
-  return {account.received, account.handed_out, account.lapped, account.laps, account.overtaken};
+  return {account.received,  account.handed_out, account.lapped,      account.laps,
+          account.overtaken, account.dropped,    account.laps_unknown};
 }
 
 inline wirebond_send_account_t to_c(const SendAccount& from) {

@@ -10,7 +10,9 @@
 
 #include "wirebond/deadline.hpp"
 #include "wirebond/mcu/buffers.hpp"
+#include "wirebond/mcu/handshake.hpp"
 #include "wirebond/mcu/outbox.hpp"
+#include "wirebond/mcu/receive_age.hpp"
 #include "wirebond/mcu/receive_ring.hpp"
 #include "wirebond/mcu/schedule.hpp"
 #include "wirebond/mcu/services.hpp"
@@ -28,12 +30,16 @@ enum class LinkState : std::uint8_t {
   up,     ///< valid frames come
 };
 
-/// What happened to the line and the port, modulo 2^32.
+/// What happened to the line, the port and the polls, modulo 2^32.
 struct LinkCounters {
   std::uint32_t line_errors = 0;        ///< framing, noise, overrun and DMA errors that the port told of
   std::uint32_t receive_restarts = 0;   ///< reception was begun again, after an error or for silence
   std::uint32_t transmit_retries = 0;   ///< the port did not take a run: busy, or an error
   std::uint32_t transmit_timeouts = 0;  ///< a run did not leave in time, and was broken off
+  std::uint32_t slow_polls = 0;         ///< more than half the shortest deadline at this end after the poll before
+  std::uint32_t nested_polls = 0;       ///< polls that found the UART's interrupt at work, and returned at once
+  std::uint32_t late = 0;               ///< messages as old as their shortest deadline at this end when they were found
+  std::uint32_t held_back = 0;          ///< messages held back by a deadline with `recover: explicit`
 };
 
 namespace detail {
@@ -62,7 +68,14 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 ///
 /// Contexts: `send` and `log` from any task or interrupt. `poll` from one: a task, the main loop, or an interrupt. The
 /// `on_...` functions from the UART's interrupt and its DMA's, which must not interrupt each other; it may interrupt
-/// everything else, also above an RTOS's limit, for nothing here calls an RTOS.
+/// everything else, also above an RTOS's limit, for nothing here calls an RTOS. A `poll` that interrupts the UART's
+/// interrupt returns at once, and is counted: call it again soon.
+///
+/// **A stall.** Bytes are as old as the poll before the one that found them, or, where the port has a clock, as the
+/// receive event before them. A message with a deadline at this end that is as old as the shortest of them, or older,
+/// is counted as `late` and does not act: no handler, no subscription, no reply, no deadline put off. Where nobody
+/// looked for as long as the line takes to fill the receive ring, whatever is unread is dropped
+/// (`ReceiveAccount::laps_unknown`).
 template <class Protocol, class Handler, class Port, class Memory>
 class Link {
  public:
@@ -95,7 +108,7 @@ class Link {
     }
     const std::size_t payload = payload_bytes(message);
     if (payload > Message::Info::max_payload_bytes) return refuse_range<Message>();
-    auto grant = outbox_.template reserve_for<Message>(wire_bytes(Sends{}.format(), payload), now_ms());
+    auto grant = outbox_.template reserve_for<Message>(wire_bytes(Sends{}.format(), payload), stamp());
     if (!grant.ok()) return Status::queue_full;
     std::size_t size = 0;
     const Status status = encode_frame<Sends>(message, grant.data(), grant.size(), size);
@@ -104,8 +117,7 @@ class Link {
     } else {
       grant.commit(size);
     }
-    // Also after a refusal: the room that was given back may be waited for. Pairs with begin_run.
-    if (!transmitting_.load(std::memory_order_seq_cst)) port_.pend();
+    if (handshake_.offer()) port_.pend();  // also after a refusal: the room that was given back may be waited for
     return status;
   }
 
@@ -127,17 +139,25 @@ class Link {
   /// call starts reception, deadlines and schedule; deadlines and schedule are as punctual as the calls, so a
   /// millisecond or two apart is good, and the receive ring must hold what comes meanwhile.
   void poll(std::uint32_t now_us) {
-    now_us_.store(now_us, std::memory_order_relaxed);
-    if (state() == LinkState::down) start(now_us);
-    if (state() != LinkState::down) {
-      receive(now_us);
-      supervise(now_us);
+    if (in_event_.load(std::memory_order_relaxed)) {
+      nested_polls_ += 1;
+      return;
     }
-    deadlines_.poll(now_us, [&](std::uint8_t action) { Protocol::act(action, handler_); });
+    const std::uint32_t before_us = is_timed_ ? now() : now_us;
+    now_us_.store(now_us, std::memory_order_relaxed);
+    if (shortest_deadline_us != 0 && now_us - before_us > shortest_deadline_us / 2) slow_polls_ += 1;
+    if (state() == LinkState::down) {
+      start(now_us);
+    } else {
+      receive(before_us, now_us);
+    }
+    if (state() != LinkState::down) supervise(now_us);
+    strike(now_us);
     schedule_.poll(now_us, handler_, [&](const auto& message) { static_cast<void>(send(message)); });
   }
 
-  /// End a deadline with `recover: explicit` that has struck; its silence counts anew.
+  /// End a deadline with `recover: explicit` that has struck: its message acts again, and all deadlines of the message
+  /// begin again. Nothing happens where it has not struck. Also from within a handler.
   template <class Action>
   void recover(Action action) {
     deadlines_.recover(static_cast<std::uint8_t>(action), now_us_.load(std::memory_order_relaxed));
@@ -149,7 +169,11 @@ class Link {
 
   LinkState state() const { return state_.load(std::memory_order_relaxed); }  ///< any context
   Peer peer() const { return peer_; }
-  const LinkCounters& counters() const { return counters_; }
+  /// The context of `poll`.
+  LinkCounters counters() const {
+    return {line_errors_, receive_restarts_, transmit_retries_,           transmit_timeouts_,
+            slow_polls_,  nested_polls_,     deadlines_.not_acted().late, deadlines_.not_acted().held_back};
+  }
   ReceiveAccount receive_account() const { return ring_.account(); }
   std::size_t unread() const { return ring_.unread(); }
   const Inlet& receiver() const { return receiver_; }  ///< its bytes and violations
@@ -159,23 +183,29 @@ class Link {
 
   /// Half, full or idle: DMA moved on. Events may come in any order, merged, or in vain.
   void on_received() {
+    const Event event(in_event_);
     if (state() == LinkState::down) return;  // not ours: where DMA stands before `start_receive` says nothing
-    ring_.advance(port_.receive_position());
+    [[maybe_unused]] const std::uint32_t position = ring_.advance(port_.receive_position());
+    if constexpr (Age::is_stamped) {
+      if (detail::clock_runs(port_, 0)) age_.stamp(position, port_.now_us(), fill_us);
+    }
   }
 
   /// The run has left, its last bit included.
   void on_transmitted() {
-    if (!transmitting_.load(std::memory_order_relaxed)) return;  // of a run that was broken off
+    const Event event(in_event_);
+    if (!handshake_.complete()) return;  // of a run that was broken off
     outbox_.sent();
-    begin_run();
+    send_next();
   }
 
   /// Framing, noise, overrun or DMA error. Where reception stopped by it, it is begun again at once.
   void on_error() {
-    counters_.line_errors += 1;
+    const Event event(in_event_);
+    line_errors_ += 1;
     if (port_.receiving()) return;
     if (state() == LinkState::down) {
-      wants_restart_.store(true, std::memory_order_relaxed);  // `start` may be just before the end of its work
+      handshake_.ask_restart();  // `start` may be just before the end of its work
     } else {
       restart_reception();
     }
@@ -183,10 +213,15 @@ class Link {
 
   /// What `Port::pend` asked for.
   void on_pended() {
+    const Event event(in_event_);
     if (state() == LinkState::down) return;
-    if (wants_restart_.load(std::memory_order_acquire)) restart_reception();
-    if (wants_abort_.load(std::memory_order_acquire)) abort_run();
-    if (!transmitting_.load(std::memory_order_relaxed)) begin_run();
+    if (handshake_.look().restart()) restart_reception();
+    switch (handshake_.take()) {
+      case LineWord::Work::none: return;
+      case LineWord::Work::abort: abort_run(); break;
+      case LineWord::Work::look: break;
+    }
+    send_next();
   }
 
  private:
@@ -195,6 +230,39 @@ class Link {
   /// Twice what the longest run takes, and what an interrupt may be late.
   static constexpr std::uint32_t transmit_timeout_us =
       10'000 + static_cast<std::uint32_t>(std::uint64_t{2'000'000} * longest_run_bytes / Protocol::bytes_per_second);
+
+  /// What the line takes at least to fill the receive ring.
+  static constexpr std::uint32_t fill_us = static_cast<std::uint32_t>(
+      std::uint64_t{1'000'000} * std::tuple_size<decltype(Memory::receive)>::value / Protocol::bytes_per_second);
+  /// Of all at this end; 0: there is none.
+  static constexpr std::uint32_t shortest_deadline_us = shortest(Protocol::deadlines);
+  /// Ages of frames are counted in units of 1024 us, which wrap where the clock does; rounded so that none expires
+  /// early.
+  static constexpr std::uint16_t max_age_units =
+      static_cast<std::uint16_t>((Protocol::max_age_ms * std::uint32_t{1000} + 1023) / 1024);
+
+  using LineWord = wirebond::Handshake<typename Memory::Config::Atomics>;
+  using Age = ReceiveAge<detail::HasClock<Port>::value>;
+
+  /// The UART's interrupt is at work, and what `poll` would read is in between two states. Only that interrupt writes
+  /// the flag; a `poll` that finds it has interrupted it.
+  class Event {
+   public:
+    explicit Event(std::atomic<bool>& flag) : flag_(flag), before_(flag.load(std::memory_order_relaxed)) {
+      flag_.store(true, std::memory_order_relaxed);
+      std::atomic_signal_fence(std::memory_order_seq_cst);
+    }
+    ~Event() {
+      std::atomic_signal_fence(std::memory_order_seq_cst);
+      flag_.store(before_, std::memory_order_relaxed);  // a port may tell of an event within its `start_transmit`
+    }
+    Event(const Event&) = delete;
+    Event& operator=(const Event&) = delete;
+
+   private:
+    std::atomic<bool>& flag_;
+    bool before_;
+  };
 
   /// Calls the services, then the handler.
   struct Inbox {
@@ -221,7 +289,7 @@ class Link {
     return Status::out_of_range;
   }
 
-  std::uint16_t now_ms() const { return static_cast<std::uint16_t>(now() / 1000); }
+  std::uint16_t stamp() const { return static_cast<std::uint16_t>(now() >> 10); }  ///< see max_age_units
   std::uint32_t now() const { return now_us_.load(std::memory_order_relaxed); }
 
   // ---- in poll
@@ -236,28 +304,34 @@ class Link {
         !port_.reaches(memory_.send.data(), memory_.send.size())) {
       return;
     }
-    wants_restart_.store(false, std::memory_order_relaxed);  // by errors from before; one from now on counts
+    handshake_.restarted();  // by errors from before; one from now on counts
     if (!port_.start_receive(memory_.receive.data(), memory_.receive.size())) return;
     heard_us_ = line_moved_us_ = now_us;
+    age_.start(now_us);
     change(LinkState::stale);
     if constexpr (!std::is_same_v<typename Protocol::Hello::Message, NoService>) {
       static_cast<void>(send(detail::hello<Protocol>()));
     }
   }
 
-  void receive(std::uint32_t now_us) {
-    ring_.look([this] { return port_.receive_position(); });
+  void receive(std::uint32_t before_us, std::uint32_t now_us) {
+    const bool is_late = age_.is_late(before_us, now_us, fill_us);
+    if (!ring_.look([this] { return port_.receive_position(); }))
+      return;  // on another core, the UART's interrupt restarts
     Inbox inbox{*this};
     const std::uint32_t frames = receiver_.account().frames;
-    ReceiveRing::Span span = ring_.next();
-    if (span.size == 0) {
-      receiver_.idle(now_us, inbox, deadlines_);
-    } else {
-      line_moved_us_ = now_us;
+    if (ring_.unread() != 0) line_moved_us_ = now_us;
+    if (is_late && !detail::tells_every_lap(port_, 0)) {
+      ring_.drop_unread();
+      receiver_.give_up(now_us, inbox, deadlines_);
     }
+    ReceiveRing::Span span = ring_.next();
+    if (span.size == 0) receiver_.idle(now_us, inbox, deadlines_);
     for (; span.size != 0; span = ring_.next()) {
-      receiver_.feed(span.data, span.size, now_us, inbox, deadlines_);
-      ring_.consumed(span.size);
+      const Aged bytes = age_.first(ring_.position(), span.size, before_us);
+      if constexpr (Age::is_stamped) strike(bytes.came_us);  // by the silence before these bytes
+      receiver_.feed(span.data, bytes.size, bytes.came_us, now_us, inbox, deadlines_);
+      ring_.consumed(bytes.size);
     }
     if (receiver_.account().frames != frames) {
       heard_us_ = now_us;
@@ -265,21 +339,25 @@ class Link {
     }
   }
 
+  void strike(std::uint32_t now_us) {
+    deadlines_.poll(now_us, [&](std::uint8_t action) { Protocol::act(action, handler_); });
+  }
+
   void supervise(std::uint32_t now_us) {
     if (state() == LinkState::up && now_us - heard_us_ >= timeout_us) change(LinkState::stale);
-    bool asks = wants_run_.load(std::memory_order_relaxed) || wants_restart_.load(std::memory_order_relaxed);
+    const auto line = handshake_.look();
+    bool asks = line.asks();
     if (now_us - line_moved_us_ >= timeout_us) {
       line_moved_us_ = now_us;
-      wants_restart_.store(true, std::memory_order_release);  // pairs with on_pended
+      handshake_.ask_restart();
       asks = true;
     }
-    if (!transmitting_.load(std::memory_order_relaxed) || begun_.load(std::memory_order_relaxed)) {
-      begun_.store(false, std::memory_order_relaxed);
+    if (line.begun()) handshake_.note_begun();
+    if (line.begun() || line.line() != Line::sending) {
       begun_us_ = now_us;
     } else if (now_us - begun_us_ >= transmit_timeout_us) {
       begun_us_ = now_us;
-      wants_abort_.store(true, std::memory_order_release);  // pairs with on_pended
-      asks = true;
+      asks = handshake_.ask_abort() || asks;
     }
     if (asks) port_.pend();
   }
@@ -295,66 +373,67 @@ class Link {
   void restart_reception() {
     ring_.advance(port_.receive_position());
     if (port_.receiving() && !ring_.is_all_read()) {  // the line is not silent: bytes came since poll found it so
-      wants_restart_.store(false, std::memory_order_relaxed);
+      handshake_.restarted();
       return;
     }
+    handshake_.ask_restart();  // until it is done: poll asks again
+    if (!ring_.can_restart()) return;
+    ring_.begin_restart();
     // A byte that DMA takes from here on until the port has stopped it is lost, and nobody can count it.
-    const bool done = ring_.can_restart() && port_.start_receive(memory_.receive.data(), memory_.receive.size());
-    wants_restart_.store(!done, std::memory_order_relaxed);  // poll asks again
-    if (!done) return;
-    ring_.restart();
-    counters_.receive_restarts += 1;
+    if (port_.start_receive(memory_.receive.data(), memory_.receive.size())) {
+      ring_.restart();
+      receive_restarts_ += 1;
+      handshake_.restarted();
+    }
+    ring_.end_restart();
   }
 
+  /// The line is looking, so no event of the old run changes it any more.
   void abort_run() {
-    wants_abort_.store(false, std::memory_order_relaxed);
-    if (!transmitting_.load(std::memory_order_relaxed)) return;  // it left after all
     port_.stop_transmit();
     outbox_.aborted();
-    transmitting_.store(false, std::memory_order_relaxed);
-    counters_.transmit_timeouts += 1;
+    transmit_timeouts_ += 1;
   }
 
   Run next_run() {
-    if constexpr (Protocol::max_age_ms != 0) outbox_.expire_older(now_ms(), Protocol::max_age_ms);
+    if constexpr (Protocol::max_age_ms != 0) outbox_.expire_older(stamp(), max_age_units);
     return outbox_.next(Protocol::max_run_bytes);
   }
 
-  /// Hand the next run to the port. A sender that finds `transmitting_` relies on this being called again.
-  void begin_run() {
-    wants_run_.store(false, std::memory_order_relaxed);
+  /// The line is looking: hand the next run to the port, or rest.
+  void send_next() {
     Run run = next_run();
-    if (run.size == 0) {
-      transmitting_.store(false, std::memory_order_seq_cst);  // pairs with `send`: who commits later, sees it and pends
-      run = next_run();                                       // who committed before, is seen here
-      if (run.size == 0) return;
+    while (run.size == 0) {
+      if (handshake_.rest()) return;
+      run = next_run();
     }
-    begun_.store(true, std::memory_order_relaxed);
-    transmitting_.store(true, std::memory_order_relaxed);
+    handshake_.found();
     if (port_.start_transmit(run.data, run.size)) return;
-    transmitting_.store(false, std::memory_order_relaxed);
-    counters_.transmit_retries += 1;
-    wants_run_.store(true, std::memory_order_relaxed);  // poll asks again, and gets the same run
+    handshake_.refuse();
+    transmit_retries_ += 1;
   }
 
   Handler& handler_;
   Port& port_;
   Memory& memory_;
   ReceiveRing ring_;
+  Age age_;
+  LineWord handshake_;
   Outbox<typename Memory::Config> outbox_;
   Inlet receiver_;
   Deadlines<Protocol::deadlines.size()> deadlines_;
   Schedule<typename Protocol::Scheduled> schedule_;
-  LinkCounters counters_{};
-  std::uint32_t heard_us_ = 0;              ///< the last valid frame
-  std::uint32_t line_moved_us_ = 0;         ///< the last byte, or restart for want of one
-  std::uint32_t begun_us_ = 0;              ///< about when the run with the port was begun
-  std::atomic<std::uint32_t> now_us_{0};    ///< of the last poll
-  std::atomic<bool> transmitting_{false};   ///< a run is with the port
-  std::atomic<bool> wants_restart_{false};  ///< reception shall begin anew
-  std::atomic<bool> wants_abort_{false};    ///< the run did not leave in time
-  std::atomic<bool> wants_run_{false};      ///< the port did not take a run
-  std::atomic<bool> begun_{false};          ///< since poll looked, a run was begun
+  std::uint32_t line_errors_ = 0;  ///< these four by the UART's interrupt
+  std::uint32_t receive_restarts_ = 0;
+  std::uint32_t transmit_retries_ = 0;
+  std::uint32_t transmit_timeouts_ = 0;
+  std::uint32_t slow_polls_ = 0;
+  std::uint32_t nested_polls_ = 0;
+  std::uint32_t heard_us_ = 0;            ///< the last valid frame
+  std::uint32_t line_moved_us_ = 0;       ///< the last byte, or restart for want of one
+  std::uint32_t begun_us_ = 0;            ///< about when the run with the port was begun
+  std::atomic<std::uint32_t> now_us_{0};  ///< of the last poll
+  std::atomic<bool> in_event_{false};     ///< the UART's interrupt is at work
   std::atomic<LinkState> state_{LinkState::down};
   Peer peer_ = Peer::unknown;
   bool is_timed_ = false;

@@ -100,7 +100,7 @@ class QueueWithTable<Atomics, 0, 0> {
 /// counter.
 ///
 /// A frame is granted, written in place and committed:
-///     auto grant = outbox.reserve(size, Queue::normal, now_ms);
+///     auto grant = outbox.reserve(size, Queue::normal, now);
 ///     if (!grant.ok()) return grant.refusal();
 ///     grant.commit(write_frame(grant.data()));
 /// After a commit, and after a grant that was given back, let the consumer look: its room is waited for.
@@ -141,15 +141,16 @@ class Outbox {
 
   // ---- senders: any context -----------------------------------------------------------------------------------------
 
-  /// Room for a frame of at most `size` bytes. `now_ms` modulo 2^16: from when its age counts. `message` is the account
-  /// that it belongs to, where each message has one. `Queue::urgent` without an urgent queue is refused as `full`.
-  WIREBOND_QUICK Grant<Outbox> reserve(std::size_t size, Queue queue = Queue::normal, std::uint16_t now_ms = 0,
+  /// Room for a frame of at most `size` bytes. `now` modulo 2^16, in any unit: from when its age counts. `message` is
+  /// the account that it belongs to, where each message has one. `Queue::urgent` without an urgent queue is refused as
+  /// `full`.
+  WIREBOND_QUICK Grant<Outbox> reserve(std::size_t size, Queue queue = Queue::normal, std::uint16_t now = 0,
                                        std::uint8_t message = 0) {
     Ticket ticket;
     const std::uint8_t account = account_of(message);
     ledgers_[account].offer();
-    const Refusal refusal = queue == Queue::urgent ? urgent_.take(size, account, now_ms, ticket.in_queue)
-                                                   : ring_.take(size, account, now_ms, ticket.in_queue);
+    const Refusal refusal = queue == Queue::urgent ? urgent_.take(size, account, now, ticket.in_queue)
+                                                   : ring_.take(size, account, now, ticket.in_queue);
     if (refusal != Refusal::none) return refused(refusal, account);
     ticket.data = ticket.in_queue.data;
     ticket.size = ticket.in_queue.size;
@@ -159,11 +160,11 @@ class Outbox {
   }
 
   /// Room for a frame in a slot: `slot` is the message's place in Config::Latest.
-  Grant<Outbox> reserve_latest(std::size_t slot, std::size_t size, std::uint16_t now_ms = 0) {
+  Grant<Outbox> reserve_latest(std::size_t slot, std::size_t size, std::uint16_t now = 0) {
     Ticket ticket;
     const std::uint8_t account = account_of_slot(slot);
     ledgers_[account].offer();
-    const Refusal refusal = latest_.take(slot, size, now_ms, ticket.in_slot);
+    const Refusal refusal = latest_.take(slot, size, now, ticket.in_slot);
     if (refusal != Refusal::none) return refused(refusal, account);
     ticket.data = ticket.in_slot.data;
     ticket.size = ticket.in_slot.size;
@@ -174,16 +175,16 @@ class Outbox {
 
   /// Room for a frame of this message, where its file says that it waits.
   template <class Message>
-  WIREBOND_QUICK Grant<Outbox> reserve_for(std::size_t size, std::uint16_t now_ms = 0) {
+  WIREBOND_QUICK Grant<Outbox> reserve_for(std::size_t size, std::uint16_t now = 0) {
     if constexpr (Message::Info::queue == Queue::latest) {
       constexpr std::size_t slot = Config::Latest::template index_of<Message>();
       static_assert(slot < slot_count, "a message of `queue: latest` needs a slot: name it in the config's Latest");
-      return reserve_latest(slot, size, now_ms);
+      return reserve_latest(slot, size, now);
     } else {
       static_assert(Message::Info::queue != Queue::urgent || Config::urgent_bytes != 0,
                     "a message of `queue: urgent` needs the urgent queue: set the config's urgent_bytes and _frames");
       static_assert(Message::Info::max_frame_bytes <= Config::ring_bytes / 2, "ring_bytes: twice the largest frame");
-      return reserve(size, Message::Info::queue, now_ms, static_cast<std::uint8_t>(Message::Info::index));
+      return reserve(size, Message::Info::queue, now, static_cast<std::uint8_t>(Message::Info::index));
     }
   }
 
@@ -233,12 +234,12 @@ class Outbox {
     expire([](std::uint16_t) { return true; });
   }
 
-  /// Finished frames that were reserved more than `max_age_ms` (at most 32767) before `now_ms` expire, but for a run
-  /// that is under way. Call it more often than every 32 s: older stamps look new.
-  void expire_older(std::uint16_t now_ms, std::uint16_t max_age_ms) {
+  /// Finished frames that were reserved more than `max_age` (at most 32767) before `now` expire, but for a run that is
+  /// under way. Units are those of `reserve`, and must wrap where the clock does. Call it more often than every 32767
+  /// of them: older stamps look new.
+  void expire_older(std::uint16_t now, std::uint16_t max_age) {
     expire([=](std::uint16_t stamp) {
-      return static_cast<std::int16_t>(static_cast<std::uint16_t>(now_ms - stamp)) >
-             static_cast<std::int32_t>(max_age_ms);
+      return static_cast<std::int16_t>(static_cast<std::uint16_t>(now - stamp)) > static_cast<std::int32_t>(max_age);
     });
   }
 

@@ -9,13 +9,17 @@
 
 namespace wirebond {
 
-/// What became of the bytes that DMA wrote, modulo 2^32: received = handed out + lapped + still there.
+/// What became of the bytes that DMA wrote, modulo 2^32: received = handed out + lapped + dropped + still there.
 struct ReceiveAccount {
   std::uint32_t received = 0;    ///< bytes that DMA wrote into the ring
   std::uint32_t handed_out = 0;  ///< of these, given to the deframer
   std::uint32_t lapped = 0;      ///< of these, written over before they were read
   std::uint32_t laps = 0;        ///< how often that happened
   std::uint32_t overtaken = 0;   ///< handed out, and written over while they were read: the ring is too small
+  std::uint32_t dropped = 0;     ///< of `received`: not read, because more may have come than anybody could count
+  /// How often nobody looked for as long as the ring takes to fill. Whole rings may have come then that `received` does
+  /// not know of; what was left of them is in `dropped`.
+  std::uint32_t laps_unknown = 0;
 };
 
 /// The writer is the DMA, told of by the UART's interrupt (`advance`, `restart`); the reader is one other context,
@@ -27,7 +31,8 @@ struct ReceiveAccount {
 /// the size: a hole, in which no byte ever was.
 ///
 /// The hardware tells a place and not a count: `advance` must be called once for every turn of the DMA at least, which
-/// the half and full events do unless interrupts are masked for as long as the whole ring takes.
+/// the half and full events do unless interrupts are masked for as long as the whole ring takes. Whoever has a clock
+/// finds that out, and calls `drop_unread`.
 class ReceiveRing {
  public:
   using Count = std::uint32_t;
@@ -42,10 +47,12 @@ class ReceiveRing {
 
   // ---- the UART's interrupt
 
-  /// DMA writes at `place` next. Events may come in any order, merged or in vain.
-  void advance(std::size_t place) {
-    const Count written = written_.load(std::memory_order_relaxed);              // only this context writes it
-    written_.store(written + ahead(place, written), std::memory_order_release);  // pairs with `look`
+  /// DMA writes at `place` next. Events may come in any order, merged or in vain. Returns the position.
+  Count advance(std::size_t place) {
+    Count written = written_.load(std::memory_order_relaxed);  // only this context writes it
+    written += ahead(place, written);
+    written_.store(written, std::memory_order_release);  // pairs with `look`
+    return written;
   }
 
   /// Has the reader read all that DMA wrote until the last `advance`?
@@ -60,8 +67,20 @@ class ReceiveRing {
     return static_cast<std::uint8_t>(holes_noted_.load(std::memory_order_relaxed) - passed) != hole_capacity;
   }
 
-  /// DMA has begun again at the ring's front. Before it did, `advance` was called with its last place, and
-  /// `can_restart` was true.
+  /// DMA is about to begin again. Until `end_restart` its place says nothing, and `look` does not look: it may run
+  /// above this interrupt, or on another core.
+  void begin_restart() {
+    restarts_.store(static_cast<std::uint8_t>(restarts_.load(std::memory_order_relaxed) + 1),
+                    std::memory_order_relaxed);
+    std::atomic_thread_fence(std::memory_order_release);  // before the port's stores; pairs with `look`
+  }
+  void end_restart() {  // behind the new place and `restart`; pairs with `look`
+    restarts_.store(static_cast<std::uint8_t>(restarts_.load(std::memory_order_relaxed) + 1),
+                    std::memory_order_release);
+  }
+
+  /// DMA has begun again at the ring's front, between `begin_restart` and `end_restart`. Before it did, `advance` was
+  /// called with its last place, and `can_restart` was true.
   void restart() {
     const Count written = written_.load(std::memory_order_relaxed);
     const Count front = round_up(written);
@@ -74,14 +93,35 @@ class ReceiveRing {
 
   // ---- the reader
 
-  /// Note how far DMA is. `place()` tells where it writes next, as the port says it.
+  /// Note how far DMA is. `place()` tells where it writes next, as the port says it. False: reception is being begun
+  /// again just now, and nothing can be said.
   template <class Place>
-  void look(Place&& place) {
-    Count written;
-    do {  // an event between the two reads: its place is newer, and a restart may lie between
-      written = written_.load(std::memory_order_acquire);  // pairs with `advance` and `restart`
-      seen_ = written + ahead(place(), written);
-    } while (written_.load(std::memory_order_acquire) != written);
+  bool look(Place&& place) {
+    for (;;) {
+      const std::uint8_t restarts = restarts_.load(std::memory_order_acquire);  // pairs with `end_restart`
+      if ((restarts & 1u) != 0) return false;
+      const Count written = written_.load(std::memory_order_acquire);  // pairs with `advance` and `restart`
+      const Count seen = written + ahead(place(), written);
+      std::atomic_thread_fence(std::memory_order_acquire);  // behind the place; pairs with `begin_restart`
+      // An event between the two: its place is newer, and a restart may lie between.
+      if (restarts_.load(std::memory_order_relaxed) != restarts) continue;
+      if (written_.load(std::memory_order_relaxed) != written) continue;
+      seen_ = seen;
+      return true;
+    }
+  }
+
+  /// Where the next byte lies that `next` gives, counted as `advance` counts.
+  Count position() const { return read_so_far(); }
+
+  /// All that `look` saw is given up: rings may have come that nobody counted.
+  void drop_unread() {
+    while (hole_ahead()) {
+      drop(next_hole() - read_so_far());
+      pass_hole();
+    }
+    drop(seen_ - read_so_far());
+    laps_unknown_ += 1;
   }
 
   /// The next bytes in one piece, as far as `look` saw; none: all is read. Bytes that DMA wrote over are left out, and
@@ -112,10 +152,12 @@ class ReceiveRing {
   ReceiveAccount account() const {
     ReceiveAccount account;
     account.received = seen_ - hole_bytes_ - holes_before(seen_);
-    account.handed_out = read_so_far() - hole_bytes_ - lapped_;
+    account.handed_out = read_so_far() - hole_bytes_ - lapped_ - dropped_;
     account.lapped = lapped_;
     account.laps = laps_;
     account.overtaken = overtaken_;
+    account.dropped = dropped_;
+    account.laps_unknown = laps_unknown_;
     return account;
   }
 
@@ -128,6 +170,10 @@ class ReceiveRing {
   Count size() const { return mask_ + 1; }
   Count read_so_far() const { return read_.load(std::memory_order_relaxed); }  // for the reader, who alone writes it
   void pass(Count count) { read_.store(read_so_far() + count, std::memory_order_release); }  // pairs with `is_all_read`
+  void drop(Count count) {
+    dropped_ += count;
+    pass(count);
+  }
   Count round_up(Count position) const { return (position + mask_) & ~mask_; }
   Count ahead(std::size_t place, Count written) const { return (static_cast<Count>(place) - written) & mask_; }
 
@@ -196,12 +242,15 @@ class ReceiveRing {
   std::array<Count, hole_capacity> holes_{};   ///< where holes begin; by the interrupt
   std::atomic<std::uint8_t> holes_noted_{0};   ///< by the interrupt
   std::atomic<std::uint8_t> holes_passed_{0};  ///< by the reader
+  std::atomic<std::uint8_t> restarts_{0};      ///< by the interrupt; odd: reception is being begun again
   std::atomic<Count> read_{0};                 ///< by the reader
   Count seen_ = 0;
   Count hole_bytes_ = 0;  ///< in the holes that were passed
   Count lapped_ = 0;
   Count laps_ = 0;
   Count overtaken_ = 0;
+  Count dropped_ = 0;
+  Count laps_unknown_ = 0;
 };
 
 }  // namespace wirebond

@@ -96,8 +96,8 @@ class SendQueue {
 
   // ---- senders: any context -----------------------------------------------------------------------------------------
 
-  /// Room for a frame of at most `size` bytes. `tag` and `stamp` come back with it; a stamp is a time in milliseconds
-  /// modulo 2^16, for `expire`. On refusal nothing has changed.
+  /// Room for a frame of at most `size` bytes. `tag` and `stamp` come back with it; a stamp is a time modulo 2^16, for
+  /// `expire`. On refusal nothing has changed.
   Grant<SendQueue> reserve(std::size_t size, std::uint8_t tag = 0, std::uint16_t stamp = 0) {
     Ticket ticket;
     const Refusal refusal = take(size, tag, stamp, ticket);

@@ -24,6 +24,8 @@ class Uart {
  public:
   explicit Uart(Registers& registers) : registers_(registers) {}
 
+  static constexpr bool tells_every_lap = true;  ///< there is no DMA that could lap unseen
+
   bool start_receive(std::uint8_t* ring, std::size_t size) {
     ring_ = ring;
     size_ = size;

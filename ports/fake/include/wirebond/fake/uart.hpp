@@ -278,6 +278,16 @@ class Uart {
   std::size_t unreachable_size_ = 0;
 };
 
+/// The same with a clock, which a link asks when an event comes.
+class ClockedUart : public Uart {
+ public:
+  using Uart::Uart;
+
+  std::uint32_t now_us() const { return clock_start_us + static_cast<std::uint32_t>(now() / 1000); }
+
+  std::uint32_t clock_start_us = 0;  ///< the clock's time at the beginning; it may wrap
+};
+
 /// Let time pass for two UARTs on one time line, each with its handler.
 template <class HandlerA, class HandlerB>
 void run_both(Time until, Uart& a, HandlerA& handler_a, Uart& b, HandlerB& handler_b) {

@@ -52,7 +52,7 @@ class Port {
     receiving_.store(false, std::memory_order_relaxed);
     ring_ = ring;
     size_ = size;
-    place_.store(0, std::memory_order_relaxed);
+    place_.store(0, std::memory_order_release);         // pairs with `receive_position`
     receiving_.store(true, std::memory_order_release);  // pairs with `serve`
     wake();
     return true;
@@ -79,6 +79,8 @@ class Port {
   }
 
   bool reaches(const void*, std::size_t) const { return true; }
+
+  static constexpr bool tells_every_lap = true;  ///< there is no DMA that could lap unseen
 
  private:
   void wake() {

@@ -1,0 +1,155 @@
+// How old received bytes are, and whether somebody looked often enough to have counted them. Times and positions only.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+
+namespace wirebond {
+
+namespace detail {
+
+template <class Port, class = void>
+struct HasClock : std::false_type {};
+template <class Port>
+struct HasClock<Port, std::void_t<decltype(std::declval<Port&>().now_us())>> : std::true_type {};
+
+/// Does this port's clock run? That of a port of C is a function that may be missing.
+template <class Port>
+auto clock_runs(const Port& port, int) -> decltype(port.clock_runs()) {
+  return port.clock_runs();
+}
+template <class Port>
+bool clock_runs(const Port&, long) {
+  return true;
+}
+
+/// Does the port move each byte itself, and call `on_received` at least once in each turn of the ring? It says so by a
+/// member of this name, constant or not.
+template <class Port>
+auto tells_every_lap(const Port& port, int) -> decltype(static_cast<bool>(port.tells_every_lap)) {
+  return port.tells_every_lap;
+}
+template <class Port>
+bool tells_every_lap(const Port&, long) {
+  return false;
+}
+
+}  // namespace detail
+
+/// Some bytes and when they came, or earlier.
+struct Aged {
+  std::size_t size;
+  std::uint32_t came_us;
+};
+
+/// Where the port has no clock: bytes are as old as the poll before the one that found them.
+template <bool has_clock>
+class ReceiveAge {
+ public:
+  static constexpr bool is_stamped = false;
+
+  /// Reception begins.
+  void start(std::uint32_t) {}
+
+  /// `poll` begins, at `now_us`; the one before began at `before_us`. True: `limit_us` or more have passed in which
+  /// nobody looked.
+  bool is_late(std::uint32_t before_us, std::uint32_t now_us, std::uint32_t limit_us) {
+    return now_us - before_us >= limit_us;
+  }
+
+  /// Of the `size` bytes from `position` on, the first that came at one time.
+  Aged first(std::uint32_t, std::size_t size, std::uint32_t before_us) const { return {size, before_us}; }
+};
+
+/// Where the port has one, which is that of `poll`: each receive event of the UART's interrupt stamps the position and
+/// the time, and bytes are as old as the stamp before them. The newest two stamps are kept; what came before them is as
+/// old as the poll before. Written by the interrupt, read by `poll`, which never runs inside the interrupt's events.
+template <>
+class ReceiveAge<true> {
+ public:
+  static constexpr bool is_stamped = true;
+
+  void start(std::uint32_t now_us) {
+    looked_us_.store(now_us, std::memory_order_relaxed);
+    noted_ = noted_before_ = version_.load(std::memory_order_relaxed);
+  }
+
+  /// The UART's interrupt: DMA was at `position` at `now_us`.
+  void stamp(std::uint32_t position, std::uint32_t now_us, std::uint32_t limit_us) {
+    if (has_passed(now_us, limit_us)) is_late_.store(true, std::memory_order_relaxed);
+    looked_us_.store(now_us, std::memory_order_relaxed);
+    const std::uint32_t version = version_.load(std::memory_order_relaxed);
+    version_.store(version + 1, std::memory_order_relaxed);
+    std::atomic_thread_fence(std::memory_order_release);  // before the stamps; pairs with `first`
+    stamps_[0].set(stamps_[1].position(), stamps_[1].time_us());
+    stamps_[1].set(position, now_us);
+    version_.store(version + 2, std::memory_order_release);  // behind them; pairs with `first`
+  }
+
+  bool is_late(std::uint32_t, std::uint32_t now_us, std::uint32_t limit_us) {
+    const bool passed = has_passed(now_us, limit_us);
+    looked_us_.store(now_us, std::memory_order_relaxed);
+    noted_before_ = noted_;
+    noted_ = version_.load(std::memory_order_relaxed);
+    if (!is_late_.load(std::memory_order_relaxed)) return passed;
+    is_late_.store(false, std::memory_order_relaxed);
+    return true;
+  }
+
+  Aged first(std::uint32_t position, std::size_t size, std::uint32_t before_us) const {
+    for (;;) {
+      const std::uint32_t version = version_.load(std::memory_order_acquire);  // pairs with `stamp`
+      Aged bytes{size, before_us};
+      // Older stamps than the poll before say nothing, and their times may have wrapped.
+      const std::uint32_t fresh = (version - noted_before_) / 2;
+      for (std::uint32_t i = fresh >= 2 ? 0 : 2 - fresh; i < 2; ++i) {
+        const Stamp& stamp = stamps_[i];
+        if (!is_later(stamp.time_us(), bytes.came_us)) continue;
+        const std::uint32_t ahead = stamp.position() - position;
+        if (static_cast<std::int32_t>(ahead) <= 0) {
+          bytes.came_us = stamp.time_us();
+        } else if (ahead < bytes.size) {
+          bytes.size = ahead;
+        }
+      }
+      std::atomic_thread_fence(std::memory_order_acquire);  // behind the stamps; pairs with `stamp`
+      if ((version & 1u) == 0 && version_.load(std::memory_order_relaxed) == version) return bytes;
+    }
+  }
+
+ private:
+  class Stamp {
+   public:
+    std::uint32_t position() const { return position_.load(std::memory_order_relaxed); }
+    std::uint32_t time_us() const { return time_us_.load(std::memory_order_relaxed); }
+    void set(std::uint32_t position, std::uint32_t time_us) {
+      position_.store(position, std::memory_order_relaxed);
+      time_us_.store(time_us, std::memory_order_relaxed);
+    }
+
+   private:
+    std::atomic<std::uint32_t> position_{0};
+    std::atomic<std::uint32_t> time_us_{0};
+  };
+
+  static bool is_later(std::uint32_t a, std::uint32_t b) { return static_cast<std::int32_t>(a - b) > 0; }
+
+  /// Have `limit_us` passed since somebody looked? An event between may have looked later than `now_us`.
+  bool has_passed(std::uint32_t now_us, std::uint32_t limit_us) const {
+    const std::uint32_t looked_us = looked_us_.load(std::memory_order_relaxed);
+    return is_later(now_us, looked_us) && now_us - looked_us >= limit_us;
+  }
+
+  std::atomic<std::uint32_t> looked_us_{0};
+  std::atomic<bool> is_late_{false};
+  std::atomic<std::uint32_t> version_{0};  // odd: the stamps are being written
+  std::array<Stamp, 2> stamps_;            // older, newer
+  std::uint32_t noted_ = 0;                // version_ when `poll` last began; these two are its own
+  std::uint32_t noted_before_ = 0;         // and the time before
+};
+
+}  // namespace wirebond
