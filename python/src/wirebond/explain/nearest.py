@@ -1,6 +1,6 @@
 """The search for the nearest explanation of refused bytes: which guesses are tried, and which are worth telling.
 
-A guess is told with the chance that one of its kind fits bytes that have nothing to do with it. Kinds are ranked by
+A guess is shown with the chance that one of its kind fits bytes that have nothing to do with it. Kinds are ranked by
 prior / (prior + chance), where the prior says how often such a thing is what really happened.
 """
 
