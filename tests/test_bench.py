@@ -52,9 +52,16 @@ def test_a_send_on_a_cortex_m4_takes_few_instructions() -> None:
 def test_a_link_on_a_cortex_m4_takes_little_memory_and_its_stack_has_a_bound() -> None:
     figures = m4_runtime.measure_memory(("diffdrive",))
     goals = {figure.key: figure.goal for figure in figures if figure.goal is not None}
-    assert goals == {"m4_flash_bytes": 6144, "m4_ram_bytes": 400}
+    assert goals == {"m4_flash_bytes": 6656, "m4_ram_bytes": 448}
     for figure in figures:
         assert figure.met, f"{figure.key}: {figure.value:.0f} {figure.unit}"
+
+
+def test_a_debug_build_on_a_cortex_m4_fits_flash_and_task_stacks() -> None:
+    """Goals are a later step's. With everything forced inline -O0 took 275 KB and a stack of 24 KB."""
+    found = {figure.key: figure.value for figure in m4_runtime.measure_debug_builds()}
+    assert found["m4_debug_flash_bytes"] < 64 * 1024
+    assert max(value for key, value in found.items() if key.endswith("stack_bytes")) < 2048
 
 
 def test_all_codecs_make_the_same_of_the_same_frames() -> None:

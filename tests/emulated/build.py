@@ -23,7 +23,7 @@ CRATES = ROOT / "build" / "freertos"  # setup/freertos says what lies there
 KERNEL_FILES = ("tasks.c", "list.c", "portable/GCC/ARM_CM4F/port.c")
 
 PROCESSOR = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
-FLAGS = [*PROCESSOR, "-O2", "-g1", "-ffunction-sections", "-fdata-sections"]
+FLAGS = [*PROCESSOR, "-g1", "-ffunction-sections", "-fdata-sections"]
 CPP_FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics"]
 LINK_FLAGS = ["-nostartfiles", "--specs=nano.specs", "-Wl,--gc-sections", "-Wl,--fatal-warnings"]
 
@@ -35,15 +35,23 @@ def kernel() -> Path:
     return found[-1]
 
 
-def build(program: Path, protocol: str, *, includes: Sequence[Path] = (), definitions: Sequence[str] = ()) -> Path:
+def build(
+    program: Path,
+    protocol: str,
+    *,
+    includes: Sequence[Path] = (),
+    definitions: Sequence[str] = (),
+    optimise: str = "-O2",
+) -> Path:
     """The ELF file of ``program``, a C++ file, with the kernel and the header of ``protocols/<protocol>.yaml``.
+    ``optimise``: the program's level; the kernel's is always -O2.
 
     It is compiled only if none of the same sources, flags and compiler is there. Several processes may ask at once.
     AssertionError with the compiler's words when it does not compile.
     """
     BUILD.mkdir(parents=True, exist_ok=True)
     tree = kernel()
-    flags = [*FLAGS, *CPP_FLAGS, *(f"-D{definition}" for definition in definitions)]
+    flags = [*FLAGS, optimise, *CPP_FLAGS, *(f"-D{definition}" for definition in definitions)]
     with tempfile.TemporaryDirectory(dir=BUILD) as name:
         folder = Path(name)
         headers = generate_cpp(wirebond.load(PROTOCOLS / f"{protocol}.yaml").model, folder / "generated")
@@ -74,7 +82,7 @@ def _kernel_objects(tree: Path) -> list[Path]:
     objects = []
     for file in KERNEL_FILES:
         objects.append(folder / f"{Path(file).stem}.o")
-        command = ["arm-none-eabi-gcc", *FLAGS, *_kernel_includes(tree), f"-I{BOARD}"]
+        command = ["arm-none-eabi-gcc", *FLAGS, "-O2", *_kernel_includes(tree), f"-I{BOARD}"]
         run([*command, "-c", str(tree / file), "-o", str(objects[-1])])
     return objects
 

@@ -12,9 +12,11 @@
 #include <limits>
 #include <type_traits>
 
-// Given from outside, `inline` and nothing make builds with instrumentation small.
+// Forced only where the compiler optimises: at -O0 each copy of a function would keep its own variables on the stack,
+// and fold nothing. No macro tells -Og from -O1; there, and in builds with instrumentation, the two may be given from
+// outside as `inline` and nothing: code becomes small, and slower.
 #if defined(WIREBOND_INLINE) && defined(WIREBOND_INLINE_LAMBDA)
-#elif defined(__GNUC__)
+#elif defined(__GNUC__) && defined(__OPTIMIZE__)
 #define WIREBOND_INLINE inline __attribute__((always_inline))
 #define WIREBOND_INLINE_LAMBDA __attribute__((always_inline))
 #else

@@ -291,7 +291,7 @@ class Deframer {
         }
         break;
       }
-      Frame frame;
+      Frame frame{};  // GCC 12 does not see that a frame's verdict comes with its fields
       const Verdict verdict = examine_block(window + begin, end - begin, frame);
       if (verdict.outcome == Outcome::frame) {
         deliver(frame, window + at, end + mark.size - at, sink);

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from wirebond.gen import generate_cpp
+from wirebond.gen import generate_c, generate_cpp
 from wirebond.gen.cpp import stop_functions, struct_names
 from wirebond.gen.names import namespace
+from wirebond.protocol import loads
 from wirebond.protocol.model import End, Protocol
 
 Shell = Callable[[list[str]], str]
@@ -27,7 +28,14 @@ COMPILERS = {
 # `make test` compiles every header with one compiler, and with the others those that hold every kind of field;
 # `make prove` all with all, with both ways to optimise.
 EVERY_KIND = ("native", "log", "shapes")
-SHORT = {("clang", "-Os"), ("cortex-m4", "-O2"), ("cortex-m3", "-Os"), ("cortex-m0", "-Os")}
+SHORT = {
+    ("clang", "-Os"),
+    ("cortex-m4", "-O0"),
+    ("cortex-m4", "-Og"),
+    ("cortex-m4", "-O2"),
+    ("cortex-m3", "-Os"),
+    ("cortex-m0", "-Os"),
+}
 MATRIX = [
     pytest.param("gcc", "-O2", None),
     *(pytest.param(target, optimise, EVERY_KIND) for target, optimise in sorted(SHORT)),
@@ -95,6 +103,33 @@ def test_headers_compile_without_a_warning(
     source.write_text("".join(use_of(protocol) for protocol in chosen), encoding="utf-8")
     command = [*COMPILERS[target], *strict, *FIRMWARE, optimise, f"-I{generated}"]
     shell([*command, "-c", str(source), "-o", str(tmp_path / "use.o")])
+
+
+NO_FIELDS = """
+wirebond: 1
+protocol: no_fields
+frame:
+  - cobs: [{id: u8}, {payload: rest}, {check: crc-16/ibm-sdlc}]
+  - delimiter: 0x00
+messages:
+  go: {id: 1, sender: host, reply: gone}
+  gone: {id: 2, sender: mcu, queue: urgent}
+  alive: {id: 3, sender: mcu, every: 10 ms, queue: latest}
+"""
+
+
+@pytest.mark.parametrize("optimise", ["-O0", "-Og", "-O1", "-Os", "-O2", "-O3"])
+def test_messages_without_fields_compile_without_a_warning_at_every_level(
+    optimise: str, strict: list[str], shell: Shell, tmp_path: Path
+) -> None:
+    protocol = loads(NO_FIELDS)
+    generate_cpp(protocol, tmp_path / "cpp")
+    generate_c(protocol, tmp_path / "c")
+    source = tmp_path / "cpp" / "use.cpp"
+    source.write_text(use_of(protocol) + '#include "no_fields_link.hpp"\n', encoding="utf-8")
+    for path in (source, *(tmp_path / "c").glob("*.cpp")):
+        command = [*COMPILERS["cortex-m4"], *strict, *FIRMWARE, optimise, f"-I{path.parent}"]
+        shell([*command, "-c", str(path), "-o", str(tmp_path / "use.o")])
 
 
 @pytest.mark.parametrize("name", ["diffdrive", pytest.param("enterprize", marks=pytest.mark.long), "pid_tuner"])
