@@ -18,6 +18,8 @@ TESTS = [
     "tests/test_deframing.py",
     "tests/test_field_types.py",
     "tests/end_to_end/test_link.py",
+    "tests/host_link/test_account.py",
+    "tests/host_link/test_behaviour.py",
     "python/tests/test_codec.py",
 ]
 # Two are too large for the sanitizers, one forks, others run a program of their own.

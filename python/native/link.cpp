@@ -197,8 +197,12 @@ nb::list Link::receive(double timeout) {
 }
 
 nb::dict Link::stats() {
-  const std::lock_guard lock(mutex_);
-  return core_.stats();
+  LinkAccount account;
+  {
+    const std::lock_guard lock(mutex_);
+    account = core_.account();
+  }
+  return to_dict(account, core_.protocol());  // makes objects: a garbage collection may close another link, or this
 }
 
 const char* Link::state() {

@@ -153,28 +153,39 @@ std::deque<Arrivals> LinkCore::take() {
   return std::exchange(arrivals_, {});
 }
 
-nb::dict LinkCore::stats() const {
-  const HostSendAccount account = link_->outbox().account();
+LinkAccount LinkCore::account() const {
+  LinkAccount out;
+  out.send = link_->outbox().account();
+  out.receive = link_->deframer().account();
+  out.bytes = link_->deframer().bytes();
+  out.pending = link_->deframer().pending();
+  out.counts = counts_;
+  out.not_acted = link_->deadlines().not_acted();
+  out.dropped_messages = dropped_messages_;
+  out.reconnects = reconnects_;
+  return out;
+}
+
+nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol) {
   nb::dict send;
-  send["offered"] = account.offered;
-  send["accepted"] = account.accepted;
-  send["refused_down"] = account.refused_down;
-  send["refused_full"] = account.refused_full;
-  send["refused_stopped"] = account.refused_stopped;
-  send["sent"] = account.sent;
-  send["sent_bytes"] = account.sent_bytes;
-  send["queued"] = account.queued;
-  send["replaced"] = account.replaced;
-  send["expired"] = account.expired;
-  send["overruled"] = account.overruled;
-  send["aborted"] = account.aborted;
-  const auto& deframer = link_->deframer();
-  nb::dict out = account_dict(deframer.account(), deframer.bytes(), deframer.pending(), *setup_.protocol, counts_);
+  send["offered"] = account.send.offered;
+  send["accepted"] = account.send.accepted;
+  send["refused_down"] = account.send.refused_down;
+  send["refused_full"] = account.send.refused_full;
+  send["refused_stopped"] = account.send.refused_stopped;
+  send["sent"] = account.send.sent;
+  send["sent_bytes"] = account.send.sent_bytes;
+  send["queued"] = account.send.queued;
+  send["replaced"] = account.send.replaced;
+  send["expired"] = account.send.expired;
+  send["overruled"] = account.send.overruled;
+  send["aborted"] = account.send.aborted;
+  nb::dict out = account_dict(account.receive, account.bytes, account.pending, protocol, account.counts);
   out["send"] = send;
-  out["dropped_messages"] = dropped_messages_;
-  out["late"] = link_->deadlines().not_acted().late;
-  out["held_back"] = link_->deadlines().not_acted().held_back;
-  out["reconnects"] = reconnects_;
+  out["dropped_messages"] = account.dropped_messages;
+  out["late"] = account.not_acted.late;
+  out["held_back"] = account.not_acted.held_back;
+  out["reconnects"] = account.reconnects;
   return out;
 }
 
@@ -263,7 +274,7 @@ void bind_link_core(nb::module_& m) {
              for (const Arrivals& arrivals : self.take()) out.extend(to_list(arrivals.batch, arrivals.events));
              return out;
            })
-      .def("stats", &LinkCore::stats)
+      .def("stats", [](LinkCore& self) { return to_dict(self.account(), self.protocol()); })
       .def(
           "state", [](LinkCore& self, std::uint64_t now) { return name_of(self.link().state(now)); }, nb::arg("now"))
       .def("struck_deadlines", &LinkCore::struck_deadlines)

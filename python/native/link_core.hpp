@@ -42,7 +42,23 @@ struct Arrivals {
   std::vector<Event> events;
 };
 
-/// One thread at a time. Only `take` and `stats` make Python objects.
+/// All that a link counts, at one moment.
+struct LinkAccount {
+  HostSendAccount send;
+  ByteAccount<std::uint64_t> receive;
+  std::uint64_t bytes = 0;
+  std::uint64_t pending = 0;
+  std::vector<std::uint64_t> counts;  ///< delivered frames by message
+  NotActed<std::uint64_t> not_acted;
+  std::uint64_t dropped_messages = 0;
+  std::uint64_t reconnects = 0;
+};
+
+/// The fields of `wirebond.LinkStats`. With the GIL, and no lock.
+nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol);
+
+/// One thread at a time. Makes no Python object: that may run any Python code (garbage collection), which must not
+/// happen while a lock is held.
 class LinkCore {
  public:
   static constexpr std::size_t max_queued_bytes = 65536;
@@ -67,8 +83,9 @@ class LinkCore {
   /// All that came and was not taken; without the GIL.
   std::deque<Arrivals> take();
 
-  nb::dict stats() const;
+  LinkAccount account() const;
   std::vector<std::uint8_t> struck_deadlines() const;
+  const ProtocolTable& protocol() const { return *setup_.protocol; }
 
  private:
   void keep(const Frame& frame, MayAct may_act, std::uint64_t when_us, Arrivals& arrivals);

@@ -249,12 +249,13 @@ def first_bytes(port: PtyPort) -> bytes:
     raise AssertionError("nothing came")
 
 
-def test_ctrl_c_ends_a_repeated_send_with_the_emergency_stop() -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_a_repeated_send_with_the_emergency_stop(number: signal.Signals) -> None:
     pty = PtyPort()
     command = [*COMMAND, "send", NATIVE, pty.path, "command", "speed=1", "mode=manual", "--rate", "50"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         data = first_bytes(pty)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         while process.poll() is None:
             data += pty.read(0.05)
         data += pty.read(0.05)
@@ -265,6 +266,40 @@ def test_ctrl_c_ends_a_repeated_send_with_the_emergency_stop() -> None:
     messages = codec("native").decoder("host").feed(data)
     assert messages[0].fields == {"speed": 1.0, "mode": "manual"}
     assert messages[-1].fields == {"speed": 0.0, "mode": "idle"}
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_send_at_a_rate_that_no_line_carries(number: signal.Signals) -> None:
+    """The queue is full, and the far end does not read until the signal has come."""
+    pty = PtyPort()
+    command = [*COMMAND, "send", NATIVE, pty.path, "command", "speed=1", "mode=manual", "--rate", "10000"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        data = first_bytes(pty)
+        time.sleep(1.5)
+        process.send_signal(number)
+        while process.poll() is None:
+            data += pty.read(0.05)
+        data += pty.read(0.05)
+        assert process.returncode == 0
+    pty.close()
+    speeds = [message.fields["speed"] for message in codec("native").decoder("host").feed(data)]
+    assert speeds[-1] == 0
+    assert 1.0 not in speeds[speeds.index(0.0) :]
+
+
+def test_sigterm_ends_the_demo_with_the_safe_value(tmp_path: Path) -> None:
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+    with subprocess.Popen(
+        [*COMMAND, "demo"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
+    ) as process:
+        assert process.stdout is not None and process.stderr is not None
+        while b"driving" not in process.stdout.readline():
+            assert process.poll() is None
+        process.send_signal(signal.SIGTERM)
+        told = process.stdout.read().decode()
+        assert process.wait(PATIENCE) == 0, process.stderr.read()
+    assert "ended by" in told and "Traceback" not in told
+    assert "by message" in told  # the account
 
 
 def test_demo_drives_the_rover_and_prints_a_summary(tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import pickle
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +13,7 @@ import pytest
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT, account_closes, codec
-from wirebond import LinkDownError, MessageError, PortError, UsageError
+from wirebond import LinkDownError, MessageError, PortError, StoppedError, UsageError
 from wirebond.sim.pty_port import PtyPort
 
 PATIENCE = 10.0  # seconds: a bound for slow machines, not an expectation
@@ -48,8 +50,8 @@ def wait_for_state(link: wirebond.Link, state: str) -> None:
 
 
 def send_account_closes(stats: wirebond.SendStats) -> bool:
-    refused = stats.refused_down + stats.refused_full
-    ended = stats.sent + stats.queued + stats.replaced + stats.expired + stats.aborted
+    refused = stats.refused_down + stats.refused_full + stats.refused_stopped
+    ended = stats.sent + stats.queued + stats.replaced + stats.expired + stats.overruled + stats.aborted
     return stats.offered == stats.accepted + refused and stats.accepted == ended
 
 
@@ -227,6 +229,75 @@ def test_emergency_stop_sends_the_declared_message(port: PtyPort) -> None:
     with wirebond.open(proto, port.path) as link:
         link.emergency_stop()
         assert read_until(port, 11) == proto.encode("velocity", linear=0, angular=0)
+
+
+def test_a_loop_that_ends_early_leaves_the_rest_to_the_next_and_to_receive(port: PtyPort) -> None:
+    proto = codec("diffdrive")
+    with wirebond.open(proto, port.path) as link:
+        port.write(b"".join(proto.encode("odometry", left_ticks=i, right_ticks=0) for i in range(10)))
+        seen: list[int] = []
+        for _ in range(3):
+            for message in link:
+                seen.append(message.fields["left_ticks"])
+                break
+        while len(seen) < 10:
+            seen += [message.fields["left_ticks"] for message in link.receive(PATIENCE)]
+        assert seen == list(range(10))
+        assert link.stats.dropped_messages == 0
+
+
+def test_what_came_before_close_can_be_taken_after_it_and_then_there_is_an_end(port: PtyPort) -> None:
+    proto = codec("diffdrive")
+    for take in (lambda link: link.receive(), list):
+        link = wirebond.open(proto, port.path)
+        port.write(proto.encode("odometry", left_ticks=1, right_ticks=0))
+        end = time.monotonic() + PATIENCE
+        while not link.stats.receive.frames and time.monotonic() < end:
+            time.sleep(0.01)
+        link.close()
+        assert [message.name for message in take(link)] == ["odometry"]
+        assert list(link) == []
+        with pytest.raises(LinkDownError, match="is closed; no message will come"):
+            link.receive(PATIENCE)
+
+
+def test_a_closed_link_refuses_what_it_cannot_do(port: PtyPort) -> None:
+    link = wirebond.open(codec("diffdrive"), port.path)
+    link.close()
+    for call in (
+        lambda: link.send("velocity", linear=0, angular=0),
+        lambda: link.repeat("velocity", linear=0, angular=0),
+        link.emergency_stop,
+    ):
+        with pytest.raises(LinkDownError, match=r"is closed; .* was not sent"):
+            call()
+    assert not link.stopped
+    assert send_account_closes(link.stats.send)
+
+
+def test_closing_wakes_a_thread_that_waits(port: PtyPort) -> None:
+    link = wirebond.open(codec("diffdrive"), port.path)
+    ended = threading.Event()
+    taker = threading.Thread(target=lambda: (list(link), ended.set()))
+    taker.start()
+    time.sleep(0.05)
+    link.close()
+    assert ended.wait(PATIENCE)
+    taker.join()
+
+
+def test_a_stop_says_what_it_holds(port: PtyPort) -> None:
+    with wirebond.open(codec("diffdrive"), port.path) as link:
+        assert not link.stopped
+        link.emergency_stop()
+        assert link.stopped
+        with pytest.raises(StoppedError, match="an emergency stop holds velocity until release_stop") as caught:
+            link.send("velocity", linear=1.0, angular=0)
+        assert (caught.value.message, caught.value.stopped) == ("velocity", ("velocity",))
+        again = pickle.loads(pickle.dumps(caught.value))
+        assert (str(again), again.stopped) == (str(caught.value), ("velocity",))
+        link.release_stop()
+        assert not link.stopped
 
 
 def test_closing_twice_and_from_with_is_fine(port: PtyPort) -> None:

@@ -291,6 +291,26 @@ def test_a_deadline_that_strikes_before_its_message_ever_came_holds_nothing_back
     assert link.deadlines() == {"warn": False, "halt": False}
 
 
+def test_a_message_as_old_as_its_deadline_is_late_where_the_process_stood_still() -> None:
+    link = VirtualDriver(manipulator())
+    pose = link.codec.encode("pose", x=1)
+    link.answer(pose)
+    link.run(0.1)
+    assert len(link.receive()) == 1
+    link.now += 299_000  # a little less than the shortest deadline: nobody looked
+    link.answer(pose)
+    assert (len(link.receive()), link.stats()["late"]) == (1, 0)
+    link.run(0.1)
+    link.now += 310_000
+    link.answer(pose)
+    assert (link.receive(), link.stats()["late"]) == ([], 1)
+    assert link.deadlines() == {"warn": True, "halt": False}  # it put nothing off
+    link.run(0.01)
+    link.answer(pose)
+    assert len(link.receive()) == 1
+    assert link.deadlines() == {"warn": False, "halt": False}
+
+
 def test_a_viewer_is_given_what_is_held_back(make: Make) -> None:
     link = make(hold_back=False)
     pose = link.codec.encode("pose", x=1)

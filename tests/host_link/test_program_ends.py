@@ -180,6 +180,27 @@ def test_daemon_threads_in_a_link_do_not_abort_the_interpreter(port: PtyPort, ca
         assert "Fatal" not in told and "terminate" not in told
 
 
+GARBAGE = """
+link = wirebond.open(manipulator(), sys.argv[1])
+class Sends:
+    def __init__(self):
+        self.me = self
+    def __del__(self):
+        link.stop_repeating("drive")
+        link.stats
+gc.set_threshold(1)
+for _ in range(300):
+    Sends()
+    link.stats, link.deadlines, link.state, link.receive()
+"""
+
+
+def test_a_garbage_collection_within_a_call_may_call_the_link(port: PtyPort) -> None:
+    """A call that made objects under the link's lock would wait for itself."""
+    program = Program(port, BEGIN[: BEGIN.index("def drive")] + GARBAGE)
+    assert program.end() == (0, "")
+
+
 FORK = """
 child = os.fork()
 if child == 0:

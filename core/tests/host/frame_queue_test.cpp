@@ -97,7 +97,8 @@ TEST_CASE("a frame may go where at most 5 ms lie before its end, a longer one be
   pacing.written(40, 0);  // 4 ms
   CHECK(pacing.may_begin(10, 0));
   CHECK_FALSE(pacing.may_begin(11, 0));
-  CHECK(pacing.begins_at_us(11, 0) == 1'000);  // when 3 ms are left, not for each frame
+  CHECK(pacing.begins_at_us(11, 0) == 100);
+  CHECK(pacing.begins_at_us(1, 2'000) == 2'000);
   CHECK_FALSE(pacing.may_begin(200, 2'999));
   CHECK(pacing.may_begin(200, 3'000));
   CHECK(pacing.begins_at_us(200, 0) == 3'000);

@@ -12,14 +12,15 @@ namespace wirebond {
 /// - a frame that leaves within `most_us`, with all that was handed over before it, may go at once;
 /// - a longer frame may go once at most `lead_us` of line are left before it.
 /// So at most 5 ms of line lie in the driver; or one frame, where it takes longer than 4 ms, behind the last
-/// millisecond of the one before it. The line never runs dry as long as the caller is not late by `lead_us`.
+/// millisecond of the one before it. The line does not run dry as long as the caller is in time: for short frames it
+/// may be late by almost 4 ms, for long ones by 1 ms.
 ///
 /// Time is in microseconds and does not wrap. One thread at a time.
 class Pacing {
  public:
   static constexpr std::uint64_t most_us = 5'000;
   static constexpr std::uint64_t lead_us = 1'000;
-  static constexpr std::uint64_t refill_us = 3'000;  ///< what is left when it is time to hand over more
+  static constexpr std::uint64_t refill_us = 4'000;  ///< what is left when it is time to hand over more
 
   /// Not paced: the driver takes what it takes. For ports whose baud rate means nothing (USB CDC, TCP).
   constexpr Pacing() = default;
@@ -45,7 +46,7 @@ class Pacing {
 
   /// When to try again after `may_begin` said no: early enough that the line does not run dry, and not for each frame.
   constexpr std::uint64_t begins_at_us(std::size_t size, std::uint64_t now_us) const {
-    const std::uint64_t left = std::min(room_us(size), std::max(refill_us, lead_us));
+    const std::uint64_t left = std::min(room_us(size), refill_us);
     const std::uint64_t waiting = waiting_us(now_us);
     return waiting <= left ? now_us : now_us + (waiting - left);
   }

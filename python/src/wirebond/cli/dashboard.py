@@ -104,13 +104,13 @@ class Dashboard:
         table.add_row(
             "received",
             f"{receive.bytes} bytes, {receive.frames} frames, {receive.unknown_frames} unknown, "
-            f"{stats.dropped_messages} not taken in time",
+            f"{stats.late} late, {stats.held_back} held back, {stats.dropped_messages} not taken in time",
         )
         table.add_row("discarded", f"bytes: {discarded}")
         table.add_row(
             "sent",
             f"{send.sent} frames of {send.offered} offered ({send.queued} queued, {send.replaced} replaced, "
-            f"{send.expired} expired, {send.refused_down + send.refused_full} refused)",
+            f"{send.expired} expired, {send.overruled} overruled, {send.refused_down + send.refused_full} refused)",
         )
         table.add_row("reconnects", str(stats.reconnects))
         struck = [name for name, is_struck in self._link.deadlines.items() if is_struck]
