@@ -154,7 +154,7 @@ struct Parties : rl::test_suite<Parties<Scene>, senders + 1 + (Scene::looks != 0
     const auto line = handshake.look();
     bool asks = line.asks();
     if (line.begun()) {
-      handshake.note_begun();
+      handshake.note(false);
     } else if (line.line() == Line::sending) {
       asks = handshake.ask_abort() || asks;
     } else {

@@ -61,7 +61,7 @@ TEST_CASE("only a run that poll has seen for long is broken off, and never the o
   static_cast<void>(line.take());
   line.found();
   CHECK_FALSE(line.ask_abort());  // begun since poll looked
-  line.note_begun();
+  line.note(false);
   CHECK(line.ask_abort());
   SUBCASE("it is broken off") {
     CHECK(line.take() == Handshake::Work::abort);

@@ -107,12 +107,11 @@ class BasicDeadlines {
       const DeadlineRule& rule = memory_.rule(i);
       if (rule.message != message) continue;
       if (age_us >= rule.after_us) {
-        answer = MayAct::late;
-        break;
+        not_acted_.late += 1;
+        return MayAct::late;
       }
       if (holds(i)) answer = MayAct::held_back;
     }
-    if (answer == MayAct::late) not_acted_.late += 1;
     if (answer == MayAct::held_back) not_acted_.held_back += 1;
     return answer;
   }

@@ -58,13 +58,13 @@ class Receiver {
 
   template <class Handler, class Watch>
   void idle(Counter now_us, Handler& handler, Watch& deadlines) {
-    deframer_.idle(now_us, kept(now_us, handler, deadlines));
+    if (deframer_.is_silent(now_us)) give_up(now_us, handler, deadlines);
   }
 
   /// Bytes were lost here, and nothing that follows belongs to what is kept: settles all of it.
   template <class Handler, class Watch>
-  void give_up(Counter now_us, Handler& handler, Watch& deadlines) {
-    deframer_.give_up(kept(now_us, handler, deadlines));
+  WIREBOND_NOINLINE void give_up(Counter now_us, Handler& handler, Watch& deadlines) {
+    deframer_.give_up(Sink<Handler, Watch>{*this, handler, deadlines, kept_since_us_, now_us, bytes()});
   }
 
   /// A `Request` goes out: of messages that share an id, its reply is meant from here on. Call it before the request's
@@ -108,12 +108,6 @@ class Receiver {
       if (Source::dispatch(frame, handler, receiver.violations_)) deadlines.seen(frame.message, since_us);
     }
   };
-
-  /// For frames in what is kept.
-  template <class Handler, class Watch>
-  Sink<Handler, Watch> kept(Counter now_us, Handler& handler, Watch& deadlines) {
-    return {*this, handler, deadlines, kept_since_us_, now_us, bytes()};
-  }
 
   static constexpr std::size_t workspace_size = workspace_bytes(Source{});
 

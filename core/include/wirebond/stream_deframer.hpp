@@ -84,9 +84,11 @@ class StreamDeframer : private detail::CarryPlace<Source> {
   /// `idle_us`; its bytes are rescanned, which may free frames behind a false start.
   template <class Sink>
   void idle(Counter now_us, Sink&& sink) {
-    if (static_cast<Counter>(now_us - last_byte_us_) < idle_us_) return;
-    give_up(sink);
+    if (is_silent(now_us)) give_up(sink);
   }
+
+  /// Has the silence before a read that began at `now_us` and found nothing lasted `idle_us`?
+  bool is_silent(Counter now_us) const { return static_cast<Counter>(now_us - last_byte_us_) >= idle_us_; }
 
   /// No byte will ever follow (end of a capture, port closed): settle everything.
   template <class Sink>

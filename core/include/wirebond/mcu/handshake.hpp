@@ -50,7 +50,8 @@ enum class Line : std::uint8_t {
 /// | `ask_restart`: reception shall begin again | any | + restart | pends the interrupt |
 /// | `restarted` | any | - restart | |
 /// | `ask_abort`: the run takes too long | sending, not begun | + abort | pends the interrupt |
-/// | `note_begun`: `poll` has seen that a run began | + begun | - begun | measures its time from now on |
+/// | `note`: `poll` has seen that a run began | + begun | - begun | measures its time from now on |
+/// | `note`: and that the line is silent | any | + restart | pends the interrupt |
 ///
 /// So an abort never meets another run than the one that `poll` saw, and a frame that was offered is always looked for
 /// by an interrupt that comes later. Each function is one change of the word, done again for each context that came in
@@ -123,12 +124,8 @@ class Handshake {
     });
   }
 
-  void found() {
-    change([](std::uint32_t word) { return (word & ~(line_bits | abort_bit)) | sending | begun_bit; });
-  }
-  void refuse() {
-    change([](std::uint32_t word) { return (word & ~line_bits) | refused; });
-  }
+  void found() { change(line_bits | abort_bit, sending | begun_bit); }
+  void refuse() { change(line_bits, refused); }
 
   /// True: the line is idle. False: look again.
   bool rest() {
@@ -141,15 +138,11 @@ class Handshake {
     return rests;
   }
 
-  void restarted() {
-    change([](std::uint32_t word) { return word & ~restart_bit; });
-  }
+  void restarted() { change(restart_bit, 0); }
 
   // ---- poll; the first also the UART's interrupt
 
-  void ask_restart() {
-    change([](std::uint32_t word) { return word | restart_bit; });
-  }
+  void ask_restart() { change(0, restart_bit); }
 
   /// False: there is no such run any more.
   bool ask_abort() {
@@ -160,9 +153,8 @@ class Handshake {
     });
   }
 
-  void note_begun() {
-    change([](std::uint32_t word) { return word & ~begun_bit; });
-  }
+  /// Whatever has begun is noted; `restart`: and reception shall begin again.
+  void note(bool restart) { change(begun_bit, restart ? restart_bit : 0); }
 
  private:
   static constexpr std::uint32_t idle = static_cast<std::uint32_t>(Line::idle);
@@ -177,10 +169,9 @@ class Handshake {
   static constexpr std::uint32_t begun_bit = 32;
   static constexpr std::uint32_t kept_bits = restart_bit | begun_bit;  // when the interrupt begins to look, or rests
 
-  template <class Change>
-  void change(Change&& changed) {
+  WIREBOND_NOINLINE void change(std::uint32_t clears, std::uint32_t sets) {
     Atomics::update(word_, std::memory_order_relaxed, [&](std::uint32_t& word) {
-      word = changed(word);
+      word = (word & ~clears) | sets;
       return true;
     });
   }

@@ -320,7 +320,7 @@ class Link {
       return;  // on another core, the UART's interrupt restarts
     Inbox inbox{*this};
     const std::uint32_t frames = receiver_.account().frames;
-    if (ring_.unread() != 0) line_moved_us_ = now_us;
+    const ReceiveRing::Count read = ring_.position();
     if (is_late && !detail::tells_every_lap(port_, 0)) {
       ring_.drop_unread();
       receiver_.give_up(now_us, inbox, deadlines_);
@@ -333,6 +333,7 @@ class Link {
       receiver_.feed(span.data, bytes.size, bytes.came_us, now_us, inbox, deadlines_);
       ring_.consumed(bytes.size);
     }
+    if (ring_.position() != read) line_moved_us_ = now_us;
     if (receiver_.account().frames != frames) {
       heard_us_ = now_us;
       change(LinkState::up);
@@ -346,18 +347,15 @@ class Link {
   void supervise(std::uint32_t now_us) {
     if (state() == LinkState::up && now_us - heard_us_ >= timeout_us) change(LinkState::stale);
     const auto line = handshake_.look();
-    bool asks = line.asks();
-    if (now_us - line_moved_us_ >= timeout_us) {
-      line_moved_us_ = now_us;
-      handshake_.ask_restart();
-      asks = true;
-    }
-    if (line.begun()) handshake_.note_begun();
+    const bool is_silent = now_us - line_moved_us_ >= timeout_us;
+    bool asks = line.asks() || is_silent;
+    if (is_silent) line_moved_us_ = now_us;
+    if (is_silent || line.begun()) handshake_.note(is_silent);
     if (line.begun() || line.line() != Line::sending) {
       begun_us_ = now_us;
     } else if (now_us - begun_us_ >= transmit_timeout_us) {
       begun_us_ = now_us;
-      asks = handshake_.ask_abort() || asks;
+      if (handshake_.ask_abort()) asks = true;
     }
     if (asks) port_.pend();
   }
@@ -370,7 +368,7 @@ class Link {
 
   // ---- in the UART's interrupt
 
-  void restart_reception() {
+  WIREBOND_NOINLINE void restart_reception() {
     ring_.advance(port_.receive_position());
     if (port_.receiving() && !ring_.is_all_read()) {  // the line is not silent: bytes came since poll found it so
       handshake_.restarted();
@@ -401,7 +399,7 @@ class Link {
   }
 
   /// The line is looking: hand the next run to the port, or rest.
-  void send_next() {
+  WIREBOND_NOINLINE void send_next() {
     Run run = next_run();
     while (run.size == 0) {
       if (handshake_.rest()) return;

@@ -114,16 +114,6 @@ class ReceiveRing {
   /// Where the next byte lies that `next` gives, counted as `advance` counts.
   Count position() const { return read_so_far(); }
 
-  /// All that `look` saw is given up: rings may have come that nobody counted.
-  void drop_unread() {
-    while (hole_ahead()) {
-      drop(next_hole() - read_so_far());
-      pass_hole();
-    }
-    drop(seen_ - read_so_far());
-    laps_unknown_ += 1;
-  }
-
   /// The next bytes in one piece, as far as `look` saw; none: all is read. Bytes that DMA wrote over are left out, and
   /// counted. After a lap half a ring of the newest is kept, so that the DMA is not met again at once.
   Span next() {
@@ -149,6 +139,15 @@ class ReceiveRing {
     pass(static_cast<Count>(count));
   }
 
+  /// All that `look` saw is given up: rings may have come that nobody counted.
+  void drop_unread() {
+    for (Span span = next(); span.size != 0; span = next()) {
+      dropped_ += static_cast<Count>(span.size);
+      pass(static_cast<Count>(span.size));
+    }
+    laps_unknown_ += 1;
+  }
+
   ReceiveAccount account() const {
     ReceiveAccount account;
     account.received = seen_ - hole_bytes_ - holes_before(seen_);
@@ -170,10 +169,6 @@ class ReceiveRing {
   Count size() const { return mask_ + 1; }
   Count read_so_far() const { return read_.load(std::memory_order_relaxed); }  // for the reader, who alone writes it
   void pass(Count count) { read_.store(read_so_far() + count, std::memory_order_release); }  // pairs with `is_all_read`
-  void drop(Count count) {
-    dropped_ += count;
-    pass(count);
-  }
   Count round_up(Count position) const { return (position + mask_) & ~mask_; }
   Count ahead(std::size_t place, Count written) const { return (static_cast<Count>(place) - written) & mask_; }
 
