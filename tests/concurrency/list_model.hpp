@@ -145,17 +145,21 @@ class Slot {
 
   Refusal reserve(std::size_t size) {
     if (size == 0 || size > cell_bytes_) return Refusal::full;
-    if (writing + waiting.has_value() + sending.has_value() == cells_) return Refusal::held;
+    replaces = writing + waiting.has_value() + sending.has_value() == cells_;
+    if (replaces && !waiting.has_value()) return Refusal::held;
+    if (replaces) waiting.reset();
     ++writing;
     return Refusal::none;
   }
-  /// True where it replaced a frame.
+  /// True where a frame was replaced: the one that waited, or this one. Names grow in the order of `reserve`.
   bool commit(std::uint64_t name, std::uint16_t stamp) {
-    const bool replaces = waiting.has_value();
     --writing;
+    if (name < newest_) return true;
+    newest_ = name;
+    const bool replaced = waiting.has_value();
     waiting = name;
     waiting_stamp = stamp;
-    return replaces;
+    return replaced;
   }
   std::size_t queued() const { return waiting.has_value() + std::size_t{sending.has_value()}; }
 
@@ -163,8 +167,10 @@ class Slot {
   std::optional<std::uint64_t> waiting;
   std::optional<std::uint64_t> sending;
   std::uint16_t waiting_stamp = 0;
+  bool replaces = false;  ///< the last `reserve` took the cell of a frame that waited
 
  private:
+  std::uint64_t newest_ = 0;  // of all that were committed
   std::size_t cells_;
   std::size_t cell_bytes_;
 };

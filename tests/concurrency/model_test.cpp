@@ -38,6 +38,7 @@ struct Config : wirebond::OutboxConfig {
   static constexpr std::size_t urgent_bytes = 32;
   static constexpr std::size_t urgent_frames = 4;
   using Latest = wirebond::MessageList<Newest<0>, Newest<1>>;
+  static constexpr std::size_t latest_cells = 3;  // so that often none is free
   static constexpr bool passes_unfinished = Passes;
 };
 
@@ -48,6 +49,7 @@ struct Corners {
   std::size_t refused_full = 0;
   std::size_t refused_held = 0;
   std::size_t replaced = 0;
+  std::size_t replaced_unsent = 0;  ///< by a sender that found no free cell
   std::size_t expired = 0;
   std::size_t aborted = 0;
   std::size_t runs_of_several = 0;
@@ -114,6 +116,7 @@ class Comparison {
       corners_.refused_held += expected == Refusal::held;
       return;
     }
+    if (queue == Queue::latest && slots_[slot].replaces) ++model_.replaced, ++corners_.replaced_unsent;
     REQUIRE(grant.size() == size);
     for (std::size_t i = 0; i < size; ++i) grant.data()[i] = byte_at(name, i);
     held.emplace(Held{std::move(grant), name, queue, slot, now_ms_});
@@ -285,6 +288,7 @@ void compare_for(unsigned seeds, unsigned steps) {
   CHECK(corners.refused_full > 100);
   CHECK(corners.refused_held > 100);
   CHECK(corners.replaced > 100);
+  CHECK(corners.replaced_unsent > 10);
   CHECK(corners.expired > 100);
   CHECK(corners.aborted > 100);
   CHECK(corners.runs_of_several > 100);

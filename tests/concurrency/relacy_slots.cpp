@@ -35,7 +35,7 @@ struct Meeting {
   static constexpr bool gives_up = false;
 };
 /// So many frames that every cell is used again, some given back and some expired; with three cells a writer finds none
-/// free at times.
+/// free at times, and takes that of the frame that waits.
 struct Replacing {
   static constexpr unsigned cells = 3;
   static constexpr unsigned frames_each = 6;
@@ -78,6 +78,16 @@ struct Writers : rl::test_suite<Writers<Scene>, writers + 1> {
   std::array<unsigned, writers> newest{};  // the newest number that came
   unsigned came = 0;
   unsigned expired = 0;
+  // When a sender began is between two ticks. Whoever sees its frame sees these.
+  struct Span {
+    unsigned before = 0;
+    unsigned behind = 0;
+  };
+  rl::atomic<unsigned> ticks;
+  std::array<std::array<Span, Scene::frames_each + 1>, writers> began{};
+  Span newest_began{};  // of the frame that came last
+
+  void before() { ticks.store(1, rl::mo_relaxed, $); }
 
   void thread(unsigned index) {
     if (index < writers) {
@@ -106,10 +116,12 @@ struct Writers : rl::test_suite<Writers<Scene>, writers + 1> {
  private:
   void send(unsigned writer, unsigned number) {
     typename Slots::Ticket ticket;
-    if (slots.take(0, cell_bytes, number, ticket) != Refusal::none) {
-      rl::yield(1, $);
-      return;
-    }
+    Span& span = began[writer][number];
+    if (Scene::gives_up) span.before = ticks.fetch_add(1, rl::mo_relaxed, $);
+    // With a cell for each writer and one on the wire none is refused, whatever waits.
+    RL_ASSERT(slots.take(0, cell_bytes, number, ticket) == Refusal::none);
+    if (Scene::gives_up) span.behind = ticks.fetch_add(1, rl::mo_relaxed, $);
+    replaced[writer] += ticket.replaces;
     const int value = value_of(writer, number);
     const std::size_t at = static_cast<std::size_t>(ticket.data - memory.data());
     for (std::size_t i = 0; i < size_of(value); ++i) bytes[at + i]($) = value;
@@ -130,6 +142,9 @@ struct Writers : rl::test_suite<Writers<Scene>, writers + 1> {
     RL_ASSERT(writer_of(value) < writers && run.size == size_of(value));
     RL_ASSERT(number_of(value) > newest[writer_of(value)]);
     newest[writer_of(value)] = number_of(value);
+    const Span& span = began[writer_of(value)][number_of(value)];
+    RL_ASSERT(span.behind >= newest_began.before);  // it did not begin before the one that came last
+    newest_began = span;
     for (std::size_t i = 1; i < run.size; ++i) RL_ASSERT(bytes[at + i]($) == value);
     slots.end_run(0);
     ++came;

@@ -56,30 +56,93 @@ TEST_CASE("the frame that DMA reads is not touched, however many follow") {
   CHECK(at.slots.next(0).data[0] == 99);
 }
 
-TEST_CASE("a later commit wins, whoever reserved first") {
-  Fixture at;
-  const Slots::Ticket first = at.take(0, 1);
-  const Slots::Ticket second = at.take(0, 1);
-  first.data[0] = 1;
-  second.data[0] = 2;
-  CHECK_FALSE(at.slots.commit(second, 1));
-  CHECK(at.slots.commit(first, 1));
-  CHECK(at.slots.next(0).data[0] == 1);
+TEST_CASE("the newest value is the one whose sender began last: an older one that commits behind it is dropped") {
+  for (const bool has_left : {false, true}) {
+    CAPTURE(has_left);
+    Fixture at;
+    const Slots::Ticket older = at.take(0, 1);  // interrupted here
+    CHECK_FALSE(at.push(0, 2));
+    if (has_left) {
+      CHECK(at.slots.next(0).data[0] == 2);
+      at.slots.end_run(0);
+    }
+    older.data[0] = 1;
+    CHECK(at.slots.commit(older, 1));  // it was replaced itself
+    CHECK(at.slots.unfinished(0) == 0);
+    CHECK(at.slots.finished(0) == (has_left ? 0 : 1));
+    if (!has_left) CHECK(at.slots.next(0).data[0] == 2);
+    CHECK(at.slots.next(0).size == 0);
+  }
 }
 
-TEST_CASE("a writer is refused where all cells are in use, and a cell given back is free") {
+TEST_CASE("senders that are interrupted by each other and give up leave the order of the others as it was") {
+  Fixture at;
+  const Slots::Ticket oldest = at.take(0, 1);
+  const Slots::Ticket middle = at.take(0, 1);
+  const Slots::Ticket newest = at.take(0, 1);
+  SUBCASE("the newest gives up") {
+    at.slots.abandon(newest);
+    oldest.data[0] = 1;
+    CHECK_FALSE(at.slots.commit(oldest, 1));
+    middle.data[0] = 2;
+    CHECK(at.slots.commit(middle, 1));
+    CHECK(at.slots.next(0).data[0] == 2);
+  }
+  SUBCASE("the one in the middle gives up") {
+    at.slots.abandon(middle);
+    newest.data[0] = 3;
+    CHECK_FALSE(at.slots.commit(newest, 1));
+    oldest.data[0] = 1;
+    CHECK(at.slots.commit(oldest, 1));
+    CHECK(at.slots.next(0).data[0] == 3);
+  }
+  SUBCASE("the oldest gives up, and begins again as the newest") {
+    at.slots.abandon(oldest);
+    const Slots::Ticket again = at.take(0, 1);
+    CHECK(again.cell == oldest.cell);
+    newest.data[0] = 3;
+    CHECK_FALSE(at.slots.commit(newest, 1));
+    again.data[0] = 4;
+    CHECK(at.slots.commit(again, 1));
+    middle.data[0] = 2;
+    CHECK(at.slots.commit(middle, 1));
+    CHECK(at.slots.next(0).data[0] == 4);
+  }
+}
+
+TEST_CASE("one frame on the wire, one that waits, a sender that is suspended: the newest value is sent, not refused") {
+  Fixture at;
+  at.push(0, 1);
+  CHECK(at.slots.next(0).size == 1);              // on the wire
+  const Slots::Ticket suspended = at.take(0, 1);  // a task, in the middle of its send
+  at.push(0, 3);                                  // waits
+  Slots::Ticket newest;
+  REQUIRE(at.slots.take(0, 1, 0, newest) == Refusal::none);
+  CHECK(newest.replaces);
+  newest.data[0] = 4;
+  CHECK_FALSE(at.slots.commit(newest, 1));
+  suspended.data[0] = 2;
+  CHECK(at.slots.commit(suspended, 1));
+  at.slots.end_run(0);
+  CHECK(at.slots.next(0).data[0] == 4);
+  at.slots.end_run(0);
+  CHECK(at.slots.next(0).size == 0);
+}
+
+TEST_CASE("a writer is refused where writers have all cells but the one on the wire, and a cell given back is free") {
   Fixture at;
   at.push(0, 1);
   CHECK(at.slots.next(0).size == 1);
-  at.push(0, 2);
-  const Slots::Ticket writing = at.take(0, 8);
+  const Slots::Ticket first = at.take(0, 8);
+  const Slots::Ticket second = at.take(0, 8);
   Slots::Ticket refused;
   CHECK(at.slots.take(0, 8, 0, refused) == Refusal::held);
-  CHECK(at.slots.unfinished(0) == 1);
-  at.slots.abandon(writing);
+  CHECK(at.slots.unfinished(0) == 2);
+  at.slots.abandon(first);
+  at.slots.abandon(second);
   CHECK(at.slots.unfinished(0) == 0);
   CHECK_FALSE(at.push(1, 9));  // the other slot was never concerned
-  CHECK(at.push(0, 3));
+  CHECK_FALSE(at.push(0, 3));
   CHECK(at.slots.take(1, 5, 0, refused) == Refusal::full);
   CHECK(at.slots.take(1, 0, 0, refused) == Refusal::full);
 }

@@ -27,14 +27,23 @@ struct LatestSlotsOrders {
 };
 
 /// One slot for each of `CellBytes...`: the largest frame of its message. A slot has `CellCount` cells of that size:
-/// one that DMA reads, one that waits, and one for each sender that may write this message at the same time. Any number
-/// of senders in any context, one consumer. A later commit wins, whoever reserved first; a frame is never changed while
-/// DMA may read it. No call blocks or allocates; each is a constant number of steps, done again for each context that
-/// changed the same slot meanwhile.
+/// one that DMA reads, one that waits, and one for each sender that may write this message at the same time, which is
+/// how many contexts of different priority send it. Any number of senders in any context, one consumer. No call blocks
+/// or allocates; each is a constant number of steps, done again for each context that changed the same slot meanwhile.
+///
+/// **The newest value is the one whose sender began last.** A sender that was interrupted by another one and commits
+/// behind it is older: its frame is dropped and counts as replaced, also where the newer one has left already. So no
+/// value follows a newer one on the wire.
+///
+/// **The newest value is not refused for an older one.** Where no cell is free, a sender takes the one of the frame
+/// that waits, which counts as replaced. It is refused (`held`) only where senders that are not done have all cells but
+/// the one that DMA reads: with `CellCount - 1` of them at the same time, or more.
+///
+/// A frame is never changed while DMA may read it.
 template <class Atomics, std::size_t CellCount, class Orders, std::size_t... CellBytes>
 class BasicLatestSlots {
-  static_assert(CellCount >= 3 && CellCount <= 8,
-                "a slot has 3 to 8 cells: one sent, one waiting, one for each writer");
+  static_assert(CellCount >= 3 && CellCount <= 6,
+                "a slot has 3 to 6 cells: one sent, one waiting, one for each writer");
 
  public:
   static constexpr std::size_t slot_count = sizeof...(CellBytes);
@@ -46,6 +55,7 @@ class BasicLatestSlots {
     std::uint16_t stamp;
     std::uint8_t slot;
     std::uint8_t cell;
+    bool replaces;  ///< a frame that waited gave its cell
   };
 
   /// `memory`: memory_bytes that DMA can reach; they stay the caller's.
@@ -55,32 +65,52 @@ class BasicLatestSlots {
 
   // ---- senders: any context -----------------------------------------------------------------------------------------
 
-  /// Room for a frame in this slot. `full`: larger than its cells; `held`: all cells are being written.
+  /// Room for a frame in this slot. `full`: larger than its cells; `held`: too many senders are at it.
   Refusal take(std::size_t slot, std::size_t size, std::uint16_t stamp, Ticket& ticket) {
     if (size == 0 || size > cell_bytes[slot]) return Refusal::full;
     unsigned cell = 0;
+    bool replaces = false;
     const bool taken = Atomics::update(entries_[slot].control, Orders::takes, [&](std::uint32_t& control) {
       const std::uint32_t used = writing_in(control) | bit_of(waiting_in(control)) | bit_of(sending_in(control));
       for (cell = 0; cell < CellCount; ++cell) {
         if ((used >> cell & 1u) == 0) break;
       }
-      control |= 1u << cell;
-      return cell < CellCount;
+      replaces = cell == CellCount;
+      if (replaces) {
+        cell = waiting_in(control);
+        if (cell == nothing) return false;
+      }
+      const unsigned waiting = replaces ? nothing : waiting_in(control);
+      control =
+          make(writing_in(control) | 1u << cell, order_in(control) << order_bits | cell, waiting, sending_in(control));
+      return true;
     });
     if (!taken) return Refusal::held;
-    ticket = {cell_at(slot, cell), static_cast<std::uint16_t>(size), stamp, static_cast<std::uint8_t>(slot),
-              static_cast<std::uint8_t>(cell)};
+    ticket = {cell_at(slot, cell),
+              static_cast<std::uint16_t>(size),
+              stamp,
+              static_cast<std::uint8_t>(slot),
+              static_cast<std::uint8_t>(cell),
+              replaces};
     return Refusal::none;
   }
 
-  /// The slot's frame is the first `used` bytes. True: it replaced one that had not been sent.
+  /// The slot's frame is the first `used` bytes. True: a frame was replaced, one that waited or, where a newer one was
+  /// committed since, this one.
   bool commit(const Ticket& ticket, std::size_t used) {
     Entry& entry = entries_[ticket.slot];
     entry.sizes[ticket.cell] = static_cast<std::uint16_t>(used);
+    entry.stamps[ticket.cell].store(ticket.stamp, std::memory_order_relaxed);
     bool replaced = false;
     Atomics::update(entry.control, Orders::commits, [&](std::uint32_t& control) {
-      replaced = waiting_in(control) != nothing;
-      control = make(writing_in(control) & ~(1u << ticket.cell), ticket.cell, sending_in(control), ticket.stamp);
+      const std::uint32_t writing = writing_in(control) & ~(1u << ticket.cell);
+      const std::uint32_t order = order_in(control);
+      const unsigned place = place_in(order, ticket.cell);
+      const bool is_newest = place != nowhere;  // of all that were committed
+      replaced = !is_newest || waiting_in(control) != nothing;
+      // Whoever began before this one is behind it from here on: it leaves the order.
+      control = make(writing, is_newest ? order | ~std::uint32_t{0} << place : order,
+                     is_newest ? ticket.cell : waiting_in(control), sending_in(control));
       return true;
     });
     return replaced;
@@ -88,7 +118,15 @@ class BasicLatestSlots {
 
   void abandon(const Ticket& ticket) {
     Atomics::update(entries_[ticket.slot].control, Orders::abandons, [&](std::uint32_t& control) {
-      control &= ~(1u << ticket.cell);
+      std::uint32_t order = order_in(control);
+      const unsigned place = place_in(order, ticket.cell);
+      if (place != nowhere) {  // the older ones move up
+        const std::uint32_t newer = (1u << place) - 1;
+        const std::uint32_t older = order >> (place + order_bits) | ~std::uint32_t{0}
+                                                                        << (all_orders - order_bits - place);
+        order = (order & newer) | older << place;
+      }
+      control = make(writing_in(control) & ~(1u << ticket.cell), order, waiting_in(control), sending_in(control));
       return true;
     });
   }
@@ -103,7 +141,7 @@ class BasicLatestSlots {
     const bool taken = Atomics::update(entry.control, Orders::sends, [&](std::uint32_t& control) {
       cell = waiting_in(control);
       if (cell == nothing) return false;
-      control = make(writing_in(control), nothing, cell, 0);
+      control = make(writing_in(control), order_in(control), nothing, cell);
       return true;
     });
     if (!taken) return {};
@@ -112,7 +150,7 @@ class BasicLatestSlots {
 
   void end_run(std::size_t slot) {
     Atomics::update(entries_[slot].control, Orders::frees, [](std::uint32_t& control) {
-      control = make(writing_in(control), waiting_in(control), nothing, stamp_in(control));
+      control = make(writing_in(control), order_in(control), waiting_in(control), nothing);
       return true;
     });
   }
@@ -120,9 +158,12 @@ class BasicLatestSlots {
   /// Drop the frame that waits in this slot if `is_old(stamp)`. True: it was dropped.
   template <class IsOld>
   bool expire(std::size_t slot, IsOld&& is_old) {
-    return Atomics::update(entries_[slot].control, Orders::frees, [&](std::uint32_t& control) {
-      if (waiting_in(control) == nothing || !is_old(stamp_in(control))) return false;
-      control = make(writing_in(control), nothing, sending_in(control), 0);
+    Entry& entry = entries_[slot];
+    return Atomics::update(entry.control, Orders::frees, [&](std::uint32_t& control) {
+      const unsigned cell = waiting_in(control);
+      // If a sender takes this cell meanwhile, its stamp says nothing, and the word has changed.
+      if (cell == nothing || !is_old(entry.stamps[cell].load(std::memory_order_relaxed))) return false;
+      control = make(writing_in(control), order_in(control), nothing, sending_in(control));
       return true;
     });
   }
@@ -147,20 +188,35 @@ class BasicLatestSlots {
 
  private:
   // All that is known of a slot is in one word, so that a change sees all of it: a bit for each cell that is being
-  // written, the cell that waits, the cell that is sent, and when the waiting one was reserved.
-  static constexpr unsigned nothing = 0xF;
-  static constexpr std::uint32_t make(std::uint32_t writing, unsigned waiting, unsigned sending, std::uint16_t stamp) {
-    return writing | waiting << 8 | sending << 12 | static_cast<std::uint32_t>(stamp) << 16;
+  // written; the cells among them that no newer frame has overtaken, newest first; the cell that waits, and the one
+  // that is sent.
+  static constexpr unsigned nothing = 7;
+  static constexpr unsigned order_bits = 3;  // of one place in the order; `nothing` behind the last
+  static constexpr unsigned all_orders = CellCount * order_bits;
+  static constexpr std::uint32_t order_mask = (1u << all_orders) - 1;
+  static constexpr unsigned nowhere = all_orders;
+
+  static constexpr std::uint32_t make(std::uint32_t writing, std::uint32_t order, unsigned waiting, unsigned sending) {
+    return writing | (order & order_mask) << 6 | waiting << 24 | sending << 27;
   }
-  static constexpr std::uint32_t writing_in(std::uint32_t control) { return control & 0xFFu; }
-  static constexpr unsigned waiting_in(std::uint32_t control) { return control >> 8 & 0xFu; }
-  static constexpr unsigned sending_in(std::uint32_t control) { return control >> 12 & 0xFu; }
-  static constexpr std::uint16_t stamp_in(std::uint32_t control) { return static_cast<std::uint16_t>(control >> 16); }
+  static constexpr std::uint32_t writing_in(std::uint32_t control) { return control & 0x3Fu; }
+  static constexpr std::uint32_t order_in(std::uint32_t control) { return control >> 6 & order_mask; }
+  static constexpr unsigned waiting_in(std::uint32_t control) { return control >> 24 & 7u; }
+  static constexpr unsigned sending_in(std::uint32_t control) { return control >> 27 & 7u; }
   static constexpr std::uint32_t bit_of(unsigned cell) { return cell == nothing ? 0 : 1u << cell; }
 
+  /// The bit at which this cell begins in the order, or `nowhere`.
+  static constexpr unsigned place_in(std::uint32_t order, unsigned cell) {
+    unsigned place = 0;
+    while (place < all_orders && (order >> place & 7u) != cell) place += order_bits;
+    return place;
+  }
+
   struct Entry {
-    typename Atomics::template Atomic<std::uint32_t> control{make(0, nothing, nothing, 0)};
+    typename Atomics::template Atomic<std::uint32_t> control{make(0, order_mask, nothing, nothing)};
     std::array<std::uint16_t, CellCount> sizes{};  // whoever owns the cell owns its size
+    // When each frame was reserved: written by whoever owns the cell, read by the consumer while it waits.
+    std::array<typename Atomics::template Atomic<std::uint16_t>, CellCount> stamps{};
   };
 
   static constexpr std::array<std::uint16_t, slot_count> cell_bytes{CellBytes...};

@@ -28,8 +28,9 @@ struct OutboxConfig {
   static constexpr std::size_t ring_frames = 16;  ///< a power of two
   static constexpr std::size_t urgent_bytes = 0;  ///< the same for the urgent queue; 0: there is none
   static constexpr std::size_t urgent_frames = 0;
-  using Latest = MessageList<>;                   ///< messages that have a slot
-  static constexpr std::size_t latest_cells = 3;  ///< cells of a slot: 2, and one for each sender at the same time
+  using Latest = MessageList<>;  ///< messages that have a slot
+  static constexpr std::size_t latest_cells =
+      4;  ///< cells of a slot, 3 to 6: 2, and one for each sender at the same time
   /// 1: one account for all frames; else the number of messages: one for each, and the sum of them.
   static constexpr std::size_t accounts = 1;
   /// False: frames leave in the order in which they were reserved, across all senders.
@@ -166,6 +167,7 @@ class Outbox {
     ledgers_[account].offer();
     const Refusal refusal = latest_.take(slot, size, now, ticket.in_slot);
     if (refusal != Refusal::none) return refused(refusal, account);
+    if (ticket.in_slot.replaces) ledgers_[account].replace();
     ticket.data = ticket.in_slot.data;
     ticket.size = ticket.in_slot.size;
     ticket.queue = Queue::latest;
@@ -220,14 +222,10 @@ class Outbox {
   }
 
   /// The run has left.
-  void sent() {
-    end_run([](Ledger& ledger) { ledger.send(); });
-  }
+  void sent() { end_run(true); }
 
   /// The run was broken off.
-  void aborted() {
-    end_run([](Ledger& ledger) { ledger.abort(); });
-  }
+  void aborted() { end_run(false); }
 
   /// The link is down: whatever is finished expires, but for a run that is under way.
   void expire_all() {
@@ -320,11 +318,13 @@ class Outbox {
     }
   }
 
-  template <class Book>
-  void end_run(Book&& book) {
+  WIREBOND_NOINLINE void end_run(bool has_left) {
     if (run_.size == 0) return;
     run_ = {};
-    const auto book_tagged = [&](std::uint8_t account) { book(ledgers_[account]); };
+    const auto book_tagged = [&](std::uint8_t account) {
+      Ledger& ledger = ledgers_[account];
+      has_left ? ledger.send() : ledger.abort();
+    };
     if (slot_count != 0 && source_ == from_slot) {
       latest_.end_run(slot_);
       book_tagged(account_of_slot(slot_));
