@@ -90,52 +90,100 @@ class Decoder:
 class LinkCore:
     """A link under virtual time: every time is an argument, in microseconds."""
 
-    def __init__(self, protocol: ProtocolTable, receive: FormatTable, settings: dict[str, Any], now: int) -> None: ...
-    def send(self, message: int, frame: bytes, reply: int, now: int) -> int: ...
-    def repeat(self, message: int, frame: bytes, hold: float, reply: int, now: int) -> int: ...
-    def stop_repeating(self, message: int) -> None: ...
-    def stop(self, now: int) -> None: ...
-    def release_stop(self) -> None: ...
-    def is_stopped(self) -> bool: ...
-    def close(self) -> None: ...
-    def end(self, now: int) -> None: ...
-    def is_empty(self) -> bool: ...
-    def port_up(self, now: int) -> None: ...
-    def port_down(self, now: int) -> None: ...
-    def received(self, bytes: bytes, before: int, after: int) -> None: ...
-    def idle(self, now: int) -> None: ...
-    def poll(self, now: int) -> None: ...
-    def to_write(self, now: int) -> bytes: ...
-    def written(self, size: int, now: int) -> None: ...
-    def is_blocked(self) -> bool: ...
-    def driver_holds(self, size: int, now: int) -> None: ...
-    def next_due(self, now: int) -> int: ...
-    def receive(self) -> list[Message]: ...
-    def stats(self) -> dict[str, Any]: ...
-    def state(self, now: int) -> str: ...
-    def struck_deadlines(self) -> list[int]: ...
-    def recover_deadline(self, action: int, now: int) -> None: ...
+    def __init__(self, protocol: ProtocolTable, receive: FormatTable, settings: dict[str, Any], now: int) -> None:
+        """``settings`` is what ``wirebond.link.engine_settings`` gives."""
+    def send(self, message: int, frame: bytes, reply: int, now: int) -> int:
+        """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""
+    def repeat(self, message: int, frame: bytes, hold: float, reply: int, now: int) -> int:
+        """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
+    def stop_repeating(self, message: int) -> None:
+        """End the lease, without a last value."""
+    def stop(self, now: int) -> None:
+        """The emergency stop: latched until ``release_stop``."""
+    def release_stop(self) -> None:
+        """Let the stopped messages pass again; sends nothing."""
+    def is_stopped(self) -> bool:
+        """Is the emergency stop latched?"""
+    def close(self) -> None:
+        """Refuse what is sent from here on, and end."""
+    def end(self, now: int) -> None:
+        """Let the safe values leave."""
+    def is_empty(self) -> bool:
+        """Does nothing wait to be written?"""
+    def port_up(self, now: int) -> None:
+        """The port is there."""
+    def port_down(self, now: int) -> None:
+        """The port has gone."""
+    def received(self, bytes: bytes, before: int, after: int) -> None:
+        """Bytes that came between these two times."""
+    def idle(self, now: int) -> None:
+        """A read found nothing."""
+    def poll(self, now: int) -> None:
+        """Do what is due."""
+    def to_write(self, now: int) -> bytes:
+        """The bytes that may be written now."""
+    def written(self, size: int, now: int) -> None:
+        """How many of them the port took."""
+    def is_blocked(self) -> bool:
+        """Does the driver hold as much as it may?"""
+    def driver_holds(self, size: int, now: int) -> None:
+        """How many bytes still lie in the driver."""
+    def next_due(self, now: int) -> int:
+        """When ``poll`` has something to do next."""
+    def receive(self) -> list[Message]:
+        """Messages since the last call."""
+    def stats(self) -> dict[str, Any]:
+        """The account, as the fields of ``wirebond.LinkStats``."""
+    def state(self, now: int) -> str:
+        """``up``, ``stale`` or ``down``."""
+    def struck_deadlines(self) -> list[int]:
+        """Indices of the actions that have struck and not ended."""
+    def recover_deadline(self, action: int, now: int) -> None:
+        """End a deadline with ``recover: explicit``."""
 
 class Link:
-    def __init__(self, protocol: ProtocolTable, receive: FormatTable, path: str, settings: dict[str, Any]) -> None: ...
-    def send(self, message: int, frame: bytes, reply: int) -> int: ...
-    def repeat(self, message: int, frame: bytes, hold: float, reply: int) -> int: ...
-    def stop_repeating(self, message: int) -> None: ...
-    def stop(self) -> None: ...
-    def release_stop(self) -> None: ...
-    def is_stopped(self) -> bool: ...
-    def receive(self, timeout: float) -> list[Message]: ...
-    def stats(self) -> dict[str, Any]: ...
-    def state(self) -> str: ...
-    def is_closed(self) -> bool: ...
-    def struck_deadlines(self) -> list[int]: ...
-    def recover_deadline(self, action: int) -> None: ...
-    def close(self) -> None: ...
-    def after_fork(self) -> None: ...
+    """One port and its thread, as ``wirebond.Link`` drives it. Any thread may call any method."""
 
-def end_of_interpreter() -> None: ...
-def settle_threads() -> None: ...
-def after_fork() -> None: ...
+    def __init__(self, protocol: ProtocolTable, receive: FormatTable, path: str, settings: dict[str, Any]) -> None:
+        """``settings`` is what ``wirebond.link.engine_settings`` gives."""
+    def send(self, message: int, frame: bytes, reply: int) -> int:
+        """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""
+    def repeat(self, message: int, frame: bytes, hold: float, reply: int) -> int:
+        """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
+    def stop_repeating(self, message: int) -> None:
+        """End the lease, without a last value."""
+    def stop(self) -> None:
+        """The emergency stop: latched until ``release_stop``."""
+    def release_stop(self) -> None:
+        """Let the stopped messages pass again; sends nothing."""
+    def is_stopped(self) -> bool:
+        """Is the emergency stop latched?"""
+    def receive(self, timeout: float) -> list[Message]:
+        """Messages since the last call."""
+    def stats(self) -> dict[str, Any]:
+        """The account, as the fields of ``wirebond.LinkStats``."""
+    def state(self) -> str:
+        """``up``, ``stale`` or ``down``."""
+    def is_closed(self) -> bool:
+        """Was it closed?"""
+    def struck_deadlines(self) -> list[int]:
+        """Indices of the actions that have struck and not ended."""
+    def recover_deadline(self, action: int) -> None:
+        """End a deadline with ``recover: explicit``."""
+    def close(self) -> None:
+        """Refuse what is sent from here on, and end."""
+    def after_fork(self) -> None:
+        """In the child: forget the link, which is the parent's."""
+
+def end_of_interpreter() -> None:
+    """Python ends: safe values leave, threads are joined."""
+
+def settle_threads() -> None:
+    """Before a fork: no thread of the engine holds a lock."""
+
+def after_fork() -> None:
+    """In the child: forget every link, for they are the parent's."""
+
 def encode(
     protocol: ProtocolTable,
     format: FormatTable,

@@ -108,7 +108,8 @@ class Link:
         """Send one frame whole. Returns when it is queued or written; never waits for the line. Any thread.
 
         :param message: a message of the host by its name, or an object of a generated module.
-        :param values: its fields by name, in SI units; or give them as keywords.
+        :param values: its fields by name, in SI units.
+        :param fields: its fields as keywords; they go before those of ``values``.
         :raises MessageError: a value is wrong, or the message is the MCU's to send.
         :raises StoppedError: an emergency stop holds the message.
         :raises LinkDownError: the port is gone at the moment, and the link is looking for it; or the link is closed.
@@ -135,7 +136,8 @@ class Link:
         else, once. A message without a safe value falls silent. So a program that hangs cannot keep a robot driving.
 
         :param message: a message of the host by its name, or an object of a generated module.
-        :param values: its fields by name, in SI units; or give them as keywords.
+        :param values: its fields by name, in SI units.
+        :param fields: its fields as keywords; they go before those of ``values``.
         :param hold: seconds, more than 0 and at most 60.
         :raises MessageError: a value is wrong, or the message is the MCU's to send.
         :raises UsageError: the message has no ``every``, or ``hold`` is out of its range.
@@ -158,6 +160,7 @@ class Link:
     def stop_repeating(self, message: str) -> None:
         """End the message's lease at once, without a last value. Any thread.
 
+        :param message: a message of the host, by its name.
         :raises MessageError: the protocol has no such message, or it is the MCU's.
         """
         self._check_sender(message)
@@ -200,6 +203,7 @@ class Link:
         Signals are heard within a moment: Ctrl-C raises ``KeyboardInterrupt`` here.
 
         :param timeout: seconds; 0 does not wait.
+        :returns: the messages in the order in which they came; none when the time is over.
         :raises LinkDownError: the link is closed, and all that had come was taken.
         """
         messages: list[Message] = []
@@ -253,6 +257,7 @@ class Link:
 
     @property
     def stats(self) -> LinkStats:
+        """Both accounts, exact at this moment. Any thread."""
         raw = self._engine.stats()
         send = SendStats(**raw.pop("send"))
         rest = {name: raw.pop(name) for name in ("dropped_messages", "late", "held_back", "reconnects")}
@@ -328,6 +333,7 @@ def open_link(
         nothing, as of an MCU's own USB; what the driver holds then leaves before a stop.
     :param hold_back: messages that are late, or that a deadline with ``recover: explicit`` holds back, are counted and
         not given to the program. False: they are given all the same, for programs that only show or record.
+    :returns: a link that reads already; close it, or use it in a ``with`` block.
     :raises ProtocolFileError: the file cannot be used.
     :raises PortError: the port cannot be opened; the sentence says why and what to do.
     """
