@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
-from rich.markup import escape
-
-from wirebond.cli.output import console
+from wirebond.cli.output import console, plain, write
 from wirebond.codec import load
 from wirebond.doc import markdown
 from wirebond.errors import UsageError
+from wirebond.visible import visible
+from wirebond.whole_file import write_whole
 
 
 def write_document(path: Path, out: Path | None) -> None:
     """A document is made from its protocol file, so that writing it again may replace it; the file itself never."""
     text = markdown(load(path))
     if out is None:
-        sys.stdout.write(text)
+        write(text)
         return
     if out.is_dir():
         raise UsageError(f"{out} is a folder; --out names a file")
     if out.exists() and out.samefile(path):
         raise UsageError(f"{out} is the protocol file itself; --out names another file")
-    out.write_text(text, encoding="utf-8", newline="\n")
-    console.print(escape(str(out)), soft_wrap=True)
+    write_whole(out, visible(text, keep="\n"))
+    console.print(plain(str(out)), soft_wrap=True)

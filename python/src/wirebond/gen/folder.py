@@ -9,6 +9,7 @@ from pathlib import Path
 import jinja2
 
 from wirebond.paths import core_include, port_include
+from wirebond.whole_file import write_whole
 
 # The ports that a firmware may be given. `fake` is for tests.
 PORTS = ("bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal")
@@ -69,4 +70,4 @@ def _write_if_changed(path: Path, text: str) -> None:
     if path.is_file() and path.read_bytes() == content:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
+    write_whole(path, content, lasting=False)  # it can be generated again

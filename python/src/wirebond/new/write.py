@@ -7,6 +7,7 @@ from pathlib import Path
 
 from wirebond.errors import UsageError
 from wirebond.protocol import names
+from wirebond.whole_file import write_whole
 
 
 def write_new(path: Path, text: str) -> None:
@@ -16,8 +17,7 @@ def write_new(path: Path, text: str) -> None:
     :raises OSError: the file cannot be written; nothing is left behind.
     """
     try:
-        with path.open("x", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        write_whole(path, text, new=True)
     except FileExistsError:
         raise UsageError(f"{path} exists already, and is left as it is; name another file") from None
 
