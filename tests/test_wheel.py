@@ -86,7 +86,7 @@ def test_wheel_holds_headers_files_types_and_one_engine(wheel: Path) -> None:
     strange = {n for n in names - in_tree - package if not n.endswith(".so") and ".dist-info/" not in n}
     assert strange == set()
     assert any(name.endswith("licenses/LICENSE") for name in names)
-    assert "wirebond = wirebond.cli.main:main" in scripts
+    assert "wirebond = wirebond.cli.start:main" in scripts
     assert "Requires-Python: >=3.11" in metadata
 
 

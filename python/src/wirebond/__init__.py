@@ -5,21 +5,25 @@
 'aa5501f401000000000b0d'
 """
 
-from wirebond.codec import Codec, Columns, Decoder, Message, Stats, Table, load
-from wirebond.errors import (
-    LinkDownError,
-    MessageError,
-    PortError,
-    ProtocolFileError,
-    ProtocolMismatchError,
-    QueueFullError,
-    StoppedError,
-    UsageError,
-    WirebondError,
-)
-from wirebond.link import Link, LinkStats, SendStats
-from wirebond.link import open_link as open
-from wirebond.log import LogLine
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from wirebond.codec import Codec, Columns, Decoder, Message, Stats, Table, load
+    from wirebond.errors import (
+        LinkDownError,
+        MessageError,
+        PortError,
+        ProtocolFileError,
+        ProtocolMismatchError,
+        QueueFullError,
+        StoppedError,
+        UsageError,
+        WirebondError,
+    )
+    from wirebond.link import Link, LinkStats, SendStats
+    from wirebond.link import open_link as open
+    from wirebond.log import LogLine
 
 __version__ = "0.1.0"
 
@@ -46,3 +50,27 @@ __all__ = [
     "load",
     "open",
 ]
+
+# The module that has each name. They are imported when first asked for: the command must be able to begin without them.
+_HOMES = {
+    name: module
+    for module, names in {
+        "codec": ("Codec", "Columns", "Decoder", "Message", "Stats", "Table", "load"),
+        "errors": tuple(name for name in __all__ if name.endswith("Error")),
+        "link": ("Link", "LinkStats", "SendStats", "open"),
+        "log": ("LogLine",),
+    }.items()
+    for name in names
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'wirebond' has no attribute {name!r}")
+    found: object = getattr(import_module(f"wirebond.{_HOMES[name]}"), "open_link" if name == "open" else name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -8,22 +8,28 @@ from functools import lru_cache
 from math import isfinite
 from typing import Any
 
+from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
 from wirebond.protocol.meaning.log_text import Shown, log_pieces
 from wirebond.protocol.model import Field, FieldKind, LogLevel, Message, Protocol
+from wirebond.visible import visible
 
 LEVELS = tuple(level.value for level in LogLevel)  # by the number that the log service has on the wire
 
 
 @dataclass(frozen=True)
 class LogLine:
-    """``level``: debug, info, warning or error; where a log service sends another, what it sent."""
+    """What a message says in the log. As ``str`` it is one line that is safe to print.
+
+    :ivar level: debug, info, warning or error; where a log service sends another, what it sent.
+    :ivar text: as the file gives it, or as the device sent it: it may hold any character.
+    """
 
     level: str
     text: str
 
     def __str__(self) -> str:
-        return f"{self.level}: {self.text}"
+        return visible(f"{self.level}: {self.text}")
 
 
 def log_line(protocol: Protocol, message: Message, values: Mapping[str, Any]) -> LogLine | None:
@@ -79,7 +85,7 @@ def _shown(field: Field, value: Any) -> str:
 def _number(field: Field, value: float) -> str:
     """As many decimals as the wire carries; six digits of a float."""
     if field.kind == FieldKind.FLOAT or not isfinite(value):
-        return f"{value:.6g}"
+        return decimal_text(value, 6)
     digits = max(_decimals(number_text(field.scale)), _decimals(number_text(field.offset)))
     return f"{value:.{digits}f}"
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 from wirebond.check import Places, Severity, lint
 from wirebond.check.view import print_report
+from wirebond.cli.output import write
 from wirebond.cli.values import to_json
 from wirebond.codec import load
 from wirebond.errors import ProtocolFileError
@@ -19,7 +19,7 @@ def check_file(path: Path, as_json: bool, traffic: str | None, thorough: bool, s
     except ProtocolFileError as error:
         if as_json:
             rows = [vars(problem) for problem in error.problems]
-            sys.stdout.write(to_json({"file": str(path), "ok": False, "problems": rows}) + "\n")
+            write(to_json({"file": str(path), "ok": False, "problems": rows}) + "\n")
             return 1
         raise
     model = codec.model
@@ -37,7 +37,7 @@ def check_file(path: Path, as_json: bool, traffic: str | None, thorough: bool, s
             },
             **report.as_dict(),
         }
-        sys.stdout.write(to_json(facts) + "\n")
+        write(to_json(facts) + "\n")
     else:
         print_report(path, codec, report)
     return 1 if failed else 0

@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from rich.markup import escape
-
 from wirebond.check import Finding, Report, Severity
 from wirebond.check.check_strength import BIT_ERROR_RATE, Strength
 from wirebond.check.damage import Measured
@@ -17,7 +15,7 @@ from wirebond.check.holdback import HoldBack
 from wirebond.check.line_budget import Budget
 from wirebond.check.noise import Noise
 from wirebond.check.wording import count, direction, percent, plural, rate, seconds
-from wirebond.cli.output import console
+from wirebond.cli.output import console, plain
 from wirebond.codec import Codec
 from wirebond.protocol.model import End
 
@@ -31,7 +29,7 @@ _NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=\d{3}\b|%|ms\b|us\b|s\b|MB\b|bits?\b|
 def print_report(path: Path, codec: Codec, report: Report) -> None:
     head = f"{path}: protocol {codec.name}, {plural(len(codec.model.messages), 'message')}, hash {codec.hash:016x}"
     numbers = [plural(n, severity.value) for severity in Severity if (n := report.number_of(severity))]
-    console.print(escape(f"{head}: {', '.join(numbers) or 'no problem found'}"), soft_wrap=True)
+    console.print(plain(f"{head}: {', '.join(numbers) or 'no problem found'}"), soft_wrap=True)
     for finding in report.findings:
         _print_finding(path, finding)
     console.print("\n[bold]figures[/]")
@@ -42,7 +40,7 @@ def print_report(path: Path, codec: Codec, report: Report) -> None:
 def _print_finding(path: Path, finding: Finding) -> None:
     place = f"{path}:{finding.line}:{finding.column}" if finding.line else str(path)
     style = _STYLE[finding.severity]
-    console.print(f"\n[{style}]{finding.severity}[/]: {escape(place)} [dim]{finding.rule}[/]", soft_wrap=True)
+    console.print(f"\n[{style}]{finding.severity}[/]: {plain(place)} [dim]{finding.rule}[/]", soft_wrap=True)
     _print_wrapped("  ", finding.sentence[:1].upper() + finding.sentence[1:])
     _print_wrapped("  why  ", finding.reason)
     _print_wrapped("  do   ", finding.remedy)
@@ -57,8 +55,8 @@ def _print_wrapped(label: str, text: str) -> None:
         break_on_hyphens=False,
     )
     for index, line in enumerate(lines):
-        before = f"[dim]{escape(label)}[/]" if index == 0 else " " * len(label)
-        console.print(before + escape(line.replace(_NO_BREAK, " ")), soft_wrap=True)
+        before = f"[dim]{plain(label)}[/]" if index == 0 else " " * len(label)
+        console.print(before + plain(line.replace(_NO_BREAK, " ")), soft_wrap=True)
 
 
 # ---- figures: a label and a line each

@@ -7,10 +7,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from wirebond.cli.output import errors, print_message, stats_line
+from wirebond.cli.output import ReaderGone, errors, print_message, stats_line, write
 from wirebond.cli.values import hex_of, parse_assignments, parse_hex, to_json
 from wirebond.codec import load
-from wirebond.errors import MessageError, UsageError
+from wirebond.errors import MessageError, UsageError, WirebondError
 from wirebond.protocol.model import Message, Protocol
 from wirebond.protocol.problems import no_message
 
@@ -30,9 +30,9 @@ def encode_message(path: Path, name: str, words: list[str], as_json: bool) -> No
     values = parse_assignments(find_message(codec.model, name), words)
     frame = codec.encode(name, values)
     if as_json:
-        sys.stdout.write(to_json({"message": name, "fields": values, "bytes": hex_of(frame)}) + "\n")
+        write(to_json({"message": name, "fields": values, "bytes": hex_of(frame)}) + "\n")
     else:
-        sys.stdout.write(hex_of(frame) + "\n")
+        write(hex_of(frame) + "\n")
 
 
 def decode_bytes(path: Path, source: str | None, sender: str | None, hex_text: str | None, expect: str | None) -> int:
@@ -42,11 +42,15 @@ def decode_bytes(path: Path, source: str | None, sender: str | None, hex_text: s
     decoder = codec.decoder(sender)
     decoder.expect(expect)
     chunks = iter([parse_hex(hex_text)]) if hex_text is not None else _chunks(source or "-")
-    for chunk in chunks:
-        for message in decoder.feed(chunk):
+    try:
+        for chunk in chunks:
+            for message in decoder.feed(chunk):
+                print_message(message, codec)
+        for message in decoder.finish():
             print_message(message, codec)
-    for message in decoder.finish():
-        print_message(message, codec)
+    except (KeyboardInterrupt, ReaderGone):
+        errors.print(stats_line(decoder.stats))
+        raise
     stats = decoder.stats
     errors.print(stats_line(stats))
     return 1 if stats.bytes and not stats.frames else 0
@@ -54,9 +58,16 @@ def decode_bytes(path: Path, source: str | None, sender: str | None, hex_text: s
 
 def _chunks(source: str) -> Iterator[bytes]:
     if source == "-":
-        while chunk := os.read(sys.stdin.fileno(), _CHUNK):  # what is there already, without waiting for more
-            yield chunk
+        try:
+            while chunk := os.read(sys.stdin.fileno(), _CHUNK):  # what is there already, without waiting for more
+                yield chunk
+        except OSError as error:
+            raise WirebondError(
+                f"standard input cannot be read ({error.strerror}); pipe bytes into it, or name a file"
+            ) from error
         return
+    if "\0" in source:
+        raise UsageError("no file's name has a zero byte in it; name the capture")
     with Path(source).open("rb") as file:
         while chunk := file.read(_CHUNK):
             yield chunk

@@ -13,7 +13,7 @@ from rich.markup import escape
 
 from wirebond.cli.commands import find_message
 from wirebond.cli.dashboard import Dashboard
-from wirebond.cli.output import console, errors, print_message, stats_line, values_text
+from wirebond.cli.output import ReaderGone, console, errors, print_message, stats_line, values_text
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_assignments
 from wirebond.codec import Codec, Message, load
@@ -33,8 +33,8 @@ def _end(seconds: float | None) -> float:
 
 @contextmanager
 def _ctrl_c_ends() -> Iterator[None]:
-    """Ctrl-C is how a user ends these commands, and SIGTERM how a supervisor does: no error."""
-    with suppress(KeyboardInterrupt):
+    """No error: Ctrl-C of a user, SIGTERM of a supervisor, a reader of the output that has seen enough."""
+    with suppress(KeyboardInterrupt, ReaderGone):
         yield
 
 

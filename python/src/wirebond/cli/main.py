@@ -6,15 +6,19 @@ be opened or was lost; 130 ended by Ctrl-C where that is no normal end.
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
+from io import TextIOWrapper
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, cast
 
 import typer
-from rich.markup import escape
 
-from wirebond.cli.output import console, errors, fail
+from wirebond.cli.interrupts import EXIT_INTERRUPTED, raise_from_here
+from wirebond.cli.output import ReaderGone, console, drop, errors, fail, plain
 from wirebond.errors import HeaderFileError, LinkDownError, PortError, ProtocolFileError, UsageError, WirebondError
+from wirebond.visible import visible
 
 EXIT_INPUT, EXIT_USAGE, EXIT_PORT = 1, 2, 3
 
@@ -52,6 +56,7 @@ def check(
     """Say what is wrong with a protocol file, and what its link will do badly, in figures that are measured."""
     from wirebond.check.command import check_file
 
+    raise_from_here()
     raise typer.Exit(check_file(file, as_json, traffic, thorough, strict))
 
 
@@ -65,6 +70,7 @@ def encode(
     """Print the bytes of one frame as hex."""
     from wirebond.cli.commands import encode_message
 
+    raise_from_here()
     encode_message(file, message, values or [], as_json)
 
 
@@ -81,6 +87,7 @@ def decode(
     """Print a JSON line for each message; the account of all bytes goes to stderr. Exit 1 if no frame came out."""
     from wirebond.cli.commands import decode_bytes
 
+    raise_from_here()
     raise typer.Exit(decode_bytes(file, path, sender, hex_text, expect))
 
 
@@ -94,6 +101,7 @@ def explain(
     """Name every byte of a frame; for refused bytes say which rule failed, and the nearest explanation."""
     from wirebond.explain.command import explain_bytes
 
+    raise_from_here()
     raise typer.Exit(explain_bytes(file, hex_text, sender, as_json))
 
 
@@ -104,6 +112,7 @@ def monitor(
     """Show what the MCU sends: messages, rates, line use, statistics."""
     from wirebond.cli.live import monitor_port
 
+    raise_from_here()
     monitor_port(file, port, baud, seconds, as_json)
 
 
@@ -120,6 +129,7 @@ def send(
     """Send a message, once or at a rate. If it asks for a reply, the reply is printed."""
     from wirebond.cli.live import send_message
 
+    raise_from_here()
     raise typer.Exit(send_message(file, port, message, values or [], rate, baud, seconds))
 
 
@@ -132,6 +142,7 @@ def sim(
     """Run a virtual MCU that speaks this protocol, on a pty; print the pty's path."""
     from wirebond.cli.live import simulate
 
+    raise_from_here()
     simulate(file, link, seconds)
 
 
@@ -150,6 +161,7 @@ def gen(
     """Generate code for a firmware or a host: a self-contained folder, one header, or a Python module."""
     from wirebond.gen.command import generate
 
+    raise_from_here()
     generate(file, lang, out, amalgamate, port or [])
 
 
@@ -161,6 +173,7 @@ def doc(
     """Write the protocol's own document in Markdown, for people who write the other end without Wirebond."""
     from wirebond.doc.command import write_document
 
+    raise_from_here()
     write_document(file, out)
 
 
@@ -172,6 +185,7 @@ def new(
     """Write a commented first protocol file."""
     from wirebond.new.command import write_first_file
 
+    raise_from_here()
     write_first_file(path, template)
 
 
@@ -183,6 +197,7 @@ def import_header(
     """Write a first protocol file from a C header's structs, with comments on what the header cannot tell."""
     from wirebond.import_.command import import_structs
 
+    raise_from_here()
     import_structs(header, out)
 
 
@@ -191,6 +206,7 @@ def demo(seconds: Seconds = None) -> None:
     """Drive a simulated rover over a tty and watch the link, until Ctrl-C."""
     from wirebond.cli.demo import run_demo
 
+    raise_from_here()
     raise typer.Exit(run_demo(seconds))
 
 
@@ -225,27 +241,90 @@ def common(
     """The serial link between a robot's computer and its microcontroller, from one protocol file."""
 
 
-def main(arguments: list[str] | None = None) -> NoReturn:
-    """Entry point: every error that can be foreseen becomes a sentence and an exit code.
-
-    Wrong usage and Ctrl-C are typer's to report (2 and 130).
-    """
+def main(arguments: list[str] | None = None) -> int:
+    """The whole command, to its exit code: every error that can be foreseen becomes a sentence."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal of another encoding shows what it can
+    code = _run(arguments)
     try:
-        app(args=arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        drop(1)
+    except OSError as error:
+        drop(1)
+        fail(_output_sentence(error))
+        code = EXIT_INPUT
+    return code
+
+
+def _run(arguments: list[str] | None) -> int:
+    try:
+        return int(app(args=arguments, standalone_mode=False) or 0)
+    except ReaderGone:
+        return 0
+    except SystemExit:  # of rich, whose reader has gone while it showed --help
+        return 0
+    except (KeyboardInterrupt, typer.Abort):
+        return EXIT_INTERRUPTED
+    except _USAGE_ERROR as error:
+        return _wrong_usage(error)
     except (ProtocolFileError, HeaderFileError) as error:
         for problem in error.problems:
-            errors.print(escape(str(problem)))
-        sys.exit(EXIT_INPUT)
+            errors.print(plain(str(problem)))
+        return EXIT_INPUT
     except WirebondError as error:
         fail(str(error))
         port_trouble = isinstance(error, PortError | LinkDownError)
-        sys.exit(EXIT_PORT if port_trouble else EXIT_USAGE if isinstance(error, UsageError) else EXIT_INPUT)
+        return EXIT_PORT if port_trouble else EXIT_USAGE if isinstance(error, UsageError) else EXIT_INPUT
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        fail(f"{where}{error.strerror or error}")
-        sys.exit(EXIT_INPUT)
-    sys.exit(0)
+        fail(_file_sentence(error))
+        return EXIT_INPUT
+
+
+# What typer raises for a wrong command line. It exports only this subclass, and which module has the base has changed.
+_USAGE_ERROR = cast(type[Exception], typer.BadParameter.__bases__[0])
+
+
+def _wrong_usage(error: BaseException) -> int:
+    """Typer's sentence, with how the command is written. Where no argument was given, help is shown instead."""
+    context = getattr(error, "ctx", None)
+    if type(error).__name__ == "NoArgsIsHelpError":
+        return EXIT_USAGE  # it has printed the help
+    if context is not None:
+        errors.print(plain(context.get_usage().strip()))
+    fail(str(getattr(error, "format_message", error.__str__)()))
+    if context is not None:
+        errors.print(plain(f"`{context.command_path} --help` explains its arguments"))
+    return EXIT_USAGE
+
+
+_FILE_ADVICE = {
+    errno.ENOENT: "there is no such file or folder; check the path",
+    errno.ENOTDIR: "a part of this path is a file, not a folder; check the path",
+    errno.EISDIR: "this is a folder; name a file in it",
+    errno.EACCES: "you may not read or write here; check the permissions of the file and of its folder",
+    errno.EPERM: "the system does not allow this; check the permissions of the file and of its folder",
+    errno.EROFS: "this file system can only be read; name a place on another one",
+    errno.ENOSPC: "no space is left on the disk; nothing was changed. Make room, or name a place on another disk",
+    errno.EDQUOT: "your share of the disk is used up; nothing was changed. Make room, or name a place on another disk",
+    errno.EFBIG: "the file would be larger than is allowed here; nothing was changed",
+    errno.ELOOP: "this symbolic link leads back to itself; check the path",
+    errno.ENAMETOOLONG: "the name is too long for this file system; name a shorter one",
+}
+
+
+def _file_sentence(error: OSError) -> str:
+    if error.filename is None:
+        return _output_sentence(error)
+    what = _FILE_ADVICE.get(error.errno or 0, f"{error.strerror or error}; check the path")
+    return f"{visible(os.fsdecode(error.filename))}: {what}"
+
+
+def _output_sentence(error: OSError) -> str:
+    drop(1)  # or what is still to be written fails once more when Python ends
+    return f"the output cannot be written: {error.strerror or error}"
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

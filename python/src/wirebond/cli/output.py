@@ -1,24 +1,80 @@
-"""How the commands show messages, statistics and errors."""
+"""How the commands show messages, statistics and errors. All that they print goes through here and is made safe."""
 
 from __future__ import annotations
 
 import os
 import sys
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NoReturn
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.markup import escape
+from rich.segment import Segment
 
 from wirebond.cli.values import hex_of, to_json
 from wirebond.codec import Codec, Message, Stats
+from wirebond.protocol.decimals import decimal_text
+from wirebond.visible import visible
 
-console = Console(highlight=False)
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
+
+class ReaderGone(Exception):  # noqa: N818 it is no error: `head` has seen enough
+    """Nobody reads stdout any more. What has an account gives it, and the command ends with exit code 0."""
+
+
+class SafeConsole(Console):
+    """A console that escapes what could command a terminal, wherever it comes from; its own colours stay."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        for segment in super().render(renderable, options):
+            if segment.control or segment.text.isprintable():
+                yield segment
+            else:
+                yield Segment(visible(segment.text, keep="\n"), segment.style)
+
+    def on_broken_pipe(self) -> None:
+        if self.stderr:
+            drop(2)
+        else:
+            reader_gone()
+
+
+console = SafeConsole(highlight=False)
+errors = SafeConsole(stderr=True, highlight=False, soft_wrap=True)
+
+
+def drop(descriptor: int) -> None:
+    """What is written to this standard stream from here on goes nowhere."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)
+
+
+def reader_gone() -> NoReturn:
+    drop(1)
+    raise ReaderGone
+
+
+def plain(text: str) -> str:
+    """Text of others as rich's markup for itself, on one line."""
+    return escape(visible(text))
+
+
+def write(text: str) -> None:
+    """Text of any number of lines to stdout, at once: a reader may wait for it.
+
+    :raises ReaderGone: nobody reads it any more.
+    """
+    try:
+        sys.stdout.write(visible(text, keep="\n"))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        reader_gone()
 
 
 def fail(text: str) -> None:
     """One error, in sentences, on stderr."""
-    errors.print(f"[bold red]wirebond:[/] {escape(text)}")
+    shown = escape(visible(text, keep="\n"))
+    errors.print(f"[bold red]wirebond:[/] {shown}")
 
 
 def message_dict(message: Message, codec: Codec) -> dict[str, Any]:
@@ -42,13 +98,8 @@ def message_dict(message: Message, codec: Codec) -> dict[str, Any]:
 
 
 def print_message(message: Message, codec: Codec) -> None:
-    """One JSON line, at once: a reader may wait for it."""
-    try:
-        sys.stdout.write(to_json(message_dict(message, codec)) + "\n")
-        sys.stdout.flush()
-    except BrokenPipeError:  # the reader has seen enough, as `head` has: that is no error
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise SystemExit(0) from None
+    """One JSON line."""
+    write(to_json(message_dict(message, codec)) + "\n")
 
 
 def stats_line(stats: Stats) -> str:
@@ -73,11 +124,11 @@ def _value_text(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.4g}"
+        return decimal_text(value, 4)
     if isinstance(value, list):
         return "[" + " ".join(_value_text(entry) for entry in value) + "]"
     if isinstance(value, dict):
         return "{" + values_text(value) + "}"
     if isinstance(value, bytes):
         return hex_of(value)
-    return str(value)
+    return visible(str(value))

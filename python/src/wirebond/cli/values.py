@@ -9,6 +9,7 @@ from typing import Any
 
 from wirebond.errors import MessageError, UsageError
 from wirebond.protocol.model import Field, FieldKind, Message
+from wirebond.visible import visible_json
 
 _TRUE = {"true", "yes", "on", "1"}
 _FALSE = {"false", "no", "off", "0"}
@@ -149,8 +150,9 @@ def hex_of(data: bytes) -> str:
 
 
 def to_json(value: Any) -> str:
-    """Compact JSON. Bytes become hex; numbers that JSON has not (NaN, infinities) become null."""
-    return json.dumps(_plain(value), ensure_ascii=False, separators=(", ", ": "))
+    """Compact JSON. Bytes become hex; numbers that JSON has not (NaN, infinities) become null. What could command a
+    terminal is escaped."""
+    return visible_json(json.dumps(_plain(value), ensure_ascii=False, separators=(", ", ": ")))
 
 
 def _plain(value: Any) -> Any:

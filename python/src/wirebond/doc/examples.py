@@ -13,6 +13,7 @@ from wirebond.codec import Codec
 from wirebond.doc.table import table
 from wirebond.explain import Kind, explain
 from wirebond.explain.examine import hex_of
+from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message, Stuffing
 from wirebond.protocol.plan import expecting
@@ -78,7 +79,9 @@ def _shown(value: Any) -> str:
         return "{" + values_line(value) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_shown, value)) + "]"
-    return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return decimal_text(value, 10)
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _field_value(field: Field, index: int) -> Any:

@@ -11,6 +11,7 @@ from wirebond.doc.examples import examples_of
 from wirebond.doc.table import table
 from wirebond.explain.examine import id_index
 from wirebond.explain.examine import id_text as id_number
+from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import (
@@ -161,7 +162,7 @@ def _range(field: Field) -> str:
     if field.minimum is None or field.maximum is None:
         return ""
     what = "clamped" if field.on_range == OnRange.CLAMP else "refused"
-    return f"{field.minimum:g} to {field.maximum:g}, else {what}"
+    return f"{decimal_text(field.minimum, 10)} to {decimal_text(field.maximum, 10)}, else {what}"
 
 
 def _all(fields: tuple[Field, ...]) -> Iterator[Field]:

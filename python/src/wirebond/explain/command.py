@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from wirebond import paths
-from wirebond.cli.output import console
+from wirebond.cli.output import console, write
 from wirebond.cli.values import hex_of, parse_hex, to_json
 from wirebond.codec import load
 from wirebond.errors import ProtocolFileError, UsageError
@@ -37,7 +36,7 @@ def explain_bytes(path: Path, hex_text: str, sender: str | None, as_json: bool) 
         raise UsageError('--hex holds no bytes; write some, as "AA 55 01"')
     explanation = explain(codec.model, data, codec._sender_for(sender), _peers(path, codec.model))
     if as_json:
-        sys.stdout.write(to_json(explanation_dict(explanation)) + "\n")
+        write(to_json(explanation_dict(explanation)) + "\n")
     else:
         _show([*map(_stretch, explanation.stretches), _summary(explanation, len(data))])
     return 0 if all(stretch.kind in (Kind.FRAME, Kind.FILL) for stretch in explanation.stretches) else 1
@@ -46,7 +45,7 @@ def explain_bytes(path: Path, hex_text: str, sender: str | None, as_json: bool) 
 def _peers(path: Path, own: Protocol) -> list[Protocol]:
     """The protocols beside this file, and those that come with the package."""
     folders = (path.parent, paths.protocols())
-    files = {file.resolve() for folder in folders for file in folder.glob("*.yaml")}
+    files = {file.resolve() for folder in folders for file in folder.glob("*.yaml") if file.is_file()}
     files.discard(path.resolve())
     found = []
     for file in sorted(files)[:_MOST_PEERS]:
@@ -72,7 +71,7 @@ def _show(blocks: list[RenderableType]) -> None:
     with plain.capture() as capture:
         for block in blocks:
             plain.print(block)
-    sys.stdout.write("".join(line.rstrip() + "\n" for line in capture.get().splitlines()))
+    write("".join(line.rstrip() + "\n" for line in capture.get().splitlines()))
 
 
 def _stretch(stretch: Stretch) -> RenderableType:

@@ -9,8 +9,10 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Message
+from wirebond.visible import visible
 
 
 @dataclass(frozen=True)
@@ -166,8 +168,7 @@ def _text(walk: _Walk, field: Field, promised: int | None) -> Reading:
     except UnicodeDecodeError:
         faults = (" is not UTF-8",)
     value = shown.decode(errors="replace")
-    printable = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in value)
-    return Reading(field, field.name, start, data, value, f'"{printable}"', faults)
+    return Reading(field, field.name, start, data, value, f'"{visible(value)}"', faults)
 
 
 def _bytes(walk: _Walk, field: Field, promised: int | None) -> Reading:
@@ -354,13 +355,13 @@ def _with_unit(text: str, field: Field) -> str:
 
 
 def _decimal(value: float) -> str:
-    return f"{value:.10g}"
+    return decimal_text(value, 10)
 
 
 def _shortest_f32(value: float) -> str:
     """The fewest digits that give this float again: 0.1, not 0.10000000149."""
     for digits in range(1, 9):
-        text = f"{value:.{digits}g}"
+        text = decimal_text(value, digits)
         if _as_f32(float(text)) == value:  # none where it was rounded up past the greatest float
             return text
-    return f"{value:.9g}"
+    return decimal_text(value, 9)

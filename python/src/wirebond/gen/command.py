@@ -6,9 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from rich.markup import escape
-
-from wirebond.cli.output import console
+from wirebond.cli.output import console, plain
 from wirebond.codec import load
 from wirebond.errors import UsageError, WirebondError
 from wirebond.gen import PORTS, generate_c, generate_cpp, generate_python, port_headers, write_files
@@ -60,4 +58,4 @@ def generate(path: Path, language: str, out: Path, amalgamate: bool, ports: Sequ
     except OSError as error:
         raise WirebondError(f"cannot write {error.filename or out}: {error.strerror}; name another --out") from error
     for written in files:
-        console.print(escape(str(written)), soft_wrap=True)
+        console.print(plain(str(written)), soft_wrap=True)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
-from rich.markup import escape
-
-from wirebond.cli.output import console, errors
+from wirebond.cli.output import console, errors, plain, write
 from wirebond.errors import UsageError
 from wirebond.import_ import import_header
 from wirebond.new.write import protocol_name, write_new
@@ -18,10 +15,10 @@ def import_structs(header: Path, out: Path | None) -> None:
         raise UsageError(f"{header} is a folder; name a C header in it")
     imported = import_header(header, protocol_name(out or header))
     for note in imported.notes:
-        errors.print(f"left out: {escape(note)}")
+        errors.print(f"left out: {plain(note)}")
     if out is None:
-        sys.stdout.write(imported.text)
+        write(imported.text)
         return
     write_new(out, imported.text)
     count = f"{imported.messages} message{'s' * (imported.messages != 1)}"
-    console.print(escape(f"{out}: {count}; its comments say what the header could not tell"), soft_wrap=True)
+    console.print(plain(f"{out}: {count}; its comments say what the header could not tell"), soft_wrap=True)

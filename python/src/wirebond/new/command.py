@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich.markup import escape
-
-from wirebond.cli.output import console
+from wirebond.cli.output import console, plain
 from wirebond.new import write_template
 
 
 def write_first_file(path: Path, template: str) -> None:
     write_template(path, template)
-    console.print(escape(f"{path}: put your messages in, then run `wirebond check {path}`"), soft_wrap=True)
+    console.print(plain(f"{path}: put your messages in, then run `wirebond check {path}`"), soft_wrap=True)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wirebond.codec import Codec, Message
+from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.model import Deadline, End, Field, FieldKind, Recover
 from wirebond.protocol.model import Message as MessageModel
 
@@ -110,7 +111,7 @@ class VirtualMcu:
             index = message.fields["index"]
             if message.name == parameter.message("set"):
                 self._parameters[index] = message.fields["value"]
-                self.events.append(f"parameter {index} is now {message.fields['value']:g}")
+                self.events.append(f"parameter {index} is now {decimal_text(message.fields['value'], 6)}")
             return {"value": self._parameters.get(index, 0.0), "result": 0}
         return {}
 

@@ -6,6 +6,7 @@ import re
 import sys
 from fractions import Fraction
 
+from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.model import Default, Field, FieldKind
 from wirebond.protocol.problems import quoted, suggestion
 
@@ -38,7 +39,8 @@ def value_limits(field: Field) -> tuple[Fraction, Fraction]:
 
 
 def number_text(value: Fraction) -> str:
-    return str(value.numerator) if value.denominator == 1 and abs(value) < 10**15 else f"{float(value):.10g}"
+    whole = value.denominator == 1 and abs(value) < 10**15
+    return str(value.numerator) if whole else decimal_text(float(value), 10)
 
 
 def fit_value(field: Field, value: Given) -> _Fitted:

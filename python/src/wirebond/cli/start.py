@@ -1,0 +1,34 @@
+"""Where the ``wirebond`` command begins: what must hold before anything large is imported."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from wirebond.cli.interrupts import end_at_once, ignore
+
+end_at_once()  # here, and not in main: only the command imports this module, and Ctrl-C may come at any moment
+
+
+def main() -> None:
+    """Entry point of the installed command."""
+    _open_standard_streams()
+    from wirebond.cli.main import main as run  # noqa: PLC0415 it takes a while, and Ctrl-C may come meanwhile
+
+    code = run()
+    ignore()
+    sys.exit(code)
+
+
+def _open_standard_streams() -> None:
+    """A stream that the caller closed is given back as one that fails, or a port that is opened would take its place
+    and receive error sentences. What nobody can read is lost on stderr; on stdout it is an error.
+    """
+    for number, mode in ((0, os.O_WRONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, mode)
+    sys.stdin = sys.stdin or open(0, closefd=False)  # noqa: SIM115 they live as long as the program
+    sys.stdout = sys.stdout or open(1, "w", closefd=False)  # noqa: SIM115
+    sys.stderr = sys.stderr or open(2, "w", closefd=False)  # noqa: SIM115

@@ -1,0 +1,179 @@
+"""How commands end: Ctrl-C at any moment, pipes that close, streams that are closed or full, terminals of odd kinds."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wirebond
+from tests.shared import PROTOCOLS
+
+COMMAND = str(Path(sys.executable).with_name("wirebond"))
+FILE = str(PROTOCOLS / "diffdrive.yaml")
+FRAME = wirebond.load(FILE).encode("status_query")
+
+
+def start(*arguments: str, **options: Any) -> subprocess.Popen[str]:
+    return subprocess.Popen([COMMAND, *arguments], stderr=subprocess.PIPE, text=True, **options)
+
+
+def shell(line: str) -> subprocess.CompletedProcess[str]:
+    result = subprocess.run(
+        ["/bin/bash", "-c", line], capture_output=True, text=True, timeout=60, check=False,
+        env={**os.environ, "WIREBOND": COMMAND, "FILE": FILE},
+    )  # fmt: skip
+    assert "Traceback" not in result.stderr
+    assert "Exception ignored" not in result.stderr
+    return result
+
+
+# Python says which module it has just imported, in the order of the start: from the package's first to the last.
+@pytest.mark.parametrize(
+    "module",
+    ["wirebond.cli.start", "rich.segment", "typer.models", "wirebond.cli.main", "pydantic", "rich.live"],
+)
+@pytest.mark.parametrize("command", ["monitor", "check"])
+def test_ctrl_c_during_the_start_ends_at_once(module: str, command: str) -> None:
+    if command == "check" and module == "rich.live":
+        pytest.skip("check does not import it")
+    leader, follower = os.openpty()
+    arguments = (
+        ["monitor", FILE, os.ttyname(follower), "--seconds", "20"]
+        if command == "monitor"
+        else ["check", FILE, "--thorough"]
+    )
+    process = start(*arguments, stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPROFILEIMPORTTIME": "1"})
+    assert process.stderr is not None
+    for line in process.stderr:
+        if line.rsplit("|", 1)[-1].strip() == module:
+            break
+    else:
+        pytest.fail(f"{module} was never imported")
+    process.send_signal(signal.SIGINT)
+    rest = process.stderr.read()
+    os.close(leader)
+    os.close(follower)
+    assert "Traceback" not in rest
+    assert "Exception ignored" not in rest
+    # monitor may have begun by then, whose normal end is Ctrl-C
+    began = command == "monitor" and module == "rich.live"
+    assert process.wait(timeout=60) in ((0, 130) if began else (130,))
+
+
+@pytest.mark.parametrize("delay", [0.25, 0.3, 0.35, 0.4, 0.5, 0.7])
+def test_ctrl_c_at_any_time_ends_monitor_without_a_traceback(delay: float) -> None:
+    leader, follower = os.openpty()
+    process = start("monitor", FILE, os.ttyname(follower), "--seconds", "20", stdout=subprocess.DEVNULL)
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    os.close(leader)
+    os.close(follower)
+    assert "Traceback" not in errors
+    assert process.returncode in (0, 130)
+    assert (process.returncode == 0) == ("0 bytes: 0 frames" in errors), "a normal end has its account"
+
+
+def test_ctrl_c_ends_decode_with_its_account() -> None:
+    process = start("decode", FILE, "-", stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.buffer.write(FRAME)
+    process.stdin.buffer.flush()
+    assert "status_query" in process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (130, "11 bytes: 1 frames (11 bytes)\n")
+
+
+def test_decode_into_a_pipe_that_closes_gives_its_account_and_is_no_error(tmp_path: Path) -> None:
+    capture = tmp_path / "capture"
+    capture.write_bytes(FRAME * 20_000)
+    result = shell(f'"$WIREBOND" decode "$FILE" {capture} | head -1; echo ${{PIPESTATUS[0]}}')
+    message, code = result.stdout.splitlines()
+    assert '"message": "status_query"' in message
+    assert code == "0"
+    assert result.stderr.endswith(" bytes)\n") or "pending" in result.stderr
+    assert " frames (" in result.stderr
+
+
+@pytest.mark.parametrize("as_json", ["", "--json"])
+def test_monitor_into_a_pipe_that_closes_gives_its_account_and_is_no_error(as_json: str) -> None:
+    leader, follower = os.openpty()
+    odometry = wirebond.load(FILE).encode("odometry", left_ticks=1, right_ticks=2)
+    process = subprocess.Popen(
+        ["/bin/bash", "-c", f"'{COMMAND}' monitor '{FILE}' {os.ttyname(follower)} {as_json} --seconds 20 | head -1; "
+         "echo ${PIPESTATUS[0]}"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    while process.poll() is None:
+        os.write(leader, odometry)
+        time.sleep(0.02)
+    out, errors = process.communicate()
+    os.close(leader)
+    os.close(follower)
+    assert "odometry" in out.splitlines()[0]
+    assert out.splitlines()[1] == "0"
+    assert "Traceback" not in errors
+    assert " frames (" in errors
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ('"$WIREBOND" --help | true', 0),
+        ('"$WIREBOND" check "$FILE" | true', 0),
+        ('"$WIREBOND" doc "$FILE" | head -1', 0),
+        ('"$WIREBOND" explain "$FILE" --hex 00 2>/dev/null | true', None),
+        ('"$WIREBOND" check nothing.yaml 2>&1 >/dev/null | true', 1),
+        ('"$WIREBOND" decode "$FILE" --hex 00 2> >(true)', 1),
+        ('"$WIREBOND" decode "$FILE" --hex 00 2>&-', 1),
+        ('"$WIREBOND" check nothing.yaml >&- 2>&-', 1),
+        ('"$WIREBOND" encode "$FILE" status_query >&-', 1),
+        ('"$WIREBOND" decode "$FILE" - <&-', 1),
+        ('"$WIREBOND" encode "$FILE" status_query >/dev/full', 1),
+        ('"$WIREBOND" doc "$FILE" >/dev/full', 1),
+        ('"$WIREBOND" check "$FILE" >/dev/full', 1),
+        ('"$WIREBOND" --version >/dev/full', 1),
+    ],
+)
+def test_streams_that_are_closed_or_full_end_in_a_sentence_or_quietly(line: str, code: int | None) -> None:
+    result = shell(f"{line}; exit ${{PIPESTATUS[0]}}")
+    if code is not None:
+        assert result.returncode == code
+    if "/dev/full" in line:
+        assert result.stderr == "wirebond: the output cannot be written: No space left on device\n"
+
+
+def test_a_closed_stderr_is_not_replaced_by_the_port() -> None:
+    """The lowest free number goes to what is opened next: error sentences would go to the robot."""
+    leader, follower = os.openpty()
+    os.set_blocking(leader, False)
+    shell(f'"$WIREBOND" monitor "$FILE" {os.ttyname(follower)} --seconds 0.1 0<&- 1>&- 2>&-')
+    with pytest.raises(BlockingIOError):
+        os.read(leader, 100)
+    os.close(leader)
+    os.close(follower)
+
+
+@pytest.mark.parametrize("setting", ["COLUMNS=1", "LANG=C LC_ALL=C", "PYTHONIOENCODING=ascii", "TERM=dumb", "HOME="])
+def test_odd_surroundings_change_nothing(setting: str) -> None:
+    result = shell(
+        f'export {setting}; "$WIREBOND" check "$FILE" && "$WIREBOND" explain "$FILE" --hex {FRAME.hex()} '
+        '&& "$WIREBOND" doc "$FILE" && "$WIREBOND" --help'
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+
+
+def test_arguments_that_are_not_utf_8_are_shown() -> None:
+    result = shell('"$WIREBOND" check $\'no\\xffthing\'; "$WIREBOND" encode "$FILE" $\'\\xff\'; '
+                   '"$WIREBOND" monitor "$FILE" $\'/dev/\\xff\'; "$WIREBOND" $\'\\xff\'')  # fmt: skip
+    assert "no\\xffthing: there is no such file; check the path" in result.stderr
+    assert len(result.stderr.splitlines()) >= 4
