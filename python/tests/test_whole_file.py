@@ -96,6 +96,15 @@ def test_what_is_no_file_is_written_as_it_is(tmp_path: Path) -> None:
         write_whole(tmp_path, "text")
 
 
+def test_a_link_that_leads_back_to_itself_is_left_as_it_is(tmp_path: Path) -> None:
+    link = tmp_path / "link"
+    link.symlink_to(link)
+    with pytest.raises(OSError, match="Too many levels") as caught:
+        write_whole(link, "text")
+    assert caught.value.errno == errno.ELOOP
+    assert link.is_symlink()
+
+
 @pytest.mark.parametrize("kind", ["file", "link to nothing", "folder"])
 def test_a_new_file_replaces_nothing(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "there"

@@ -37,7 +37,10 @@ def _write(path: Path, data: bytes, new: bool, lasting: bool) -> None:
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
         before, target = None, path
     else:
-        before = path.stat() if path.exists() else None
+        try:
+            before = path.stat()
+        except FileNotFoundError:
+            before = None
         target = Path(os.path.realpath(path))
     if before is not None and stat.S_ISDIR(before.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
