@@ -165,8 +165,9 @@ def test_a_closed_stderr_is_not_replaced_by_the_port() -> None:
 
 @pytest.mark.parametrize("setting", ["COLUMNS=1", "LANG=C LC_ALL=C", "PYTHONIOENCODING=ascii", "TERM=dumb", "HOME="])
 def test_odd_surroundings_change_nothing(setting: str) -> None:
+    check = '"$WIREBOND" check "$FILE" && ' if setting == "COLUMNS=1" else ""  # it measures, which takes a while
     result = shell(
-        f'export {setting}; "$WIREBOND" check "$FILE" && "$WIREBOND" explain "$FILE" --hex {FRAME.hex()} '
+        f'export {setting}; {check}"$WIREBOND" explain "$FILE" --hex {FRAME.hex()} '
         '&& "$WIREBOND" doc "$FILE" && "$WIREBOND" --help'
     )
     assert (result.returncode, result.stderr) == (0, "")
