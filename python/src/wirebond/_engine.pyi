@@ -105,9 +105,9 @@ class LinkCore:
     def is_stopped(self) -> bool:
         """Is the emergency stop latched?"""
     def close(self) -> None:
-        """Refuse what is sent from here on, and end."""
+        """Take nothing more; every lease ends, with its safe value where it has one."""
     def end(self, now: int) -> None:
-        """Let the safe values leave."""
+        """What still waits will never leave: it expires."""
     def is_empty(self) -> bool:
         """Does nothing wait to be written?"""
     def port_up(self, now: int) -> None:
@@ -115,7 +115,7 @@ class LinkCore:
     def port_down(self, now: int) -> None:
         """The port has gone."""
     def received(self, bytes: bytes, before: int, after: int) -> None:
-        """Bytes that came between these two times."""
+        """Bytes of a read that began and ended at these times."""
     def idle(self, now: int) -> None:
         """A read found nothing."""
     def poll(self, now: int) -> None:
@@ -125,11 +125,11 @@ class LinkCore:
     def written(self, size: int, now: int) -> None:
         """How many of them the port took."""
     def is_blocked(self) -> bool:
-        """Does the driver hold as much as it may?"""
+        """Did the port take nothing the last time? It says when it takes bytes again."""
     def driver_holds(self, size: int, now: int) -> None:
-        """How many bytes still lie in the driver."""
+        """The driver says how many bytes it holds."""
     def next_due(self, now: int) -> int:
-        """When ``poll`` has something to do next."""
+        """When to call again; 2**64 - 1 where only bytes matter."""
     def receive(self) -> list[Message]:
         """Messages since the last call."""
     def stats(self) -> dict[str, Any]:
@@ -171,18 +171,18 @@ class Link:
     def recover_deadline(self, action: int) -> None:
         """End a deadline with ``recover: explicit``."""
     def close(self) -> None:
-        """Refuse what is sent from here on, and end."""
+        """End every lease, let what is queued leave (a second at most), give the port back."""
     def after_fork(self) -> None:
         """In the child: forget the link, which is the parent's."""
 
 def end_of_interpreter() -> None:
-    """Python ends: safe values leave, threads are joined."""
+    """From here on no other thread comes back from its wait in a link: it sleeps until the process is gone."""
 
 def settle_threads() -> None:
-    """Before a fork: no thread of the engine holds a lock."""
+    """Wait until every thread that waited in a link is back in Python or asleep."""
 
 def after_fork() -> None:
-    """In the child: forget every link, for they are the parent's."""
+    """In the child: only the thread that forked goes on."""
 
 def encode(
     protocol: ProtocolTable,

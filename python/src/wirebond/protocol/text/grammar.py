@@ -72,7 +72,9 @@ class Link(Syntax):
         examples=["1 ms"],
     )
     max_age: Annotated[Duration, AfterValidator(_max_age)] | None = Field(
-        None, description="Frames that waited longer than this at the MCU expire.", examples=["100 ms"]
+        None,
+        description="Frames that waited longer than this expire, at the MCU and in the host's link.",
+        examples=["100 ms"],
     )
 
 
