@@ -91,3 +91,5 @@ def test_what_four_tasks_and_an_interrupt_send_arrives_once_and_in_order(frames:
     assert report["bytes"] == report["bytes in frames"] == (commands + 1) * COMMAND_BYTES
     assert stats.send.sent == commands + 1
     assert report["bytes lapped"] == 0
+    assert report["bytes dropped"] == report["laps unknown"] == 0
+    assert report["nested polls"] == 0

@@ -140,6 +140,9 @@ void report() {
   board::print("bytes", link.receiver().bytes());
   board::print("bytes in frames", link.receiver().account().frame_bytes);
   board::print("bytes lapped", link.receive_account().lapped);
+  board::print("bytes dropped", link.receive_account().dropped);
+  board::print("laps unknown", link.receive_account().laps_unknown);
+  board::print("nested polls", link.counters().nested_polls);
   board::print("end\n");
 }
 
