@@ -24,6 +24,12 @@ class _Watch:
     rule: Deadline
     since: float
     struck: bool = False
+    came: bool = False  # its message, ever
+
+    @property
+    def holds_back(self) -> bool:
+        """A deadline that strikes before its message ever came holds nothing back."""
+        return self.struck and self.came and self.rule.recover == Recover.EXPLICIT
 
 
 @dataclass
@@ -33,6 +39,7 @@ class VirtualMcu:
     codec: Codec
     start: float
     events: list[str] = field(default_factory=list)  # sentences for the operator; the caller empties it
+    held_back: int = 0  # messages that did not act, because a deadline with `recover: explicit` had struck
 
     def __post_init__(self) -> None:
         model = self.codec.model
@@ -47,6 +54,9 @@ class VirtualMcu:
         for message in self._decoder.feed(data, t) if data else self._decoder.idle(t):
             if message.name == "unknown":
                 self.events.append(f"frame with unknown id 0x{message.id:02X}")
+                continue
+            if any(w.holds_back for w in self._watches if w.rule.message == message.name):
+                self.held_back += 1
                 continue
             self._seen(message, t)
             out += self._answer(message, t)
@@ -70,6 +80,13 @@ class VirtualMcu:
                 self.events.append(f"no {watch.rule.message} for {watch.rule.after:g} s: {watch.rule.then}")
         return bytes(out)
 
+    def recover(self, action: str, t: float) -> None:
+        """End what struck with ``recover: explicit``: its message acts again, and all its deadlines begin again."""
+        ended = {w.rule.message for w in self._watches if w.struck and w.rule.then == action}
+        for watch in self._watches:
+            if watch.rule.message in ended and (watch.rule.then == action or not watch.holds_back):
+                watch.since, watch.struck = t, False
+
     @property
     def stats(self) -> dict[str, Any]:
         return self._decoder.stats.as_dict()
@@ -81,7 +98,8 @@ class VirtualMcu:
             if watch.rule.message != message.name:
                 continue
             watch.since = t
-            if watch.struck and watch.rule.recover == Recover.NEXT_MESSAGE:
+            watch.came = True
+            if watch.struck:
                 watch.struck = False
                 self.events.append(f"{message.name} is back: {watch.rule.then} ends")
 
