@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "aging.hpp"
 #include "diffdrive_link.hpp"
 #include "scripted_port.hpp"
 #include "wirebond/mcu/link.hpp"
@@ -325,4 +326,40 @@ TEST_CASE("a poll in any event of the UART's interrupt returns at once") {
   bench.poll_at(1'000);
   CHECK(bench.rover.velocities.size() == 4);
   CHECK(bench.link.counters().nested_polls == polls);
+}
+
+// ---- what lay behind a false start
+
+TEST_CASE("a message that lay behind a false start is as old as the bytes that were kept, not as those that free it") {
+  struct Watch {
+    wirebond::MayAct may_act(std::int16_t, std::uint32_t came_us, std::uint32_t) {
+      ages.push_back(came_us);
+      return wirebond::MayAct::yes;
+    }
+    void seen(std::int16_t, std::uint32_t) {}
+    std::vector<std::uint32_t> ages;
+  } watch;
+  struct Nothing {
+  } nothing;
+  Bytes command(aging::Command::Info::max_frame_bytes);
+  std::size_t size = 0;
+  REQUIRE(aging::encode(aging::Command{}, command.data(), command.size(), size) == wirebond::Status::ok);
+  const Bytes false_start{0x55, 4, 32};  // the header of a large message, which never comes
+  Bytes kept = false_start;
+  kept.insert(kept.end(), command.begin(), command.end());
+  for (const bool by_silence : {false, true}) {
+    CAPTURE(by_silence);
+    watch.ages.clear();
+    wirebond::Receiver<aging::FromHost> receiver(20'000);
+    receiver.feed(kept.data(), kept.size(), 1'000, 2'000, nothing, watch);
+    CHECK(watch.ages.empty());
+    if (by_silence) {
+      receiver.idle(900'000, nothing, watch);
+      CHECK(watch.ages == std::vector<std::uint32_t>{1'000});
+    } else {
+      for (int i = 0; i < 3; ++i) receiver.feed(command.data(), command.size(), 800'000, 900'000, nothing, watch);
+      // Two of them were kept as well: their age is that of the oldest byte beside them.
+      CHECK(watch.ages == std::vector<std::uint32_t>{1'000, 1'000, 1'000, 800'000});
+    }
+  }
 }

@@ -4,7 +4,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <type_traits>
 
 #include "wirebond/deadline.hpp"
 #include "wirebond/stream_deframer.hpp"
@@ -27,8 +26,7 @@ class Receiver {
   /// rules, where the handler has that overload; `handler.unknown(const Frame&)` for other frames, where it has it.
   template <class Handler>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Handler& handler) {
-    Unwatched unwatched;
-    feed(bytes, size, now_us, handler, unwatched);
+    deframer_.feed(bytes, size, now_us, Unwatched<Handler>{*this, handler});
   }
 
   /// The same, and `deadlines` decide: `deadlines.may_act(message, came_us, now_us)` is asked before each known
@@ -52,8 +50,7 @@ class Receiver {
   /// A read that began at `now_us` found nothing: gives up an incomplete frame once the silence lasted `idle_us`.
   template <class Handler>
   void idle(Counter now_us, Handler& handler) {
-    Unwatched unwatched;
-    idle(now_us, handler, unwatched);
+    deframer_.idle(now_us, Unwatched<Handler>{*this, handler});
   }
 
   template <class Handler, class Watch>
@@ -81,12 +78,17 @@ class Receiver {
   std::size_t pending() const { return deframer_.pending(); }  ///< of these, not settled yet
 
  private:
+  // One named type each for `feed`, `idle` and `give_up`, so that the deframer is compiled once for a handler.
+  template <class Handler>
   struct Unwatched {
-    MayAct may_act(std::int16_t, Counter, Counter) { return MayAct::yes; }
-    void seen(std::int16_t, Counter) {}
+    Receiver& receiver;
+    Handler& handler;
+
+    WIREBOND_INLINE void operator()(const Frame& frame) const {
+      static_cast<void>(Source::dispatch(frame, handler, receiver.violations_));
+    }
   };
 
-  // One named type for all, so that the deframer is compiled once for a handler.
   template <class Handler, class Watch>
   struct Sink {
     Receiver& receiver;
@@ -98,7 +100,7 @@ class Receiver {
 
     WIREBOND_INLINE void operator()(const Frame& frame) const {
       Counter since_us = came_us;
-      if (!std::is_same_v<Watch, Unwatched> && frame.message >= 0) {
+      if (frame.message >= 0) {
         const auto end = static_cast<Counter>(frame.offset) + static_cast<Counter>(frame.wire_size);
         if (static_cast<Counter>(kept_until - end) <= static_cast<Counter>(workspace_size)) {
           since_us = receiver.kept_since_us_;
