@@ -3,7 +3,9 @@
 
 #include <nanobind/stl/string.h>
 
-#include <stdexcept>
+#include <utility>
+
+#include "words.hpp"
 
 namespace wirebond::engine {
 
@@ -11,24 +13,22 @@ namespace {
 
 nb::object interned(const std::string& text) { return nb::steal(PyUnicode_InternFromString(text.c_str())); }
 
-std::string text_of(nb::handle value) { return nb::cast<std::string>(nb::str(value)); }
-
 double as_double(nb::handle value) {
   const double result = PyFloat_AsDouble(value.ptr());
   if (result == -1.0 && PyErr_Occurred() != nullptr) throw nb::python_error();
   return result;
 }
 
-FieldKind kind_of(const std::string& kind) {
-  if (kind == "unsigned") return FieldKind::unsigned_integer;
-  if (kind == "signed") return FieldKind::signed_integer;
-  if (kind == "float") return FieldKind::floating;
-  if (kind == "bool") return FieldKind::boolean;
-  if (kind == "text") return FieldKind::text;
-  if (kind == "bytes") return FieldKind::bytes;
-  if (kind == "struct" || kind == "bits") return FieldKind::structure;
-  throw std::logic_error("the engine has no field kind '" + kind + "'");
-}
+constexpr std::pair<const char*, FieldKind> kinds[] = {
+    {"unsigned", FieldKind::unsigned_integer},
+    {"signed", FieldKind::signed_integer},
+    {"float", FieldKind::floating},
+    {"bool", FieldKind::boolean},
+    {"text", FieldKind::text},
+    {"bytes", FieldKind::bytes},
+    {"struct", FieldKind::structure},
+    {"bits", FieldKind::structure},
+};
 
 void read_repeat(FieldTable& table, nb::handle field) {
   const nb::object count = field.attr("count");
@@ -46,7 +46,7 @@ void read_repeat(FieldTable& table, nb::handle field) {
     const nb::object packed = field.attr("packed");
     table.repeat = packed.is_none() ? Repeat::fixed : Repeat::packed;
     table.count = nb::cast<std::uint32_t>(count);
-    if (!packed.is_none()) table.bit_order = text_of(packed) == "high" ? BitOrder::high_first : BitOrder::low_first;
+    if (!packed.is_none()) table.bit_order = bit_order_of(packed);
   }
 }
 
@@ -84,8 +84,8 @@ FieldTable read_field(nb::handle field, std::size_t at) {
   FieldTable table;
   table.name = text_of(field.attr("name"));
   table.key = interned(table.name);
-  table.kind = kind_of(text_of(field.attr("kind")));
-  table.order = text_of(field.attr("order")) == "big" ? ByteOrder::big : ByteOrder::little;
+  table.kind = meant_by(kinds, field.attr("kind"), "field kind");
+  table.order = byte_order_of(field.attr("order"));
   table.at = at;
   table.is_variable = nb::cast<bool>(field.attr("is_variable"));
   read_repeat(table, field);
@@ -101,8 +101,8 @@ FieldTable read_field(nb::handle field, std::size_t at) {
 /// The fields that share a number's bits.
 std::vector<FieldTable> read_bits(nb::handle container) {
   const auto size = nb::cast<std::uint8_t>(container.attr("size"));
-  const ByteOrder order = text_of(container.attr("order")) == "big" ? ByteOrder::big : ByteOrder::little;
-  const bool from_low = text_of(container.attr("first")) == "low";
+  const ByteOrder order = byte_order_of(container.attr("order"));
+  const bool from_low = bit_order_of(container.attr("first")) == BitOrder::low_first;
   std::vector<FieldTable> out;
   unsigned passed = 0;
   for (nb::handle field : container.attr("fields")) {

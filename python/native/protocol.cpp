@@ -3,7 +3,9 @@
 
 #include <nanobind/stl/string.h>
 
-#include <stdexcept>
+#include <utility>
+
+#include "words.hpp"
 
 namespace wirebond::engine {
 
@@ -11,9 +13,20 @@ namespace {
 
 nb::object interned(const std::string& text) { return nb::steal(PyUnicode_InternFromString(text.c_str())); }
 
-std::string text_of(nb::handle value) { return nb::cast<std::string>(nb::str(value)); }
-
-ByteOrder order_of(nb::handle value) { return text_of(value) == "big" ? ByteOrder::big : ByteOrder::little; }
+constexpr std::pair<const char*, PayloadSize> payload_rules[] = {{"by_length", PayloadSize::by_length},
+                                                                 {"fixed", PayloadSize::fixed},
+                                                                 {"by_id", PayloadSize::by_id},
+                                                                 {"rest", PayloadSize::rest}};
+constexpr std::pair<const char*, CheckKind> check_kinds[] = {{"crc", CheckKind::crc},
+                                                             {"sum", CheckKind::sum},
+                                                             {"fletcher", CheckKind::fletcher},
+                                                             {"xor", CheckKind::exclusive_or}};
+constexpr std::pair<const char*, Framing> framings[] = {{"by_start", Framing::by_start},
+                                                        {"delimited", Framing::delimited},
+                                                        {"bracketed", Framing::bracketed},
+                                                        {"silence", Framing::silence}};
+constexpr std::pair<const char*, Stuffing> stuffings[] = {
+    {"none", Stuffing::none}, {"cobs", Stuffing::cobs}, {"escape", Stuffing::escape}};
 
 Position read_position(nb::handle position) {
   return {nb::cast<std::int16_t>(position.attr("offset")), nb::cast<bool>(position.attr("from_end"))};
@@ -24,18 +37,10 @@ Number read_number(nb::handle number) {
   if (number.is_none()) return out;
   out.at = read_position(number.attr("at"));
   out.bytes = nb::cast<std::uint8_t>(number.attr("bytes"));
-  out.order = order_of(number.attr("order"));
+  out.order = byte_order_of(number.attr("order"));
   out.shift = nb::cast<std::uint8_t>(number.attr("shift"));
   out.mask = nb::cast<std::uint32_t>(number.attr("mask"));
   return out;
-}
-
-PayloadSize payload_size_of(const std::string& rule) {
-  if (rule == "by_length") return PayloadSize::by_length;
-  if (rule == "fixed") return PayloadSize::fixed;
-  if (rule == "by_id") return PayloadSize::by_id;
-  if (rule == "rest") return PayloadSize::rest;
-  throw std::logic_error("the engine has no payload rule '" + rule + "'");
 }
 
 Mark read_mark(nb::handle bytes) {
@@ -51,7 +56,7 @@ Form read_form(nb::handle plan) {
   form.suffix = nb::cast<std::uint16_t>(plan.attr("suffix"));
   form.prefix_constants = nb::cast<std::uint8_t>(plan.attr("prefix_constants"));
   form.header_checks = nb::cast<std::uint8_t>(plan.attr("header_checks"));
-  form.payload_size = payload_size_of(text_of(plan.attr("payload")));
+  form.payload_size = meant_by(payload_rules, plan.attr("payload"), "payload rule");
   form.length_unit = nb::cast<std::uint8_t>(plan.attr("length_unit"));
   form.length_bias = nb::cast<std::int32_t>(plan.attr("length_bias"));
   form.fixed_payload = nb::cast<std::uint16_t>(plan.attr("fixed_payload"));
@@ -70,7 +75,7 @@ Form read_form(nb::handle plan) {
     rule.to = read_position(check.attr("stop"));
     rule.at = read_position(check.attr("at"));
     rule.bytes = nb::cast<std::uint8_t>(check.attr("bytes"));
-    rule.order = order_of(check.attr("order"));
+    rule.order = byte_order_of(check.attr("order"));
     rule.shift = nb::cast<std::uint8_t>(check.attr("shift"));
     rule.seeded = nb::cast<bool>(check.attr("seeded"));
     rule.as_hex = nb::cast<bool>(check.attr("as_hex"));
@@ -85,12 +90,8 @@ Form read_form(nb::handle plan) {
 }
 
 CheckAlgorithm read_algorithm(nb::handle algorithm) {
-  const std::string kind = text_of(algorithm.attr("kind"));
   CheckAlgorithm out;
-  out.kind = kind == "crc"        ? CheckKind::crc
-             : kind == "sum"      ? CheckKind::sum
-             : kind == "fletcher" ? CheckKind::fletcher
-                                  : CheckKind::exclusive_or;
+  out.kind = meant_by(check_kinds, algorithm.attr("kind"), "kind of check");
   out.modulus = nb::cast<std::uint16_t>(algorithm.attr("modulus"));
   out.negate = nb::cast<bool>(algorithm.attr("negate"));
   out.width_bits = nb::cast<std::uint8_t>(algorithm.attr("width"));
@@ -126,16 +127,11 @@ int ProtocolTable::find(const std::string& name) const {
 }
 
 FormatTable::FormatTable(nb::handle plan) {
-  const std::string framing = text_of(plan.attr("framing"));
-  format_.framing = framing == "delimited"   ? Framing::delimited
-                    : framing == "bracketed" ? Framing::bracketed
-                    : framing == "silence"   ? Framing::silence
-                                             : Framing::by_start;
+  format_.framing = meant_by(framings, plan.attr("framing"), "framing");
   format_.opening = read_mark(plan.attr("opening"));
   format_.closing = read_mark(plan.attr("closing"));
   format_.sends_opening = nb::cast<bool>(plan.attr("sends_opening"));
-  const std::string stuffing = text_of(plan.attr("stuffing"));
-  format_.stuffing = stuffing == "cobs" ? Stuffing::cobs : stuffing == "escape" ? Stuffing::escape : Stuffing::none;
+  format_.stuffing = meant_by(stuffings, plan.attr("stuffing"), "stuffing");
   const nb::object escapes = plan.attr("escapes");
   if (!escapes.is_none()) {
     format_.escapes.escape = nb::cast<std::uint8_t>(escapes.attr("escape"));

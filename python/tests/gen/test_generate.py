@@ -56,7 +56,7 @@ def test_texts_of_the_file_stay_in_their_comments(protocols: list[Protocol]) -> 
     )
     text = cpp_header(replace(protocol, messages=(hostile, *protocol.messages[1:])))
     (line,) = [line for line in text.splitlines() if "#error" in line]
-    assert line == '/// one #error "two" three */ four \\. Host to MCU, every 50 ms.'
+    assert line == '/// one #error "two" three * / four \\. Host to MCU, every 50 ms.'
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from wirebond.protocol.model import BitRole, End, Field, FieldKind, Message, PartKind, PayloadRule, Protocol, Stuffing
+from wirebond.protocol.model import (
+    BitRole,
+    End,
+    Field,
+    FieldKind,
+    Message,
+    PartKind,
+    PayloadRule,
+    Protocol,
+    Stuffing,
+    cobs_overhead,
+)
 from wirebond.protocol.plan import Form, plan_for
 
 ENDS = (End.HOST, End.MCU)
@@ -62,7 +73,7 @@ def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
     content = form.fixed_payload if form.payload == PayloadRule.FIXED else payload
     size = form.prefix + content + form.suffix
     if frame_format.stuffing == Stuffing.COBS:
-        size += 1 + size // 254
+        size += cobs_overhead(size)
     elif frame_format.escapes is not None:
         size = math.ceil(size * (1 + len(frame_format.escapes.pairs) / 256))
     if frame_format.ends_by_silence:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-from wirebond.protocol.model import Escapes, FrameFormat, Stuffing
+from wirebond.protocol.model import Escapes, FrameFormat, Stuffing, cobs_overhead
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ _Entry = tuple[
 # One entry for each stuffing in the model: undo, do, most bytes added.
 _STUFFINGS: dict[Stuffing, _Entry] = {
     Stuffing.NONE: (lambda _, block: plain(block), lambda _, data: data, lambda _: 0),
-    Stuffing.COBS: (_uncobs, _cobs, lambda size: 1 + size // 254),
+    Stuffing.COBS: (_uncobs, _cobs, cobs_overhead),
     Stuffing.ESCAPE: (_unescape, _escape, lambda size: size),
 }
 

@@ -17,6 +17,8 @@ SYSTEM_HEADERS = frozenset({
 
 # Words of C that are none of C++, so that a protocol file may use them.
 C_KEYWORDS = frozenset({"restrict", "typeof", "typeof_unqual"})
+# Macros of C's own headers (complex.h, stdnoreturn.h) that are none in C++.
+C_MACROS = frozenset({"complex", "imaginary", "noreturn"})
 
 
 def header_name(protocol: str) -> str:
@@ -31,7 +33,7 @@ def link_name(protocol: str) -> str:
 
 def member_name(name: str) -> str:
     """A member of a struct, from what it is called in C++."""
-    return name + "_" if name in C_KEYWORDS else name
+    return name + "_" if name in C_KEYWORDS | C_MACROS else name
 
 
 class Names:
@@ -41,16 +43,28 @@ class Names:
         assert not fault(protocol)
         self._prefix = protocol
         self._taken: set[str] = set()
+        self._tags: set[str] = set()  # of the structs behind the types
 
     def claim(self, *words: str, suffix: str = "") -> str:
-        """``claim("velocity", suffix="_t")`` is ``diffdrive_velocity_t``, unless that is taken."""
+        """``claim("velocity", suffix="_t")`` is ``diffdrive_velocity_t``, unless that is taken.
+
+        The struct behind a type has the type's name without ``_t``; it may not be another type's name.
+        """
         base = "_".join((self._prefix, *words))
-        candidate, number = base + suffix, 1
-        while candidate in self._taken:
+        candidate, number = base, 1
+        while not self._is_free(candidate, suffix):
             number += 1
-            candidate = f"{base}_{number}{suffix}"
-        self._taken.add(candidate)
-        return candidate
+            candidate = f"{base}_{number}"
+        self._taken.add(candidate + suffix)
+        if suffix:
+            self._tags.add(candidate)
+        return candidate + suffix
+
+    def _is_free(self, candidate: str, suffix: str) -> bool:
+        name = candidate + suffix
+        if name in self._taken or name in self._tags:
+            return False
+        return not suffix or not (candidate.endswith("_t") and candidate in self._taken)
 
     def prefix_of(self, *words: str) -> str:
         """What constants begin with that ``words`` group."""

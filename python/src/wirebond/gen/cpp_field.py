@@ -24,8 +24,15 @@ class Slot:
 
 
 def comment_text(text: str) -> str:
-    """Text that is safe behind ``//``: one line, no control characters, no backslash at the end."""
+    """Text that is safe in a comment of either kind: one line, no control characters, no backslash at the end.
+
+    C joins a line that ends in ``??/`` with the next one, for that trigraph is a backslash; so no two question marks
+    stay side by side. A space also stands within ``*/`` and ``/*``.
+    """
     line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    for mark in ("??", "*/", "/*"):
+        while mark in line:
+            line = line.replace(mark, f"{mark[0]} {mark[1]}")
     return line + "." if line.endswith("\\") else line
 
 

@@ -24,13 +24,27 @@ GLOBAL_FUNCTIONS = frozenset({
 
 # Types that generated headers declare beside the messages or in each of them.
 GENERATED_TYPES = frozenset(
-    {"Action", "AtHost", "AtMcu", "FromHost", "FromMcu", "HostLink", "Info", "McuLink", "Parity", "Receiver"}
+    {
+        "Action",
+        "AtHost",
+        "AtMcu",
+        "FromHost",
+        "FromMcu",
+        "HostLink",
+        "HostBuffers",
+        "Info",
+        "McuBuffers",
+        "McuLink",
+        "Parity",
+        "Receiver",
+    }
 )
 
 
 def namespace(protocol: str) -> str:
-    """The namespace of a protocol."""
-    return protocol + "_protocol" if protocol in GLOBAL_FUNCTIONS else protocol
+    """The namespace of a protocol. Names of types in C's headers end in ``_t``, as ``uint8_t`` does."""
+    is_taken = protocol in GLOBAL_FUNCTIONS or protocol == "main" or protocol.endswith("_t")
+    return protocol + "_protocol" if is_taken else protocol
 
 
 class Scope:

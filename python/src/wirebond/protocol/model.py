@@ -344,6 +344,11 @@ class Part:
     on_wire: bool = False  # check: over the bytes as they are sent, after stuffing
 
 
+def cobs_overhead(size: int) -> int:
+    """Bytes that COBS adds to ``size`` bytes at most; `cobs_overhead` of core/include/wirebond/format.hpp."""
+    return 1 + size // 254
+
+
 class Stuffing(StrEnum):
     NONE = "none"
     COBS = "cobs"
@@ -493,7 +498,7 @@ class Protocol:
             payload = rule.fixed_payload
         size = sum(p.size for p in self.format.parts) + (self.format.max_payload if payload is None else payload)
         if self.format.stuffing == Stuffing.COBS:
-            size += 1 + size // 254
+            size += cobs_overhead(size)
         if self.format.stuffing == Stuffing.ESCAPE:
             size *= 2
         delimiter = self.format.delimiter or b""

@@ -1,0 +1,112 @@
+"""What Python and C++ must know alike: each stands in two languages, and these tests hold the two together."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from tests.conformance.build import run
+from tests.shared import ROOT, codec
+from wirebond import Codec, _engine, link
+from wirebond.explain import examine
+from wirebond.protocol import loads, plan
+from wirebond.protocol.model import End, cobs_overhead
+
+CORE = ROOT / "core" / "include"
+LIMITS = ("constants", "checks", "forms", "algorithms", "header_fields", "escapes")
+PROGRAM = """
+#include <cstdio>
+#include "wirebond/format.hpp"
+#include "wirebond/posix/stream.hpp"
+int main() {
+  std::printf("%zu %zu %zu %zu %zu %zu\\n", wirebond::max_constants, wirebond::max_checks, wirebond::max_forms,
+              wirebond::max_algorithms, wirebond::max_header_fields, wirebond::max_escapes);
+  std::printf("%u\\n", static_cast<unsigned>(wirebond::posix::adapter_latency_us));
+  for (std::size_t size = 0; size < 3000; ++size) std::printf("%zu ", wirebond::cobs_overhead(size));
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def constants(tmp_path_factory: pytest.TempPathFactory) -> list[list[int]]:
+    """What the C++ headers say, a line each."""
+    folder = tmp_path_factory.mktemp("constants")
+    (folder / "main.cpp").write_text(PROGRAM, encoding="utf-8")
+    includes = [f"-I{CORE}", f"-I{ROOT / 'ports' / 'posix' / 'include'}"]
+    run(["g++", "-std=c++17", *includes, str(folder / "main.cpp"), "-o", str(folder / "main")])
+    return [[int(word) for word in line.split()] for line in run([str(folder / "main")]).splitlines()]
+
+
+def test_the_loader_s_limits_are_the_core_s(constants: list[list[int]]) -> None:
+    assert [getattr(plan, f"MAX_{name.upper()}") for name in LIMITS] == constants[0]
+
+
+def test_the_latency_of_an_adapter_is_one_number(constants: list[list[int]]) -> None:
+    assert constants[1] == [round(link.ADAPTER_LATENCY * 1e6)]
+
+
+def test_cobs_adds_the_same_at_both_ends(constants: list[list[int]]) -> None:
+    assert [cobs_overhead(size) for size in range(3000)] == constants[2]
+
+
+@pytest.mark.parametrize("size", [1, 252, 253, 254, 255, 507, 508, 509])
+def test_no_cobs_frame_is_longer_than_its_greatest(size: int) -> None:
+    text = (
+        "wirebond: 1\nprotocol: lengthy\nframe:\n  - cobs: [{payload: rest}]\n  - delimiter: 0x00\n"
+        f"messages:\n  m: {{sender: host, fields: {{raw: {{type: bytes, size: {size}}}}}}}\n"
+    )
+    model = loads(text)
+    frame = Codec(model).encode("m", {"raw": b"\x01" * size})
+    assert len(frame) <= model.max_wire_bytes(size) <= len(frame) + 2
+
+
+def test_causes_have_the_same_names_in_the_same_order_everywhere() -> None:
+    block = re.search(r"enum class Cause[^{]*\{(.*?)\};", (CORE / "wirebond" / "examine.hpp").read_text(), re.DOTALL)
+    assert block is not None
+    names = re.findall(r"^\s*(\w+)\s*,?", re.sub(r"//.*", "", block[1]), re.MULTILINE)
+    told = codec("diffdrive").decoder("host").stats
+    assert list(told.discarded_bytes) == list(told.rejected_candidates) == names
+    assert [cause.value for cause in examine.Cause if cause] == names
+    printed = (ROOT / "tests" / "conformance" / "print.hpp").read_text()
+    assert re.findall(r'"(\w+)",', printed.partition("cause_names")[2].partition("};")[0]) == names
+    c_names = re.findall(r"WIREBOND_(\w+)", (CORE / "wirebond" / "mcu" / "c_api.h").read_text())
+    assert [name.lower() for name in c_names if name.lower() in names][: len(names)] == names
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"framing": "by_luck"},
+        {"stuffing": "base64"},
+        {"algorithms": "kind"},
+        {"forms": "payload"},
+        {"forms": "order"},
+    ],
+    ids=str,
+)
+def test_the_engine_refuses_words_that_it_does_not_know(change: dict[str, str]) -> None:
+    """A check of an unknown kind was taken for an exclusive-or."""
+    known = plan.plan_for(codec("enterprize").model, End.HOST)
+    _engine.FormatTable(known)
+    if "algorithms" in change:
+        changed = replace(known, algorithms=(replace(known.algorithms[0], kind="sum9"), *known.algorithms[1:]))
+    elif change.get("forms") == "payload":
+        changed = replace(known, forms=(replace(known.forms[0], payload="by_luck"),))
+    elif change.get("forms") == "order":
+        check = replace(known.forms[0].checks[0], order="middle")
+        changed = replace(known, forms=(replace(known.forms[0], checks=(check,)),))
+    else:
+        changed = replace(known, **change)
+    with pytest.raises(RuntimeError, match="the engine has no "):
+        _engine.FormatTable(changed)
+
+
+@pytest.mark.parametrize(("key", "word"), [("kind", "complex"), ("order", "middle"), ("packed", "both")])
+def test_the_engine_refuses_fields_that_it_does_not_know(key: str, word: str) -> None:
+    model = codec("enterprize").model
+    message = next(m for m in model.messages if m.fields)
+    field = replace(message.fields[0], **{"count": 2, key: word})
+    with pytest.raises(RuntimeError, match="the engine has no "):
+        _engine.ProtocolTable(replace(model, messages=(replace(message, fields=(field,)),)))
