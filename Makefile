@@ -92,5 +92,6 @@ build/setup-test.stamp: build/setup.stamp build/freertos.stamp
 	  /usr/lib/arm-none-eabi/include/c++=libstdc++-arm-none-eabi-newlib /usr/include/doctest/doctest.h=doctest-dev \
 	  /usr/include/relacy/relacy.hpp=relacy-dev \
 	  /usr/lib/clang/14/lib/linux/libclang_rt.asan-x86_64.a=libclang-rt-14-dev llvm-cov-14=llvm-14 valgrind=valgrind \
-	  /usr/include/relacy/relacy.hpp=relacy-dev qemu-system-arm=qemu-system-arm setpriv=util-linux
+	  aarch64-linux-gnu-g++=g++-aarch64-linux-gnu qemu-aarch64=qemu-user \
+	  qemu-system-arm=qemu-system-arm setpriv=util-linux
 	@touch $@

@@ -45,8 +45,10 @@ class FastCrc {
     if (wanted == CrcMethod::byte_table) {
       update_ = reflected_ ? &FastCrc::by_byte<true> : &FastCrc::by_byte<false>;
     } else if (wanted == CrcMethod::slicing || !has_carry_less()) {
+      method_ = CrcMethod::slicing;
       update_ = reflected_ ? &FastCrc::by_slices<true> : &FastCrc::by_slices<false>;
     } else {
+      method_ = CrcMethod::carry_less;
       update_ = reflected_ ? &FastCrc::by_products<true> : &FastCrc::by_products<false>;
       update_word_ = reflected_ ? &FastCrc::word_by_product<true> : &FastCrc::word_by_product<false>;
       by_word_of_64_ = true;
@@ -73,6 +75,9 @@ class FastCrc {
     if (reflected_) return difference;
     return difference << ((by_word_of_64_ ? 64u : 32u) - width_);
   }
+
+  /// How the bytes are taken; never `automatic`.
+  CrcMethod method() const { return method_; }
 
   /// Whether this processor multiplies without carry.
   static bool has_carry_less() {
@@ -347,6 +352,7 @@ class FastCrc {
   UpdateWord update_word_ = &FastCrc::word_by_slices;
   bool reflected_ = false;
   bool by_word_of_64_ = false;
+  CrcMethod method_ = CrcMethod::byte_table;
   unsigned width_ = 8;
   std::array<std::uint64_t, 2>
       division_{};  ///< x^128 by P', and P', both without their leading one where not reflected
