@@ -1,6 +1,7 @@
 // A stream of bytes to Message objects for Python. Waits for nothing, opens nothing; time is an argument.
 #include "decoder.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "fields.hpp"
@@ -202,28 +203,43 @@ nb::list Decoder::finish() {
   return collect(latest_, [&](auto sink) { deframer_.give_up(sink); });
 }
 
+namespace {
+
+/// Why none of the forms can carry the payload.
+std::string refusal(const FormatTable& format, const MessageTable& message, std::size_t payload,
+                    const std::vector<ChosenForm>& forms) {
+  const std::size_t bound = format.format().max_payload;
+  const Form& form = format.format().forms[forms.front().index];
+  if (payload == 0) {
+    return message.name + " is empty, and so is its frame: no receiver could tell that from no frame";
+  }
+  const std::string begin = "payload of " + message.name + " has " + std::to_string(payload) + " bytes";
+  if (payload > bound) return begin + "; this frame carries at most " + std::to_string(bound);
+  std::int64_t most = 0;
+  for (const ChosenForm& chosen : forms) most = std::max(most, most_payload(format.format().forms[chosen.index]));
+  if (static_cast<std::int64_t>(payload) > most) {
+    return begin + "; with this header the frame's length can tell at most " + std::to_string(most);
+  }
+  return begin + ", which the frame's length cannot tell: it counts by " + std::to_string(form.length_unit);
+}
+
+}  // namespace
+
 std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTable& message,
-                                     const std::vector<std::uint8_t>& payload, std::size_t form,
-                                     const std::vector<std::uint32_t>& header) {
+                                     const std::vector<std::uint8_t>& payload, const std::vector<ChosenForm>& forms) {
   const RuntimeSource source = format.source();
-  const std::size_t lead = payload_lead(source, form);
-  std::vector<std::uint8_t> buffer(lead + payload.size() + max_wire_bytes(format.format()));
-  std::copy(payload.begin(), payload.end(), buffer.begin() + static_cast<std::ptrdiff_t>(lead));
-  const std::size_t size = seal(source, buffer.data(), buffer.size(), message.id, payload.size(), form, header.data());
-  if (size == 0 && payload.empty()) {
-    throw_message_error(message.name + " is empty, and so is its frame: no receiver could tell that from no frame");
+  for (const ChosenForm& chosen : forms) {
+    if (!carries(format.format().forms[chosen.index], payload.size())) continue;
+    const std::size_t lead = payload_lead(source, chosen.index);
+    std::vector<std::uint8_t> buffer(lead + payload.size() + max_wire_bytes(format.format()));
+    std::copy(payload.begin(), payload.end(), buffer.begin() + static_cast<std::ptrdiff_t>(lead));
+    const std::size_t size =
+        seal(source, buffer.data(), buffer.size(), message.id, payload.size(), chosen.index, chosen.header.data());
+    if (size == 0) break;
+    buffer.resize(size);
+    return buffer;
   }
-  if (size == 0 && payload.size() <= format.format().max_payload) {
-    throw_message_error("payload of " + message.name + " has " + std::to_string(payload.size()) +
-                        " bytes, which the frame's length cannot tell: it counts by " +
-                        std::to_string(format.format().forms[form].length_unit));
-  }
-  if (size == 0) {
-    throw_message_error("payload of " + message.name + " has " + std::to_string(payload.size()) +
-                        " bytes; this frame carries at most " + std::to_string(format.format().max_payload));
-  }
-  buffer.resize(size);
-  return buffer;
+  throw_message_error(refusal(format, message, payload.size(), forms));
 }
 
 }  // namespace wirebond::engine

@@ -105,10 +105,16 @@ class Decoder {
   double latest_ = 0;
 };
 
-/// The frame around a payload: wire bytes. Throws MessageError when it does not fit the format.
+/// A form that a frame may take, and a value for each of its header fields.
+struct ChosenForm {
+  std::size_t index = 0;
+  std::vector<std::uint32_t> header;
+};
+
+/// The frame around a payload, of the first of these forms that can carry it: wire bytes. Throws MessageError when none
+/// can. `forms` is not empty.
 std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTable& message,
-                                     const std::vector<std::uint8_t>& payload, std::size_t form,
-                                     const std::vector<std::uint32_t>& header);
+                                     const std::vector<std::uint8_t>& payload, const std::vector<ChosenForm>& forms);
 
 /// Read-only view of a bytes-like object, released with this object. Bytes that do not lie together are copied.
 class BufferView {

@@ -37,11 +37,15 @@ PyType_Slot message_slots[] = {
 };
 
 nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::size_t index, nb::dict values,
-                 std::size_t form, nb::list header) {
+                 nb::list forms) {
   const MessageTable& message = protocol.messages().at(index);
-  std::vector<std::uint32_t> numbers;
-  for (nb::handle value : header) numbers.push_back(nb::cast<std::uint32_t>(value));
-  const std::vector<std::uint8_t> wire = seal_frame(format, message, encode_fields(message, values), form, numbers);
+  std::vector<ChosenForm> chosen;
+  for (nb::handle form : forms) {
+    ChosenForm one{nb::cast<std::size_t>(nb::object(form[0])), {}};
+    for (nb::handle value : nb::object(form[1])) one.header.push_back(nb::cast<std::uint32_t>(value));
+    chosen.push_back(std::move(one));
+  }
+  const std::vector<std::uint8_t> wire = seal_frame(format, message, encode_fields(message, values), chosen);
   return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
 }
 
@@ -96,7 +100,7 @@ NB_MODULE(_engine, m) {
       .def("finish", &Decoder::finish)
       .def("stats", &Decoder::stats);
 
-  m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "form"_a, "header"_a);
+  m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "forms"_a);
   m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
         "progress"_a.none());
   bind_link_core(m);

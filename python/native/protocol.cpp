@@ -147,6 +147,7 @@ FormatTable::FormatTable(nb::handle plan) {
   format_.plain_front = nb::cast<std::uint8_t>(plan.attr("plain_front"));
   format_.plain_back = nb::cast<std::uint8_t>(plan.attr("plain_back"));
   format_.max_payload = nb::cast<std::uint16_t>(plan.attr("max_payload"));
+  format_.own_forms = nb::cast<std::uint8_t>(plan.attr("own_forms"));
   format_.form_count = 0;
   for (nb::handle form : plan.attr("forms")) {
     for (nb::handle field : form.attr("header")) {

@@ -74,9 +74,10 @@ WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::si
 
 /// Finish the frame for message `id` whose `payload_size` bytes lie at buffer + payload_lead. Formats with a fixed
 /// payload are padded with zeros. `header` holds a value for each header field of the form; null: their defaults.
-/// Returns the size on the wire, 0 when the frame does not fit `capacity` or the format (a length that counts by words
-/// cannot tell every size), or has no byte at all:
-/// without brackets or a code byte of COBS nobody can tell that from fill, or from silence.
+/// Returns the size on the wire. 0: no frame was made, because
+/// - it does not fit `capacity`,
+/// - the form cannot carry it: its length cannot tell the payload's size, or it has no id and the message has one,
+/// - it would have no byte at all, which a receiver cannot tell from fill or from silence.
 /// Any thread or interrupt; no allocation.
 template <class Source>
 WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
@@ -102,8 +103,7 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
   const std::size_t on_wire = size + stuffing_overhead(format, size) + delimiter_bytes(format);
   const bool is_nothing = size == 0 && format.framing != Framing::bracketed && format.stuffing != Stuffing::cobs;
   if (payload_size > payload || payload > format.max_payload || on_wire > capacity || is_nothing) return 0;
-  const std::int64_t counted = static_cast<std::int64_t>(payload) - form.length_bias;
-  if (form.length.present() && (counted < 0 || counted % form.length_unit != 0)) return 0;
+  if (!carries_id(form, id) || (!carries_all(format, form) && !carries(form, payload))) return 0;
 
   std::memset(frame, 0, form.prefix);
   std::memset(frame + form.prefix + payload_size, 0, payload - payload_size + form.suffix);
@@ -120,6 +120,7 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
         return true;
       });
   if (form.length.present()) {
+    const std::int64_t counted = static_cast<std::int64_t>(payload) - form.length_bias;
     detail::write_number(form.length, frame, size, static_cast<std::uint32_t>(counted / form.length_unit));
   }
   if (form.id.present()) detail::write_number(form.id, frame, size, id);

@@ -139,6 +139,7 @@ struct FrameFormat {
   Mark closing{};             ///< delimiter behind it
   bool sends_opening = true;  ///< delimited: false where only the end of a frame is marked
   std::uint8_t form_count = 1;
+  std::uint8_t own_forms = 1;  ///< the first of the forms: those that a sender takes by itself, by what it sends
   std::uint8_t algorithm_count = 0;
   bool deliver_unknown = false;  ///< unknown ids and other payload sizes are frames, not false starts
   bool skips_failed = false;     ///< a candidate that failed behind its header is not looked through again
@@ -201,13 +202,41 @@ WIREBOND_INLINE constexpr std::size_t max_wire_bytes(const FrameFormat& format) 
   return frame + stuffing_overhead(format, frame) + marks;
 }
 
-/// Wire bytes that a sender sets aside for a frame of its first form: exact where nothing is stuffed, else the worst.
-WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std::size_t payload_size) {
-  const Form& form = format.forms[0];
+/// Wire bytes that a sender sets aside for a frame of this form: exact where nothing is stuffed, else the worst.
+WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std::size_t payload_size,
+                                                 std::size_t form_index = 0) {
+  const Form& form = format.forms[form_index];
   const std::size_t payload = form.payload_size == PayloadSize::fixed ? form.fixed_payload : payload_size;
   const std::size_t frame = form.prefix + payload + form.suffix;
   return frame + delimiter_bytes(format) + stuffing_overhead(format, frame);
 }
+
+/// Can a frame of this form have a payload of this size? A length must be able to tell it; a form without the length
+/// that others have carries nothing.
+WIREBOND_INLINE constexpr bool carries(const Form& form, std::size_t payload) {
+  if (form.payload_size == PayloadSize::fixed) return payload <= form.fixed_payload;
+  if (form.payload_size != PayloadSize::by_length) return true;
+  if (!form.length.present()) return payload == 0;
+  const std::int64_t counted = static_cast<std::int64_t>(payload) - form.length_bias;
+  return counted >= 0 && counted % form.length_unit == 0 && counted / form.length_unit <= form.length.mask;
+}
+
+/// The greatest payload that the form's own rule for its size allows; `max_payload` of the format bounds it, too.
+WIREBOND_INLINE constexpr std::int64_t most_payload(const Form& form) {
+  if (form.payload_size == PayloadSize::fixed) return form.fixed_payload;
+  if (form.payload_size != PayloadSize::by_length) return 0xFFFF;
+  return form.length.present() ? std::int64_t{form.length.mask} * form.length_unit + form.length_bias : 0;
+}
+
+/// Does `carries` hold for every size up to the format's greatest? Then no code asks it.
+WIREBOND_INLINE constexpr bool carries_all(const FrameFormat& format, const Form& form) {
+  if (form.payload_size != PayloadSize::by_length) return true;  // `seal` compares with a fixed size itself
+  return form.length.present() && form.length_unit == 1 && form.length_bias <= 0 &&
+         static_cast<std::int64_t>(format.max_payload) - form.length_bias <= form.length.mask;
+}
+
+/// Can a frame of this form carry message `id`? A receiver takes a frame without an id for one of id 0.
+WIREBOND_INLINE constexpr bool carries_id(const Form& form, std::uint32_t id) { return form.id.present() || id == 0; }
 
 /// Bytes before the payload, of the form that has most.
 WIREBOND_INLINE constexpr std::size_t longest_prefix(const FrameFormat& format) {
@@ -322,6 +351,18 @@ WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, s
   } else {
     return source.check_end_of(algorithm, reg);
   }
+}
+
+/// fn(index) for the form that a sender takes for message `id` with `payload` bytes: the first of its own that can
+/// carry both. False: there is none, and fn was not called. Unrolled, so that each call knows its form.
+template <class Fn>
+WIREBOND_INLINE bool with_own_form(const FrameFormat& format, std::uint32_t id, std::size_t payload, Fn&& fn) {
+  return !every<true, max_forms>(0, format.own_forms, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    const Form& form = format.forms[i];
+    if (!carries_id(form, id) || (!carries_all(format, form) && !carries(form, payload))) return true;
+    fn(i);
+    return false;
+  });
 }
 
 /// Merge a number into bytes that are zero in its place.

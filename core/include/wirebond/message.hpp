@@ -31,10 +31,28 @@ WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, s
   size = 0;
   const std::size_t payload = payload_bytes(message);
   if (payload > Message::Info::max_payload_bytes) return Status::out_of_range;
-  if (wire_bytes(source.format(), payload) > capacity) return Status::too_small;
-  if (!write_payload(message, out + payload_lead(source))) return Status::out_of_range;
-  size = seal(source, out, capacity, Message::Info::id, payload);
-  return size != 0 ? Status::ok : Status::out_of_range;
+  Status status = Status::out_of_range;
+  detail::with_own_form(source.format(), Message::Info::id, payload, [&](std::size_t form) WIREBOND_INLINE_LAMBDA {
+    if (wire_bytes(source.format(), payload, form) > capacity) {
+      status = Status::too_small;
+    } else if (write_payload(message, out + payload_lead(source, form))) {
+      size = seal(source, out, capacity, Message::Info::id, payload, form);
+      if (size != 0) status = Status::ok;
+    }
+  });
+  return status;
+}
+
+/// Wire bytes that `encode_frame` needs for a message of this payload: exact where nothing is stuffed, else the worst.
+/// 0: no form can carry it, and `encode_frame` refuses it.
+template <class Source, class Message>
+WIREBOND_INLINE std::size_t frame_room(std::size_t payload) {
+  constexpr Source source{};
+  std::size_t room = 0;
+  detail::with_own_form(source.format(), Message::Info::id, payload, [&](std::size_t form) WIREBOND_INLINE_LAMBDA {
+    room = wire_bytes(source.format(), payload, form);
+  });
+  return room;
 }
 
 namespace detail {

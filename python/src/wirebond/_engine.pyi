@@ -189,8 +189,7 @@ def encode(
     format: FormatTable,
     index: int,
     values: dict[str, Any],
-    form: int,
-    header: list[int],
+    forms: list[tuple[int, list[int]]],
 ) -> bytes:
     """One frame.
 

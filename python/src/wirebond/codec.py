@@ -13,6 +13,7 @@ from wirebond.log import LogLine, log_line
 from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
 from wirebond.protocol.model import End, Protocol
+from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import Form, FormParts, ids_collide, parts_of_forms, plan_for
 from wirebond.protocol.problems import no_message
 
@@ -241,27 +242,45 @@ class Codec:
         /,
         *,
         header: Mapping[str, int] | None = None,
+        sender: str | None = None,
         **fields: Any,
     ) -> bytes:
         """One frame's bytes. What a value's own ``__float__`` or ``__index__`` raises comes through.
 
+        Of a format's forms, the first is taken that these header values allow and whose length can tell the payload.
+
         :param message: the message's name.
         :param values: its fields as a mapping, in SI units.
         :param header: the frame's own named fields, where they differ from their defaults.
+        :param sender: of a message with ``sender: both``, the end whose frame is wanted, ``"host"`` or ``"mcu"``: their
+            frames may begin with different bytes. None: the host's. Of any other message None, or its own sender.
         :param fields: its fields by keyword; they go before those of ``values``.
         :returns: the frame as it stands on the wire, delimiters included.
-        :raises MessageError: unknown message or field, a value out of range, not finite or of the wrong type.
+        :raises MessageError: unknown message or field, a value out of range, not finite or of the wrong type; or no
+            form of the frame can carry the message.
+        :raises UsageError: ``sender`` is no end.
         """
         index = self._index.get(message) if isinstance(message, str) else None
         if index is None:
             raise MessageError(no_message(self.name, message, self._index))
-        sender = self.model.messages[index].sender
-        form, numbers = self._form_for(sender, {} if header is None else _mapping("header", header))
+        end = self._end_for(self.model.messages[index], sender)
+        forms = self._forms_with(self.model.messages[index], end, {} if header is None else _mapping("header", header))
         everything = {**({} if values is None else _mapping(message, values)), **fields}
-        return _engine.encode(self._table, self._format_for(sender), index, everything, form, numbers)
+        return _engine.encode(self._table, self._format_for(end), index, everything, forms)
 
-    def _form_for(self, sender: End, header: Mapping[str, int]) -> tuple[int, list[int]]:
-        """The form of the frame that these header values ask for, and a value for each of its header fields."""
+    def _end_for(self, message: MessageModel, sender: str | None) -> End:
+        """Whose frame is meant."""
+        if sender is None:
+            return End.HOST if message.sent_by(End.HOST) else End.MCU
+        if sender not in (End.HOST, End.MCU):
+            raise UsageError(f"sender is {sender!r}; expected 'mcu' or 'host'")
+        if not message.sent_by(End(sender)):
+            raise MessageError(f"{message.name} is sent by the {message.sender}, not by the {sender}")
+        return End(sender)
+
+    def _forms_with(self, message: MessageModel, sender: End, header: Mapping[str, int]) -> list[tuple[int, list[int]]]:
+        """The forms of the frame that these header values ask for and that tell the message, the first before others;
+        with each a value for each of its header fields."""
         forms = self._forms_for(sender)
         known = {f.name: f for _, form in forms for f in form.header}
         for name, value in header.items():
@@ -270,11 +289,24 @@ class Codec:
             mask = known[name].number.mask
             if not isinstance(value, int) or not 0 <= value <= mask:
                 raise MessageError(f"header field {name} is {value!r}; expected an integer from 0 to {mask}")
+        found = []
+        lacks_id = False
         for index, (form_parts, form) in enumerate(forms):
             numbers = {f.name: header.get(f.name, f.default) for f in form.header}
             fits = all(bool(numbers[c.field] >> c.bit & 1) == truth for c, truth in form_parts.bits)
-            if fits and set(header) <= set(numbers):
-                return index, list(numbers.values())
+            if not fits or not set(header) <= set(numbers):
+                continue
+            if form.id is None and message.id != 0:
+                lacks_id = True
+            else:
+                found.append((index, list(numbers.values())))
+        if found:
+            return found
+        if lacks_id:
+            raise MessageError(
+                f"{message.name} has the id {message.id}, and a frame of the {sender} with these header values carries "
+                "no id; give header values that ask for one, or take another `when` for the id in the protocol file"
+            )
         raise MessageError(f"no form of the frame has the header fields {', '.join(header)} together")
 
     def _forms_for(self, sender: End) -> list[tuple[FormParts, Form]]:

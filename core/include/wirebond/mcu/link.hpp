@@ -108,7 +108,9 @@ class Link {
     }
     const std::size_t payload = payload_bytes(message);
     if (payload > Message::Info::max_payload_bytes) return refuse_range<Message>();
-    auto grant = outbox_.template reserve_for<Message>(wire_bytes(Sends{}.format(), payload), stamp());
+    const std::size_t room = frame_room<Sends, Message>(payload);
+    if (room == 0) return refuse_range<Message>();
+    auto grant = outbox_.template reserve_for<Message>(room, stamp());
     if (!grant.ok()) return Status::queue_full;
     std::size_t size = 0;
     const Status status = encode_frame<Sends>(message, grant.data(), grant.size(), size);

@@ -53,7 +53,7 @@ def _finding(example: Example, wrong: tuple[str, str, str], place: Place) -> Fin
 def _compare(codec: Codec, example: Example, values: dict[str, Any]) -> tuple[str, str, str] | None:
     """Sentence, reason and remedy; None where the example is right."""
     try:
-        expected = codec.encode(example.message, values, header=dict(example.header))
+        expected = codec.encode(example.message, values, header=dict(example.header), sender=example.sender)
     except MessageError as error:
         return (
             f"its values cannot be encoded: {error}",

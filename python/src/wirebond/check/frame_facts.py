@@ -53,9 +53,9 @@ def has_header_check(form: Form) -> bool:
 
 
 def payload_sizes(form: Form, most: int) -> range | None:
-    """The payload sizes up to ``most`` that the length can tell; None without a length."""
+    """The payload sizes up to ``most`` that the length can tell; None in a format without one."""
     if form.length is None:
-        return None
+        return range(1) if form.payload == PayloadRule.BY_LENGTH else None
     greatest = form.length.mask * form.length_unit + form.length_bias
     least = form.length_bias
     if least < 0:
@@ -98,7 +98,7 @@ def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | N
         content = Field(ANY_CONTENT, FieldKind.BYTES, payload)
     else:
         content = Field(ANY_CONTENT, FieldKind.BYTES, 0, max_size=payload)
-    message = Message(ANY, 1 if has_id(protocol) else 0, sender, (content,) if payload else ())
+    message = Message(ANY, 0 if forms(protocol, sender)[0].id is None else 1, sender, (content,) if payload else ())
     return replace(
         protocol,
         format=replace(frame_format, max_payload=payload, deliver_unknown=True),

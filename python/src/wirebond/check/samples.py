@@ -31,7 +31,7 @@ def pool(codec: Codec, sender: End, seed: int, frames_a_message: int = 256) -> P
     """Frames with random values, the same for the same seed; None if this end sends nothing."""
     generator = random.Random(seed)  # noqa: S311  (to measure, not to keep secrets)
     frames = tuple(
-        _frame(codec, message, generator)
+        _frame(codec, message, sender, generator)
         for message in codec.model.messages
         if message.sent_by(sender)
         for _ in range(frames_a_message)
@@ -49,11 +49,11 @@ def asked(codec: Codec) -> Codec:
     return codec if model is codec.model else Codec(model)
 
 
-def _frame(codec: Codec, message: Message, generator: random.Random) -> bytes:
+def _frame(codec: Codec, message: Message, sender: End, generator: random.Random) -> bytes:
     """A frame with values that it can carry: where delimiters stand around bytes that are not stuffed, not all can."""
     for _ in range(_ATTEMPTS):
         try:
-            return codec.encode(message.name, random_values(message, generator))
+            return codec.encode(message.name, random_values(message, generator), sender=sender)
         except MessageError as error:
             refused = error
     raise refused

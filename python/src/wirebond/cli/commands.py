@@ -25,10 +25,10 @@ def find_message(model: Protocol, name: str) -> Message:
         raise MessageError(no_message(model.name, name, [m.name for m in model.messages])) from None
 
 
-def encode_message(path: Path, name: str, words: list[str], as_json: bool) -> None:
+def encode_message(path: Path, name: str, words: list[str], as_json: bool, sender: str | None = None) -> None:
     codec = load(path)
     values = parse_assignments(find_message(codec.model, name), words)
-    frame = codec.encode(name, values)
+    frame = codec.encode(name, values, sender=sender)
     if as_json:
         write(to_json({"message": name, "fields": values, "bytes": hex_of(frame)}) + "\n")
     else:

@@ -66,12 +66,15 @@ def encode(
     message: Annotated[str, typer.Argument(help="Name of a message.")],
     values: Annotated[list[str] | None, typer.Argument(metavar="field=value…", help="Its fields, in SI units.")] = None,
     as_json: AsJson = False,
+    sender: Annotated[
+        str | None, typer.Option(help="Of a message of both ends: whose frame, mcu or host. Without it: the host's.")
+    ] = None,
 ) -> None:
     """Print the bytes of one frame as hex."""
     from wirebond.cli.commands import encode_message
 
     raise_from_here()
-    encode_message(file, message, values or [], as_json)
+    encode_message(file, message, values or [], as_json, sender)
 
 
 @app.command()

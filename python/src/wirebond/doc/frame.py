@@ -178,7 +178,13 @@ def _payload(protocol: Protocol, index: int) -> str:
     if part.payload == PayloadRule.FIXED:
         return "the message's fields; shorter messages are padded with zeros"
     trimmed = "; zeros at its end are not sent, and put back by the receiver" if part.trims_zeros else ""
-    return f"the message's fields; {_PAYLOADS[part.payload]}{trimmed}"
+    optional = part.payload == PayloadRule.BY_LENGTH and all(
+        p.condition is not None
+        for p in protocol.format.parts
+        if p.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in p.bits)
+    )
+    none = ", and none where the length is not there" if optional else ""
+    return f"the message's fields; {_PAYLOADS[part.payload]}{none}{trimmed}"
 
 
 def _field(protocol: Protocol, index: int) -> str:

@@ -9,13 +9,13 @@ from wirebond.gen.amalgamate import amalgamated
 from wirebond.gen.c_link import link_view
 from wirebond.gen.c_names import Names, header_name, link_name
 from wirebond.gen.c_struct import Declarations, Declarer, MessageView
-from wirebond.gen.cpp import cpp_header, id_literal, link_header, message_comment, shapes, stop_functions
+from wirebond.gen.cpp import cpp_header, frames_differ, id_literal, link_header, message_comment, shapes, stop_functions
 from wirebond.gen.cpp_field import comment_text
 from wirebond.gen.cpp_number import real
 from wirebond.gen.folder import core_headers, render, write_files
 from wirebond.gen.names import namespace
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import End, Parity, Protocol, Stuffing
+from wirebond.protocol.model import End, Message, Parity, Protocol, Stuffing
 from wirebond.protocol.plan import plan_for
 
 
@@ -45,16 +45,17 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
     }  # fmt: skip
     facts = {message.name: _facts(protocol, names, index) for index, message in enumerate(protocol.messages)}
     functions = {
-        message.name: {verb: names.claim(verb, message.name) for verb in ("init", "encode", "decode", "violations")}
+        message.name: {verb: names.claim(verb, message.name) for verb in ("init", "decode", "violations")}
         for message in protocol.messages
     }
+    encoders = {message.name: _encoders(protocol, names, message) for message in protocol.messages}
     receivers = [_receiver_names(names, end) for end in (End.HOST, End.MCU)]
     watches = [_deadlines(protocol, names, end) for end in (End.HOST, End.MCU)]
     actions = list(dict.fromkeys(deadline.then for deadline in protocol.deadlines))
     action_type = names.claim("action", suffix="_t")
     action_constants = [names.constant("action", action) for action in actions]
     stop_names = [names.claim(function) for function in stop_functions(protocol)]
-    views, shared = _messages(protocol, names, facts, functions)
+    views, shared = _messages(protocol, names, facts, functions, encoders)
     values: dict[str, object] = {
         "file": comment_text(Path(protocol.path).name or protocol.name),
         "description": comment_text(protocol.description),
@@ -108,11 +109,22 @@ def _facts(protocol: Protocol, names: Names, index: int) -> list[tuple[str, str,
     return [(names.constant(message.name, word), literal, comment) for word, literal, comment in found]
 
 
+def _encoders(protocol: Protocol, names: Names, message: Message) -> list[tuple[str, str]]:
+    """One function; two for a message of both ends whose frames differ, since only the caller knows who sends it."""
+    if message.sender != End.BOTH or not frames_differ(protocol):
+        return [(names.claim("encode", message.name), "")]
+    return [
+        (names.claim("encode", message.name, f"from_{end}"), f"<{namespace(protocol.name)}::{source}>")
+        for end, source in ((End.HOST, "FromHost"), (End.MCU, "FromMcu"))
+    ]
+
+
 def _messages(
     protocol: Protocol,
     names: Names,
     facts: dict[str, list[tuple[str, str, str]]],
     functions: dict[str, dict[str, str]],
+    encoders: dict[str, list[tuple[str, str]]],
 ) -> tuple[list[MessageView], Declarations]:
     """The messages, and what the file's types declare."""
     types, structs = shapes(protocol)
@@ -132,6 +144,7 @@ def _messages(
                 declared=declarer.take(),
                 cpp=f"{namespace(protocol.name)}::{shape.path}",
                 functions=functions[message.name],
+                encoders=encoders[message.name],
                 index=index,
                 sender=message.sender,
                 reply=message.reply,

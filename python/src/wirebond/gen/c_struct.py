@@ -65,6 +65,7 @@ class MessageView:
     type_name: str  # empty where it has no member
     cpp: str
     functions: dict[str, str]
+    encoders: list[tuple[str, str]]  # function, template argument of the C++ one
     index: int
     sender: End
     reply: str | None

@@ -97,6 +97,7 @@ class MessageView:
     id: str
     sender: str
     source: str
+    either: bool  # of both ends, whose frames differ: who encodes it says which
     comment: str
     min_payload: int
     max_payload: int
@@ -142,6 +143,11 @@ def struct_names(protocol: Protocol) -> dict[str, str]:
     return {name: shape.path for name, shape in message_shapes(protocol).items()}
 
 
+def frames_differ(protocol: Protocol) -> bool:
+    """Does a frame look different from each end, by a magic for each direction?"""
+    return plan_for(protocol, End.HOST).forms != plan_for(protocol, End.MCU).forms
+
+
 def _message_views(protocol: Protocol) -> list[MessageView]:
     payload = protocol.format.part(PartKind.PAYLOAD)
     trims_zeros = payload is not None and payload.payload == PayloadRule.FIXED
@@ -154,8 +160,8 @@ def _message_views(protocol: Protocol) -> list[MessageView]:
             index=index,
             id=id_literal(protocol, message.id),
             sender=message.sender.value,
-            # A message of both ends looks the same in either direction: frames do not depend on the sender.
             source="FromMcu" if message.sender == End.MCU else "FromHost",
+            either=message.sender == End.BOTH and frames_differ(protocol),
             comment=message_comment(message),
             min_payload=message.min_payload,
             max_payload=message.max_payload,
@@ -242,6 +248,8 @@ def format_lines(plan: Plan) -> list[str]:
         f"format.deliver_unknown = {'true' if plan.deliver_unknown else 'false'};",
         f"format.max_payload = {plan.max_payload};",
     ]
+    if plan.own_forms != 1:
+        lines.append(f"format.own_forms = {plan.own_forms};")
     if plan.skips_failed:
         lines.append("format.skips_failed = true;")
     for name, size in (("plain_front", plan.plain_front), ("plain_back", plan.plain_back)):

@@ -51,7 +51,8 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     if draft is None:
         return None
     with_id = {end for end in (End.HOST, End.MCU) if draft.has_id_from(end)}
-    validate_ids(messages, draft.id_bits, with_id, problems)
+    without_id = {end for end in (End.HOST, End.MCU) if not draft.has_id_from(end, always=True)}
+    validate_ids(messages, draft.id_bits, with_id, without_id, problems)
     file = readable(File, root)
     if file is None:
         # The file's own limits may be what is wrong; the frame's hold all the same.

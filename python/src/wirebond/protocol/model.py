@@ -492,11 +492,17 @@ class Protocol:
         return next((s for s in self.services if s.name == name), None)
 
     def max_wire_bytes(self, payload: int | None = None) -> int:
-        """Wire bytes of the largest frame, or of one with ``payload`` bytes, delimiters and worst stuffing included."""
+        """Wire bytes of the largest frame, or of one with ``payload`` bytes, delimiters and worst stuffing included.
+
+        Of forms that exclude each other the largest counts.
+        """
+        from wirebond.protocol.plan import forms  # noqa: PLC0415  (it needs this module)
+
         rule = self.format.part(PartKind.PAYLOAD)
         if rule is not None and rule.payload == PayloadRule.FIXED:
             payload = rule.fixed_payload
-        size = sum(p.size for p in self.format.parts) + (self.format.max_payload if payload is None else payload)
+        beside = max(form.prefix + form.suffix for form in forms(self.format.parts, None))
+        size = beside + (self.format.max_payload if payload is None else payload)
         if self.format.stuffing == Stuffing.COBS:
             size += cobs_overhead(size)
         if self.format.stuffing == Stuffing.ESCAPE:

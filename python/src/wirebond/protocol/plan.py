@@ -104,6 +104,22 @@ class Form:
     header_checks: int
     header: tuple[HeaderField, ...]
 
+    @property
+    def most_payload(self) -> int:
+        """The greatest payload that its length can tell. Without the length that other forms have it carries none."""
+        if self.payload == PayloadRule.FIXED:
+            return self.fixed_payload
+        if self.payload != PayloadRule.BY_LENGTH:
+            return 0xFFFF
+        return 0 if self.length is None else self.length.mask * self.length_unit + self.length_bias
+
+    def carries(self, payload: int) -> bool:
+        """Can its length tell a payload of this size?"""
+        if not 0 <= payload <= self.most_payload:
+            return False
+        counted = payload - self.length_bias
+        return self.length is None or (counted >= 0 and counted % self.length_unit == 0)
+
 
 @dataclass(frozen=True)
 class MessageRow:
@@ -130,7 +146,8 @@ class Framing(StrEnum):
 class Plan:
     """One end's view: how frames from ``sender`` look, and which messages they carry.
 
-    The first form is the one that is sent unless header values ask for another.
+    A sender takes the first of the ``own_forms`` first ones that can carry the message, unless header values ask for
+    another.
     """
 
     framing: Framing
@@ -144,6 +161,7 @@ class Plan:
     plain_front: int  # bytes before the stuffed ones, sent as they are
     plain_back: int  # bytes behind them
     max_payload: int
+    own_forms: int
     forms: tuple[Form, ...]
     algorithms: tuple[Algorithm, ...]
     messages: tuple[MessageRow, ...]  # by rising id; of one id those that are only expected first
@@ -172,6 +190,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
             part.size for part in itertools.takewhile(lambda part: part.is_plain, reversed(frame_format.parts))
         ),
         max_payload=frame_format.max_payload,
+        own_forms=sum(_is_default(form) for form in parts_of_forms(frame_format.parts, sender)),
         forms=forms(frame_format.parts, sender),
         algorithms=tuple(_algorithms(frame_format.parts)),
         messages=tuple(sorted(rows, key=lambda row: (row.id, not row.only_expected))),
@@ -280,6 +299,11 @@ def magics(magic: Part, sender: End | None) -> list[bytes]:
     if magic.by_sender:
         return list(dict.fromkeys(value for end, value in magic.by_sender if sender in (None, End.BOTH, end)))
     return list(magic.alternatives or (magic.value,))
+
+
+def _is_default(form: FormParts) -> bool:
+    """Has it the header's default values?"""
+    return all(_default_bit(form.parts, condition) == truth for condition, truth in form.bits)
 
 
 def _default_bit(parts: tuple[Part, ...], condition: Condition) -> bool:

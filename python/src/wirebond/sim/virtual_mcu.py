@@ -73,7 +73,7 @@ class VirtualMcu:
             message = self.codec.model.message(name)
             assert message.every is not None
             self._due[name] = due + (math.floor((t - due) / message.every) + 1) * message.every
-            out += self.codec.encode(name, self._made_up(message, t))
+            out += self.codec.encode(name, self._made_up(message, t), sender=End.MCU)
         for watch in self._watches:
             if not watch.struck and t - watch.since >= watch.rule.after:
                 watch.struck = True
@@ -117,7 +117,7 @@ class VirtualMcu:
         values = self._made_up(reply, t)
         values |= {name: message.fields[name] for name in _carried_back(reply, request)}
         values |= self._service_values(message, t)
-        return self.codec.encode(reply.name, values)
+        return self.codec.encode(reply.name, values, sender=End.MCU)
 
     def _service_values(self, message: Message, t: float) -> dict[str, Any]:
         clock = self.codec.model.service("clock")
@@ -138,7 +138,7 @@ class VirtualMcu:
         name = service.message("message") if service is not None else None
         if name is None:
             return b""
-        return self.codec.encode(name, {"protocol_hash": self.codec.hash, "version": 1})
+        return self.codec.encode(name, {"protocol_hash": self.codec.hash, "version": 1}, sender=End.MCU)
 
     # ---- made-up values
 

@@ -13,14 +13,13 @@ from wirebond.protocol.model import (
     Field,
     FieldKind,
     FrameFormat,
-    LengthCounts,
     Message,
     Part,
     PartKind,
     PayloadRule,
     Stuffing,
 )
-from wirebond.protocol.plan import forms, parts_of_forms
+from wirebond.protocol.plan import forms
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.text.yaml_tree import Mapping
 
@@ -72,38 +71,23 @@ class Draft:
         found = self._number(PartKind.ID, BitRole.ID)
         return 0 if found is None else found[1]
 
-    def has_id_from(self, end: End) -> bool:
-        """Whether frames of this end have an id: a part may stand in those of one magic only."""
-        return any(
-            part.kind == PartKind.ID or any(run.role == BitRole.ID for run in part.bits)
-            for form_parts in parts_of_forms(self.parts, end)
-            for part in form_parts.parts
-        )
+    def has_id_from(self, end: End, *, always: bool = False) -> bool:
+        """Whether frames of this end have an id, some or all: a part may stand in those of one magic only."""
+        found = [form.id is not None for form in forms(self.parts, end)]
+        return all(found) if always else any(found)
 
     @property
     def length_part(self) -> Part | None:
         found = self._number(PartKind.LENGTH, BitRole.LENGTH)
         return None if found is None else found[0]
 
-    @property
-    def longest_by_length(self) -> int | None:
-        """The longest payload that the length can tell; None without one."""
-        found = self._number(PartKind.LENGTH, BitRole.LENGTH)
-        if found is None:
+    def longest_by_length(self, sender: End | None = None) -> int | None:
+        """The longest payload that a length can tell, of all forms that frames of this sender have; None without a
+        length. A message of both ends must fit the forms of each."""
+        if self.length_part is None:
             return None
-        part, bits = found
-        return int(2**bits - 1) * part.length_unit - self._beside(part) - part.length_offset
-
-    def _beside(self, length: Part) -> int:
-        """What the length counts beside the payload, in bytes."""
-        index = self.parts.index(length)
-        follows = sum(part.size for part in self.parts[index + 1 :])
-        return {
-            LengthCounts.PAYLOAD: 0,
-            LengthCounts.REST: follows,
-            LengthCounts.SELF_AND_REST: length.size + follows,
-            LengthCounts.FRAME: sum(part.size for part in self.parts),
-        }[length.counts]
+        ends = (End.HOST, End.MCU) if sender == End.BOTH else (sender,)
+        return min(max(form.most_payload for form in forms(self.parts, end)) for end in ends)
 
     @property
     def is_strong(self) -> bool:
@@ -127,10 +111,10 @@ def validate_sizes(
     rule = draft.payload.payload
     complete = [(entry, entry.complete) for entry in messages.values()]
     largest = max((message.max_payload for _, message in complete if message is not None), default=0)
-    limit_of, limit = _limit(draft, max_payload)
     for entry, message in complete:
         if message is None:
             continue
+        limit_of, limit = _limit(draft, message.sender, max_payload)
         if limit is not None and message.max_payload > limit:
             problems.add(entry.place, f"`{entry.name}` has up to {message.max_payload} payload bytes; {limit_of}")
         untold = _size_untold(draft, message)
@@ -147,7 +131,7 @@ def validate_sizes(
             max_place,
             f"every payload has {draft.payload.fixed_payload} bytes in this frame; remove `max_payload`",
         )
-    longest = draft.longest_by_length
+    longest = draft.longest_by_length()
     if longest is not None and max_payload > longest:
         problems.add(
             max_place,
@@ -158,13 +142,13 @@ def validate_sizes(
 
 def _size_untold(draft: Draft, message: Message) -> str:
     """Why a length that counts by words cannot tell the size of a message of one size; empty if it can."""
-    length = draft.length_part
-    if length is None or length.length_unit == 1 or message.min_payload != message.max_payload:
+    if message.min_payload != message.max_payload:
         return ""
-    form = forms(draft.parts, message.sender)[0]
+    own = forms(draft.parts, message.sender)
+    form = max(own, key=lambda form: form.most_payload)
+    if message.max_payload > form.most_payload or any(form.carries(message.max_payload) for form in own):
+        return ""
     over = (message.max_payload - form.length_bias) % form.length_unit
-    if not over:
-        return ""
     return (
         f"the frame's length counts by {form.length_unit} and cannot tell them; add "
         f"`{{type: padding, size: {form.length_unit - over}}}`"
@@ -196,7 +180,7 @@ def _varying(field: Field, payload: Part) -> str:
     )
 
 
-def _limit(draft: Draft, max_payload: int | None) -> tuple[str, int | None]:
+def _limit(draft: Draft, sender: End, max_payload: int | None) -> tuple[str, int | None]:
     """The tightest bound on a message's payload, in words and in bytes."""
     bounds: list[tuple[int, Callable[[int], str]]] = [
         (0xFFFF, lambda n: f"a payload has at most {n}"),
@@ -208,8 +192,9 @@ def _limit(draft: Draft, max_payload: int | None) -> tuple[str, int | None]:
                 lambda n: f"this frame carries {n}; shorten it, or widen the frame's payload",
             )
         )
-    if draft.longest_by_length is not None:
-        bounds.append((draft.longest_by_length, lambda n: f"the frame's length can tell {n} at most; widen its type"))
+    longest = draft.longest_by_length(sender)
+    if longest is not None:
+        bounds.append((longest, lambda n: f"the frame's length can tell {n} at most; widen its type"))
     if max_payload is not None:
         bounds.append((max_payload, lambda n: f"`max_payload` is {n}; raise that, or shorten the message"))
     limit, words = min(bounds, key=lambda bound: bound[0])

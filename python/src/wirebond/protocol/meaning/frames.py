@@ -370,9 +370,10 @@ class _FrameReader:
             )
         self._validate_seeds(draft)
         self._validate_unstuffed_constants(draft)
-        longest, length = draft.longest_by_length, draft.length_part
-        if longest is None or length is None:
+        length = draft.length_part
+        if length is None:
             return
+        longest = min(form.most_payload for form in forms)  # of each form: its own length must tell an empty payload
         at = draft.places[parts.index(length)]
         shortest = max(form.length_bias for form in forms)  # of the form with the fewest parts beside the payload
         if length.length_unit > 1 and draft.payload.trims_zeros:

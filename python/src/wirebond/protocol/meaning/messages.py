@@ -121,8 +121,9 @@ def _validate_replies(messages: Messages, problems: Problems) -> None:
                 )
 
 
-def validate_ids(messages: Messages, id_bits: int, with_id: set[End], problems: Problems) -> None:
-    """``id_bits``: width of the frame's id; 0 where it has none. ``with_id``: the ends whose frames have it."""
+def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id: set[End], problems: Problems) -> None:
+    """``id_bits``: width of the frame's id; 0 where it has none. ``with_id``: the ends that have frames with it;
+    ``without_id``: those that have frames without it."""
     taken: dict[tuple[End, int], Entry] = {}
     replies = {entry.message.reply for entry in messages.values() if entry.message is not None}
     for entry in messages.values():
@@ -132,7 +133,13 @@ def validate_ids(messages: Messages, id_bits: int, with_id: set[End], problems: 
         has_id = "id" in entry.node.entries
         needs_id = any(message.sent_by(end) for end in with_id)
         if needs_id and not has_id:
-            problems.add(entry.place, f"`{entry.name}` needs an id, for the frame has one; add `id: 0x01`")
+            sentence = f"`{entry.name}` needs an id, for the frame has one; add `id: 0x01`"
+            if any(message.sent_by(end) for end in with_id & without_id):
+                sentence = (
+                    f"`{entry.name}` needs an id, for some frames of its sender have one; add `id: 0x01`, or `id: 0` "
+                    "for the message that a frame without the `id` part carries"
+                )
+            problems.add(entry.place, sentence)
             continue
         if not needs_id and has_id:
             of = f" of the {spoken(message.sender)}" if id_bits else ""

@@ -1,0 +1,243 @@
+"""A sender takes a form that can carry the message, or refuses; never one whose length or id would be wrong."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from wirebond import Codec, MessageError, UsageError
+from wirebond.check.holdback import directions
+from wirebond.doc import markdown
+from wirebond.errors import ProtocolFileError
+from wirebond.explain import Kind, explain
+from wirebond.gen import generate_c, generate_cpp
+from wirebond.protocol import loads
+from wirebond.protocol.model import End, Protocol
+from wirebond.sim.virtual_mcu import VirtualMcu
+
+QUICK = ["-O0", "-Wall", "-Wextra", "-Werror"]
+
+
+def protocol(name: str, frame: str, messages: str) -> Protocol:
+    return loads(f"wirebond: 1\nprotocol: {name}\nframe: [{frame}]\nmessages: {messages}\n", f"{name}.yaml")
+
+
+BLOCK = "{block: {id: 1, sender: mcu, fields: {data: {type: bytes, max: 400}}}}"
+CRC = "check: crc-16/modbus"
+NARROW_FIRST = "{length: u8, when: magic == 0xA1}, {length: u16, when: magic == 0xA2}"
+WIDTHS = protocol("widths", f"magic: {{any: [0xA1, 0xA2]}}, {NARROW_FIRST}, id: u8, payload: by_length, {CRC}", BLOCK)
+WORDS = protocol(
+    "words",
+    "magic: {any: [0xA1, 0xA2]}, {length: {type: u8, counts: frame}, when: magic == 0xA1}, "
+    "{length: {type: u8, counts: frame}, when: magic == 0xA2}, {reserved: 9, when: magic == 0xA2}, "
+    f"id: u8, payload: by_length, {CRC}",
+    "{block: {id: 1, sender: mcu, fields: {data: {type: bytes, max: 250}}}}",
+)
+BOTH = protocol(
+    "both",
+    "magic: {host: 0xAA, mcu: 0xBB}, length: u8, id: u8, payload: by_length, check: crc-16/ibm-sdlc",
+    "{tell: {id: 1, sender: both, every: 100 ms, fields: {data: {type: u16}}}, "
+    "ask: {id: 2, sender: host, reply: tell}}",
+)
+NO_LENGTH = protocol(
+    "no_length",
+    f"magic: {{any: [0xA2, 0xA1]}}, {{length: u8, when: magic == 0xA1}}, id: u8, payload: by_length, {CRC}",
+    "{move: {id: 1, sender: host, fields: {data: {type: u16}}}, stop: {id: 2, sender: host}}",
+)
+NO_ID = protocol(
+    "no_id",
+    f"magic: {{any: [0xA1, 0xA2]}}, length: u8, {{id: u8, when: magic == 0xA2}}, payload: by_length, {CRC}",
+    "{move: {id: 1, sender: host, fields: {data: {type: u16}}}, stop: {id: 0, sender: host, fields: {x: {type: u8}}}}",
+)
+
+
+def round_trip(codec: Codec, message: str, sender: str, **values: object) -> bytes:
+    frame = codec.encode(message, values, sender=sender)
+    decoder = codec.decoder(sender)
+    (found,) = decoder.feed(frame) + decoder.finish()
+    assert (found.name, found.raw) == (message, frame)
+    assert {name: found.fields[name] for name in values} == values
+    return frame
+
+
+def run(command: list[str]) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def printed_by_cpp(model: Protocol, calls: list[str], folder: Path) -> list[str]:
+    """What the generated C++ makes of each call, as hex; the status where it refuses."""
+    generate_cpp(model, folder)
+    blocks = "\n".join(
+        f"  {{ std::size_t size = 0; const wirebond::Status status = {call}; show(status, size); }}" for call in calls
+    )
+    (folder / "main.cpp").write_text(
+        f'#include <cstdio>\n#include <array>\n#include "{model.name}.hpp"\nusing namespace {model.name};\n'
+        "static std::uint8_t out[1024];\n"
+        "static void show(wirebond::Status status, std::size_t size) {\n"
+        '  if (status != wirebond::Status::ok) std::printf("status %d size %d", int(status), int(size));\n'
+        '  for (std::size_t i = 0; i < size; ++i) std::printf("%02x", out[i]);\n  std::puts("");\n}\n'
+        "int main() {\n" + blocks + "\n}\n"
+    )
+    run(["g++", "-std=c++17", *QUICK, f"-I{folder}", str(folder / "main.cpp"), "-o", str(folder / "main")])
+    return run([str(folder / "main")]).splitlines()
+
+
+def test_payload_size_chooses_the_form_whose_length_can_tell_it() -> None:
+    codec = Codec(WIDTHS)
+    for size in (0, 1, 255, 256, 300, 400):
+        frame = round_trip(codec, "block", "mcu", data=bytes(size))
+        told = b"\xa1" + bytes([size]) if size < 256 else b"\xa2" + size.to_bytes(2, "little")
+        assert frame.startswith(told + b"\x01")
+
+
+def test_generated_code_takes_the_same_forms(tmp_path: Path) -> None:
+    codec = Codec(WIDTHS)
+    sizes = (0, 1, 255, 256, 300, 400)
+    calls = [
+        f"[&] {{ Block m{{}}; static const std::uint8_t data[400]{{}}; static_cast<void>(m.data.assign(data, {size})); "
+        "return encode(m, out, sizeof out, size); }()"
+        for size in sizes
+    ]
+    assert printed_by_cpp(WIDTHS, calls, tmp_path) == [codec.encode("block", data=bytes(n)).hex() for n in sizes]
+
+
+def test_generated_code_says_that_the_chosen_form_has_no_room(tmp_path: Path) -> None:
+    """The wide form has one byte more than the narrow one."""
+    make = "Block m{}; static const std::uint8_t data[400]{}; static_cast<void>(m.data.assign(data, 256)); "
+    calls = [f"[&] {{ {make} return encode(m, out, {room}, size); }}()" for room in (256 + 5, 256 + 6)]
+    short, exact = printed_by_cpp(WIDTHS, calls, tmp_path)
+    assert short.startswith("status") and short.endswith("size 0")
+    assert exact == Codec(WIDTHS).encode("block", data=bytes(256)).hex()
+
+
+def test_a_message_longer_than_every_length_is_refused_when_the_file_is_read() -> None:
+    frame = f"magic: {{any: [0xA1, 0xA2]}}, {NARROW_FIRST}, id: u8, payload: by_length, {CRC}".replace("u16", "u8")
+    with pytest.raises(ProtocolFileError, match="up to 400 payload bytes; the frame's length can tell 255 at most"):
+        protocol("narrow", frame, BLOCK)
+
+
+def test_header_values_that_ask_for_a_narrow_length_are_refused_with_a_sentence() -> None:
+    model = protocol(
+        "by_header",
+        "magic: 0xA1, {field: flags, type: u8, default: 1}, {length: u16, when: flags & 0x01}, id: u8, "
+        f"payload: by_length, {CRC}",
+        BLOCK,
+    )
+    codec = Codec(model)
+    assert round_trip(codec, "block", "mcu", data=bytes(300)).startswith(b"\xa1\x01\x2c\x01")
+    with pytest.raises(MessageError, match="has 300 bytes; with this header the frame's length can tell at most 0"):
+        codec.encode("block", data=bytes(300), header={"flags": 0})
+
+
+def test_what_a_length_counts_leaves_out_the_parts_of_other_forms() -> None:
+    """The reserved bytes stand beside one of the two lengths, so a payload of 250 bytes fits the other form."""
+    codec = Codec(WORDS)
+    assert len(round_trip(codec, "block", "mcu", data=bytes(range(250)))) == 255
+    assert WORDS.max_wire_bytes() == 250 + 14  # the larger form, and not the parts of both
+
+
+@pytest.mark.parametrize(("sender", "magic"), [("host", 0xAA), ("mcu", 0xBB)])
+def test_each_end_sends_its_own_magic(sender: str, magic: int) -> None:
+    assert round_trip(Codec(BOTH), "tell", sender, data=0x1234)[0] == magic
+
+
+def test_the_host_is_meant_where_no_sender_is_given() -> None:
+    codec = Codec(BOTH)
+    assert codec.encode("tell", data=1) == codec.encode("tell", data=1, sender="host")
+    with pytest.raises(MessageError, match="ask is sent by the host, not by the mcu"):
+        codec.encode("ask", sender="mcu")
+    with pytest.raises(UsageError, match="sender is 'robot'; expected 'mcu' or 'host'"):
+        codec.encode("tell", data=1, sender="robot")
+
+
+def test_the_virtual_mcu_speaks_as_the_mcu() -> None:
+    codec = Codec(BOTH)
+    mcu = VirtualMcu(codec, 0.0)
+    decoder = codec.decoder("mcu")
+    assert [m.name for m in decoder.feed(mcu.tick(0.0))] == ["tell"]
+    assert [m.name for m in decoder.feed(mcu.feed(codec.encode("ask"), 0.01))] == ["tell"]
+
+
+def test_the_lint_measures_each_direction_with_its_own_frames() -> None:
+    assert [found.sender for found in directions(Codec(BOTH), 1)] == [End.HOST, End.MCU]
+
+
+def test_generated_cpp_asks_whose_frame_is_wanted(tmp_path: Path) -> None:
+    calls = [f"encode<From{end}>(Tell{{0x1234}}, out, sizeof out, size)" for end in ("Host", "Mcu")]
+    codec = Codec(BOTH)
+    assert printed_by_cpp(BOTH, calls, tmp_path) == [
+        codec.encode("tell", data=0x1234, sender=sender).hex() for sender in ("host", "mcu")
+    ]
+
+
+def test_generated_c_has_a_function_for_each_end(tmp_path: Path) -> None:
+    generate_c(BOTH, tmp_path)
+    (tmp_path / "main.c").write_text(
+        '#include <stdio.h>\n#include "both.h"\nint main(void) {\n  both_tell_t m = {0x1234};\n'
+        "  uint8_t out[64]; size_t size = 0;\n"
+        "  if (both_encode_tell_from_host(&m, out, sizeof out, &size) != WIREBOND_OK) return 1;\n"
+        '  for (size_t i = 0; i < size; ++i) printf("%02x", out[i]);\n  puts("");\n'
+        "  if (both_encode_tell_from_mcu(&m, out, sizeof out, &size) != WIREBOND_OK) return 2;\n"
+        '  for (size_t i = 0; i < size; ++i) printf("%02x", out[i]);\n  puts("");\n  return 0;\n}\n'
+    )
+    source, main, program = (str(tmp_path / name) for name in ("both.cpp", "main.o", "main"))
+    run(["gcc", "-std=c99", *QUICK, "-c", str(tmp_path / "main.c"), "-o", main])
+    run(["g++", "-std=c++17", *QUICK, f"-I{tmp_path}", source, main, "-o", program])
+    codec = Codec(BOTH)
+    assert run([program]).split() == [codec.encode("tell", data=0x1234, sender=s).hex() for s in ("host", "mcu")]
+
+
+def test_a_form_without_the_length_carries_only_an_empty_payload(tmp_path: Path) -> None:
+    codec = Codec(NO_LENGTH)
+    assert round_trip(codec, "stop", "host")[0] == 0xA2
+    assert round_trip(codec, "move", "host", data=3)[0] == 0xA1
+    calls = ["encode(Stop{}, out, sizeof out, size)", "encode(Move{3}, out, sizeof out, size)"]
+    assert printed_by_cpp(NO_LENGTH, calls, tmp_path) == [
+        codec.encode("stop").hex(),
+        codec.encode("move", data=3).hex(),
+    ]
+
+
+def test_a_form_without_the_length_is_explained_and_documented() -> None:
+    (stretch,) = explain(NO_LENGTH, Codec(NO_LENGTH).encode("stop"), End.HOST).stretches
+    assert (stretch.kind, stretch.message) == (Kind.FRAME, "stop")
+    assert "none where the length is not there" in markdown(Codec(NO_LENGTH))
+
+
+def test_a_message_with_an_id_leaves_with_its_id(tmp_path: Path) -> None:
+    """The first form has no id: a receiver would take it for message 0."""
+    codec = Codec(NO_ID)
+    assert round_trip(codec, "move", "host", data=3)[0] == 0xA2
+    assert round_trip(codec, "stop", "host", x=3)[0] == 0xA1
+    calls = ["encode(Move{3}, out, sizeof out, size)", "encode(Stop{3}, out, sizeof out, size)"]
+    assert printed_by_cpp(NO_ID, calls, tmp_path) == [
+        codec.encode("move", data=3).hex(),
+        codec.encode("stop", x=3).hex(),
+    ]
+
+
+def test_an_id_that_no_form_of_the_sender_has_is_refused() -> None:
+    model = protocol(
+        "by_flag",
+        f"magic: 0xA1, length: u8, {{field: flags, type: u8}}, {{id: u8, when: flags & 0x01}}, "
+        f"payload: by_length, {CRC}",
+        "{move: {id: 1, sender: host, fields: {data: {type: u16}}}}",
+    )
+    codec = Codec(model)
+    with pytest.raises(
+        MessageError, match="move has the id 1, and a frame of the host with these header values carries"
+    ):
+        codec.encode("move", data=3)
+    assert codec.encode("move", data=3, header={"flags": 1})[:4] == bytes.fromhex("A1 02 01 01")
+
+
+def test_a_message_without_an_id_is_told_what_frames_without_one_carry() -> None:
+    frame = f"magic: {{any: [0xA1, 0xA2]}}, length: u8, {{id: u8, when: magic == 0xA2}}, payload: by_length, {CRC}"
+    with pytest.raises(
+        ProtocolFileError, match="or `id: 0` for the message that a frame without the `id` part carries"
+    ):
+        protocol("optional_id", frame, "{ack: {sender: mcu}}")
