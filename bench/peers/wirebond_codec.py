@@ -28,7 +28,9 @@ class Wirebond:
 
     def flat(self, columns: Columns) -> Flat:
         return {
-            name: [tuple(part.tolist()) for column in table.fields.values() for part in np.atleast_2d(np.asarray(column).T)]
+            name: [
+                tuple(part.tolist()) for column in table.fields.values() for part in np.atleast_2d(np.asarray(column).T)
+            ]
             for name, table in columns.items()
         }
 
