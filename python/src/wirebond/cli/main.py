@@ -16,6 +16,7 @@ from typing import Annotated, cast
 import typer
 
 from wirebond.cli.interrupts import EXIT_INTERRUPTED, raise_from_here
+from wirebond.cli.numbers import amount, whole
 from wirebond.cli.output import ReaderGone, console, drop, errors, fail, plain
 from wirebond.errors import HeaderFileError, LinkDownError, PortError, ProtocolFileError, UsageError, WirebondError
 from wirebond.visible import visible
@@ -33,9 +34,13 @@ app = typer.Typer(
 
 ProtocolFile = Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file (YAML).")]
 Port = Annotated[str, typer.Argument(metavar="PORT", help="A tty, such as /dev/ttyUSB0 or the path that `sim` prints.")]
-Baud = Annotated[int | None, typer.Option(help="Bits per second, instead of the file's.")]
+Baud = Annotated[
+    int | None, typer.Option(parser=whole, metavar="INTEGER", help="Bits per second, instead of the file's.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
-Seconds = Annotated[float | None, typer.Option(min=0.0, help="End by itself after so long.")]
+Seconds = Annotated[
+    float | None, typer.Option(parser=amount, metavar="NUMBER", help="End by itself after this many seconds.")
+]
 
 
 @app.command()
@@ -125,7 +130,10 @@ def send(
     port: Port,
     message: Annotated[str, typer.Argument(help="Name of a message that the host sends.")],
     values: Annotated[list[str] | None, typer.Argument(metavar="field=value…", help="Its fields, in SI units.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Send again and again, this many times a second.")] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(parser=amount, metavar="NUMBER", help="Send again and again, this many times a second."),
+    ] = None,
     baud: Baud = None,
     seconds: Seconds = None,
 ) -> None:
