@@ -27,11 +27,15 @@ struct TellingPort : ScriptedPort {
 
 struct Rover {
   void on(const diffdrive::Velocity& velocity) { velocities.push_back(velocity.linear); }
+  void on(const diffdrive::StatusQuery&) {
+    if (on_query) on_query();
+  }
   void stop() { actions += "stop "; }
   void safe_mode() { actions += "safe_mode "; }
 
   std::vector<float> velocities;
   std::string actions;
+  std::function<void()> on_query;
 };
 
 template <std::size_t receive_bytes, class Port = ScriptedPort>
@@ -245,6 +249,61 @@ TEST_CASE("with a clock a ring is lapped in the account as long as events come, 
   CHECK(account.laps_unknown == 1);
   CHECK(bench.rover.velocities.size() == before);
   bench.check_sums();
+}
+
+TEST_CASE("with a clock an event between the poll's reading of the time and its look makes nothing late") {
+  for (const std::uint32_t start : {0u, 0xFFFFFFFFu - 100 * ms}) {
+    CAPTURE(start);
+    Bench<seconds_long, ClockedPort> bench(start);
+    const auto event_at = [&](std::uint32_t at_us) {
+      bench.port.clock_us = start + at_us;
+      bench.link.on_received();
+    };
+    bench.poll_at(95'000);
+    bench.put(0.5F);
+    event_at(101'000);  // the task that polls has read 100 ms, and was interrupted before it called `poll`
+    bench.put(0.25F);
+    event_at(102'000);
+    bench.poll_at(100'000);
+    CHECK(bench.rover.velocities == std::vector<float>{0.5F, 0.25F});
+    CHECK(bench.link.counters().late == 0);
+    CHECK(bench.rover.actions.empty());
+    bench.poll_at(1'099'999);
+    CHECK(bench.rover.actions.empty());
+    bench.poll_at(1'100'000);
+    CHECK(bench.rover.actions == "stop ");
+    bench.check_sums();
+  }
+}
+
+TEST_CASE("with a clock a recover inside a handler is not undone by bytes that the same poll finds behind it") {
+  for (const std::uint32_t start : starts) {
+    CAPTURE(start);
+    Bench<seconds_long, ClockedPort> bench(start);
+    const auto event_at = [&](std::uint32_t at_us) {
+      bench.port.clock_us = start + at_us;
+      bench.link.on_received();
+    };
+    Bytes query(diffdrive::StatusQuery::Info::max_frame_bytes);
+    std::size_t size = 0;
+    REQUIRE(diffdrive::encode(diffdrive::StatusQuery{}, query.data(), query.size(), size) == wirebond::Status::ok);
+    bench.put(0.5F);
+    bench.poll_at(1'000);
+    bench.poll_at(4'000'000);
+    REQUIRE(bench.rover.actions == "stop safe_mode ");
+    bench.rover.on_query = [&] { bench.link.recover(diffdrive::Action::safe_mode); };
+    bench.port.arrive(query);
+    event_at(4'001'000);
+    bench.put(0.25F);
+    event_at(4'002'000);
+    bench.poll_at(4'004'000);
+    CHECK(bench.rover.actions == "stop safe_mode ");
+    CHECK(bench.rover.velocities == std::vector<float>{0.5F, 0.25F});
+    CHECK(bench.link.counters().held_back == 0);
+    CHECK_FALSE(bench.link.struck(diffdrive::Action::safe_mode));
+    CHECK_FALSE(bench.link.struck(diffdrive::Action::stop));
+    bench.check_sums();
+  }
 }
 
 TEST_CASE("an explicit deadline that has struck holds commands back until recover, and they are counted") {

@@ -133,8 +133,16 @@ class BasicDeadlines {
   /// Calls `handler(action)` once for each deadline that strikes now, in the file's order.
   template <class Handler>
   void poll(Time now_us, Handler&& handler) {
+    poll(now_us, now_us, handler);
+  }
+  /// The same as it was at `at_us`, which is not later than `now_us`. A silence that began between the two, by a
+  /// `recover` in a handler, is none yet.
+  template <class Handler>
+  void poll(Time at_us, Time now_us, Handler&& handler) {
     for (std::size_t i = 0; i < memory_.size(); ++i) {
-      if (has_struck(i) || static_cast<Time>(now_us - memory_.since_us[i]) < memory_.rule(i).after_us) continue;
+      const Time since_us = memory_.since_us[i];
+      if (has_struck(i) || static_cast<Time>(at_us - since_us) < memory_.rule(i).after_us) continue;
+      if (static_cast<Time>(now_us - since_us) < static_cast<Time>(now_us - at_us)) continue;
       memory_.marks[i] |= struck_mark;
       handler(memory_.rule(i).action);
     }

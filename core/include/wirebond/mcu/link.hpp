@@ -154,7 +154,7 @@ class Link {
       receive(before_us, now_us);
     }
     if (state() != LinkState::down) supervise(now_us);
-    strike(now_us);
+    strike(now_us, now_us);
     schedule_.poll(now_us, handler_, [&](const auto& message) { static_cast<void>(send(message)); });
   }
 
@@ -330,8 +330,12 @@ class Link {
     ReceiveRing::Span span = ring_.next();
     if (span.size == 0) receiver_.idle(now_us, inbox, deadlines_);
     for (; span.size != 0; span = ring_.next()) {
-      const Aged bytes = age_.first(ring_.position(), span.size, before_us);
-      if constexpr (Age::is_stamped) strike(bytes.came_us);  // by the silence before these bytes
+      Aged bytes = age_.first(ring_.position(), span.size, before_us);
+      if constexpr (Age::is_stamped) {
+        // An event may be newer than `now_us`, which was read before the call.
+        if (bytes.came_us - before_us > now_us - before_us) bytes.came_us = now_us;
+        strike(bytes.came_us, now_us);  // by the silence before these bytes
+      }
       receiver_.feed(span.data, bytes.size, bytes.came_us, now_us, inbox, deadlines_);
       ring_.consumed(bytes.size);
     }
@@ -342,8 +346,8 @@ class Link {
     }
   }
 
-  void strike(std::uint32_t now_us) {
-    deadlines_.poll(now_us, [&](std::uint8_t action) { Protocol::act(action, handler_); });
+  void strike(std::uint32_t at_us, std::uint32_t now_us) {
+    deadlines_.poll(at_us, now_us, [&](std::uint8_t action) { Protocol::act(action, handler_); });
   }
 
   void supervise(std::uint32_t now_us) {
