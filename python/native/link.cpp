@@ -92,23 +92,32 @@ Link::Link(LinkSetup setup, Port port) : options_(std::move(port)), core_(std::m
 
 Link::~Link() { close(); }
 
+void Link::begin_close() {
+  const std::lock_guard lock(mutex_);
+  if (is_closing_) return;
+  is_closing_ = true;
+  close_by_us_ = monotonic_us() + drain_on_close_us;
+  core_.outbox().close();
+  write_some();
+  is_closed_.store(true);
+  wake();
+}
+
 void Link::close() {
+  begin_close();
   std::thread thread;
   {
     const std::lock_guard lock(mutex_);
     thread.swap(thread_);  // of two callers one joins
-    if (!is_closing_) {
-      is_closing_ = true;
-      close_by_us_ = monotonic_us() + drain_on_close_us;
-      core_.outbox().close();
-      write_some();
-    }
-    is_closed_.store(true);
+    if (!thread.joinable() && is_done_) return;
   }
-  if (!thread.joinable()) return;
-  wake();
   const WithoutGil released;
-  thread.join();
+  if (thread.joinable()) {
+    thread.join();
+  } else {
+    std::unique_lock lock(mutex_);
+    arrived_.wait(lock, [&] { return is_done_; });
+  }
 }
 
 void Link::abandon() {
@@ -154,12 +163,14 @@ void Link::stop_repeating(std::int16_t message) {
   core_.outbox().stop_repeating(message);
 }
 
-void Link::stop() {
+bool Link::stop() {
   const std::lock_guard lock(mutex_);
+  if (is_done_ || (is_closing_ && !port_.is_open())) return false;
   const std::uint64_t now = monotonic_us();
   core_.outbox().stop(now);
   write_some();
   wake_if_late(now);
+  return true;
 }
 
 void Link::release_stop() {
@@ -382,7 +393,7 @@ void bind_link(nb::module_& m) {
       .def(
           "stop_repeating", [](LinkHandle& self, std::int16_t message) { (*self).stop_repeating(message); },
           nb::arg("message"))
-      .def("stop", [](LinkHandle& self) { (*self).stop(); })
+      .def("stop", [](LinkHandle& self) { return (*self).stop(); })
       .def("release_stop", [](LinkHandle& self) { (*self).release_stop(); })
       .def("is_stopped", [](LinkHandle& self) { return (*self).is_stopped(); })
       .def(
@@ -394,6 +405,10 @@ void bind_link(nb::module_& m) {
       .def(
           "recover_deadline", [](LinkHandle& self, std::uint8_t action) { (*self).recover_deadline(action); },
           nb::arg("action"))
+      .def("begin_close",
+           [](LinkHandle& self) {
+             if (Link* const link = self.get()) link->begin_close();
+           })
       .def("close",
            [](LinkHandle& self) {
              if (Link* const link = self.get()) link->close();  // a forked child has nothing to close

@@ -36,7 +36,8 @@ class Link {
   SendResult send(std::int16_t message, nb::bytes frame, std::int16_t reply);
   SendResult repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply);
   void stop_repeating(std::int16_t message);
-  void stop();
+  /// False: the link has ended, and nothing was sent. While `close` still waits a stop leaves before all else.
+  bool stop();
   void release_stop();
   bool is_stopped();
 
@@ -50,7 +51,9 @@ class Link {
   std::vector<std::uint8_t> struck_deadlines();
   void recover_deadline(std::uint8_t action);
 
-  /// Leases end, what is queued leaves (a second at most), the port is given back. Again: waits for the first call.
+  /// Leases end, with their safe values, and nothing more is taken. Waits for nothing: call `close` as well.
+  void begin_close();
+  /// The same; then what is queued leaves (a second at most), and the port is given back. Every call waits for that.
   void close();
 
   /// In a forked child: give back this process's copies of the descriptors, and nothing else. The thread is not here,

@@ -152,8 +152,8 @@ class Link:
         """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
     def stop_repeating(self, message: int) -> None:
         """End the lease, without a last value."""
-    def stop(self) -> None:
-        """The emergency stop: latched until ``release_stop``."""
+    def stop(self) -> bool:
+        """The emergency stop: latched until ``release_stop``. False: the link has ended, and nothing was sent."""
     def release_stop(self) -> None:
         """Let the stopped messages pass again; sends nothing."""
     def is_stopped(self) -> bool:
@@ -170,6 +170,8 @@ class Link:
         """Indices of the actions that have struck and not ended."""
     def recover_deadline(self, action: int) -> None:
         """End a deadline with ``recover: explicit``."""
+    def begin_close(self) -> None:
+        """End every lease and take nothing more; waits for nothing."""
     def close(self) -> None:
         """End every lease, let what is queued leave (a second at most), give the port back."""
     def after_fork(self) -> None:

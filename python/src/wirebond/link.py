@@ -174,16 +174,16 @@ class Link:
         those messages raise ``StoppedError``. While the port is away the stop waits, and is the first to leave when
         it is back.
 
-        The latch lives in this object: another program, and the MCU, do not see it.
+        The latch lives in this object: another program, and the MCU, do not see it. While ``close`` waits in another
+        thread, a stop still goes before all that is queued.
 
         :raises UsageError: the protocol has none.
         :raises LinkDownError: the link is closed: nothing can be sent any more.
         """
         if not self.codec.model.emergency_stop:
             raise UsageError(f"{self.codec.name} has no emergency_stop")
-        if self._engine.is_closed():
+        if not self._engine.stop():
             raise LinkDownError(f"the link to {self.port} is closed; the emergency stop was not sent")
-        self._engine.stop()
 
     def release_stop(self) -> None:
         """Let the stopped messages be sent again. Sends nothing itself: the robot stays as it is until the program
@@ -265,7 +265,7 @@ class Link:
 
     def close(self) -> None:
         """End every lease, with its safe value where it has one; send what is queued (a second at most); give the port
-        back. What had come can still be taken. A second call does nothing. Any thread."""
+        back. What had come can still be taken. A second call waits for the end of the first one. Any thread."""
         self._engine.close()
         _open_links.discard(self)
 
@@ -388,7 +388,10 @@ def _close_all() -> None:
     """The interpreter ends: safe values leave. Threads that wait in a link do not come back into Python, which is no
     more there for them."""
     _engine.end_of_interpreter()
-    for link in list(_open_links):
+    links = list(_open_links)
+    for link in links:  # every lease ends before any close waits
+        link._engine.begin_close()
+    for link in links:
         link.close()
     _engine.settle_threads()
 

@@ -51,7 +51,8 @@ struct Outgoing {
 };
 
 /// Order: the frame under way to its end; then safe values, in the file's order; then the queue, in which each
-/// repeated value has one place.
+/// repeated value has one place. A safe value that has left goes behind the others: where stops fall due faster than
+/// the line carries them, each message still gets its turn.
 ///
 /// A stop, and the end of a lease with a safe value, drop all that waits of their messages. Neither is ever refused.
 /// Time is in microseconds and does not wrap. One thread at a time.
@@ -123,6 +124,7 @@ class HostOutbox {
   /// `release_stop`. Also while the port is down: then it is the first to leave.
   void stop(std::uint64_t now_us) {
     is_latched_ = true;
+    if (waiting_safe() == nullptr) first_safe_ = 0;
     for (std::size_t i = 0; i < memory_.safe_count; ++i) {
       SafeValue& safe = memory_.safe_values[i];
       overrule(safe);
@@ -285,7 +287,8 @@ class HostOutbox {
 
   SafeValue* waiting_safe() const {
     for (std::size_t i = 0; i < memory_.safe_count; ++i) {
-      if (memory_.safe_values[i].waits) return &memory_.safe_values[i];
+      SafeValue& safe = memory_.safe_values[(first_safe_ + i) % memory_.safe_count];
+      if (safe.waits) return &safe;
     }
     return nullptr;
   }
@@ -365,6 +368,7 @@ class HostOutbox {
     safe_under_way_ = waiting_safe();
     if (safe_under_way_ != nullptr) {
       safe_under_way_->waits = false;
+      first_safe_ = static_cast<std::size_t>(safe_under_way_ - memory_.safe_values) + 1;
       return;
     }
     if (queue_.front().is_value()) lease_of(queue_.front().message).waits = false;
@@ -379,6 +383,7 @@ class HostOutbox {
   std::size_t written_ = 0;  ///< of the frame under way; 0: none has begun
   std::size_t leaving_size_ = 0;
   SafeValue* safe_under_way_ = nullptr;
+  std::size_t first_safe_ = 0;  ///< the look for one that waits begins here
   bool is_up_ = false;
   bool is_blocked_ = false;
   bool is_latched_ = false;
