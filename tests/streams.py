@@ -81,7 +81,8 @@ class Speaker:
 
     def __init__(self, codec: Codec) -> None:
         self._codec = codec
-        self._plain = Codec(replace(codec.model, format=_PAYLOAD_ALONE))
+        unnamed = tuple(replace(message, id=0) for message in codec.model.messages)  # that format carries no id
+        self._plain = Codec(replace(codec.model, format=_PAYLOAD_ALONE, messages=unnamed))
         self._raw = Codec(_with_raw_payloads(codec.model))
         self._forms: dict[End, list[tuple[FormParts, Form]]] = {}
 
@@ -103,9 +104,16 @@ class Speaker:
         return self._sealed(self._raw, stranger if source.random() < 0.2 else message, {"raw": payload}, source)
 
     def _sealed(self, codec: Codec, message: Message, values: dict[str, Any], source: random.Random) -> bytes:
-        forms = self._forms_of(message.sender)
-        index = source.randrange(len(forms)) if source.random() < 0.5 else 0
-        form_parts, form = forms[index]
+        """In a form that is drawn; where that one cannot carry the message, in the first that can."""
+        count = len(self._forms_of(message.sender))
+        drawn = source.randrange(count) if source.random() < 0.5 else 0
+        order = [drawn, *(index for index in range(count) if index != drawn)]
+        numbers = [(index, self._header_numbers(message.sender, index, source)) for index in order]
+        table = codec._format_for(message.sender)
+        return _engine.encode(codec._table, table, codec._index_of(message.name), values, numbers)
+
+    def _header_numbers(self, sender: End, index: int, source: random.Random) -> list[int]:
+        form_parts, form = self._forms_of(sender)[index]
         numbers = []
         for part in form.header:
             number = source.randrange(part.number.mask + 1) if source.random() < 0.5 else part.default
@@ -113,8 +121,7 @@ class Speaker:
                 if condition.field == part.name:
                     number = number & ~(1 << condition.bit) | truth << condition.bit
             numbers.append(number)
-        table = codec._format_for(message.sender)
-        return _engine.encode(codec._table, table, codec._index_of(message.name), values, index, numbers)
+        return numbers
 
     def _forms_of(self, sender: End) -> list[tuple[FormParts, Form]]:
         if sender not in self._forms:
@@ -136,10 +143,13 @@ _PAYLOAD_ALONE = FrameFormat(
 
 
 def _with_raw_payloads(model: Protocol) -> Protocol:
-    """The same frames, with bytes for fields; behind the messages one whose id is another's nowhere."""
+    """The same frames, with bytes for fields; behind the messages one whose id is another's nowhere, where frames carry
+    ids."""
     raw = (Field("raw", FieldKind.BYTES, 0, max_size=0xFFFF),)
     taken = {message.id for message in model.messages}
-    stranger = Message("stranger", next(i for i in range(256) if i not in taken), End.BOTH, raw)
+    forms = plan_for(model, End.HOST).forms + plan_for(model, End.MCU).forms
+    has_id = any(form.id is not None for form in forms)
+    stranger = Message("stranger", next(i for i in range(256) if i not in taken) if has_id else 0, End.BOTH, raw)
     return replace(model, messages=(*(replace(m, fields=raw) for m in model.messages), stranger))
 
 
