@@ -37,7 +37,7 @@ constexpr std::uint32_t shortest(const std::array<DeadlineRule, Size>& rules) {
 enum class MayAct : std::uint8_t {
   yes,
   late,       ///< it is as old as the shortest deadline of its message at this end, or older
-  held_back,  ///< a deadline of its message with `recover: explicit` has struck, and nobody has called `recover` yet
+  held_back,  ///< a deadline of its message with `recover: explicit` has struck, and `recover` was not called yet
 };
 
 /// Messages that did not act, by the reason.

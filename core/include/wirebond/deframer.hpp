@@ -75,7 +75,7 @@ class Deframer {
       return consume_by_rules(window, size, give_up, sink);
     } else {
       if (source_.format().framing != Framing::by_start) return consume_by_rules(window, size, give_up, sink);
-      if (size < needed_) {  // examined before: so many bytes decide
+      if (size < needed_) {  // examined before: this many bytes decide
         if (!give_up) return 0;
         needed_ = 0;  // they will not come: the straight way must not look for them
       }
@@ -131,7 +131,7 @@ class Deframer {
         if (at == size) break;
       }
       const std::size_t available = size - at;
-      if (available < needed_ && !give_up) break;  // examined before: so many bytes decide
+      if (available < needed_ && !give_up) break;  // examined before: this many bytes decide
       Frame frame;
       Verdict verdict = examine(source_, window + at, available, nullptr, frame);
       if (verdict.outcome == Outcome::need_more) {
@@ -428,8 +428,8 @@ class Deframer {
     blame(cause, extent);
   }
 
-  /// Bytes of a failed candidate carry its cause when they are rescanned in vain. Of two that overlap, the one that
-  /// reaches further keeps the bytes from its start on.
+  /// Bytes of a failed candidate carry its cause when a rescan finds no frame in them. Of two that overlap, the one
+  /// that reaches further keeps the bytes from its start on.
   void blame(Cause cause, std::size_t extent) {
     if (extent > blamed_) {
       blamed_ = extent;
@@ -459,9 +459,9 @@ class Deframer {
   detail::WaitingHead<Source> waiting_;  ///< by start: of what waits for needed_ bytes
   Cause blame_ = Cause::no_start;
   bool overlong_ = false;                ///< inside a block that is longer than any frame
-  detail::Extent<Source> needed_ = 0;    ///< by start: the candidate at the front was examined; so many bytes decide
-  detail::Extent<Source> searched_ = 0;  ///< delimiters: so many bytes of the window hold no end of the block
-  std::size_t blamed_ = 0;               ///< so many bytes from here on belong to a candidate that failed
+  detail::Extent<Source> needed_ = 0;    ///< by start: the candidate at the front was examined; this many bytes decide
+  detail::Extent<Source> searched_ = 0;  ///< delimiters: this many bytes of the window hold no end of the block
+  std::size_t blamed_ = 0;               ///< this many bytes from here on belong to a candidate that failed
   std::uint8_t* scratch_;
   Counter settled_ = 0;
   Account account_{};

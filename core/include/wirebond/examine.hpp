@@ -41,7 +41,8 @@ enum class Outcome : std::uint8_t { frame, need_more, reject };
 struct Verdict {
   Outcome outcome = Outcome::reject;
   Cause cause = Cause::no_start;
-  /// frame: its size; need_more: look again when so many bytes are there; reject: so many bytes were the candidate's.
+  /// frame: its size; need_more: look again when this many bytes are there; reject: this many bytes were the
+  /// candidate's.
   std::size_t bytes = 0;
 };
 
@@ -267,7 +268,7 @@ WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candid
   if constexpr (Source::is_constant) {
     if (format.form_count == 1) return detail::examine_form(source, 0, candidate, available, block, frame);
   }
-  // Several forms: the first that holds. A rejection is told for the form that got furthest: one whose bits "there
+  // Several forms: the first that holds. A rejection is reported for the form that got furthest: one whose bits "there
   // or not" differ is not meant at all, so of two that blame as many bytes any other cause says more.
   Verdict best{Outcome::reject, Cause::constant_mismatch, 0};
   for (std::size_t i = 0; i < format.form_count; ++i) {

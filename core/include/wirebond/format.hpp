@@ -84,9 +84,9 @@ constexpr std::size_t max_escapes = 6;
 struct Form {
   std::uint16_t prefix = 0;
   std::uint16_t suffix = 0;
-  std::uint8_t prefix_constants = 0;  ///< the first so many of `constants` lie in the prefix, by rising offset
+  std::uint8_t prefix_constants = 0;  ///< this many of the first `constants` lie in the prefix, by rising offset
   std::uint8_t constant_count = 0;
-  std::uint8_t header_checks = 0;  ///< the first so many of `checks` cover and lie in the prefix only
+  std::uint8_t header_checks = 0;  ///< this many of the first `checks` cover and lie in the prefix only
   std::uint8_t check_count = 0;
   PayloadSize payload_size = PayloadSize::fixed;
   std::uint8_t length_unit = 1;
@@ -143,8 +143,8 @@ struct FrameFormat {
   std::uint8_t algorithm_count = 0;
   bool deliver_unknown = false;  ///< unknown ids and other payload sizes are frames, not false starts
   bool skips_failed = false;     ///< a candidate that failed behind its header is not looked through again
-  std::uint8_t plain_front = 0;  ///< so many bytes before the stuffed ones are sent as they are
-  std::uint8_t plain_back = 0;   ///< and so many behind them
+  std::uint8_t plain_front = 0;  ///< this many bytes before the stuffed ones are sent as they are
+  std::uint8_t plain_back = 0;   ///< and this many behind them
   std::uint16_t max_payload = 0;
   std::array<Form, max_forms> forms{};
   std::array<CheckAlgorithm, max_algorithms> algorithms{};

@@ -27,7 +27,7 @@ struct BlockEnd {
   enum Kind {
     closing,  ///< by the closing delimiter at `at`
     opening,  ///< not: another opening delimiter stands at `at`, and is a better candidate
-    no_pair,  ///< not: so many bytes were looked at, and the last two are no pair that a sender makes
+    no_pair,  ///< not: this many bytes were looked at, and the last two are no pair that a sender makes
     open,     ///< not yet: the search goes on from `at`
   };
   Kind kind;

@@ -75,8 +75,8 @@ template <class Message>
 struct HasClamp<Message, std::void_t<decltype(clamp(std::declval<Message&>()))>> : std::true_type {};
 
 /// Room for a message on its way to a handler. `EveryMember`: decode writes every member, as it does where a message
-/// has one size only. Then the members' first values would be written in vain, and they are not: the object begins its
-/// life as a plain aggregate does in bytes (P0593). A struct without members has nothing that decode could write.
+/// has one size only. Then the members' first values would be written for nothing, so they are not: the object begins
+/// its life as a plain aggregate does in bytes (P0593). A struct without members has nothing that decode could write.
 template <class Message, bool EveryMember = !std::is_empty_v<Message> &&
                                             Message::Info::min_payload_bytes == Message::Info::max_payload_bytes>
 class Room {

@@ -9,8 +9,8 @@
 
 namespace wirebond {
 
-/// Chunks of at most so many bytes are joined with what was carried; larger ones are looked at where they lie, but for
-/// the seam. A microcontroller joins seams only: memory is dear there, and frames are handed out in place.
+/// Chunks of at most this many bytes are joined with what was carried; larger ones are looked at where they lie, but
+/// for the seam. A microcontroller joins seams only: memory is dear there, and frames are handed out in place.
 template <class Source>
 constexpr std::size_t joined_chunk = Source::is_constant ? 0 : 512;
 

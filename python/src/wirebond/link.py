@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import math
 import os
+import threading
 import weakref
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -91,6 +92,7 @@ class Link:
             raise UsageError(f"baud is {speed}; expected 1 to 100000000 bits per second")
         if settings.stop_bits not in (1, 2):
             raise UsageError(f"a Linux tty has 1 or 2 stop bits, and {model.name} asks for {settings.stop_bits:g}")
+        _refuse_at_the_end()
         self.codec = codec
         self.port = _port_name(port)
         self.baud = speed
@@ -100,7 +102,7 @@ class Link:
         self._engine = _engine.Link(
             codec._table, codec._format_for(End.MCU), self.port, engine_settings(codec, speed, paced, hold_back)
         )
-        _open_links.add(self)
+        _note_open(self)
 
     # ---- sending
 
@@ -267,7 +269,8 @@ class Link:
         """End every lease, with its safe value where it has one; send what is queued (a second at most); give the port
         back. What had come can still be taken. A second call waits for the end of the first one. Any thread."""
         self._engine.close()
-        _open_links.discard(self)
+        with _open_links_lock:
+            _open_links.discard(self)
 
     def __repr__(self) -> str:
         return (
@@ -382,13 +385,32 @@ def _reply_index(codec: Codec, message: str) -> int:
 # ---- the end of the process, and forks --------------------------------------------------------------------------
 
 _open_links: weakref.WeakSet[Link] = weakref.WeakSet()
+_open_links_lock = threading.RLock()  # another thread may open a link while the program ends
+_is_ending = False
+
+
+def _refuse_at_the_end() -> None:
+    if _is_ending:
+        raise LinkDownError("the program is ending; a link cannot be opened any more")
+
+
+def _note_open(link: Link) -> None:
+    with _open_links_lock:
+        if not _is_ending:
+            _open_links.add(link)
+            return
+    link._engine.close()
+    _refuse_at_the_end()
 
 
 def _close_all() -> None:
     """The interpreter ends: safe values leave. Threads that wait in a link do not come back into Python, which is no
     more there for them."""
+    global _is_ending  # noqa: PLW0603 there is one end
     _engine.end_of_interpreter()
-    links = list(_open_links)
+    with _open_links_lock:
+        _is_ending = True
+        links = list(_open_links)
     for link in links:  # every lease ends before any close waits
         link._engine.begin_close()
     for link in links:
@@ -398,6 +420,8 @@ def _close_all() -> None:
 
 def _leave_to_the_parent() -> None:
     """In a forked child: its copies of the ports are given back, and nothing is sent."""
+    global _open_links_lock  # noqa: PLW0603 a thread that is not here may have held it
+    _open_links_lock = threading.RLock()
     _engine.after_fork()
     for link in list(_open_links):
         link._engine.after_fork()

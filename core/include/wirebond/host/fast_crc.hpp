@@ -141,7 +141,7 @@ class FastCrc {
   WIREBOND_INLINE static void next_two(std::uint64_t& word) {
     word >>= 16;
 #if defined(__GNUC__)
-    __asm__("" : "+r"(word));  // else compilers shift the first word anew for each byte
+    __asm__("" : "+r"(word));  // else compilers shift the first word again for each byte
 #endif
   }
 

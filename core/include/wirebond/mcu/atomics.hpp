@@ -13,8 +13,9 @@ namespace wirebond {
 //   Atomic<T>        load(order) and store(value, order) as std::atomic has them, for T of at most Word's size
 //   update(atomic, order, change)
 //                    `change(value)` sees the word's value and may alter it; where it returns true, the altered value
-//                    is stored, provided that nobody stored to the word meanwhile, else it is asked again with the new
-//                    value. False where `change` returned false: nothing was stored then. `order` is that of the store.
+//                    is stored, provided that no other context stored to the word meanwhile, else it is asked again
+//                    with the new value. False where `change` returned false: nothing was stored then. `order` is that
+//                    of the store.
 //   add(atomic)      one more
 // Loads and stores are single instructions everywhere; only `update` and `add` differ between processors.
 // Any context: a change that was interrupted is done again, and each such repeat means that another context got on.

@@ -89,7 +89,7 @@ typedef struct wirebond_frame {
 
 /// Room for a receiver beside its workspace. The generated .cpp does not compile where that is too little.
 #define WIREBOND_RECEIVER_BYTES(workspace) ((workspace) + 12 * sizeof(void*) + 36 * sizeof(uint32_t))
-/// Room for so many deadlines.
+/// Room for this many deadlines.
 #define WIREBOND_DEADLINES_BYTES(rules) (2 * sizeof(void*) + (rules)*5 * sizeof(uint32_t))
 
 // ---- links ----------------------------------------------------------------------------------------------------------
@@ -157,7 +157,7 @@ typedef struct wirebond_link_counters {
   uint32_t line_errors;        ///< framing, noise, overrun and DMA errors that the port told of
   uint32_t receive_restarts;   ///< reception was begun again, after an error or for silence
   uint32_t transmit_retries;   ///< the port did not take a run: busy, or an error
-  uint32_t transmit_timeouts;  ///< a run did not leave in time, and was broken off
+  uint32_t transmit_timeouts;  ///< a run did not leave in time, and was stopped
   uint32_t slow_polls;         ///< more than half the shortest deadline after the poll before
   uint32_t nested_polls;       ///< polls that found the UART's interrupt at work, and returned at once
   uint32_t late;       ///< messages as old as their shortest deadline when they were found: no function was called
@@ -185,8 +185,8 @@ typedef struct wirebond_receive_account {
   uint32_t laps;        ///< how often that happened
   uint32_t overtaken;   ///< handed out, and written over while they were read: the ring is too small
   uint32_t dropped;     ///< of `received`: not read, because more may have come than anybody could count
-  /// How often nobody looked for as long as the ring takes to fill. Whole rings may have come that `received` does not
-  /// know of; what was left of them is in `dropped`.
+  /// How often there was no poll for as long as the ring takes to fill. Whole rings may have come that `received` does
+  /// not know of; what was left of them is in `dropped`.
   uint32_t laps_unknown;
 } wirebond_receive_account_t;
 
@@ -211,7 +211,7 @@ typedef struct wirebond_send_account {
   uint32_t sent;
   uint32_t replaced;    ///< by a newer frame of a message of `queue: latest`
   uint32_t expired;     ///< waited for longer than the file's `max_age`
-  uint32_t aborted;     ///< in a run that was broken off; some of its frames may have arrived
+  uint32_t aborted;     ///< in a run that was stopped; some of its frames may have arrived
   uint32_t queued;      ///< finished and not gone, now
   uint32_t unfinished;  ///< being written by their senders, now
 } wirebond_send_account_t;

@@ -67,7 +67,7 @@ class Handshake {
     bool offered() const { return (word_ & offered_bit) != 0; }
     bool restart() const { return (word_ & restart_bit) != 0; }
     bool begun() const { return (word_ & begun_bit) != 0; }
-    /// Does something wait for an interrupt that nobody may have pended? Where the port took no run it must be asked
+    /// Does something wait for an interrupt that perhaps was not pended? Where the port took no run it must be asked
     /// again; a request that was lost is repeated.
     bool asks() const { return restart() || line() == Line::refused || (line() == Line::idle && offered()); }
 
@@ -115,7 +115,7 @@ class Handshake {
     return work;
   }
 
-  /// False: no run was under way; the event is that of one that was broken off.
+  /// False: no run was under way; the event is that of one that was stopped.
   bool complete() {
     return Atomics::update(word_, Orders::takes, [](std::uint32_t& word) {
       const bool was_sending = (word & line_bits) == sending;

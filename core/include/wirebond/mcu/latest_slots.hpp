@@ -14,7 +14,7 @@ namespace wirebond {
 
 /// Every atomic operation of the slots that is more than relaxed, and the one that it pairs with.
 struct LatestSlotsOrders {
-  /// A writer takes a cell that nobody uses. With `frees`, and with `commits` of the frame that was replaced there.
+  /// A writer takes a cell that is not in use. With `frees`, and with `commits` of the frame that was replaced there.
   static constexpr std::memory_order takes = std::memory_order_acquire;
   /// A writer publishes its cell: the frame's bytes and size. With `sends`, and with `takes` once it is replaced.
   static constexpr std::memory_order commits = std::memory_order_release;

@@ -35,7 +35,7 @@ struct LinkCounters {
   std::uint32_t line_errors = 0;        ///< framing, noise, overrun and DMA errors that the port told of
   std::uint32_t receive_restarts = 0;   ///< reception was begun again, after an error or for silence
   std::uint32_t transmit_retries = 0;   ///< the port did not take a run: busy, or an error
-  std::uint32_t transmit_timeouts = 0;  ///< a run did not leave in time, and was broken off
+  std::uint32_t transmit_timeouts = 0;  ///< a run did not leave in time, and was stopped
   std::uint32_t slow_polls = 0;         ///< more than half the shortest deadline at this end after the poll before
   std::uint32_t nested_polls = 0;       ///< polls that found the UART's interrupt at work, and returned at once
   std::uint32_t late = 0;               ///< messages as old as their shortest deadline at this end when they were found
@@ -79,7 +79,7 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 template <class Protocol, class Handler, class Port, class Memory>
 class Link {
  public:
-  /// The silence of the peer after which the link is stale, and reception is begun anew: a UART or its DMA may hang.
+  /// The silence of the peer after which the link is stale, and reception is begun again: a UART or its DMA may hang.
   static constexpr std::uint32_t timeout_us = 1'000'000;
 
   using Sends = typename Protocol::Sends;
@@ -183,7 +183,7 @@ class Link {
 
   // ---- the UART's interrupt
 
-  /// Half, full or idle: DMA moved on. Events may come in any order, merged, or in vain.
+  /// Half, full or idle: DMA moved on. Events may come in any order, merged, or without news.
   void on_received() {
     const Event event(in_event_);
     if (state() == LinkState::down) return;  // not ours: where DMA stands before `start_receive` says nothing
@@ -196,7 +196,7 @@ class Link {
   /// The run has left, its last bit included.
   void on_transmitted() {
     const Event event(in_event_);
-    if (!handshake_.complete()) return;  // of a run that was broken off
+    if (!handshake_.complete()) return;  // of a run that was stopped
     outbox_.sent();
     send_next();
   }
@@ -383,7 +383,7 @@ class Link {
     handshake_.ask_restart();  // until it is done: poll asks again
     if (!ring_.can_restart()) return;
     ring_.begin_restart();
-    // A byte that DMA takes from here on until the port has stopped it is lost, and nobody can count it.
+    // A byte that DMA takes from here on until the port has stopped it is lost and cannot be counted.
     if (port_.start_receive(memory_.receive.data(), memory_.receive.size())) {
       ring_.restart();
       receive_restarts_ += 1;

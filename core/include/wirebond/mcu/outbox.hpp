@@ -17,7 +17,7 @@
 
 namespace wirebond {
 
-/// Frames that may wait in a queue of so many bytes, unless said: one for each 32 bytes, and at least 4. An entry takes
+/// Frames that may wait in a queue of this size, by default: one for each 32 bytes, and at least 4. An entry takes
 /// 8 bytes on an MCU.
 constexpr std::size_t default_frames(std::size_t queue_bytes) { return queue_bytes < 128 ? 4 : queue_bytes / 32; }
 
@@ -224,7 +224,7 @@ class Outbox {
   /// The run has left.
   void sent() { end_run(true); }
 
-  /// The run was broken off.
+  /// The run was stopped before its end.
   void aborted() { end_run(false); }
 
   /// The link is down: whatever is finished expires, but for a run that is under way.

@@ -17,8 +17,8 @@ struct ReceiveAccount {
   std::uint32_t laps = 0;        ///< how often that happened
   std::uint32_t overtaken = 0;   ///< handed out, and written over while they were read: the ring is too small
   std::uint32_t dropped = 0;     ///< of `received`: not read, because more may have come than anybody could count
-  /// How often nobody looked for as long as the ring takes to fill. Whole rings may have come then that `received` does
-  /// not know of; what was left of them is in `dropped`.
+  /// How often there was no poll for as long as the ring takes to fill. Whole rings may have come then that `received`
+  /// does not know of; what was left of them is in `dropped`.
   std::uint32_t laps_unknown = 0;
 };
 
@@ -47,7 +47,7 @@ class ReceiveRing {
 
   // ---- the UART's interrupt
 
-  /// DMA writes at `place` next. Events may come in any order, merged or in vain. Returns the position.
+  /// DMA writes at `place` next. Events may come in any order, merged or without news. Returns the position.
   Count advance(std::size_t place) {
     Count written = written_.load(std::memory_order_relaxed);  // only this context writes it
     written += ahead(place, written);
@@ -139,7 +139,7 @@ class ReceiveRing {
     pass(static_cast<Count>(count));
   }
 
-  /// All that `look` saw is given up: rings may have come that nobody counted.
+  /// All that `look` saw is given up: whole rings may have come uncounted.
   void drop_unread() {
     for (Span span = next(); span.size != 0; span = next()) {
       dropped_ += static_cast<Count>(span.size);

@@ -21,7 +21,7 @@ struct SendAccount {
   std::uint32_t sent = 0;
   std::uint32_t replaced = 0;    ///< by a newer frame of a `latest` message
   std::uint32_t expired = 0;     ///< the link was down, or older than `max_age`
-  std::uint32_t aborted = 0;     ///< in a run that was broken off; some of its frames may have arrived
+  std::uint32_t aborted = 0;     ///< in a run that was stopped; some of its frames may have arrived
   std::uint32_t queued = 0;      ///< finished and not gone, a run that is under way among them; counted in the queues
   std::uint32_t unfinished = 0;  ///< between reserve and commit; counted in the queues
 
@@ -45,7 +45,7 @@ class SendLedger {
   void refuse(Refusal cause) { Atomics::add(refused_[static_cast<std::size_t>(cause) - 1]); }
   void accept() { Atomics::add(accepted_); }
   void replace() { Atomics::add(replaced_); }
-  // The consumer's own counters: nobody else writes them, so nothing can come in between.
+  // The consumer's own counters: no other context writes them, so nothing can come in between.
   void send() { add_alone(sent_); }
   void expire() { add_alone(expired_); }
   void abort() { add_alone(aborted_); }

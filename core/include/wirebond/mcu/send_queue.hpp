@@ -170,7 +170,7 @@ class SendQueue {
     return next(max_bytes, true, [](std::uint8_t*, std::size_t, std::uint8_t) {});
   }
 
-  /// The run has left, or was broken off: its frames are gone. `visit(tag)` is called for each of them.
+  /// The run has left, or was stopped: its frames are gone. `visit(tag)` is called for each of them.
   template <class Visit>
   void end_run(Visit&& visit) {
     for (; run_frames_ != 0; --run_frames_, ++run_first_) dismiss(entry_of(run_first_), visit);

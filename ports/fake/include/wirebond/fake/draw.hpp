@@ -21,7 +21,7 @@ class Draw {
   /// 0 .. limit - 1; 0 for a limit of 0.
   std::uint64_t below(std::uint64_t limit) { return limit == 0 ? 0 : next() % limit; }
 
-  /// True so many times in a million.
+  /// True this many times in a million.
   bool chance(std::uint32_t per_million) { return per_million != 0 && below(1'000'000) < per_million; }
 
  private:
