@@ -16,6 +16,7 @@
 #include <array>
 #include <cstdio>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "print.hpp"
@@ -92,13 +93,27 @@ std::size_t seal_shared(const SharedSource& source, std::uint8_t* out, std::size
   return wirebond::seal(source, out, capacity, id, payload);
 }
 
+/// Does the generated `encode` do without being told the end? Not for a message of both where their frames differ.
+template <class Message, class = void>
+struct EncodesAlone : std::false_type {};
+template <class Message>
+struct EncodesAlone<Message, std::void_t<decltype(encode(std::declval<const Message&>(), std::declval<std::uint8_t*>(),
+                                                         std::size_t{}, std::declval<std::size_t&>()))>>
+    : std::true_type {};
+
 /// The frame of a message, as the generated encode gives it; nothing where it refuses.
 template <bool Folded, class Generated, class Message>
 std::vector<std::uint8_t> frame_of(const Message& message) {
   std::vector<std::uint8_t> out(Message::Info::max_frame_bytes);
   std::size_t size = 0;
   if constexpr (Folded) {
-    if (encode(message, out.data(), out.size(), size) != wirebond::Status::ok) size = 0;
+    wirebond::Status status;
+    if constexpr (EncodesAlone<Message>::value) {
+      status = encode(message, out.data(), out.size(), size);
+    } else {
+      status = wirebond::encode_frame<Generated>(message, out.data(), out.size(), size);
+    }
+    if (status != wirebond::Status::ok) size = 0;
   } else {
     const SharedSource source = shared<Generated>();
     const std::size_t payload = payload_bytes(message);

@@ -11,6 +11,8 @@ namespace board {
 /// The functions are those that `wirebond::Link` asks of a port; what their words mean is written there.
 class EmulatedUart {
  public:
+  static constexpr bool tells_every_lap = true;  ///< an interrupt moves each byte: none is lapped unseen
+
   explicit EmulatedUart(SoftwareDma& dma) : dma_(dma) {}
 
   bool start_receive(std::uint8_t* ring, std::size_t size) {
