@@ -73,8 +73,8 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 ///
 /// **A stall.** Bytes are as old as the poll before the one that found them, or, where the port has a clock, as the
 /// receive event before them. A message with a deadline at this end that is as old as the shortest of them, or older,
-/// is counted as `late` and does not act: no handler, no subscription, no reply, no deadline put off. Where nobody
-/// looked for as long as the line takes to fill the receive ring, whatever is unread is dropped
+/// is counted as `late` and does not act: no handler, no subscription, no reply, no deadline put off. If there
+/// was no poll for as long as the line takes to fill the receive ring, whatever is unread is dropped
 /// (`ReceiveAccount::laps_unknown`).
 template <class Protocol, class Handler, class Port, class Memory>
 class Link {

@@ -55,8 +55,8 @@ class ReceiveAge {
   /// Reception begins.
   void start(std::uint32_t) {}
 
-  /// `poll` begins, at `now_us`; the one before began at `before_us`. True: `limit_us` or more have passed in which
-  /// nobody looked.
+  /// `poll` begins, at `now_us`; the one before began at `before_us`. True: `limit_us` or more have passed
+  /// without a look.
   bool is_late(std::uint32_t before_us, std::uint32_t now_us, std::uint32_t limit_us) {
     return now_us - before_us >= limit_us;
   }

@@ -18,7 +18,7 @@ from wirebond.visible import visible
 
 
 class ReaderGone(Exception):  # noqa: N818 it is no error: `head` has seen enough
-    """Nobody reads stdout any more. What has an account gives it, and the command ends with exit code 0."""
+    """The reader of stdout has gone. What has an account gives it, and the command ends with exit code 0."""
 
 
 class SafeConsole(Console):
@@ -62,7 +62,7 @@ def plain(text: str) -> str:
 def write(text: str) -> None:
     """Text of any number of lines to stdout, at once: a reader may wait for it.
 
-    :raises ReaderGone: nobody reads it any more.
+    :raises ReaderGone: its reader has gone.
     """
     try:
         sys.stdout.write(visible(text, keep="\n"))

@@ -142,7 +142,7 @@ class Field:
         return numerator, 0, denominator, self.offset
 
     def lost_digits(self, mantissa: int) -> Fraction:
-        """The most that a scaled integer's value loses, there and back, in floats of so many bits where the whole
+        """The most that a scaled integer's value loses, there and back, in floats of this many bits where the whole
         numbers are not exact.
 
         Each operation and each constant is off by half a unit in the last place at most (IEEE 754, round to nearest):
