@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -49,6 +50,57 @@ def test_the_latency_of_an_adapter_is_one_number(constants: list[list[int]]) -> 
 
 def test_cobs_adds_the_same_at_both_ends(constants: list[list[int]]) -> None:
     assert [cobs_overhead(size) for size in range(3000)] == constants[2]
+
+
+LENGTHS = (
+    "u8",
+    "u16",
+    "{type: u8, counts: rest}",
+    "{type: u8, counts: self_and_rest}",
+    "{type: u8, counts: frame}",
+    "{type: u8, offset: 2}",
+    "{type: u8, counts: rest, offset: -2}",
+    "{type: u8, unit: 2}",
+    "{type: u8, offset: 4, unit: 4}",
+)
+SIZES = 1100
+CARRIES = """
+#include <cstdio>
+#include "wirebond/format.hpp"
+int main() {{
+  const wirebond::Form forms[] = {{{forms}}};
+  for (const wirebond::Form& form : forms) {{
+    std::printf("%lld ", static_cast<long long>(wirebond::most_payload(form)));
+    for (std::size_t size = 0; size < {sizes}; ++size) std::printf("%d ", wirebond::carries(form, size));
+    std::printf("\\n");
+  }}
+}}
+"""
+
+
+def form_with(length: str) -> plan.Form:
+    model = loads(
+        f"wirebond: 1\nprotocol: told\nmax_payload: 8\nframe:\n  - magic: 0xAA\n  - length: {length}\n  - id: u8\n"
+        "  - payload: by_length\n  - check: xor8\nmessages: {m: {id: 1, sender: host, fields: {a: {type: u64}}}}\n"
+    )
+    return plan.plan_for(model, End.HOST).forms[0]
+
+
+def form_in_cpp(form: plan.Form) -> str:
+    assert form.length is not None
+    return (
+        "[] { wirebond::Form form; form.payload_size = wirebond::PayloadSize::by_length;"
+        f" form.length.bytes = {form.length.bytes}; form.length.mask = {form.length.mask}U;"
+        f" form.length_unit = {form.length_unit}; form.length_bias = {form.length_bias}; return form; }}()"
+    )
+
+
+def test_both_ends_agree_on_what_a_length_can_tell(tmp_path: Path) -> None:
+    forms = [form_with(length) for length in LENGTHS]
+    (tmp_path / "main.cpp").write_text(CARRIES.format(forms=", ".join(map(form_in_cpp, forms)), sizes=SIZES))
+    run(["g++", "-std=c++17", f"-I{CORE}", str(tmp_path / "main.cpp"), "-o", str(tmp_path / "main")])
+    printed = [[int(word) for word in line.split()] for line in run([str(tmp_path / "main")]).splitlines()]
+    assert printed == [[form.most_payload, *(form.carries(size) for size in range(SIZES))] for form in forms]
 
 
 @pytest.mark.parametrize("size", [1, 252, 253, 254, 255, 507, 508, 509])
