@@ -66,6 +66,22 @@ def check(
 
 
 @app.command()
+def diff(
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="The protocol file as one end has it.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="The changed file.")],
+    updated: Annotated[
+        str | None, typer.Option(help="The end that gets the new file first: host or mcu. Without it: either may.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what a changed protocol file breaks while one end still has the old one. Exit 1 if it breaks."""
+    from wirebond.diff.command import diff_files
+
+    raise_from_here()
+    raise typer.Exit(diff_files(old, new, as_json, updated))
+
+
+@app.command()
 def encode(
     file: ProtocolFile,
     message: Annotated[str, typer.Argument(help="Name of a message.")],

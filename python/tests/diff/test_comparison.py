@@ -1,0 +1,157 @@
+"""What `wirebond diff` says, and its exit codes."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import pytest
+
+from wirebond.cli.main import main
+from wirebond.diff import Change, Verdict, compare
+from wirebond.protocol import End, load, loads, protocol_hash
+
+PROTOCOLS = sorted((Path(__file__).parents[3] / "protocols").rglob("*.yaml"))
+FRAME = "[magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-16/modbus]"
+BASE = f"""
+wirebond: 1
+protocol: robot
+link: {{baud: 115200, stop_bits: 2}}
+frame: {FRAME}
+max_payload: 8
+messages:
+  drive: {{id: 1, sender: host, every: 100 ms, fields: {{speed: {{type: i16, unit: m/s, scale: 0.001}}}}}}
+  state: {{id: 2, sender: mcu, every: 1 s, fields: {{volt: {{type: u16, description: of the battery}}}}}}
+  ask:   {{id: 3, sender: host, reply: state}}
+  ping:  {{id: 4, sender: host, reply: pong, fields: {{number: {{type: u8}}}}}}
+  pong:  {{id: 5, sender: mcu, fields: {{number: {{type: u8}}}}}}
+deadlines:
+  - {{message: drive, at: mcu, after: 500 ms, then: stop}}
+services: {{ping: {{request: ping, reply: pong}}}}
+emergency_stop: {{message: drive, speed: 0}}
+"""
+
+
+def changes(old: str, new: str) -> list[Change]:
+    assert old in BASE
+    return list(compare(loads(BASE), loads(BASE.replace(old, new, 1))).changes)
+
+
+def told(old: str, new: str) -> dict[str, str]:
+    """Of one change the sentence, and each effect by its direction."""
+    [change] = changes(old, new)
+    rows = {"": f"{change.verdict}: {change.what}: {change.sentence}"}
+    return rows | {str(e.flow): ("breaks: " if e.breaks else "") + e.sentence for e in change.effects}
+
+
+def test_a_scale_is_told_by_a_value() -> None:
+    assert told("scale: 0.001", "scale: 0.01") == {
+        "": "breaks: drive.speed: scale 0.001 became 0.01",
+        "new host to old MCU": "breaks: 1 m/s arrives as 0.1 m/s",
+        "old host to new MCU": "breaks: 1 m/s arrives as 10 m/s",
+    }
+
+
+def test_a_slower_sender_breaks_the_old_deadline() -> None:
+    with_longer = BASE.replace("every: 100 ms", "every: 600 ms").replace("after: 500 ms", "after: 2 s")
+    found = compare(loads(BASE), loads(with_longer))
+    assert [c.sentence for c in found.changes if c.verdict == Verdict.BREAKS] == ["every 100 ms became 600 ms"]
+    assert not found.works(End.HOST)
+    assert found.works(End.MCU)
+
+
+def test_a_shorter_deadline_breaks_with_the_old_sender() -> None:
+    quick = BASE.replace("every: 100 ms", "every: 20 ms").replace("after: 500 ms", "after: 80 ms")
+    found = compare(loads(BASE), loads(quick))
+    assert found.works(End.HOST)
+    assert not found.works(End.MCU)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("every: 1 s", "every: 2 s", "state: every 1 s became 2 s"),
+        ("of the battery", "at the motor", "state.volt: has another description"),
+        ("protocol: robot", "protocol: rover", "protocol: robot became rover: generated code has other names"),
+        ("speed: 0}", "speed: 0.1}", "emergency_stop: has other messages or values"),
+        ("after: 500 ms", "after: 700 ms", "deadline of drive: after 500 ms became 700 ms"),
+        ("{message: drive, at: mcu", "{message: ask, at: mcu", ""),
+        ("services", "idle: 1 s\nservices", "idle: none became 1 s"),
+    ],
+)
+def test_what_touches_no_byte_is_harmless(old: str, new: str, what: str) -> None:
+    found = changes(old, new)
+    assert {change.verdict for change in found} == {Verdict.HARMLESS}
+    assert not what or [f"{change.what}: {change.sentence}" for change in found] == [what]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("baud: 115200", "baud: 57600", "baud 115200 became 57600"),
+        ("stop_bits: 2", "stop_bits: 1", "stop_bits 2 became 1"),
+        ("services: {ping: {request: ping, reply: pong}}", "", "is gone"),
+        ("reply: state", "reply: pong", "reply state became pong"),
+        ("  ask:   {id: 3, sender: host, reply: state}\n", "", "is gone"),
+        ("ask:   {id: 3,", "demand: {id: 3, fields: {x: {type: u8}},", "is new, from the host"),
+        ("id: u8", "id: u16", "`id: u8` became `id: u16`"),
+        ("length: u8", "length: {type: u8, counts: rest}", "`length: u8` became `length: {type: u8, counts: rest}`"),
+        (
+            FRAME,
+            "[id: u8, payload: rest, check: crc-16/modbus, delimiter: 0x0A]",
+            "frames without delimiters became frames in 0x0A",
+        ),
+    ],
+)
+def test_what_an_old_end_goes_on_with_breaks(old: str, new: str, sentence: str) -> None:
+    assert sentence in [change.sentence for change in changes(old, new) if change.verdict == Verdict.BREAKS]
+
+
+def test_a_new_message_is_compatible_and_a_new_deadline_on_it_is_not() -> None:
+    more = BASE.replace("  pong:", "  lamp: {id: 9, sender: host}\n  pong:")
+    assert compare(loads(BASE), loads(more)).works(End.MCU)
+    watched = more.replace("services", "  - {message: lamp, at: mcu, after: 1 s, then: stop}\nservices")
+    assert not compare(loads(BASE), loads(watched)).works(End.MCU)
+    assert compare(loads(BASE), loads(watched)).works(End.HOST)
+
+
+def test_a_file_does_not_differ_from_itself_and_another_hash_is_never_harmless() -> None:
+    models = [load(path) for path in PROTOCOLS]
+    for model in models:
+        assert not compare(model, model).changes
+    for one, other in itertools.permutations(models, 2):
+        found = compare(one, other)
+        if protocol_hash(one) != protocol_hash(other):
+            assert any(change.verdict != Verdict.HARMLESS for change in found.changes), (one.path, other.path)
+
+
+def test_exit_codes_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    old, new, wrong = (tmp_path / name for name in ("old.yaml", "new.yaml", "wrong.yaml"))
+    old.write_text(BASE)
+    new.write_text(BASE.replace("{type: u16,", "{type: u16, scale: 0.1,").replace("every: 1 s", "every: 2 s"))
+    wrong.write_text("wirebond: 1\n")
+    assert main(["diff", str(old), str(old)]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == f"{old} to {old}: no change"
+    assert main(["diff", str(old), str(new), "--json"]) == 1
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["ok"], facts["works"]) == (False, {"new_host_with_old_mcu": False, "new_mcu_with_old_host": False})
+    assert facts["hash"]["old"] != facts["hash"]["new"]
+    assert [(c["verdict"], c["what"], c["line"]) for c in facts["changes"]] == [
+        ("breaks", "state.volt", 9),
+        ("harmless", "state", 9),
+    ]
+    assert main(["diff", str(old), str(wrong)]) == 1
+    assert "wrong.yaml:1:1" in capsys.readouterr().err
+    assert main(["diff", str(old), str(wrong), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["problems"]
+    assert main(["diff", str(old), str(new), "--updated", "both"]) == 2
+
+
+def test_one_end_may_be_the_first_to_change(tmp_path: Path) -> None:
+    old, new = tmp_path / "old.yaml", tmp_path / "new.yaml"
+    old.write_text(BASE)
+    new.write_text(BASE.replace("of the battery}", "of the battery}, more: {type: u8}"))
+    assert main(["diff", str(old), str(new), "--updated", "mcu"]) == 0  # the old host ignores it
+    assert main(["diff", str(old), str(new), "--updated", "host"]) == 1  # the old MCU's frames are too short
+    assert main(["diff", str(old), str(new)]) == 1
