@@ -184,12 +184,15 @@ def gen(
     port: Annotated[
         list[str] | None, typer.Option(help="Add this port's headers: stm32_hal, gd32_spl, freertos and others.")
     ] = None,
+    only_check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; name the files that are not current, and exit 1 for them.")
+    ] = False,
 ) -> None:
     """Generate code for a firmware or a host: a self-contained folder, one header, or a Python module."""
     from wirebond.gen.command import generate
 
     raise_from_here()
-    generate(file, lang, out, amalgamate, port or [])
+    raise typer.Exit(generate(file, lang, out, amalgamate, port or [], only_check))
 
 
 @app.command()

@@ -25,13 +25,18 @@ def generate_c(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> li
 
     With ``amalgamate`` it is the first four files alone. As ``generate_cpp`` otherwise.
     """
+    return write_files(out, c_files(protocol, amalgamate=amalgamate))
+
+
+def c_files(protocol: Protocol, *, amalgamate: bool = False) -> dict[str, str]:
+    """The text of each file that ``generate_c`` writes, by its name in the folder."""
     core, texts = core_headers(), c_texts(protocol)
     cpp = {f"{protocol.name}.hpp": cpp_header(protocol), f"{protocol.name}_link.hpp": link_header(protocol)}
     if amalgamate:
-        return write_files(out, {name: amalgamated(text, cpp | core) for name, text in texts.items()})
+        return {name: amalgamated(text, cpp | core) for name, text in texts.items()}
     sources = [name for name in texts if name.endswith(".cpp")]
     cmake = render("c_CMakeLists.txt.j2", protocol=protocol, sources=sources)
-    return write_files(out, {**texts, "CMakeLists.txt": cmake, **cpp, **core})
+    return {**texts, "CMakeLists.txt": cmake, **cpp, **core}
 
 
 def c_texts(protocol: Protocol) -> dict[str, str]:

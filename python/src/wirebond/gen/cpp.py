@@ -39,12 +39,17 @@ def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> 
     gives the same bytes, and a file that already holds them is not touched, so that a build after it has nothing to do.
     ``OSError`` when a file cannot be written.
     """
+    return write_files(out, cpp_files(protocol, amalgamate=amalgamate))
+
+
+def cpp_files(protocol: Protocol, *, amalgamate: bool = False) -> dict[str, str]:
+    """The text of each file that ``generate_cpp`` writes, by its name in the folder."""
     name, core = f"{protocol.name}.hpp", core_headers()
     header, link = cpp_header(protocol), link_header(protocol)
     if amalgamate:
-        return write_files(out, {name: amalgamated(link, {name: header, **core})})
+        return {name: amalgamated(link, {name: header, **core})}
     cmake = render("CMakeLists.txt.j2", protocol=protocol)
-    return write_files(out, {name: header, f"{protocol.name}_link.hpp": link, "CMakeLists.txt": cmake, **core})
+    return {name: header, f"{protocol.name}_link.hpp": link, "CMakeLists.txt": cmake, **core}
 
 
 def cpp_header(protocol: Protocol) -> str:

@@ -33,9 +33,14 @@ def generate_python(protocol: Protocol, out: Path) -> list[Path]:
     The module loads the protocol file from where it lies, as seen from ``out``, and checks its hash.
     ``UsageError`` for a protocol that came out of no file.
     """
+    return write_files(out, python_files(protocol, out))
+
+
+def python_files(protocol: Protocol, out: Path) -> dict[str, str]:
+    """The text of the file that ``generate_python`` writes into ``out``, by its name there."""
     if not Path(protocol.path).is_file():
         raise UsageError(f"{protocol.name} was not loaded from a file, and its module would have none to read")
-    return write_files(out, {f"{module_name(protocol)}.py": python_module(protocol, out)})
+    return {f"{module_name(protocol)}.py": python_module(protocol, out)}
 
 
 def module_name(protocol: Protocol) -> str:
