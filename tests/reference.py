@@ -139,11 +139,12 @@ def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> 
     result = Result()
     assert protocol.format.delimiter is not None
     delimiter = protocol.format.delimiter
+    opens = protocol.format.opening is not None  # or delimiters only end frames
     longest = _longest_on_wire(protocol)
     at = 0
     while at < len(stream):
         opening = len(delimiter) if stream.startswith(delimiter, at) else 0
-        if opening and (at + opening == len(stream) or stream.startswith(delimiter, at + opening)):
+        if opening and (not opens or at + opening == len(stream) or stream.startswith(delimiter, at + opening)):
             result.fill_bytes += opening
             at += opening
             continue
@@ -157,8 +158,9 @@ def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> 
             message_id, name = _examine_block(protocol, stream[begin:end], sender)
         except _Rejected as outcome:
             result.rejected_candidates[outcome.cause] += 1
-            result.discarded_bytes[outcome.cause] += end - at
-            at = end
+            stop = end + len(delimiter) if closed and not opens else end
+            result.discarded_bytes[outcome.cause] += stop - at
+            at = stop
         else:
             result.frames.append(Frame(at, stream[at : end + len(delimiter)], message_id, name))
             at = end + len(delimiter)

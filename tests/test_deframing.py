@@ -11,6 +11,7 @@ import pytest
 from tests.shared import ROOT, account_closes, codec
 from tests.streams import hard_stream, random_frame
 from wirebond import UsageError, load
+from wirebond.explain import Kind, explain
 from wirebond.protocol.model import End
 
 IDLE = 0.020  # seconds: the default of these protocols
@@ -274,3 +275,19 @@ def test_what_is_missing_is_not_taken_from_an_earlier_frame(chunk: int) -> None:
         assert decoder.stats.pending_bytes == 0
         assert account_closes(decoder.stats)
         assert [m.raw for m in decoder.feed(frame, t=3.0)] == [frame]
+
+
+def test_a_delimiter_that_only_ends_frames_goes_with_the_frame_it_ends() -> None:
+    """One that may also open frames is the next frame's first byte where it ends a refused one."""
+    proto = load(ROOT / "tests" / "formats" / "crlf.yaml")
+    good = proto.encode("line", text="hello")
+    refused = b"J" + good[1:]
+    decoder = proto.decoder("mcu")
+    (message,) = decoder.feed(b"\r\n" + refused + good)
+    assert (message.offset, message.raw) == (2 + len(refused), good)
+    stats = decoder.stats
+    assert stats.fill_bytes == 2
+    assert stats.discarded_bytes["check_mismatch"] == len(refused)
+    assert account_closes(stats)
+    first = explain(proto.model, refused + good, End.MCU).stretches[0]
+    assert (first.kind, first.wire) == (Kind.REFUSED, refused)

@@ -92,18 +92,37 @@ TEST_CASE("a line that is too long costs itself, also when its end comes in two 
     recorder.feed(Bytes(100, 'x') + Bytes{0x0D});
     CHECK(recorder.pending() == 1);
     recorder.feed(Bytes{0x0A} + frame);
-    CHECK(recorder.frames().size() == 1);
-    CHECK(recorder.discarded(Cause::length_out_of_range) == 100);
+    REQUIRE(recorder.frames().size() == 1);
+    CHECK(recorder.frames()[0].wire == frame);
+    CHECK(recorder.discarded(Cause::length_out_of_range) == 102);
   });
 }
 
-TEST_CASE("two line ends in a row are fill") {
+TEST_CASE("where a delimiter only ends lines, that of a refused line is discarded with it") {
+  for_both_sources<Lines>([](const auto& source) {
+    const Bytes frame = frame_of(source, 0, {'o', 'k'});
+    Bytes wrong = frame;
+    wrong[0] ^= 1;
+    for (const std::size_t chunk : {1u, 3u, 100u}) {
+      Watched<decltype(source)> recorder(source);
+      recorder.feed_in_chunks(wrong + frame, chunk);
+      REQUIRE(recorder.frames().size() == 1);
+      CHECK(recorder.frames()[0].wire == frame);
+      CHECK(recorder.frames()[0].offset == wrong.size());
+      CHECK(recorder.discarded(Cause::check_mismatch) == wrong.size());
+      CHECK(recorder.account().fill_bytes == 0);
+    }
+  });
+}
+
+TEST_CASE("every line end without a line is fill") {
   for_both_sources<Lines>([](const auto& source) {
     const Bytes frame = frame_of(source, 0, {'o', 'k'});
     Watched<decltype(source)> recorder(source);
     recorder.feed_in_chunks(Bytes{0x0D, 0x0A, 0x0D, 0x0A} + frame, 1);
     REQUIRE(recorder.frames().size() == 1);
-    CHECK(recorder.account().fill_bytes == 2);
+    CHECK(recorder.account().fill_bytes == 4);
+    CHECK(recorder.frames()[0].offset == 4);
   });
 }
 

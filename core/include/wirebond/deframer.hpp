@@ -243,11 +243,23 @@ class Deframer {
   template <class Sink>
   WIREBOND_INLINE std::size_t consume_delimited(const std::uint8_t* window, std::size_t size, bool give_up,
                                                 Sink&& sink) {
-    const Mark& mark = source_.format().closing;
-    const std::size_t longest = max_wire_bytes(source_.format());
+    const FrameFormat& format = source_.format();
+    const Mark& mark = format.closing;
+    const std::size_t longest = max_wire_bytes(format);
     std::size_t at = 0;
     while (at < size) {
       const std::size_t opening = mark.stands_at(window + at, size - at) ? mark.size : 0;
+      if (opening != 0 && !format.sends_opening) {  // it ends a block that is empty, or was too long
+        if (overlong_) {
+          blame(Cause::length_out_of_range, opening);
+          discard(opening);
+        } else {
+          fill(opening);
+        }
+        overlong_ = false;
+        at += opening;
+        continue;
+      }
       if (opening != 0) {
         overlong_ = false;
         if (at + opening == size) {  // it opens a frame or is fill: the next byte tells
@@ -296,10 +308,11 @@ class Deframer {
       if (verdict.outcome == Outcome::frame) {
         deliver(frame, window + at, end + mark.size - at, sink);
         at = end + mark.size;
-      } else {  // a failed block ends before the delimiter, which may open the next frame
-        reject(verdict.cause, end - at);
-        discard(end - at);
-        at = end;
+      } else {  // the delimiter may open the next frame, unless senders mark only the end
+        const std::size_t failed = end - at + (format.sends_opening ? 0 : mark.size);
+        reject(verdict.cause, failed);
+        discard(failed);
+        at += failed;
       }
     }
     return at;

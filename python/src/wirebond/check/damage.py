@@ -93,7 +93,6 @@ def measure(pool: Pool, fault: Fault, samples: int, seed: int, weights: NDArray[
     generator = np.random.default_rng(seed)
     sizes = np.array([len(frame) for frame in pool.frames])
     by_silence = pool.codec.model.format.ends_by_silence
-    lent = len(pool.codec.model.format.lent_delimiter)
     samples = max(1, min(samples, _MOST_BLOCKS if by_silence else int(_MOST_BYTES // (2 * sizes.mean()))))
     chosen = generator.choice(len(sizes), samples, p=weights)
     guards = generator.integers(0, len(sizes), samples)
@@ -111,7 +110,7 @@ def measure(pool: Pool, fault: Fault, samples: int, seed: int, weights: NDArray[
     tables = pool.codec.decode_columns(data.tobytes(), pool.sender)
     offsets = [table.offset for table in tables.values()]
     delivered = np.concatenate(offsets).astype(np.int64) if offsets else np.empty(0, dtype=np.int64)
-    slots = np.searchsorted(starts, delivered[delivered >= lead] + lent - lead, side="right") - 1
+    slots = np.searchsorted(starts, delivered[delivered >= lead] - lead, side="right") - 1
     return Measured(samples, len(np.unique(slots[slots % 2 == 0])))
 
 

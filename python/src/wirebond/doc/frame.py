@@ -272,6 +272,8 @@ def _after_a_failure(protocol: Protocol) -> list[str]:
             f"Give up a frame that stays incomplete for {idle} of silence, and look through its bytes in the same way.",
             "",
         ]
+    if frame_format.opening is None:
+        return [*lines, "Where a rule fails, drop all bytes up to the next delimiter, and the delimiter with them.", ""]
     return [*lines, "Where a rule fails, drop all bytes up to the next delimiter, which may begin a frame.", ""]
 
 

@@ -140,11 +140,13 @@ def _by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
 
 
 def _between_delimiters(protocol: Protocol, stream: bytes, sender: End | None, delimiter: bytes) -> Scan:
+    """A delimiter that may open a frame belongs to what follows a failed block; one that only ends them does not."""
     result = Scan()
+    opens = protocol.format.opening is not None
     at = 0
     while at < len(stream):
         lead = len(delimiter) * stream.startswith(delimiter, at)
-        if lead and (at + lead == len(stream) or stream.startswith(delimiter, at + lead)):
+        if lead and (not opens or at + lead == len(stream) or stream.startswith(delimiter, at + lead)):
             result.fill += range(at, at + lead)
             at += lead
             continue
@@ -157,8 +159,9 @@ def _between_delimiters(protocol: Protocol, stream: bytes, sender: End | None, d
             result.frames.append(examined)
             at = end + len(delimiter)
         else:
-            result.reject(examined)
-            at = end
+            stop = end if opens else end + len(delimiter)
+            result.reject(replace(examined, extent=stop - at))
+            at = stop
     return result
 
 

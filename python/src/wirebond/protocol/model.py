@@ -389,11 +389,6 @@ class FrameFormat:
     def part(self, kind: PartKind) -> Part | None:
         return next((p for p in self.parts if p.kind == kind), None)
 
-    @property
-    def lent_delimiter(self) -> bytes:
-        """What a good frame behind a bad one begins with, beside what its sender wrote: the bad one's end."""
-        return b"" if self.delimiter is None or self.opening is not None else self.delimiter
-
 
 class Parity(StrEnum):
     NONE = "none"
