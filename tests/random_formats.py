@@ -71,6 +71,7 @@ class _FormatSource:
         if self._rule == "by_id" and self._id in ("late", "none"):
             self._id = "part"
         self._id_bits = 0
+        self._mixes_ids = False
         self._length = source.choice(("part", "part", "part", "bits", "magic"))
         self._unit = 1
         self._magics: list[str] = []
@@ -246,7 +247,11 @@ class _FormatSource:
         """A part for each magic, of its own width."""
         draw = self._id_part if kind == "id" else self._length_part
         parts = []
-        for number, magic in enumerate(self._magics):
+        magics = self._magics
+        if kind == "id" and self._rule != "by_id" and self._chance(0.4):
+            self._mixes_ids = True
+            magics = [self._random.choice(magics)]
+        for number, magic in enumerate(magics):
             part = draw()
             part.options.append(f"when: magic == {magic}")
             part.name = f"{kind}{number}"
@@ -438,7 +443,7 @@ class _FormatSource:
         room = int(payload.value) if self._rule == "fixed" else ROOM
         lines = [*fields.types(), "messages:"]
         for number, (message_id, sender) in enumerate(self._ids()):
-            head = [f"sender: {sender}", *([f"id: {message_id}"] if self._id != "none" else [])]
+            head = [f"sender: {sender}", *([] if message_id is None else [f"id: {message_id}"])]
             if self._seeded:
                 head.append(f"seed: {self._random.randrange(256)}")
             text, most = fields.message(room, only_text_to_end=trims)
@@ -447,15 +452,23 @@ class _FormatSource:
             lines.append(f"  m{number}: {{{', '.join(head)}{f', fields: {{{text}}}' if text else ''}}}")
         return lines
 
-    def _ids(self) -> list[tuple[int, str]]:
-        """Ids and senders; the same id may mean a message in each direction."""
+    def _ids(self) -> list[tuple[int | None, str]]:
+        """Ids and senders; the same id may mean a message in each direction. None: without an id."""
+        without: list[list[tuple[int | None, str]]] = [
+            [(None, "both")],
+            [(None, "host"), (None, "mcu")],
+            [(None, "mcu")],
+        ]
         if self._id == "none":
-            return self._random.choice(([(0, "both")], [(0, "host"), (0, "mcu")], [(0, "mcu")]))
+            return self._random.choice(without)
         most = 2**self._id_bits - 1
         small = self._random.sample(range(min(most, 63) + 1), 4)
         ids = [self._random.choice((one, self._random.randint(64, most) if most > 64 else one)) for one in small]
-        found = [(one, self._random.choice(("host", "mcu", "both"))) for one in dict.fromkeys(ids)]
+        found: list[tuple[int | None, str]] = []
+        found += [(one, self._random.choice(("host", "mcu", "both"))) for one in dict.fromkeys(ids)]
         found = found[: self._random.randint(1, 4)]
         if found[0][1] == "host" and self._chance(0.3):
             found.append((found[0][0], "mcu"))
+        if self._mixes_ids and self._chance(0.8):
+            found += self._random.choice(without)
         return found

@@ -74,7 +74,7 @@ def _meant(protocol: Protocol, sender: End | None, request: str | None) -> tuple
     sent = [m for m in protocol.messages if m.sent_by(sender)]
     meant = []
     for message in sent:
-        shares = any(m.id == message.id and m is not message for m in sent)
+        shares = any((m.id, m.has_id) == (message.id, message.has_id) and m is not message for m in sent)
         if not shares or message.name not in replies.values():
             meant.append(message)
         elif message.name == replies.get(request or ""):
@@ -363,8 +363,8 @@ def _examine(protocol: Protocol, data: bytes, sender: End | None, block: bytes |
 
     size, known_size = _payload_size(protocol, parts, header, data, prefix, suffix, sender)
     early_id = header.id is not None
-    message_id = header.id or 0
-    message = _message(protocol, message_id, sender)
+    message_id = header.id
+    message = _message(protocol, header.id, sender)
     if (
         early_id
         and not frame_format.deliver_unknown
@@ -418,7 +418,7 @@ def _examine(protocol: Protocol, data: bytes, sender: End | None, block: bytes |
             raise _Rejected("check_mismatch", total)
     trims = frame_format.parts[payload_at].trims_zeros
     decodable = message is not None and (trims or size >= message.min_payload)
-    return total, message_id, message.name if message is not None and decodable else "unknown"
+    return total, message_id or 0, message.name if message is not None and decodable else "unknown"
 
 
 def _read_header(parts: tuple[Part, ...], data: bytes, sender: End | None) -> tuple[_Header, list[Part]]:
@@ -489,7 +489,7 @@ def _payload_size(
             raise _Rejected("length_out_of_range", 0)
         return size, False
     if payload.payload == PayloadRule.BY_ID:
-        message = _message(protocol, header.id or 0, sender)
+        message = _message(protocol, header.id, sender)
         if message is None:
             raise _Rejected("unknown_message", prefix)
         return message.max_payload, True
@@ -515,8 +515,10 @@ def _order(order: ByteOrder) -> Literal["little", "big"]:
     return "little" if order == ByteOrder.LITTLE else "big"
 
 
-def _message(protocol: Protocol, message_id: int, sender: End | None) -> Message | None:
-    return next((m for m in protocol.messages if m.id == message_id and m.sent_by(sender)), None)
+def _message(protocol: Protocol, message_id: int | None, sender: End | None) -> Message | None:
+    """None: the frame has no id."""
+    key = (message_id or 0, message_id is not None)
+    return next((m for m in protocol.messages if (m.id, m.has_id) == key and m.sent_by(sender)), None)
 
 
 def _fits(payload: Part, message: Message | None, size: int, known_size: bool) -> bool:

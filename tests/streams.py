@@ -81,7 +81,9 @@ class Speaker:
 
     def __init__(self, codec: Codec) -> None:
         self._codec = codec
-        unnamed = tuple(replace(message, id=0) for message in codec.model.messages)  # that format carries no id
+        unnamed = tuple(
+            replace(message, id=0, has_id=False) for message in codec.model.messages
+        )  # that format carries no id
         self._plain = Codec(replace(codec.model, format=_PAYLOAD_ALONE, messages=unnamed))
         self._raw = Codec(_with_raw_payloads(codec.model))
         self._forms: dict[End, list[tuple[FormParts, Form]]] = {}
@@ -149,7 +151,8 @@ def _with_raw_payloads(model: Protocol) -> Protocol:
     taken = {message.id for message in model.messages}
     forms = plan_for(model, End.HOST).forms + plan_for(model, End.MCU).forms
     has_id = any(form.id is not None for form in forms)
-    stranger = Message("stranger", next(i for i in range(256) if i not in taken) if has_id else 0, End.BOTH, raw)
+    number = next(i for i in range(256) if i not in taken) if has_id else 0
+    stranger = Message("stranger", number, End.BOTH, raw, has_id=has_id)
     return replace(model, messages=(*(replace(m, fields=raw) for m in model.messages), stranger))
 
 

@@ -7,13 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from tests import reference
+from tests.conformance.build import build_decoder, decode
 from wirebond import Codec, MessageError, UsageError
 from wirebond.check.holdback import directions
 from wirebond.doc import markdown
 from wirebond.errors import ProtocolFileError
 from wirebond.explain import Kind, explain
 from wirebond.gen import generate_c, generate_cpp
-from wirebond.protocol import loads
+from wirebond.protocol import loads, protocol_hash
 from wirebond.protocol.model import End, Protocol
 from wirebond.sim.virtual_mcu import VirtualMcu
 
@@ -49,7 +51,8 @@ NO_LENGTH = protocol(
 NO_ID = protocol(
     "no_id",
     f"magic: {{any: [0xA1, 0xA2]}}, length: u8, {{id: u8, when: magic == 0xA2}}, payload: by_length, {CRC}",
-    "{move: {id: 1, sender: host, fields: {data: {type: u16}}}, stop: {id: 0, sender: host, fields: {x: {type: u8}}}}",
+    "{move: {id: 1, sender: host, fields: {data: {type: u16}}}, stop: {sender: host, fields: {x: {type: u8}}}, "
+    "zero: {id: 0, sender: host, fields: {x: {type: u8}}}}",
 )
 
 
@@ -208,16 +211,31 @@ def test_a_form_without_the_length_is_explained_and_documented() -> None:
     assert "none where the length is not there" in markdown(Codec(NO_LENGTH))
 
 
-def test_a_message_with_an_id_leaves_with_its_id(tmp_path: Path) -> None:
-    """The first form has no id: a receiver would take it for message 0."""
+def test_id_0_and_no_id_are_two_messages_at_both_ends(tmp_path: Path) -> None:
+    """Frames behind 0xA1 have no id. `stop` has none either; `zero` has the id 0."""
     codec = Codec(NO_ID)
-    assert round_trip(codec, "move", "host", data=3)[0] == 0xA2
-    assert round_trip(codec, "stop", "host", x=3)[0] == 0xA1
-    calls = ["encode(Move{3}, out, sizeof out, size)", "encode(Stop{3}, out, sizeof out, size)"]
-    assert printed_by_cpp(NO_ID, calls, tmp_path) == [
-        codec.encode("move", data=3).hex(),
-        codec.encode("stop", x=3).hex(),
-    ]
+    assert round_trip(codec, "move", "host", data=3)[:3] == b"\xa2\x02\x01"
+    assert round_trip(codec, "stop", "host", x=3)[:3] == b"\xa1\x01\x03"
+    assert round_trip(codec, "zero", "host", x=3)[:3] == b"\xa2\x01\x00"
+    calls = [f"encode({m}{{3}}, out, sizeof out, size)" for m in ("Move", "Stop", "Zero")]
+    frames = [codec.encode("move", data=3), codec.encode("stop", x=3), codec.encode("zero", x=3)]
+    assert printed_by_cpp(NO_ID, calls, tmp_path) == [frame.hex() for frame in frames]
+    file = tmp_path / "stream.bin"
+    file.write_bytes(b"".join(frames))
+    found = decode(build_decoder(NO_ID, End.HOST), file, chunk=1).frames
+    assert [frame.message for frame in found] == [0, 1, 2]
+    assert [frame.wire for frame in found] == frames
+    slow = reference.decode(NO_ID, b"".join(frames), End.HOST)
+    assert [frame.name for frame in slow.frames] == ["move", "stop", "zero"]
+    (stretch,) = explain(NO_ID, frames[1], End.HOST).stretches
+    assert stretch.message == "stop"
+
+
+def test_the_hash_tells_id_0_from_no_id() -> None:
+    text = "{stop: {%ssender: host}}"
+    frame = f"magic: {{any: [0xA1, 0xA2]}}, length: u8, {{id: u8, when: magic == 0xA2}}, payload: by_length, {CRC}"
+    without, zero = (protocol("optional_id", frame, text % head) for head in ("", "id: 0, "))
+    assert protocol_hash(without) != protocol_hash(zero)
 
 
 def test_an_id_that_no_form_of_the_sender_has_is_refused() -> None:
@@ -225,19 +243,34 @@ def test_an_id_that_no_form_of_the_sender_has_is_refused() -> None:
         "by_flag",
         f"magic: 0xA1, length: u8, {{field: flags, type: u8}}, {{id: u8, when: flags & 0x01}}, "
         f"payload: by_length, {CRC}",
-        "{move: {id: 1, sender: host, fields: {data: {type: u16}}}}",
+        "{move: {id: 1, sender: host, fields: {data: {type: u16}}}, ack: {sender: host}}",
     )
     codec = Codec(model)
-    with pytest.raises(
-        MessageError, match="move has the id 1, and a frame of the host with these header values carries"
-    ):
+    with pytest.raises(MessageError, match="move has the id 1, and a frame of the host with these header values has n"):
         codec.encode("move", data=3)
     assert codec.encode("move", data=3, header={"flags": 1})[:4] == bytes.fromhex("A1 02 01 01")
+    assert codec.encode("ack")[:3] == bytes.fromhex("A1 00 00")
+    with pytest.raises(MessageError, match="ack has no id, and a frame of the host with these header values has one"):
+        codec.encode("ack", header={"flags": 1})
 
 
-def test_a_message_without_an_id_is_told_what_frames_without_one_carry() -> None:
-    frame = f"magic: {{any: [0xA1, 0xA2]}}, length: u8, {{id: u8, when: magic == 0xA2}}, payload: by_length, {CRC}"
-    with pytest.raises(
-        ProtocolFileError, match="or `id: 0` for the message that a frame without the `id` part carries"
-    ):
-        protocol("optional_id", frame, "{ack: {sender: mcu}}")
+@pytest.mark.parametrize(
+    ("messages", "sentence"),
+    [
+        (
+            "{a: {sender: mcu}, b: {sender: mcu}}",
+            "can carry one message from the MCU, which is `a` .*; give it an id, or",
+        ),
+        ("{a: {id: 0xFFFFFFFF, sender: mcu}}", "does not fit the frame's id part, whose greatest is 4294967294"),
+    ],
+)
+def test_what_a_frame_without_an_id_cannot_tell_is_refused(messages: str, sentence: str) -> None:
+    frame = f"magic: {{any: [0xA1, 0xA2]}}, length: u8, {{id: u32, when: magic == 0xA2}}, payload: by_length, {CRC}"
+    with pytest.raises(ProtocolFileError, match=sentence):
+        protocol("optional_id", frame, messages)
+
+
+def test_a_message_of_both_ends_needs_frames_that_both_have_an_id_or_none() -> None:
+    frame = f"magic: {{host: 0xA1, mcu: 0xA2}}, length: u8, {{id: u8, when: magic == 0xA2}}, payload: by_length, {CRC}"
+    with pytest.raises(ProtocolFileError, match="make it two messages, one for each sender"):
+        protocol("one_way_id", frame, "{tell: {sender: both}}")

@@ -225,21 +225,22 @@ std::string refusal(const FormatTable& format, const MessageTable& message, std:
 
 }  // namespace
 
-std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTable& message,
+std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTable& protocol, std::size_t index,
                                      const std::vector<std::uint8_t>& payload, const std::vector<ChosenForm>& forms) {
   const RuntimeSource source = format.source();
+  const std::uint32_t id = format.id_of(index);
   for (const ChosenForm& chosen : forms) {
     if (!carries(format.format().forms[chosen.index], payload.size())) continue;
     const std::size_t lead = payload_lead(source, chosen.index);
     std::vector<std::uint8_t> buffer(lead + payload.size() + max_wire_bytes(format.format()));
     std::copy(payload.begin(), payload.end(), buffer.begin() + static_cast<std::ptrdiff_t>(lead));
     const std::size_t size =
-        seal(source, buffer.data(), buffer.size(), message.id, payload.size(), chosen.index, chosen.header.data());
+        seal(source, buffer.data(), buffer.size(), id, payload.size(), chosen.index, chosen.header.data());
     if (size == 0) break;
     buffer.resize(size);
     return buffer;
   }
-  throw_message_error(refusal(format, message, payload.size(), forms));
+  throw_message_error(refusal(format, protocol.messages()[index], payload.size(), forms));
 }
 
 }  // namespace wirebond::engine

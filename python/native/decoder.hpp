@@ -111,9 +111,9 @@ struct ChosenForm {
   std::vector<std::uint32_t> header;
 };
 
-/// The frame around a payload, of the first of these forms that can carry it: wire bytes. Throws MessageError when none
-/// can. `forms` is not empty.
-std::vector<std::uint8_t> seal_frame(const FormatTable& format, const MessageTable& message,
+/// The frame around a payload of message `index`, of the first of these forms that can carry it: wire bytes. Throws
+/// MessageError when none can. `forms` is not empty.
+std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTable& protocol, std::size_t index,
                                      const std::vector<std::uint8_t>& payload, const std::vector<ChosenForm>& forms);
 
 /// Read-only view of a bytes-like object, released with this object. Bytes that do not lie together are copied.

@@ -45,7 +45,7 @@ nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::
     for (nb::handle value : nb::object(form[1])) one.header.push_back(nb::cast<std::uint32_t>(value));
     chosen.push_back(std::move(one));
   }
-  const std::vector<std::uint8_t> wire = seal_frame(format, message, encode_fields(message, values), chosen);
+  const std::vector<std::uint8_t> wire = seal_frame(format, protocol, index, encode_fields(message, values), chosen);
   return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
 }
 

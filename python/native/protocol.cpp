@@ -111,7 +111,6 @@ ProtocolTable::ProtocolTable(nb::handle protocol) : name_(text_of(protocol.attr(
     table.name = text_of(message.attr("name"));
     table.key = interned(table.name);
     table.sender = interned(text_of(message.attr("sender")));
-    table.id = nb::cast<std::uint32_t>(message.attr("id"));
     table.min_payload = nb::cast<std::size_t>(message.attr("min_payload"));
     table.max_payload = nb::cast<std::size_t>(message.attr("max_payload"));
     table.fields = read_fields(message.attr("fields"));
@@ -147,6 +146,7 @@ FormatTable::FormatTable(nb::handle plan) {
   format_.plain_front = nb::cast<std::uint8_t>(plan.attr("plain_front"));
   format_.plain_back = nb::cast<std::uint8_t>(plan.attr("plain_back"));
   format_.max_payload = nb::cast<std::uint16_t>(plan.attr("max_payload"));
+  format_.no_id = nb::cast<std::uint32_t>(plan.attr("no_id"));
   format_.own_forms = nb::cast<std::uint8_t>(plan.attr("own_forms"));
   format_.form_count = 0;
   for (nb::handle form : plan.attr("forms")) {
@@ -166,6 +166,13 @@ FormatTable::FormatTable(nb::handle plan) {
          nb::cast<bool>(message.attr("only_expected"))});
   }
   tables_ = std::make_unique<RuntimeTables>(format_, rows_.data(), rows_.size());
+}
+
+std::uint32_t FormatTable::id_of(std::size_t message) const {
+  for (const MessageRow& row : rows_) {
+    if (row.shape.index == static_cast<std::int16_t>(message)) return row.id;
+  }
+  return format_.no_id;
 }
 
 }  // namespace wirebond::engine

@@ -21,7 +21,6 @@ struct MessageTable {
   std::string name;
   nb::object key;
   nb::object sender;  ///< "host", "mcu" or "both"
-  std::uint32_t id = 0;
   std::size_t min_payload = 0;
   std::size_t max_payload = 0;
   std::vector<FieldTable> fields;
@@ -51,6 +50,8 @@ class FormatTable {
 
   const FrameFormat& format() const { return format_; }
   RuntimeSource source() const { return RuntimeSource(*tables_); }
+  /// What `seal` takes as the id of the message of this index, one that the plan's sender sends.
+  std::uint32_t id_of(std::size_t message) const;
   /// Names of a form's header fields, in its order.
   const std::vector<nb::object>& header_names(std::size_t form) const { return header_names_[form]; }
 

@@ -76,7 +76,8 @@ WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::si
 /// payload are padded with zeros. `header` holds a value for each header field of the form; null: their defaults.
 /// Returns the size on the wire. 0: no frame was made, because
 /// - it does not fit `capacity`,
-/// - the form cannot carry it: its length cannot tell the payload's size, or it has no id and the message has one,
+/// - the form cannot carry it: its length cannot tell the payload's size, or one of form and message has an id and the
+///   other has none,
 /// - it would have no byte at all, which a receiver cannot tell from fill or from silence.
 /// Any thread or interrupt; no allocation.
 template <class Source>
@@ -103,7 +104,7 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
   const std::size_t on_wire = size + stuffing_overhead(format, size) + delimiter_bytes(format);
   const bool is_nothing = size == 0 && format.framing != Framing::bracketed && format.stuffing != Stuffing::cobs;
   if (payload_size > payload || payload > format.max_payload || on_wire > capacity || is_nothing) return 0;
-  if (!carries_id(form, id) || (!carries_all(format, form) && !carries(form, payload))) return 0;
+  if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return 0;
 
   std::memset(frame, 0, form.prefix);
   std::memset(frame + form.prefix + payload_size, 0, payload - payload_size + form.suffix);

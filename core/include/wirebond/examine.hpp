@@ -30,7 +30,7 @@ struct Frame {
   std::size_t payload_size;
   const std::uint8_t* bytes;  ///< the frame without stuffing and delimiters
   std::size_t size;
-  std::uint32_t id;      ///< 0 where the format has none
+  std::uint32_t id;      ///< 0 where the frame has none
   std::uint8_t form;     ///< index of the one that held, of the format's forms
   std::int16_t message;  ///< index of the message; -1: unknown id, or a payload too short for it
   std::uint64_t offset;  ///< of its first wire byte since the deframer started (modulo its counter)
@@ -122,10 +122,19 @@ WIREBOND_INLINE bool fits(const Form& form, const MessageShape& shape, std::size
 }
 
 /// Whether the message is known before its payload. Where the payload's size is the message's own and there is no id,
-/// it is that of id 0: the only one, or the one that is expected.
+/// it is the only message without one, or the one that is expected.
 WIREBOND_INLINE bool id_comes_early(const Form& form) {
   if (!form.id.present()) return form.payload_size == PayloadSize::by_id;
   return !form.id.at.from_end && form.id.at.offset + form.id.bytes <= static_cast<std::int32_t>(form.prefix);
+}
+
+/// What the id of a frame of this form means; where it has none, what a frame without one does.
+template <class Source>
+WIREBOND_INLINE MessageShape shape_of(const Source& source, const Form& form, std::uint32_t id) {
+  const std::uint32_t no_id = source.format().no_id;
+  if (!form.id.present()) return source.message(no_id);
+  if (no_id != 0 && id == no_id) return {};
+  return source.message(id);
 }
 
 /// The rules that the prefix decides, each as soon as its bytes are there. Outcome::frame: they hold.
@@ -157,9 +166,9 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   const bool id_early = id_comes_early(form);
   if (id_early) {
     head.id = form.id.present() ? read_number(form.id, candidate, 0) : 0;
-    head.shape = source.message(head.id);
+    head.shape = shape_of(source, form, head.id);
   } else if (!form.id.present()) {  // one message, known before its seed is counted
-    head.shape = source.message(0);
+    head.shape = shape_of(source, form, 0);
   }
   std::size_t payload = form.fixed_payload;
   const std::size_t outside = static_cast<std::size_t>(form.prefix) + form.suffix;
@@ -228,7 +237,7 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
   if (!tail_holds) return {Outcome::reject, Cause::constant_mismatch, size};
   if (!id_comes_early(form)) {
     head.id = form.id.present() ? read_number(form.id, candidate, size) : 0;
-    head.shape = source.message(head.id);
+    head.shape = shape_of(source, form, head.id);
     if (!source.format().deliver_unknown && !fits(form, head.shape, head.payload)) {
       return {Outcome::reject, Cause::unknown_message, size};
     }

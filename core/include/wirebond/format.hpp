@@ -146,6 +146,9 @@ struct FrameFormat {
   std::uint8_t plain_front = 0;  ///< this many bytes before the stuffed ones are sent as they are
   std::uint8_t plain_back = 0;   ///< and this many behind them
   std::uint16_t max_payload = 0;
+  /// What Source::message is asked for a frame without an id. Not 0 where other frames of this sender have one: then it
+  /// is a value that no message has as its id.
+  std::uint32_t no_id = 0;
   std::array<Form, max_forms> forms{};
   std::array<CheckAlgorithm, max_algorithms> algorithms{};
   EscapeRule escapes{};
@@ -235,8 +238,10 @@ WIREBOND_INLINE constexpr bool carries_all(const FrameFormat& format, const Form
          static_cast<std::int64_t>(format.max_payload) - form.length_bias <= form.length.mask;
 }
 
-/// Can a frame of this form carry message `id`? A receiver takes a frame without an id for one of id 0.
-WIREBOND_INLINE constexpr bool carries_id(const Form& form, std::uint32_t id) { return form.id.present() || id == 0; }
+/// Can a frame of this form carry message `id`? `no_id` is the message that frames without an id carry, and no others.
+WIREBOND_INLINE constexpr bool carries_id(const FrameFormat& format, const Form& form, std::uint32_t id) {
+  return form.id.present() ? format.no_id == 0 || id != format.no_id : id == format.no_id;
+}
 
 /// Bytes before the payload, of the form that has most.
 WIREBOND_INLINE constexpr std::size_t longest_prefix(const FrameFormat& format) {
@@ -359,7 +364,7 @@ template <class Fn>
 WIREBOND_INLINE bool with_own_form(const FrameFormat& format, std::uint32_t id, std::size_t payload, Fn&& fn) {
   return !every<true, max_forms>(0, format.own_forms, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Form& form = format.forms[i];
-    if (!carries_id(form, id) || (!carries_all(format, form) && !carries(form, payload))) return true;
+    if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return true;
     fn(i);
     return false;
   });

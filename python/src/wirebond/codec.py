@@ -296,7 +296,7 @@ class Codec:
             fits = all(bool(numbers[c.field] >> c.bit & 1) == truth for c, truth in form_parts.bits)
             if not fits or not set(header) <= set(numbers):
                 continue
-            if form.id is None and message.id != 0:
+            if (form.id is not None) != message.has_id:
                 lacks_id = True
             else:
                 found.append((index, list(numbers.values())))
@@ -304,8 +304,9 @@ class Codec:
             return found
         if lacks_id:
             raise MessageError(
-                f"{message.name} has the id {message.id}, and a frame of the {sender} with these header values carries "
-                "no id; give header values that ask for one, or take another `when` for the id in the protocol file"
+                f"{message.name} has {f'the id {message.id}' if message.has_id else 'no id'}, and a frame of the "
+                f"{sender} with these header values has {'none' if message.has_id else 'one'}; give header values that "
+                f"ask for {'one' if message.has_id else 'none'}, or take another `when` for the id in the protocol file"
             )
         raise MessageError(f"no form of the frame has the header fields {', '.join(header)} together")
 

@@ -98,7 +98,9 @@ def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | N
         content = Field(ANY_CONTENT, FieldKind.BYTES, payload)
     else:
         content = Field(ANY_CONTENT, FieldKind.BYTES, 0, max_size=payload)
-    message = Message(ANY, 0 if forms(protocol, sender)[0].id is None else 1, sender, (content,) if payload else ())
+    with_id = forms(protocol, sender)[0].id is not None
+    fields = (content,) if payload else ()
+    message = Message(ANY, int(with_id), sender, fields, has_id=with_id)
     return replace(
         protocol,
         format=replace(frame_format, max_payload=payload, deliver_unknown=True),

@@ -8,6 +8,7 @@ from wirebond.diff.change import Change, Effect, Sides, carries, changed, end_na
 from wirebond.diff.fields import Where, field_changes, zeros_or_ignored
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.model import End, Field, Message, Part, PartKind, PayloadRule, Protocol
+from wirebond.protocol.plan import id_key
 
 
 def message_changes(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change]:
@@ -35,7 +36,7 @@ def _renamed(before: dict[str, Message], after: dict[str, Message]) -> dict[str,
         if name in before:
             continue
         for was in before.values():
-            same = (was.id, was.sender, was.seed) == (message.id, message.sender, message.seed)
+            same = (id_key(was), was.sender, was.seed) == (id_key(message), message.sender, message.seed)
             if was.name not in after and was.name not in found.values() and same and _alike(was.fields, message.fields):
                 found[name] = was.name
                 break
@@ -60,7 +61,11 @@ def _new(message: Message, routes: list[Sides], before: list[Message]) -> Change
     for sides in routes:
         if not carries(sides, message):
             continue
-        taken = [m.name for m in before if m.id == message.id and carries(sides, m) and m.name not in _names(sides.new)]
+        taken = [
+            m.name
+            for m in before
+            if id_key(m) == id_key(message) and carries(sides, m) and m.name not in _names(sides.new)
+        ]
         if taken:
             way = (message.name, taken[0]) if sides.flow.from_new else (taken[0], message.name)
             effects.append(Effect(sides.flow, True, f"{way[0]} is taken for {way[1]}"))
@@ -122,8 +127,9 @@ def _pair(old: Message, new: Message, routes: list[Sides]) -> Iterator[Change]:
     both = tuple(s for s in routes if carries(s, old) and carries(s, new))
     if old.sender != new.sender:
         yield _other_sender(old, new, routes)
-    if old.id != new.id:
-        sentence = f"id {old.id:#04x} became {new.id:#04x}"
+    if id_key(old) != id_key(new):
+        was, now = (f"id {m.id:#04x}" if m.has_id else "no id" for m in (old, new))
+        sentence = f"{was} became {now.removeprefix('id ') if old.has_id else now}"
         effects = [Effect(s.flow, True, _other_id(s, old, new)) for s in both]
         yield changed(new.name, sentence, effects, place=(*place, "id"))
     if old.seed != new.seed:
@@ -165,7 +171,7 @@ def _other_sender(old: Message, new: Message, routes: list[Sides]) -> Change:
 
 def _other_id(sides: Sides, old: Message, new: Message) -> str:
     sent = new if sides.flow.from_new else old
-    meant = [m.name for m in sides.receiver.messages if m.id == sent.id and carries(sides, m)]
+    meant = [m.name for m in sides.receiver.messages if id_key(m) == id_key(sent) and carries(sides, m)]
     return f"it is taken for {meant[0]}" if meant else _unknown(sides, sent)
 
 

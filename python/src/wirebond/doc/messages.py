@@ -31,7 +31,7 @@ from wirebond.protocol.spelling import field_type
 
 def id_text(protocol: Protocol, message: Message) -> str:
     parts = protocol.format.parts
-    return "" if id_index(parts) is None else id_number(parts, message.id)
+    return "" if id_index(parts) is None or not message.has_id else id_number(parts, message.id)
 
 
 def sender_text(end: End) -> str:

@@ -393,7 +393,7 @@ class _Examination:
         # Of messages that share an id, those that only a request tells are not meant: no request is known here.
         dependent = told_by_request(self.protocol.messages, self.sender)
         sent = (m for m in self.protocol.messages if m.sent_by(self.sender) and m.name not in dependent)
-        fitting = (m for m in sent if m.id == self.id)
+        fitting = (m for m in sent if (m.id, m.has_id) == (self.id, index is not None))
         self.message = next(fitting, None)
 
     def _payload_size(self, prefix: int) -> int:
@@ -430,7 +430,7 @@ class _Examination:
     def _known_message(self, extent: int) -> None:
         index = id_index(self.parts)
         found = id_text(self.parts, self.id or 0) if index is not None else "no id"
-        expected = "the id of a known message"
+        expected = "the id of a known message" if index is not None else "a message without an id"
         self._rule(Question.MESSAGE, index, self.message is not None, expected, found, Cause.UNKNOWN_MESSAGE, extent)
 
     def _message_fits(self, size: int, extent: int) -> None:

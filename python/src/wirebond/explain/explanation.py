@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from wirebond.errors import UsageError
-from wirebond.explain.examine import Cause, Question, Rule, Verdict, forms, id_text
+from wirebond.explain.examine import Cause, Question, Rule, Verdict, forms, id_index, id_text
 from wirebond.explain.guesses.guess import Case, constants_as_found, look
 from wirebond.explain.nearest import Search, join, repaired, search, search_sender, search_unstuffed
 from wirebond.explain.parts import check_text, sent_by
@@ -120,6 +120,8 @@ class _Stretches:
         message, payload = verdict.message, verdict.payload
         whose = "" if self._sender is None else f" of the {spoken(self._sender)}"
         if message is None or payload is None:
+            if id_index(verdict.parts) is None:
+                return f"no message{whose} is without an id, and this frame has none"
             return f"no message{whose} has the id {id_text(verdict.parts, verdict.id or 0)}"
         return f"{message.name} needs {message.min_payload} payload bytes, and here are {payload[1] - payload[0]}"
 

@@ -9,7 +9,16 @@ from wirebond.gen.amalgamate import amalgamated
 from wirebond.gen.c_link import link_view
 from wirebond.gen.c_names import Names, header_name, link_name
 from wirebond.gen.c_struct import Declarations, Declarer, MessageView
-from wirebond.gen.cpp import cpp_header, frames_differ, id_literal, link_header, message_comment, shapes, stop_functions
+from wirebond.gen.cpp import (
+    cpp_header,
+    frames_differ,
+    id_literal,
+    link_header,
+    message_comment,
+    no_id_literal,
+    shapes,
+    stop_functions,
+)
 from wirebond.gen.cpp_field import comment_text
 from wirebond.gen.cpp_number import real
 from wirebond.gen.folder import core_headers, render, write_files
@@ -104,7 +113,7 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
 def _facts(protocol: Protocol, names: Names, index: int) -> list[tuple[str, str, str]]:
     message = protocol.messages[index]
     found = [
-        ("id", id_literal(protocol, message.id), ""),
+        ("id", *_id(protocol, message)),
         ("index", str(index), ""),
         ("every_us", str(round((message.every or 0) * 1e6)), "" if message.every else "0: no schedule"),
         ("min_payload_bytes", str(message.min_payload), ""),
@@ -112,6 +121,12 @@ def _facts(protocol: Protocol, names: Names, index: int) -> list[tuple[str, str,
         ("max_frame_bytes", str(protocol.max_wire_bytes(message.max_payload)), "on the wire"),
     ]
     return [(names.constant(message.name, word), literal, comment) for word, literal, comment in found]
+
+
+def _id(protocol: Protocol, message: Message) -> tuple[str, str]:
+    if message.has_id or not plan_for(protocol, End.HOST).no_id:
+        return id_literal(protocol, message.id), ""
+    return no_id_literal(protocol), "none: its frames carry no id"
 
 
 def _encoders(protocol: Protocol, names: Names, message: Message) -> list[tuple[str, str]]:

@@ -100,6 +100,7 @@ class MessageView:
     name: str
     index: int
     id: str
+    without_id: bool  # in a protocol where other messages of the same end have one
     sender: str
     source: str
     either: bool  # of both ends, whose frames differ: who encodes it says which
@@ -163,7 +164,8 @@ def _message_views(protocol: Protocol) -> list[MessageView]:
             struct=structs[message.name].path,
             name=message.name,
             index=index,
-            id=id_literal(protocol, message.id),
+            id=id_literal(protocol, message.id) if message.has_id else no_id_literal(protocol),
+            without_id=not message.has_id and plan_for(protocol, End.HOST).no_id != 0,
             sender=message.sender.value,
             source="FromMcu" if message.sender == End.MCU else "FromHost",
             either=message.sender == End.BOTH and frames_differ(protocol),
@@ -225,6 +227,12 @@ def id_literal(protocol: Protocol, value: int) -> str:
     return hex_literal(value, max(sizes, default=1))
 
 
+def no_id_literal(protocol: Protocol) -> str:
+    """What stands for the id of a message without one."""
+    no_id = plan_for(protocol, End.HOST).no_id
+    return hex_literal(no_id, 4) if no_id else id_literal(protocol, 0)
+
+
 # ---- the frame format -------------------------------------------------------------------------------------------
 
 
@@ -253,6 +261,8 @@ def format_lines(plan: Plan) -> list[str]:
         f"format.deliver_unknown = {'true' if plan.deliver_unknown else 'false'};",
         f"format.max_payload = {plan.max_payload};",
     ]
+    if plan.no_id:
+        lines.append(f"format.no_id = 0x{plan.no_id:X}U;")
     if plan.own_forms != 1:
         lines.append(f"format.own_forms = {plan.own_forms};")
     if plan.skips_failed:
@@ -348,6 +358,9 @@ class SourceView:
 def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
     structs = struct_names(protocol)
 
+    def key(row: MessageRow) -> str:
+        return no_id_literal(protocol) if row.id == plan.no_id else id_literal(protocol, row.id)
+
     def shape(row: MessageRow) -> str:
         return f"{{{row.index}, {row.min_payload}, {row.max_payload}{f', {row.seed}' if row.seed else ''}}}"
 
@@ -355,10 +368,8 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         struct="FromHost" if end == End.HOST else "FromMcu",
         sender="host" if end == End.HOST else "MCU",
         receiver="MCU" if end == End.HOST else "host",
-        shapes=tuple((id_literal(protocol, row.id), shape(row)) for row in plan.messages if not row.only_expected),
-        expected=tuple(
-            (row.index, id_literal(protocol, row.id), shape(row)) for row in plan.messages if row.only_expected
-        ),
+        shapes=tuple((key(row), shape(row)) for row in plan.messages if not row.only_expected),
+        expected=tuple((row.index, key(row), shape(row)) for row in plan.messages if row.only_expected),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
         latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
     )

@@ -16,7 +16,8 @@ import hashlib
 import json
 from typing import Any
 
-from wirebond.protocol.model import Field, FieldKind, Message, Part, PartKind, Protocol
+from wirebond.protocol.model import End, Field, FieldKind, Message, Part, PartKind, Protocol
+from wirebond.protocol.plan import mixes_ids
 
 _CANONICAL_TEXT = 1  # its version: raised when it changes, so that old and new hashes do not meet by chance
 
@@ -29,6 +30,7 @@ def protocol_hash(protocol: Protocol) -> int:
 
 def _protocol(protocol: Protocol) -> dict[str, Any]:
     frame_format = protocol.format
+    mixed = mixes_ids(frame_format.parts, End.HOST) or mixes_ids(frame_format.parts, End.MCU)
     return {
         "form": _CANONICAL_TEXT,
         "delimiter": _mark(frame_format.delimiter),
@@ -37,7 +39,7 @@ def _protocol(protocol: Protocol) -> dict[str, Any]:
         "silence": frame_format.ends_by_silence,
         "stuffing": frame_format.stuffing.value,
         "parts": [_part(part) for part in frame_format.parts],
-        "messages": {message.name: _message(message) for message in protocol.messages},
+        "messages": {message.name: _message(message, mixed) for message in protocol.messages},
         "services": {service.name: dict(service.messages) for service in protocol.services},
     }
 
@@ -77,9 +79,10 @@ def _part(part: Part) -> dict[str, Any]:
     return entry
 
 
-def _message(message: Message) -> dict[str, Any]:
+def _message(message: Message, mixed: bool) -> dict[str, Any]:
+    """``mixed``: some frames of one sender have an id and others not, so that 0 and none are two things."""
     return {
-        "id": message.id,
+        "id": None if mixed and not message.has_id else message.id,
         "sender": message.sender.value,
         "seed": message.seed,
         "fields": [_field(field) for field in message.fields],

@@ -214,6 +214,7 @@ class Message:
     queue: Queue = Queue.NORMAL
     log: str | None = None  # the text that it stands for, `{field}` where a value is shown
     log_level: LogLevel = LogLevel.INFO
+    has_id: bool = True  # False: `id` is 0, and of its sender's frames those without an id carry it
 
     @property
     def min_payload(self) -> int:

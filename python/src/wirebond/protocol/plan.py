@@ -32,6 +32,7 @@ MAX_ALGORITHMS = 4
 MAX_FORMS = 8
 MAX_HEADER_FIELDS = 8
 MAX_ESCAPES = 6
+NO_ID = 0xFFFFFFFF  # stands for "none" where some frames of a sender have an id and others not
 
 _CONSTANT_KINDS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 
@@ -161,6 +162,7 @@ class Plan:
     plain_front: int  # bytes before the stuffed ones, sent as they are
     plain_back: int  # bytes behind them
     max_payload: int
+    no_id: int  # what stands for the message of a frame without an id
     own_forms: int
     forms: tuple[Form, ...]
     algorithms: tuple[Algorithm, ...]
@@ -171,8 +173,9 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     """The plan for frames that ``sender`` sends; None: from either end (their ids must then differ)."""
     frame_format = protocol.format
     dependent = told_by_request(protocol.messages, sender)
+    no_id = NO_ID if any(mixes_ids(frame_format.parts, end) for end in (sender, End.HOST, End.MCU)) else 0
     rows = [
-        MessageRow(m.id, index, m.min_payload, m.max_payload, m.seed or 0, m.name in dependent)
+        MessageRow(m.id if m.has_id else no_id, index, m.min_payload, m.max_payload, m.seed or 0, m.name in dependent)
         for index, m in enumerate(protocol.messages)
         if m.sent_by(sender)
     ]
@@ -190,6 +193,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
             part.size for part in itertools.takewhile(lambda part: part.is_plain, reversed(frame_format.parts))
         ),
         max_payload=frame_format.max_payload,
+        no_id=no_id,
         own_forms=sum(_is_default(form) for form in parts_of_forms(frame_format.parts, sender)),
         forms=forms(frame_format.parts, sender),
         algorithms=tuple(_algorithms(frame_format.parts)),
@@ -201,6 +205,16 @@ def forms(parts: tuple[Part, ...], sender: End | None) -> tuple[Form, ...]:
     """Every form that a frame of this sender can take, as offsets; in the order of ``parts_of_forms``."""
     algorithms = _algorithms(parts)
     return tuple(_form(form_parts, algorithms) for form_parts in parts_of_forms(parts, sender))
+
+
+def mixes_ids(parts: tuple[Part, ...], sender: End | None) -> bool:
+    """Have some frames of this sender an id, and others none?"""
+    return len({form.id is None for form in forms(parts, sender)}) > 1
+
+
+def id_key(message: Message) -> int | None:
+    """What tells a message from others of its sender: its id, or that it has none."""
+    return message.id if message.has_id else None
 
 
 def _algorithms(parts: tuple[Part, ...]) -> list[Algorithm]:
@@ -221,8 +235,8 @@ def told_by_request(messages: tuple[Message, ...], sender: End | None) -> set[st
     """Names of the replies that share their id with another message of ``sender``: only their request tells them."""
     replies = {m.reply for m in messages}
     sent = [m for m in messages if m.sent_by(sender)]
-    uses = Counter(m.id for m in sent)
-    return {m.name for m in sent if uses[m.id] > 1 and m.name in replies}
+    uses = Counter(id_key(m) for m in sent)
+    return {m.name for m in sent if uses[id_key(m)] > 1 and m.name in replies}
 
 
 def expecting(protocol: Protocol, name: str) -> Protocol:
@@ -233,17 +247,19 @@ def expecting(protocol: Protocol, name: str) -> Protocol:
     hidden = {
         m.name
         for m in protocol.messages
-        if m is not reply and m.id == reply.id and any(m.sent_by(e) and reply.sent_by(e) for e in (End.HOST, End.MCU))
+        if m is not reply
+        and id_key(m) == id_key(reply)
+        and any(m.sent_by(e) and reply.sent_by(e) for e in (End.HOST, End.MCU))
     }
     return replace(protocol, messages=tuple(m for m in protocol.messages if m.name not in hidden))
 
 
 def ids_collide(protocol: Protocol) -> list[tuple[Message, Message]]:
     """Pairs of messages of different senders that share an id: such streams need ``sender`` to be told apart."""
-    by_id: dict[int, Message] = {}
+    by_id: dict[int | None, Message] = {}
     pairs = []
     for message in protocol.messages:
-        other = by_id.setdefault(message.id, message)
+        other = by_id.setdefault(id_key(message), message)
         if other.sender != message.sender:
             pairs.append((other, message))
     return pairs

@@ -8,6 +8,7 @@ from wirebond.protocol import names
 from wirebond.protocol.meaning.log_text import log_fault
 from wirebond.protocol.meaning.structs import Types, read_fields
 from wirebond.protocol.model import End, LogLevel, Message, Queue
+from wirebond.protocol.plan import NO_ID, id_key
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.grammar import MessageHead
 from wirebond.protocol.text.syntax import readable
@@ -73,6 +74,7 @@ def _read_message(name: str, place: Place, node: Mapping, types: Types, problems
     message = Message(
         name=name,
         id=head.id or 0,
+        has_id=head.id is not None,
         sender=End(head.sender),
         fields=fields,
         every=head.every,
@@ -124,32 +126,18 @@ def _validate_replies(messages: Messages, problems: Problems) -> None:
 def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id: set[End], problems: Problems) -> None:
     """``id_bits``: width of the frame's id; 0 where it has none. ``with_id``: the ends that have frames with it;
     ``without_id``: those that have frames without it."""
-    taken: dict[tuple[End, int], Entry] = {}
+    taken: dict[tuple[End, int | None], Entry] = {}
     replies = {entry.message.reply for entry in messages.values() if entry.message is not None}
     for entry in messages.values():
         message = entry.message
         if message is None:
             continue
-        has_id = "id" in entry.node.entries
-        needs_id = any(message.sent_by(end) for end in with_id)
-        if needs_id and not has_id:
-            sentence = f"`{entry.name}` needs an id, for the frame has one; add `id: 0x01`"
-            if any(message.sent_by(end) for end in with_id & without_id):
-                sentence = (
-                    f"`{entry.name}` needs an id, for some frames of its sender have one; add `id: 0x01`, or `id: 0` "
-                    "for the message that a frame without the `id` part carries"
-                )
-            problems.add(entry.place, sentence)
+        sentence = _id_fault(message, with_id, without_id, bool(id_bits))
+        if sentence:
+            problems.add(entry.node.key_place("id") if message.has_id else entry.place, sentence)
             continue
-        if not needs_id and has_id:
-            of = f" of the {spoken(message.sender)}" if id_bits else ""
-            problems.add(
-                entry.node.key_place("id"),
-                f"the frame{of} has no `id` part; remove this id, or add `- id: u8` there",
-            )
-            continue
-        limit = 2**id_bits - 1
-        if needs_id and message.id > limit:
+        limit = min(2**id_bits, NO_ID if with_id & without_id else 2**32) - 1
+        if message.has_id and message.id > limit:
             problems.add(
                 entry.node.value_place("id"),
                 f"id {message.id} does not fit the frame's id part, whose greatest is {limit}; take a smaller one",
@@ -157,7 +145,7 @@ def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id
         for end in (End.HOST, End.MCU):
             if not message.sent_by(end):
                 continue
-            other = taken.setdefault((end, message.id), entry)
+            other = taken.setdefault((end, id_key(message)), entry)
             if other is entry:
                 continue
             if message.name in replies and message.seed != (other.message.seed if other.message else None):
@@ -170,20 +158,38 @@ def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id
             if message.name in replies:  # its request tells it
                 continue
             if other.name in replies:  # and this one is what is meant without a request
-                taken[end, message.id] = entry
+                taken[end, id_key(message)] = entry
                 continue
             where = f"line {other.place.line}"
-            if needs_id:
+            if message.has_id:
                 problems.add(
                     entry.node.value_place("id"),
                     f"the {spoken(end)} sends `{other.name}` ({where}) under id 0x{message.id:02X} already; "
                     f"take another id, or name `{entry.name}` as the `reply` of its request",
                 )
             else:
+                advice = "give it an id" if end in with_id else "add `- id: u8` to the frame"
                 problems.add(
                     entry.place,
                     f"without an `id` part the frame can carry one message from the {spoken(end)}, which is "
-                    f"`{other.name}` ({where}); add `- id: u8` to the frame, or name `{entry.name}` as the "
-                    "`reply` of its request",
+                    f"`{other.name}` ({where}); {advice}, or name `{entry.name}` as the `reply` of its request",
                 )
             break
+
+
+def _id_fault(message: Message, with_id: set[End], without_id: set[End], has_part: bool) -> str:
+    """Why no frame of a sender of this message can carry it; empty if one can."""
+    ends = [end for end in (End.HOST, End.MCU) if message.sent_by(end)]
+    with_none = [end for end in ends if end not in with_id]
+    with_one = [end for end in ends if end not in without_id]
+    if with_none and with_one:
+        return (
+            f"frames of the {spoken(with_one[0])} have an id and those of the {spoken(with_none[0])} have none, so "
+            f"that both cannot carry `{message.name}`; make it two messages, one for each sender"
+        )
+    if message.has_id and with_none:
+        of = f" of the {spoken(message.sender)}" if has_part else ""
+        return f"the frame{of} has no `id` part; remove this id, or add `- id: u8` there"
+    if not message.has_id and with_one:
+        return f"`{message.name}` needs an id, for the frame has one; add `id: 0x01`"
+    return ""
