@@ -10,7 +10,7 @@ import pytest
 
 from tests.conformance.build import run
 from tests.shared import ROOT, codec
-from wirebond import Codec, _engine, link
+from wirebond import Codec, _engine
 from wirebond.explain import examine
 from wirebond.protocol import loads, plan
 from wirebond.protocol.model import End, cobs_overhead
@@ -20,11 +20,9 @@ LIMITS = ("constants", "checks", "forms", "algorithms", "header_fields", "escape
 PROGRAM = """
 #include <cstdio>
 #include "wirebond/format.hpp"
-#include "wirebond/posix/stream.hpp"
 int main() {
   std::printf("%zu %zu %zu %zu %zu %zu\\n", wirebond::max_constants, wirebond::max_checks, wirebond::max_forms,
               wirebond::max_algorithms, wirebond::max_header_fields, wirebond::max_escapes);
-  std::printf("%u\\n", static_cast<unsigned>(wirebond::posix::adapter_latency_us));
   for (std::size_t size = 0; size < 3000; ++size) std::printf("%zu ", wirebond::cobs_overhead(size));
 }
 """
@@ -35,8 +33,7 @@ def constants(tmp_path_factory: pytest.TempPathFactory) -> list[list[int]]:
     """What the C++ headers say, a line each."""
     folder = tmp_path_factory.mktemp("constants")
     (folder / "main.cpp").write_text(PROGRAM, encoding="utf-8")
-    includes = [f"-I{CORE}", f"-I{ROOT / 'ports' / 'posix' / 'include'}"]
-    run(["g++", "-std=c++17", *includes, str(folder / "main.cpp"), "-o", str(folder / "main")])
+    run(["g++", "-std=c++17", f"-I{CORE}", str(folder / "main.cpp"), "-o", str(folder / "main")])
     return [[int(word) for word in line.split()] for line in run([str(folder / "main")]).splitlines()]
 
 
@@ -44,12 +41,8 @@ def test_the_loader_s_limits_are_the_core_s(constants: list[list[int]]) -> None:
     assert [getattr(plan, f"MAX_{name.upper()}") for name in LIMITS] == constants[0]
 
 
-def test_the_latency_of_an_adapter_is_one_number(constants: list[list[int]]) -> None:
-    assert constants[1] == [round(link.ADAPTER_LATENCY * 1e6)]
-
-
 def test_cobs_adds_the_same_at_both_ends(constants: list[list[int]]) -> None:
-    assert [cobs_overhead(size) for size in range(3000)] == constants[2]
+    assert [cobs_overhead(size) for size in range(3000)] == constants[1]
 
 
 LENGTHS = (

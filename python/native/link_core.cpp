@@ -42,8 +42,10 @@ LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_
   setup.protocol = std::move(protocol);
   setup.receive = std::move(receive);
   const std::uint32_t baud = setting<bool>(settings, "paced") ? setting<std::uint32_t>(settings, "baud") : 0;
-  setup.pacing = Pacing(baud, setting<unsigned>(settings, "bits_per_byte"));
+  setup.pacing = Pacing(baud, setting<unsigned>(settings, "bits_per_byte"),
+                        static_cast<std::uint32_t>(to_us(setting<double>(settings, "send_pause_seconds"))));
   setup.idle_us = to_us(setting<double>(settings, "idle_seconds"));
+  setup.pause_us = to_us(setting<double>(settings, "pause_seconds"));
   setup.max_age_us = to_us(setting<double>(settings, "max_age_seconds"));
   setup.largest_frame = setting<std::size_t>(settings, "largest_frame");
   for (nb::handle seconds : nb::list(settings["every"])) setup.every_us.push_back(to_us(nb::cast<double>(seconds)));
@@ -96,6 +98,7 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
   HostLink::Settings settings;
   settings.pacing = setup_.pacing;
   settings.idle_us = setup_.idle_us;
+  settings.pause_us = setup_.pause_us;
   settings.max_age_us = setup_.max_age_us;
   link_ = std::make_unique<HostLink>(setup_.receive->source(), memory, settings, now_us);
 }

@@ -28,6 +28,7 @@ struct LinkSetup {
   std::shared_ptr<const FormatTable> receive;  ///< what the MCU sends
   Pacing pacing;
   std::uint64_t idle_us = 20'000;
+  std::uint64_t pause_us = 0;  ///< where silence ends a frame
   std::uint64_t max_age_us = 0;
   std::size_t largest_frame = 0;        ///< bytes of the largest frame that the host sends
   std::vector<std::uint64_t> every_us;  ///< by message; 0: it has no rhythm

@@ -9,6 +9,7 @@
 #include "link.hpp"
 #include "link_core.hpp"
 #include "protocol.hpp"
+#include "wirebond/posix/latency.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -103,6 +104,13 @@ NB_MODULE(_engine, m) {
   m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "forms"_a);
   m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
         "progress"_a.none());
+  m.def(
+      "port_latency_us",
+      [](const std::string& path, double bytes_per_second, const std::string& ttys) {
+        return wirebond::posix::port_latency_us(path, bytes_per_second, ttys);
+      },
+      "path"_a, "bytes_per_second"_a, "ttys"_a = "/sys/class/tty",
+      "How long the port may hold bytes back, by what the system says of its device.");
   bind_link_core(m);
   bind_link(m);
 }

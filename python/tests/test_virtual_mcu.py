@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 from tests.shared import PROTOCOLS
 
 import wirebond
+from wirebond import Codec
+from wirebond.protocol import loads
 from wirebond.sim.virtual_mcu import VirtualMcu
 
 CODEC = wirebond.load(PROTOCOLS / "diffdrive.yaml")
@@ -35,3 +39,17 @@ def test_an_explicit_deadline_holds_its_message_back_until_somebody_recovers() -
     assert mcu.held_back == 1
     assert run(mcu, 9.6, 10.5) == []
     assert run(mcu, 10.5, 13.0) == ["no velocity for 1 s: stop", "no velocity for 3 s: safe_mode"]
+
+
+def test_where_silence_ends_a_frame_the_virtual_mcu_pauses_between_its_frames() -> None:
+    codec = Codec(
+        loads(
+            "wirebond: 1\nprotocol: quiet\nframe: [id: u8, payload: rest, check: crc-16/modbus, silence: 2 ms]\n"
+            "messages:\n  a: {id: 1, sender: mcu, every: 20 ms}\n  b: {id: 2, sender: mcu, every: 20 ms}\n"
+        )
+    )
+    mcu = VirtualMcu(codec, 0.0)
+    left = [(t / 1000, data) for t in range(100) if (data := mcu.tick(t / 1000))]
+    assert {len(data) for _, data in left} == {3}
+    assert len(left) == 10
+    assert min(b - a for (a, _), (b, _) in itertools.pairwise(left)) >= 0.004

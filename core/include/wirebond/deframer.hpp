@@ -98,6 +98,12 @@ class Deframer {
     waiting_ = {};
   }
 
+  /// Where silence ends a frame: are these bytes one? Nothing is counted.
+  bool is_block_frame(const std::uint8_t* block, std::size_t size) {
+    Frame frame;
+    return !overlong_ && size != 0 && examine_block(block, size, frame).outcome == Outcome::frame;
+  }
+
   /// Bytes that decide the candidate at the window's front; 0: not known.
   std::size_t needed() const { return needed_; }
   /// Behind a frame: whether what comes depends on the bytes that follow alone.

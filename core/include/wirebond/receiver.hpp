@@ -43,9 +43,13 @@ class Receiver {
   void feed(const std::uint8_t* bytes, std::size_t size, Counter came_us, Counter now_us, Handler& handler,
             Watch& deadlines) {
     const Counter kept_until = this->bytes();
-    deframer_.feed(bytes, size, now_us, Sink<Handler, Watch>{*this, handler, deadlines, came_us, now_us, kept_until});
+    deframer_.feed(bytes, size, came_us, now_us,
+                   Sink<Handler, Watch>{*this, handler, deadlines, came_us, now_us, kept_until});
     if (pending() <= size) kept_since_us_ = came_us;
   }
+
+  /// The bytes that were fed last came at `when_us` at the latest: an event of the port says so.
+  void last_came_at(Counter when_us) { deframer_.last_came_at(when_us); }
 
   /// A read that began at `now_us` found nothing: gives up an incomplete frame once the silence lasted `idle_us`.
   template <class Handler>

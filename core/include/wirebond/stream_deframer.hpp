@@ -47,27 +47,78 @@ class CarryPlace<Source, false> {
   std::size_t begin_ = 0;
 };
 
+/// Where silence ends a frame: what the pauses of the line left open. Nothing for other formats.
+template <class Counter>
+class Pauses {
+ public:
+  explicit Pauses(Counter pause_us) : pause_us_(pause_us) {}
+  Counter pause_us() const { return pause_us_; }
+  /// This many of the carried bytes came before a pause that nobody watched to its end; 0: none.
+  std::size_t before_pause() const { return before_pause_; }
+  void note_pause(std::size_t before) { before_pause_ = before; }
+
+ private:
+  Counter pause_us_;
+  std::size_t before_pause_ = 0;
+};
+template <class Source>
+constexpr bool ends_by_silence() {
+  if constexpr (folds<Source>(0)) {
+    return Source{}.format().framing == Framing::silence;
+  } else {
+    return true;
+  }
+}
+struct NoPauses {
+  template <class Counter>
+  explicit NoPauses(Counter) {}
+  static constexpr std::size_t before_pause() { return 0; }
+  static constexpr std::size_t pause_us() { return 0; }
+  void note_pause(std::size_t) {}
+};
+template <class Source, class Counter>
+using PausesOf = std::conditional_t<ends_by_silence<Source>(), Pauses<Counter>, NoPauses>;
+
 }  // namespace detail
 
 /// Chunks in, frames out. Never allocates.
 /// One thread or interrupt at a time. `Counter` also carries time, in microseconds, and may wrap.
 template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
-class StreamDeframer : private detail::CarryPlace<Source> {
+class StreamDeframer : private detail::CarryPlace<Source>, private detail::PausesOf<Source, Counter> {
+  using Pauses = detail::PausesOf<Source, Counter>;
+
  public:
   /// `workspace`: workspace_bytes(source) bytes that outlive this object. `idle_us`: the silence after which an
   /// incomplete candidate is given up.
   StreamDeframer(const Source& source, std::uint8_t* workspace, Counter idle_us)
+      : StreamDeframer(source, workspace, idle_us, idle_us) {}
+
+  /// The same for a port that may hold bytes back. Where silence ends a frame: after a pause of `pause_us` what is
+  /// there is a frame if it is one whole; an incomplete one is waited for until `idle_us`.
+  StreamDeframer(const Source& source, std::uint8_t* workspace, Counter idle_us, Counter pause_us)
       : detail::CarryPlace<Source>(source),
+        Pauses(pause_us),
         buffer_(workspace),
         idle_us_(idle_us),
         deframer_(source, workspace + capacity()) {}
 
-  /// Bytes that were read at `now_us`. Work per byte is bounded whatever they are.
+  /// Bytes that were read at `now_us`, and came then. Work per byte is bounded whatever they are.
   template <class Sink>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Sink&& sink) {
+    feed(bytes, size, now_us, now_us, sink);
+  }
+
+  /// Bytes that were read at `now_us` and came at `came_us` or later: the last look before found nothing.
+  template <class Sink>
+  void feed(const std::uint8_t* bytes, std::size_t size, Counter came_us, Counter now_us, Sink&& sink) {
     if (size == 0) return;
-    // Where silence ends a frame, what came before this pause is one.
-    if (ends_by_silence()) idle(now_us, sink);
+    if (ends_by_silence()) {
+      pause(came_us, now_us, sink);
+      // With what came before the pause this is no frame.
+      if (this->before_pause() != 0 && carried_ + size > max_frame_bytes(deframer_.source().format())) {
+        drop_before_pause(sink);
+      }
+    }
     last_byte_us_ = now_us;
     if (size <= joined_chunk<Source>) {
       feed_joined(bytes, size, sink);
@@ -84,7 +135,11 @@ class StreamDeframer : private detail::CarryPlace<Source> {
   /// `idle_us`; its bytes are rescanned, which may free frames behind a false start.
   template <class Sink>
   void idle(Counter now_us, Sink&& sink) {
-    if (is_silent(now_us)) give_up(sink);
+    if (ends_by_silence()) {
+      pause(now_us, now_us, sink);
+    } else if (is_silent(now_us)) {
+      give_up(sink);
+    }
   }
 
   /// Has the silence before a read that began at `now_us` and found nothing lasted `idle_us`?
@@ -94,6 +149,8 @@ class StreamDeframer : private detail::CarryPlace<Source> {
   template <class Sink>
   void give_up(Sink&& sink) {
     if (carried_ == 0 && !ends_by_silence()) return;
+    if (this->before_pause() != 0 && !holds_frame(0)) drop_before_pause(sink);
+    this->note_pause(0);
     deframer_.consume(buffer_ + begin(), carried_, true, sink);
     begin_at(0);
     carried_ = 0;
@@ -104,6 +161,15 @@ class StreamDeframer : private detail::CarryPlace<Source> {
   Counter bytes() const { return deframer_.settled() + static_cast<Counter>(carried_); }  ///< all that were fed
   std::size_t pending() const { return carried_; }                                        ///< of these, not settled yet
   Counter idle_us() const { return idle_us_; }
+
+  /// The bytes that were fed last came at `when_us` at the latest: an event of the port says so.
+  void last_came_at(Counter when_us) { last_byte_us_ = when_us; }
+
+  /// When `idle` is worth a call after a read that ended at `last_us`.
+  Counter look_at(Counter last_us, Counter now_us) const {
+    const bool may_be_whole = ends_by_silence() && static_cast<Counter>(now_us - last_us) < this->pause_us();
+    return last_us + (may_be_whole ? static_cast<Counter>(this->pause_us()) : idle_us_);
+  }
 
  private:
   using detail::CarryPlace<Source>::begin;
@@ -116,6 +182,38 @@ class StreamDeframer : private detail::CarryPlace<Source> {
     } else {
       return deframer_.source().ends_by_silence();
     }
+  }
+
+  /// Where silence ends a frame: the line was silent until `came_us` at least, and until `now_us` at most.
+  ///
+  /// A silence that a look saw to its end (`came_us`) ends the frame, whatever it is. One that is only likely, because
+  /// nobody looked in time or because the port may hold bytes back, ends it if the bytes are a frame whole; else its
+  /// place is kept, in case that what follows is a frame without them.
+  template <class Sink>
+  void pause(Counter came_us, Counter now_us, Sink& sink) {
+    const Counter silence_us = static_cast<Counter>(now_us - last_byte_us_);
+    const bool is_watched =
+        static_cast<Counter>(came_us - last_byte_us_) <= silence_us;  // else it came before the last
+    if (is_watched && is_silent(came_us)) return give_up(sink);
+    if (silence_us < this->pause_us()) return;
+    if (this->before_pause() == carried_ && carried_ != 0) return;  // looked at before
+    if (carried_ == 0 || holds_frame(0) || (this->before_pause() != 0 && holds_frame(this->before_pause()))) {
+      return give_up(sink);
+    }
+    this->note_pause(carried_);
+  }
+
+  /// Are the carried bytes from this place on one frame?
+  bool holds_frame(std::size_t from) { return deframer_.is_block_frame(buffer_ + begin() + from, carried_ - from); }
+
+  template <class Sink>
+  void drop_before_pause(Sink& sink) {
+    const std::size_t before = this->before_pause();
+    this->note_pause(0);
+    deframer_.consume(buffer_ + begin(), before, true, sink);
+    carried_ -= before;
+    std::memmove(buffer_, buffer_ + begin() + before, carried_);
+    begin_at(0);
   }
 
   template <class Sink>

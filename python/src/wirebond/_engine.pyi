@@ -177,6 +177,12 @@ class Link:
     def after_fork(self) -> None:
         """In the child: forget the link, which is the parent's."""
 
+def port_latency_us(path: str, bytes_per_second: float, ttys: str = "/sys/class/tty") -> int:
+    """How long the port may hold received bytes back, in microseconds, by what the system says of its device.
+
+    :param ttys: the folder in which the system lists its ttys.
+    """
+
 def end_of_interpreter() -> None:
     """From here on no other thread comes back from its wait in a link: it sleeps until the process is gone."""
 

@@ -16,14 +16,13 @@ from typing import Any, Self
 from wirebond import _engine
 from wirebond.codec import Codec, Message, Stats, load
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, StoppedError, UsageError
-from wirebond.protocol.model import End, Recover
+from wirebond.protocol.model import MAX_LATENCY, End, Recover
 from wirebond.protocol.problems import no_message
 from wirebond.typed import TypedMessage, name_and_values
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
 MAX_HOLD = 60.0  # seconds: a longer lease would be none
 STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
-ADAPTER_LATENCY = 0.016  # seconds: what a USB adapter may hold bytes back (the FTDI default)
 _ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are heard meanwhile
 
 _DOWN, _FULL, _STOPPED = 1, 2, 3  # answers of the engine
@@ -84,6 +83,7 @@ class Link:
         *,
         paced: bool = True,
         hold_back: bool = True,
+        adapter_latency: float | None = None,
     ) -> None:
         model = codec.model
         settings = model.link
@@ -97,10 +97,14 @@ class Link:
         self.port = _port_name(port)
         self.baud = speed
         self.paced = paced
+        self.adapter_latency = _latency(codec, self.port, speed, adapter_latency)
         self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
         self._taken: deque[Message] = deque()  # taken from the engine, and not yet by the program
         self._engine = _engine.Link(
-            codec._table, codec._format_for(End.MCU), self.port, engine_settings(codec, speed, paced, hold_back)
+            codec._table,
+            codec._format_for(End.MCU),
+            self.port,
+            engine_settings(codec, speed, paced, hold_back, self.adapter_latency),
         )
         _note_open(self)
 
@@ -325,6 +329,7 @@ def open_link(
     *,
     paced: bool = True,
     hold_back: bool = True,
+    adapter_latency: float | None = None,
 ) -> Link:
     """Open a tty with the protocol file's settings.
 
@@ -336,15 +341,32 @@ def open_link(
         nothing, as of an MCU's own USB; what the driver holds then leaves before a stop.
     :param hold_back: messages that are late, or that a deadline with ``recover: explicit`` holds back, are counted and
         not given to the program. False: they are given all the same, for programs that only show or record.
+    :param adapter_latency: seconds that the port may hold received bytes back, 0 to 1; they are added to ``idle``.
+        Default: the file's ``adapter_latency``; without one 16 ms for a device behind USB, the time of 16 bytes for
+        other ttys, and 0 for what is no device, such as a pty.
     :returns: a link that reads already; close it, or use it in a ``with`` block.
     :raises ProtocolFileError: the file cannot be used.
     :raises PortError: the port cannot be opened; the sentence says why and what to do.
     """
     codec = protocol if isinstance(protocol, Codec) else load(protocol)
-    return Link(codec, port, baud, paced=paced, hold_back=hold_back)
+    return Link(codec, port, baud, paced=paced, hold_back=hold_back, adapter_latency=adapter_latency)
 
 
-def engine_settings(codec: Codec, baud: int, paced: bool = True, hold_back: bool = True) -> dict[str, Any]:
+def _latency(codec: Codec, port: str, baud: int, given: float | None) -> float:
+    """Seconds that this port may hold bytes back."""
+    if given is not None:
+        if not 0 <= given <= MAX_LATENCY:
+            raise UsageError(f"adapter_latency is {given:g} s; expected 0 to {MAX_LATENCY:g} s, such as 0.016")
+        return given
+    settings = codec.model.link
+    if settings.adapter_latency is not None:
+        return settings.adapter_latency
+    return _engine.port_latency_us(port, baud / settings.bits_per_byte) / 1e6
+
+
+def engine_settings(
+    codec: Codec, baud: int, paced: bool = True, hold_back: bool = True, adapter_latency: float = 0.0
+) -> dict[str, Any]:
     """What the engine's link takes from the protocol."""
     model = codec.model
     actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
@@ -356,7 +378,9 @@ def engine_settings(codec: Codec, baud: int, paced: bool = True, hold_back: bool
         "parity": model.link.parity,
         "stop_bits": round(model.link.stop_bits),
         "bits_per_byte": math.ceil(model.link.bits_per_byte),
-        "idle_seconds": model.idle_seconds + ADAPTER_LATENCY,
+        "idle_seconds": model.idle_seconds + adapter_latency,
+        "pause_seconds": model.idle_seconds if model.format.ends_by_silence else 0.0,
+        "send_pause_seconds": model.pause_seconds,
         "max_age_seconds": model.link.max_age or 0.0,
         "largest_frame": model.max_wire_bytes(),
         "every": [m.every if m.sent_by(End.HOST) and m.every is not None else 0.0 for m in model.messages],

@@ -67,9 +67,9 @@ def test_a_zero_inserted_into_a_sum_passes_and_into_a_crc_with_final_xor_does_no
 
 
 def test_the_pause_that_ends_a_frame_is_counted_as_line() -> None:
-    """Modbus: address, id, four bytes, CRC; and 2 ms at 19200 baud with parity, 11 bits a byte."""
+    """Modbus: address, id, four bytes, CRC; and 4 ms at 19200 baud with parity, 11 bits a byte."""
     model = format_of("modbus_rtu").model
-    assert wire_bytes(model, senders(model)[0], 4) == 8 + 4
+    assert wire_bytes(model, senders(model)[0], 4) == 8 + 7
 
 
 def test_the_usual_form_of_a_frame_is_what_the_line_budget_counts() -> None:

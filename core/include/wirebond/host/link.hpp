@@ -45,13 +45,15 @@ class HostLink {
 
   struct Settings {
     Pacing pacing;
-    std::uint64_t idle_us = 20'000;  ///< silence that ends an incomplete frame
+    std::uint64_t idle_us = 20'000;  ///< silence that ends an incomplete frame, what the port may hold back included
+    std::uint64_t pause_us = 0;      ///< where silence ends a frame: that silence, without it
     std::uint64_t max_age_us = 0;    ///< a frame that waited longer expires; 0: never
   };
 
   /// Deadlines run from `now_us` on.
   HostLink(const RuntimeSource& source, const Memory& memory, const Settings& settings, std::uint64_t now_us)
-      : deframer_(source, memory.workspace, settings.idle_us),
+      : deframer_(source, memory.workspace, settings.idle_us,
+                  settings.pause_us != 0 ? settings.pause_us : settings.idle_us),
         outbox_(memory.outbox, settings.pacing, settings.max_age_us),
         deadlines_(memory.deadlines, now_us),
         deadline_count_(memory.deadlines.count),
@@ -68,7 +70,7 @@ class HostLink {
   void received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                 bool is_all, Sink&& sink) {
     last_byte_us_ = after_us;
-    deframer_.feed(bytes, size, after_us, Taking<Sink>{*this, sink, after_us});
+    deframer_.feed(bytes, size, looked_us_, after_us, Taking<Sink>{*this, sink, after_us});
     if (is_all) looked_us_ = before_us;
   }
 
@@ -116,7 +118,7 @@ class HostLink {
   /// `deadline_step_us`.
   std::uint64_t next_due(std::uint64_t now_us) const {
     std::uint64_t due = outbox_.next_due(now_us);
-    if (deframer_.pending() != 0) due = std::min(due, std::max(last_byte_us_ + deframer_.idle_us(), now_us));
+    if (deframer_.pending() != 0) due = std::min(due, std::max(deframer_.look_at(last_byte_us_, now_us), now_us));
     if (deadline_count_ != 0) due = std::min(due, now_us + deadline_step_us);
     return due;
   }

@@ -15,6 +15,9 @@ namespace wirebond {
 /// millisecond of the one before it. The line does not run dry as long as the caller is in time: for short frames it
 /// may be late by almost 4 ms, for long ones by 1 ms.
 ///
+/// Where silence ends a frame, a frame is handed over only once the one before it has left and the line has been silent
+/// for the pause: nothing lies behind another frame in the driver.
+///
 /// Time is in microseconds and does not wrap. One thread at a time.
 class Pacing {
  public:
@@ -25,8 +28,10 @@ class Pacing {
   /// Not paced: the driver takes what it takes. For ports whose baud rate means nothing (USB CDC, TCP).
   constexpr Pacing() = default;
 
-  /// `bits_per_byte`: start, data, parity and stop bits together. `baud` 0: not paced.
-  constexpr Pacing(std::uint32_t baud, unsigned bits_per_byte) : baud_(baud), bits_per_byte_(bits_per_byte) {}
+  /// `bits_per_byte`: start, data, parity and stop bits together. `baud` 0: not paced. `pause_us`: what the line is
+  /// left silent between two frames, where silence ends a frame; 0: they follow each other.
+  constexpr Pacing(std::uint32_t baud, unsigned bits_per_byte, std::uint32_t pause_us = 0)
+      : baud_(baud), bits_per_byte_(bits_per_byte), pause_us_(pause_us) {}
 
   constexpr bool is_paced() const { return baud_ != 0; }
 
@@ -41,11 +46,13 @@ class Pacing {
 
   /// May a frame of `size` bytes be handed over now?
   constexpr bool may_begin(std::size_t size, std::uint64_t now_us) const {
+    if (pause_us_ != 0) return now_us >= pause_ends_us();
     return !is_paced() || waiting_us(now_us) <= room_us(size);
   }
 
   /// When to try again after `may_begin` said no: early enough that the line does not run dry, and not for each frame.
   constexpr std::uint64_t begins_at_us(std::size_t size, std::uint64_t now_us) const {
+    if (pause_us_ != 0) return std::max(now_us, pause_ends_us());
     const std::uint64_t left = std::min(room_us(size), refill_us);
     const std::uint64_t waiting = waiting_us(now_us);
     return waiting <= left ? now_us : now_us + (waiting - left);
@@ -66,6 +73,9 @@ class Pacing {
   constexpr void forget() { free_ns_ = 0; }
 
  private:
+  /// Where silence ends a frame: when the next one may begin. 0: nothing was sent before it.
+  constexpr std::uint64_t pause_ends_us() const { return free_ns_ == 0 ? 0 : (free_ns_ + 999) / 1000 + pause_us_; }
+
   constexpr std::uint64_t line_ns(std::size_t size) const {
     return baud_ == 0 ? 0 : static_cast<std::uint64_t>(size) * bits_per_byte_ * 1'000'000'000 / baud_;
   }
@@ -78,6 +88,7 @@ class Pacing {
 
   std::uint32_t baud_ = 0;
   unsigned bits_per_byte_ = 10;
+  std::uint32_t pause_us_ = 0;
   std::uint64_t free_ns_ = 0;  ///< when the last byte that was handed over will have left
 };
 

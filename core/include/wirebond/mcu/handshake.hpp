@@ -45,6 +45,7 @@ enum class Line : std::uint8_t {
 /// | `complete`: the port has sent the run | sending | looking - offered - abort | books the run, looks for a run |
 /// | `found`: there is a run | looking | sending + begun - abort | hands it to the port |
 /// | `refuse`: the port did not take it | sending | refused | counts; `poll` pends again |
+/// | `refuse`: the line must be silent before the next run | looking | refused | `poll` pends again |
 /// | `rest`: there is no run | looking | idle | is done |
 /// | | looking + offered | looking - offered | looks again |
 /// | `ask_restart`: reception shall begin again | any | + restart | pends the interrupt |

@@ -15,6 +15,7 @@
 #include "wirebond/mcu/receive_age.hpp"
 #include "wirebond/mcu/receive_ring.hpp"
 #include "wirebond/mcu/schedule.hpp"
+#include "wirebond/mcu/send_pause.hpp"
 #include "wirebond/mcu/services.hpp"
 #include "wirebond/mcu/subscription.hpp"
 #include "wirebond/message.hpp"
@@ -77,7 +78,7 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 /// was no poll for as long as the line takes to fill the receive ring, whatever is unread is dropped
 /// (`ReceiveAccount::laps_unknown`).
 template <class Protocol, class Handler, class Port, class Memory>
-class Link {
+class Link : private SendPause<Protocol::pause_us> {
  public:
   /// The silence of the peer after which the link is stale, and reception is begun again: a UART or its DMA may hang.
   static constexpr std::uint32_t timeout_us = 1'000'000;
@@ -154,6 +155,7 @@ class Link {
       receive(before_us, now_us);
     }
     if (state() != LinkState::down) supervise(now_us);
+    if constexpr (keeps_pause) pause().poll(now_us);
     strike(now_us, now_us);
     schedule_.poll(now_us, handler_, [&](const auto& message) { static_cast<void>(send(message)); });
   }
@@ -198,6 +200,7 @@ class Link {
     const Event event(in_event_);
     if (!handshake_.complete()) return;  // of a run that was stopped
     outbox_.sent();
+    if constexpr (keeps_pause) begin_pause();
     send_next();
   }
 
@@ -242,6 +245,9 @@ class Link {
   /// early.
   static constexpr std::uint16_t max_age_units =
       static_cast<std::uint16_t>((Protocol::max_age_ms * std::uint32_t{1000} + 1023) / 1024);
+
+  /// Does silence end a frame? Then a run is one frame, and the next one waits for the pause.
+  static constexpr bool keeps_pause = Protocol::pause_us != 0;
 
   using LineWord = wirebond::Handshake<typename Memory::Config::Atomics>;
   using Age = ReceiveAge<detail::HasClock<Port>::value>;
@@ -330,13 +336,14 @@ class Link {
     ReceiveRing::Span span = ring_.next();
     if (span.size == 0) receiver_.idle(now_us, inbox, deadlines_);
     for (; span.size != 0; span = ring_.next()) {
-      Aged bytes = age_.first(ring_.position(), span.size, before_us);
+      Aged bytes = age_.first(ring_.position(), span.size, before_us, now_us);
       if constexpr (Age::is_stamped) {
         // An event may be newer than `now_us`, which was read before the call.
         if (bytes.came_us - before_us > now_us - before_us) bytes.came_us = now_us;
         strike(bytes.came_us, now_us);  // by the silence before these bytes
       }
       receiver_.feed(span.data, bytes.size, bytes.came_us, now_us, inbox, deadlines_);
+      if constexpr (keeps_pause) receiver_.last_came_at(bytes.until_us);
       ring_.consumed(bytes.size);
     }
     if (ring_.position() != read) line_moved_us_ = now_us;
@@ -396,16 +403,29 @@ class Link {
   void abort_run() {
     port_.stop_transmit();
     outbox_.aborted();
+    if constexpr (keeps_pause) begin_pause();
     transmit_timeouts_ += 1;
+  }
+
+  SendPause<Protocol::pause_us>& pause() { return *this; }
+
+  void begin_pause() {
+    if constexpr (detail::HasClock<Port>::value) {
+      if (detail::clock_runs(port_, 0)) return pause().begin_at(port_.now_us());
+    }
+    pause().begin();
   }
 
   Run next_run() {
     if constexpr (Protocol::max_age_ms != 0) outbox_.expire_older(stamp(), max_age_units);
-    return outbox_.next(Protocol::max_run_bytes);
+    return outbox_.next(keeps_pause ? 0 : Protocol::max_run_bytes);  // 0: one frame
   }
 
   /// The line is looking: hand the next run to the port, or rest.
   WIREBOND_NOINLINE void send_next() {
+    if constexpr (keeps_pause) {
+      if (!pause().is_over()) return handshake_.refuse();  // `poll` pends again
+    }
     Run run = next_run();
     while (run.size == 0) {
       if (handshake_.rest()) return;

@@ -40,10 +40,11 @@ bool tells_every_lap(const Port&, long) {
 
 }  // namespace detail
 
-/// Some bytes and when they came, or earlier.
+/// Some bytes: they came at `came_us` or later, and at `until_us` or earlier.
 struct Aged {
   std::size_t size;
   std::uint32_t came_us;
+  std::uint32_t until_us;
 };
 
 /// Where the port has no clock: bytes are as old as the poll before the one that found them.
@@ -62,7 +63,9 @@ class ReceiveAge {
   }
 
   /// Of the `size` bytes from `position` on, the first that came at one time.
-  Aged first(std::uint32_t, std::size_t size, std::uint32_t before_us) const { return {size, before_us}; }
+  Aged first(std::uint32_t, std::size_t size, std::uint32_t before_us, std::uint32_t now_us) const {
+    return {size, before_us, now_us};
+  }
 };
 
 /// Where the port has one, which is that of `poll`: each receive event of the UART's interrupt stamps the position and
@@ -100,10 +103,10 @@ class ReceiveAge<true> {
     return true;
   }
 
-  Aged first(std::uint32_t position, std::size_t size, std::uint32_t before_us) const {
+  Aged first(std::uint32_t position, std::size_t size, std::uint32_t before_us, std::uint32_t now_us) const {
     for (;;) {
       const std::uint32_t version = version_.load(std::memory_order_acquire);  // pairs with `stamp`
-      Aged bytes{size, before_us};
+      Aged bytes{size, before_us, now_us};
       // Older stamps than the poll before say nothing, and their times may have wrapped.
       const std::uint32_t fresh = (version - noted_before_) / 2;
       for (std::uint32_t i = fresh >= 2 ? 0 : 2 - fresh; i < 2; ++i) {
@@ -112,8 +115,9 @@ class ReceiveAge<true> {
         const std::uint32_t ahead = stamp.position() - position;
         if (static_cast<std::int32_t>(ahead) <= 0) {
           bytes.came_us = stamp.time_us();
-        } else if (ahead < bytes.size) {
+        } else if (ahead <= bytes.size) {
           bytes.size = ahead;
+          if (is_later(now_us, stamp.time_us())) bytes.until_us = stamp.time_us();
         }
       }
       std::atomic_thread_fence(std::memory_order_acquire);  // behind the stamps; pairs with `stamp`

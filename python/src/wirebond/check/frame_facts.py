@@ -66,7 +66,8 @@ def payload_sizes(form: Form, most: int) -> range | None:
 def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
     """Bytes that a frame with so many payload bytes takes of the line: its usual form, worst COBS, usual escapes.
 
-    Escaping may double a frame; counted is what random content brings. Where silence ends a frame it is counted, too.
+    Escaping may double a frame; counted is what random content brings. Where silence ends a frame the sender's pause is
+    counted, too.
     """
     frame_format = protocol.format
     form = forms(protocol, sender)[0]
@@ -77,7 +78,7 @@ def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
     elif frame_format.escapes is not None:
         size = math.ceil(size * (1 + len(frame_format.escapes.pairs) / 256))
     if frame_format.ends_by_silence:
-        size += math.ceil(protocol.idle_seconds * protocol.link.baud / protocol.link.bits_per_byte)
+        size += math.ceil(protocol.pause_seconds * protocol.link.baud / protocol.link.bits_per_byte)
     return size + len(frame_format.opening or b"") + len(frame_format.delimiter or b"")
 
 

@@ -95,7 +95,8 @@ def _ends(protocol: Protocol) -> list[str]:
     if frame_format.ends_by_silence:
         return [
             "",
-            f"A frame ends when the line is silent for {seconds(protocol.idle_seconds)}; within it is no pause.",
+            f"A frame ends when the line is silent for {seconds(protocol.idle_seconds)}; within it is no pause. Before "
+            f"its next frame a sender pauses for {seconds(protocol.pause_seconds)}, so that the receiver notices.",
         ]
     if frame_format.delimiter is None:
         return []

@@ -55,6 +55,7 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
         word: names.constant(word)
         for word in (
             "protocol_name", "protocol_hash", "message_count", "baud", "data_bits", "parity", "stop_bits", "idle_us",
+            "pause_us",
         )
     }  # fmt: skip
     facts = {message.name: _facts(protocol, names, index) for index, message in enumerate(protocol.messages)}
@@ -84,6 +85,7 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
         "parity": {Parity.NONE: "N", Parity.EVEN: "E", Parity.ODD: "O"}[protocol.link.parity],
         "stop_bits": real(protocol.link.stop_bits, "float"),
         "idle_us": round(protocol.idle_seconds * 1e6),
+        "pause_us": round(protocol.pause_seconds * 1e6),
         "types": shared,
         "messages": views,
         "receivers": [

@@ -64,6 +64,7 @@ def cpp_header(protocol: Protocol) -> str:
         hash=f"0x{protocol_hash(protocol):016X}",
         stop_bits=real(protocol.link.stop_bits, "float"),
         idle_us=round(protocol.idle_seconds * 1e6),
+        pause_us=round(protocol.pause_seconds * 1e6),
         max_age_ms=round((protocol.link.max_age or 0) * 1e3),
         types=_type_views(protocol),
         messages=_message_views(protocol),

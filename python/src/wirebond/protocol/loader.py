@@ -84,5 +84,11 @@ def _byte_order(root: Mapping) -> ByteOrder:
 
 def _link(syntax: Link) -> LinkSettings:
     return LinkSettings(
-        syntax.baud, syntax.data_bits, Parity(syntax.parity), syntax.stop_bits, syntax.max_run, syntax.max_age
+        syntax.baud,
+        syntax.data_bits,
+        Parity(syntax.parity),
+        syntax.stop_bits,
+        syntax.max_run,
+        syntax.max_age,
+        syntax.adapter_latency,
     )

@@ -391,6 +391,10 @@ class FrameFormat:
         return next((p for p in self.parts if p.kind == kind), None)
 
 
+PAUSE_MARGIN = 0.002  # seconds
+MAX_LATENCY = 1.0  # seconds that a port may hold bytes back: longer is a fault of the device
+
+
 class Parity(StrEnum):
     NONE = "none"
     EVEN = "even"
@@ -405,6 +409,7 @@ class LinkSettings:
     stop_bits: float = 1
     max_run: float = 0.001  # seconds of line that one run of frames takes at most, unless it is a single frame
     max_age: float | None = None  # seconds; frames that waited longer expire
+    adapter_latency: float | None = None  # seconds that the host's port may hold bytes back; None: by its device
 
     @property
     def bits_per_byte(self) -> float:
@@ -505,6 +510,14 @@ class Protocol:
             size *= 2
         delimiter = self.format.delimiter or b""
         return size + len(self.format.opening or delimiter) + len(delimiter)
+
+    @property
+    def pause_seconds(self) -> float:
+        """Where silence ends a frame: what a sender leaves the line silent between two frames; else 0.
+
+        More than the silence, so that a receiver that looks every millisecond sees it from its beginning to its end.
+        """
+        return self.idle_seconds + PAUSE_MARGIN if self.format.ends_by_silence else 0.0
 
     @property
     def idle_seconds(self) -> float:

@@ -7,6 +7,7 @@ request's name and kind carries its value back), serves hello, clock and paramet
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,7 +35,10 @@ class _Watch:
 
 @dataclass
 class VirtualMcu:
-    """Call ``feed`` with what the host sent and ``tick`` often; both return bytes for the host."""
+    """Call ``feed`` with what the host sent and ``tick`` often; both return bytes for the host.
+
+    Where silence ends a frame they return one frame at most, and the next one after the pause.
+    """
 
     codec: Codec
     start: float
@@ -48,9 +52,10 @@ class VirtualMcu:
         self._watches = [_Watch(d, self.start) for d in model.deadlines if d.at == End.MCU]
         self._parameters: dict[int, float] = {}
         self._hello_due = model.service("hello") is not None
+        self._waiting: deque[bytes] = deque()  # frames
+        self._silent_until = self.start
 
     def feed(self, data: bytes, t: float) -> bytes:
-        out = bytearray()
         for message in self._decoder.feed(data, t) if data else self._decoder.idle(t):
             if message.name == "unknown":
                 self.events.append(f"frame with unknown id 0x{message.id:02X}")
@@ -59,26 +64,38 @@ class VirtualMcu:
                 self.held_back += 1
                 continue
             self._seen(message, t)
-            out += self._answer(message, t)
-        return bytes(out)
+            self._waiting += self._answer(message, t)
+        return self._leaving(t)
 
     def tick(self, t: float) -> bytes:
-        out = bytearray()
         if self._hello_due:
             self._hello_due = False
-            out += self._hello()
+            self._waiting += self._hello()
         for name, due in self._due.items():
             if t < due:
                 continue
             message = self.codec.model.message(name)
             assert message.every is not None
             self._due[name] = due + (math.floor((t - due) / message.every) + 1) * message.every
-            out += self.codec.encode(name, self._made_up(message, t), sender=End.MCU)
+            self._waiting.append(self.codec.encode(name, self._made_up(message, t), sender=End.MCU))
         for watch in self._watches:
             if not watch.struck and t - watch.since >= watch.rule.after:
                 watch.struck = True
                 self.events.append(f"no {watch.rule.message} for {watch.rule.after:g} s: {watch.rule.then}")
-        return bytes(out)
+        return self._leaving(t)
+
+    def _leaving(self, t: float) -> bytes:
+        """What the line may carry now: all that waits; where silence ends a frame, one frame after each pause."""
+        pause = self.codec.model.pause_seconds
+        if pause == 0:
+            frames, self._waiting = self._waiting, deque()
+            return b"".join(frames)
+        if not self._waiting or t < self._silent_until:
+            return b""
+        frame = self._waiting.popleft()
+        link = self.codec.model.link
+        self._silent_until = t + len(frame) * link.bits_per_byte / link.baud + pause
+        return frame
 
     def recover(self, action: str, t: float) -> None:
         """End what struck with ``recover: explicit``: its message acts again, and all its deadlines begin again."""
@@ -103,7 +120,7 @@ class VirtualMcu:
                 watch.struck = False
                 self.events.append(f"{message.name} is back: {watch.rule.then} ends")
 
-    def _answer(self, message: Message, t: float) -> bytes:
+    def _answer(self, message: Message, t: float) -> list[bytes]:
         hello = self.codec.model.service("hello")
         if hello is not None and message.name == hello.message("message"):
             theirs = message.fields.get("protocol_hash")
@@ -112,12 +129,12 @@ class VirtualMcu:
             return self._hello()
         request = self.codec.model.message(message.name)
         if request.reply is None:
-            return b""
+            return []
         reply = self.codec.model.message(request.reply)
         values = self._made_up(reply, t)
         values |= {name: message.fields[name] for name in _carried_back(reply, request)}
         values |= self._service_values(message, t)
-        return self.codec.encode(reply.name, values, sender=End.MCU)
+        return [self.codec.encode(reply.name, values, sender=End.MCU)]
 
     def _service_values(self, message: Message, t: float) -> dict[str, Any]:
         clock = self.codec.model.service("clock")
@@ -133,12 +150,12 @@ class VirtualMcu:
             return {"value": self._parameters.get(index, 0.0), "result": 0}
         return {}
 
-    def _hello(self) -> bytes:
+    def _hello(self) -> list[bytes]:
         service = self.codec.model.service("hello")
         name = service.message("message") if service is not None else None
         if name is None:
-            return b""
-        return self.codec.encode(name, {"protocol_hash": self.codec.hash, "version": 1}, sender=End.MCU)
+            return []
+        return [self.codec.encode(name, {"protocol_hash": self.codec.hash, "version": 1}, sender=End.MCU)]
 
     # ---- made-up values
 

@@ -11,9 +11,6 @@
 
 namespace wirebond::posix {
 
-/// How long a USB adapter may hold bytes back (the FTDI default): what a host adds to a protocol's `idle_us`.
-inline constexpr std::uint32_t adapter_latency_us = 16'000;
-
 /// Microseconds of a clock that never jumps, modulo 2^32: the `now_us` of receivers and deadlines. Any thread.
 inline std::uint32_t now_us() {
   struct timespec now {};

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, PlainValidator, Tag
 
+from wirebond.protocol.model import MAX_LATENCY
 from wirebond.protocol.text.field_grammar import Fields, FieldSyntax
 from wirebond.protocol.text.frame_grammar import MAX_PARTS, Part
 from wirebond.protocol.text.scalars import (
@@ -52,6 +53,12 @@ def _max_age(seconds: float) -> float:
     return seconds
 
 
+def _latency(seconds: float) -> float:
+    if seconds > MAX_LATENCY:
+        raise wrong(f"a port holds bytes back for {MAX_LATENCY:g} s at most; write less, such as 16 ms")
+    return seconds
+
+
 class Link(Syntax):
     """Settings of the serial line."""
 
@@ -75,6 +82,12 @@ class Link(Syntax):
         None,
         description="Frames that waited longer than this expire, at the MCU and in the host's link.",
         examples=["100 ms"],
+    )
+    adapter_latency: Annotated[Duration, AfterValidator(_latency)] | None = Field(
+        None,
+        description="How long the host's port may hold received bytes back. Default: 16 ms for USB, else what a UART's "
+        "buffer takes.",
+        examples=["16 ms"],
     )
 
 
