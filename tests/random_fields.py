@@ -97,6 +97,8 @@ class FieldSource:
         nested = [self._struct, self._group] if depth < 3 else []
         if self._vary >= Vary.COUNTED and room > 4 and self._random.random() < 0.15:
             return self._counted(room, depth, taken)
+        if self._vary >= Vary.COUNTED and room > 1 and self._random.random() < 0.1:
+            return {self._name(taken): self._ended(room)}
         draw = self._random.choice([*draws, *nested])
         drawn = draw(room, depth) if draw in nested else draw(room)  # type: ignore[call-arg]
         return {self._name(taken): drawn} if drawn is not None and drawn.most <= room else {}
@@ -241,6 +243,16 @@ class FieldSource:
             fitting = [text for text in TEXTS if len(text.encode()) <= most]
             return f'"{self._random.choice(fitting)}"'
         return " ".join(f"0x{self._random.randrange(256):02X}" for _ in range(self._random.randint(1, most)))
+
+    def _ended(self, room: int) -> Drawn:
+        """A string that a byte ends, which no default has in it."""
+        most = self._random.randint(1, min(room - 1, 12))
+        end = self._random.choice((0x00, 0x00, 0x0D, 0x2C))
+        if self._random.random() < 0.3:
+            given = self._given(f"0x{self._random.randrange(0x30, 256):02X}")
+            return Drawn(f"{{type: bytes, max: {most}, ends_with: 0x{end:02X}{given}}}", most + 1)
+        given = self._given(self._string_default("text", most))
+        return Drawn(f"{{type: text, max: {most}, ends_with: 0x{end:02X}{given}}}", most + 1)
 
     def _padding(self, _: int) -> Drawn:
         size = self._random.randint(1, 3)

@@ -43,9 +43,10 @@ def _field_value(described: Field, source: random.Random, size: int | None) -> A
     if described.kind == FieldKind.TEXT and size is not None:
         return "".join(source.choices("abc 019", k=size))
     if described.kind == FieldKind.TEXT:
-        return "".join(source.choices("abc äöü 上位机", k=source.randrange(0, described.max_wire_bytes // 3 + 1)))
+        return "".join(source.choices("abc äöü 上位机", k=source.randrange(0, described.room // 3 + 1)))
     if described.kind == FieldKind.BYTES:
-        return source.randbytes(source.randrange(0, described.max_wire_bytes + 1) if size is None else size)
+        drawn = source.randbytes(source.randrange(0, described.room + 1) if size is None else size)
+        return drawn if described.ends_with is None else drawn.replace(bytes([described.ends_with]), b"")
     if described.is_list and size is None:
         size = source.randint(0, described.max_count)
     if described.is_list or described.count is not None:

@@ -38,6 +38,8 @@ void read_repeat(FieldTable& table, nb::handle field) {
     table.count = nb::cast<std::uint32_t>(field.attr("size"));
     table.max_count = nb::cast<std::uint32_t>(field.attr("max_size"));
     table.stride = 1;
+    const nb::object end = field.attr("ends_with");
+    if (!end.is_none()) table.ends_with = nb::cast<int>(end);
     return;
   }
   if (table.max_count != 0) {

@@ -44,6 +44,7 @@ struct FieldTable {
   bool is_variable = false;     ///< its size varies, or that of a field in it
   bool counts = false;          ///< tells how many elements or bytes others have
   int counted_by = -1;          ///< which of the fields beside it tells that; -1: the payload's end
+  int ends_with = -1;           ///< of a string: the byte behind it, which is in its least size; -1: none
 
   // One number.
   std::uint8_t size = 1;  ///< bytes that it is loaded from; of a bit field, those of all of them

@@ -3,6 +3,8 @@
 
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
+#include <cstdio>
 #include <cstring>
 #include <optional>
 
@@ -17,7 +19,7 @@ nb::dict decode_all(const std::vector<FieldTable>& fields, std::size_t place, Wa
 nb::object decode_string(const FieldTable& field, std::size_t place, std::uint64_t promised, Walk& walk) {
   const char* const at = reinterpret_cast<const char*>(walk.at(place));
   const bool is_fixed = field.count != 0;
-  std::size_t size = is_fixed ? field.count : walk.string_size(field, promised);
+  std::size_t size = is_fixed ? field.count : walk.string_size(field, place, promised);
   if (field.kind == FieldKind::bytes) return steal(PyBytes_FromStringAndSize(at, static_cast<Py_ssize_t>(size)));
   if (is_fixed) {  // padded with zeros
     const void* const end = std::memchr(at, 0, size);
@@ -80,8 +82,16 @@ void validate_promise(const FieldTable& field, const FieldTable* counting, std::
 void validate_string(const FieldTable& field, std::size_t place, const FieldTable* counting, std::uint64_t promised,
                      Walk& walk, const Path& path, nb::list& out) {
   const char* const at = reinterpret_cast<const char*>(walk.at(place));
-  const std::size_t size = field.count != 0 ? field.count : walk.string_size(field, promised);
+  const std::size_t most = std::min<std::size_t>(walk.spare, field.max_count);
+  const std::size_t size = field.count != 0 ? field.count : walk.string_size(field, place, promised);
   validate_promise(field, counting, promised, size, path, out);
+  if (field.ends_with >= 0 && at[size] != static_cast<char>(field.ends_with)) {
+    char end[8];
+    std::snprintf(end, sizeof end, "0x%02X", static_cast<unsigned>(field.ends_with) & 0xFFu);
+    add(out, path,
+        std::string(" does not end with ") + end + " within " + std::to_string(most + 1) +
+            (most == 0 ? " byte" : " bytes"));
+  }
   if (field.kind == FieldKind::bytes) return;
   const nb::object text = nb::steal(PyUnicode_DecodeUTF8(at, static_cast<Py_ssize_t>(size), nullptr));
   if (text.is_valid()) return;
@@ -188,6 +198,15 @@ nb::object string_bytes(const FieldTable& field, nb::handle value, const Path& p
     throw_message_error(path.text() + " has " + std::to_string(size) + " bytes; it holds at most " +
                         std::to_string(most));
   }
+  if (field.ends_with >= 0 && size != 0) {
+    const char* const data = PyBytes_AS_STRING(bytes.ptr());
+    const void* const end = std::memchr(data, field.ends_with, size);
+    if (end != nullptr) {
+      throw_message_error(path.text() + " would end at its byte " +
+                          std::to_string(static_cast<const char*>(end) - data) +
+                          ", which is the one that ends it on the wire; leave that out");
+    }
+  }
   return bytes;
 }
 
@@ -288,6 +307,7 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::ha
       if (field.count == 0) build.insert(here, size);
       if (size != 0) std::memcpy(build.at(here), PyBytes_AS_STRING(bytes.ptr()), size);
       if (field.count == 0) build.shift += size;
+      if (field.ends_with >= 0) *build.at(here) = static_cast<std::uint8_t>(field.ends_with);
       count_in(field, fields, counts, size, own, build);
     } else if (field.repeat != Repeat::once) {
       count_in(field, fields, counts, encode_elements(field, here, value, own, build), own, build);

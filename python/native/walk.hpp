@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <vector>
 
@@ -34,9 +35,14 @@ struct Walk {
     return found;
   }
 
-  /// Bytes of a string of varying size, which the walk then is behind.
-  std::size_t string_size(const FieldTable& field, std::uint64_t promised) {
-    const auto size = static_cast<std::size_t>(std::min<std::uint64_t>({promised, field.max_count, spare}));
+  /// Bytes of a string of varying size, which the walk then is behind. The byte that ends it is not among them, and may
+  /// be another than it should: it is in the least size, so that it lies in the payload whatever it is.
+  std::size_t string_size(const FieldTable& field, std::size_t place, std::uint64_t promised) {
+    auto size = static_cast<std::size_t>(std::min<std::uint64_t>({promised, field.max_count, spare}));
+    if (field.ends_with >= 0) {
+      const void* const end = std::memchr(at(place), field.ends_with, size + 1);
+      if (end != nullptr) size = static_cast<std::size_t>(static_cast<const std::uint8_t*>(end) - at(place));
+    }
     spare -= size;
     shift += size;
     return size;

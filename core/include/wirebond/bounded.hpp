@@ -10,6 +10,18 @@
 
 namespace wirebond {
 
+/// Bytes before the first `end` among the `most + 1` bytes at `from`; `most + 1` where it is not among them. Any thread
+/// or interrupt.
+inline std::size_t size_before(const std::uint8_t* from, std::size_t most, std::uint8_t end) {
+  const void* const found = std::memchr(from, end, most + 1);
+  return found == nullptr ? most + 1 : static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - from);
+}
+
+/// Is `byte` one of these `size` elements? Any thread or interrupt.
+inline bool has_byte(const void* from, std::size_t size, std::uint8_t byte) {
+  return size != 0 && std::memchr(from, byte, size) != nullptr;
+}
+
 /// At most `Capacity` elements of one byte. Plain data: copy it, compare `size` first. Not terminated by a zero.
 template <class Element, std::size_t Capacity>
 struct Bounded {

@@ -92,6 +92,8 @@ CASES = [
     Case("a field in the middle", "      mode:", "      more: {type: u8, default: 1}\n      mode:", FROM_HOST),
     Case("a longer list", "max: 4", "max: 6", set()),
     Case("a shorter list", "max: 4", "max: 3", {MCU_OLD}),
+    Case("a text's end", "ends_with: 0x00", "ends_with: 0x0D", FROM_HOST,
+         BASE.replace("      level:", "      name: {type: text, max: 4, ends_with: 0x00}\n      level:")),
     Case("an id", "id: 1\n", "id: 3\n", FROM_HOST),
     Case("a message's new name", "  drive:", "  go:", set()),
     Case("a field's new name", "turn: ", "turning: ", set()),

@@ -78,11 +78,13 @@ def _struct(fields: tuple[Field, ...], generator: random.Random) -> dict[str, An
 
 def _value(field: Field, counted: int | None, generator: random.Random) -> Any:
     if field.kind == FieldKind.TEXT:
-        size = generator.randint(0, field.max_wire_bytes) if counted is None else counted
-        return "".join(generator.choices(_LETTERS, k=size))
+        size = generator.randint(0, field.room) if counted is None else counted
+        letters = [letter for letter in _LETTERS if ord(letter) != field.ends_with]
+        return "".join(generator.choices(letters, k=size))
     if field.kind == FieldKind.BYTES:
         size = generator.randint(0, field.max_size) if field.is_variable else field.size
-        return generator.randbytes(size if counted is None else counted)
+        drawn = generator.randbytes(size if counted is None else counted)
+        return drawn if field.ends_with is None else drawn.replace(bytes([field.ends_with]), b"")
     if field.is_list and counted is None:
         counted = generator.randint(0, field.max_count)
     if field.is_list or field.count is not None:

@@ -239,6 +239,11 @@ def _amount_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) 
     if _counter(a, old) != _counter(b, new):
         yield _other_amount(where, f"as many as {b.counted_by} says" if b.counted_by else "as many as the payload has")
         return
+    if a.ends_with != b.ends_with:
+        ends = ["nothing" if f.ends_with is None else f"0x{f.ends_with:02X}" for f in (a, b)]
+        effects = where.everywhere("it is read at another size")
+        yield changed(where.path, f"ends with {ends[1]}, and ended with {ends[0]}", effects, place=where.place)
+        return
     for most, next_most, noun in ((a.max_count, b.max_count, "elements"), (a.max_size, b.max_size, "bytes")):
         if most != next_most:
             yield _other_bound(most, next_most, noun, where)

@@ -146,6 +146,8 @@ def _type(field: Field) -> str:
 
 
 def _how_many(field: Field) -> str:
+    if field.ends_with is not None:
+        return f"up to {field.max_size} bytes and a 0x{field.ends_with:02X} behind them"
     return f"as many as {field.counted_by} says" if field.counted_by else "to the payload's end"
 
 

@@ -160,28 +160,41 @@ def _array_text(field: Field, elements: list[_Number]) -> str:
 
 
 def _text(walk: _Walk, field: Field, promised: int | None) -> Reading:
-    start, data = walk.at, _string(walk, field, promised)
-    shown = data.split(b"\0", 1)[0] if field.size else data
-    faults: tuple[str, ...] = ()
+    start, (data, faults) = walk.at, _string(walk, field, promised)
+    shown = data.split(b"\0", 1)[0] if field.size else _without_end(data, field)
     try:
         data.decode()
     except UnicodeDecodeError:
-        faults = (" is not UTF-8",)
+        faults = (*faults, " is not UTF-8")
     value = shown.decode(errors="replace")
     return Reading(field, field.name, start, data, value, f'"{visible(value)}"', faults)
 
 
 def _bytes(walk: _Walk, field: Field, promised: int | None) -> Reading:
-    start, data = walk.at, _string(walk, field, promised)
-    return Reading(field, field.name, start, data, data, f"{len(data)} byte{'s' * (len(data) != 1)}")
+    start, (data, faults) = walk.at, _string(walk, field, promised)
+    value = _without_end(data, field)
+    return Reading(field, field.name, start, data, value, f"{len(value)} byte{'s' * (len(value) != 1)}", faults)
 
 
-def _string(walk: _Walk, field: Field, promised: int | None) -> bytes:
+def _string(walk: _Walk, field: Field, promised: int | None) -> tuple[bytes, tuple[str, ...]]:
+    """Its bytes with the one that ends it, and what is wrong."""
     if field.size:
-        return walk.take(field.size)
-    size = min(field.max_size, walk.spare, field.max_size if promised is None else promised)
+        return walk.take(field.size), ()
+    most = min(field.max_size, walk.spare)
+    if field.ends_with is not None:
+        found = walk.payload.find(field.ends_with, walk.at, walk.at + most + 1)
+        size = most if found < 0 else found - walk.at
+        fault = f" does not end with 0x{field.ends_with:02X} within {most + 1} byte{'s' * (most > 0)}"
+        walk.spend(size)
+        return walk.take(size + 1), (fault,) * (found < 0)
+    size = min(most, field.max_size if promised is None else promised)
     walk.spend(size)
-    return walk.take(size)
+    return walk.take(size), ()
+
+
+def _without_end(data: bytes, field: Field) -> bytes:
+    """The value of a string; of one whose end is missing, what lies before the place of that byte."""
+    return data if field.ends_with is None or not data else data[:-1]
 
 
 def _padding(walk: _Walk, field: Field, _: int | None) -> Reading:

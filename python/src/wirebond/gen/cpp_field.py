@@ -106,7 +106,10 @@ def member_comment(spec: Field, bits: str = "") -> str:
         limits = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
         facts.append(f"{limits} ({spec.on_range.value})")
     if spec.is_string and spec.is_variable:
-        facts.append(f"at most {spec.max_size} bytes")
+        facts.append(
+            f"at most {spec.max_size} bytes"
+            + ("" if spec.ends_with is None else f", none of them {spec.ends_with:#04x}")
+        )
     if spec.is_list:
         facts.append(f"at most {spec.max_count}")
     if spec.flags:

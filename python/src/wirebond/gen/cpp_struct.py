@@ -321,7 +321,11 @@ def _write_string(spec: Field, value: str, place: str, more: bool) -> list[str]:
     if not spec.is_variable:
         return [f"std::memcpy({place}, {value}.data(), {spec.size});"]
     lines = [] if spec.counted_by else _refusal(f"{value}.size", spec.max_size, 16)
+    if spec.ends_with is not None:
+        lines.append(f"if (wirebond::has_byte({value}.data.data(), {value}.size, {spec.ends_with:#04x})) return false;")
     lines.append(f"std::memcpy({place}, {value}.data.data(), {value}.size);")
+    if spec.ends_with is not None:
+        lines.append(f"*({place} + {value}.size) = {spec.ends_with:#04x};")
     return [*lines, f"payload += {value}.size;"] if more else lines
 
 
@@ -456,6 +460,12 @@ class Reader:
         size = self._locals.claim(f"{spec.name}_size", "_")
         if told:
             lines = [*told.size_lines(size, spec.max_size), f"if ({size} > spare) return false;"]
+        elif spec.ends_with is not None:
+            most = f"spare < {spec.max_size} ? spare : {spec.max_size}"
+            lines = [
+                f"const std::size_t {size} = wirebond::size_before({place}, {most}, {spec.ends_with:#04x});",
+                f"if ({size} > ({most})) return false;",
+            ]
         else:
             lines = [f"std::size_t {size} = spare;", f"if ({size} > {spec.max_size}) {size} = {spec.max_size};"]
             if self._trims_zeros and spec.kind == FieldKind.TEXT:  # zeros that pad a payload of fixed size are not text

@@ -112,5 +112,6 @@ def _field(field: Field) -> dict[str, Any]:
         "fields": [_field(member) for member in field.fields],
         "max_count": field.max_count,
         "counted_by": field.counted_by,
+        "ends_with": None if field.ends_with is None else f"{field.ends_with:02x}",
     }
     return entry | {key: value for key, value in added.items() if value}

@@ -85,7 +85,8 @@ class Field:
 
     How often it occurs: ``count`` elements always; or up to ``max_count`` elements, as many as ``counted_by`` (a field
     before it, beside it) says, or as the payload has where that is empty; or once, where both are unset. A text or byte
-    string has ``size`` bytes always, or up to ``max_size`` in the same two ways.
+    string has ``size`` bytes always, or up to ``max_size`` in the same two ways, or up to the byte ``ends_with``, which
+    follows it on the wire and is not in it.
     """
 
     name: str
@@ -111,6 +112,7 @@ class Field:
     fields: tuple[Field, ...] = ()  # of kinds BITS and STRUCT
     max_count: int = 0  # most elements of a list
     counted_by: str = ""
+    ends_with: int | None = None  # of a string: the byte behind it
     type_name: str = ""  # of kind STRUCT: the type of the file that it is; empty for one of its own
 
     @property
@@ -166,6 +168,11 @@ class Field:
         return self.kind in (FieldKind.TEXT, FieldKind.BYTES)
 
     @property
+    def room(self) -> int:
+        """Most bytes of a string's value."""
+        return self.size or self.max_size
+
+    @property
     def is_list(self) -> bool:
         """Has it a varying number of elements?"""
         return self.max_count > 0
@@ -178,7 +185,7 @@ class Field:
     @property
     def reaches_end(self) -> bool:
         """Is it as long as the payload is?"""
-        open_ended = self.is_list or (self.is_string and self.size == 0)
+        open_ended = self.is_list or (self.is_string and self.size == 0 and self.ends_with is None)
         return (open_ended and not self.counted_by) or any(f.reaches_end for f in self.fields)
 
     @property
@@ -190,12 +197,14 @@ class Field:
     def min_wire_bytes(self) -> int:
         if self.packed is not None:
             return (self.bits * (self.count or 1) + 7) // 8
+        if self.ends_with is not None:
+            return 1
         return 0 if self.is_list else self.element_min_bytes * (self.count or 1)
 
     @property
     def max_wire_bytes(self) -> int:
         if self.is_string and self.size == 0:
-            return self.max_size
+            return self.max_size + (self.ends_with is not None)
         if self.kind == FieldKind.STRUCT:
             return sum(f.max_wire_bytes for f in self.fields) * (self.max_count or self.count or 1)
         return self.size * self.max_count if self.is_list else self.min_wire_bytes

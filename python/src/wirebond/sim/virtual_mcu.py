@@ -176,7 +176,8 @@ class VirtualMcu:
         """``most``: elements or bytes that what counts this field allows."""
         size = min(most, _FEW)
         if described.kind == FieldKind.TEXT:
-            return "virtual"[: size if described.counted_by else described.max_wire_bytes]
+            made_up = "virtual"[: size if described.counted_by else described.room]
+            return made_up if described.ends_with is None else made_up.replace(chr(described.ends_with), "")
         if described.kind == FieldKind.BYTES:
             return bytes(size) if described.counted_by else b""
         if not described.is_list and described.count is None:

@@ -80,9 +80,10 @@ def fit_element(field: Field, value: Given) -> _Fitted:
     if field.kind == FieldKind.TEXT:
         if not isinstance(value, str):
             return None, f"`{field.name}` is a text; put the value in quotes"
-        size, room = len(value.encode()), field.max_wire_bytes
-        fault = f"the text has {size} bytes, and `{field.name}` has room for {room}; shorten it"
-        return (value, "") if size <= room else (None, fault)
+        size, room = len(value.encode()), field.room
+        if size > room:
+            return None, f"the text has {size} bytes, and `{field.name}` has room for {room}; shorten it"
+        return (None, _too_early(field)) if _has_end(field, value.encode()) else (value, "")
     if field.kind == FieldKind.BYTES:
         return _fit_bytes(field, value)
     if isinstance(value, str):
@@ -101,10 +102,19 @@ def _fit_bytes(field: Field, value: Fraction | bool | str) -> _Fitted:
     tokens = value.split() if isinstance(value, str) else [""]
     if not all(_BYTE.fullmatch(token) for token in tokens):
         return None, f"`{field.name}` is a byte string; write its bytes as 0xAA 0x55"
-    room = field.max_wire_bytes
+    room = field.room
     if len(tokens) > room:
         return None, f"these are {len(tokens)} bytes, and `{field.name}` has room for {room}; write no more"
-    return bytes(int(token, 16) for token in tokens), ""
+    found = bytes(int(token, 16) for token in tokens)
+    return (None, _too_early(field)) if _has_end(field, found) else (found, "")
+
+
+def _has_end(field: Field, value: bytes) -> bool:
+    return field.ends_with is not None and field.ends_with in value
+
+
+def _too_early(field: Field) -> str:
+    return f"`{field.name}` would end at its first 0x{field.ends_with:02X}; leave that byte out"
 
 
 def _fit_flags(field: Field, value: list[Fraction | bool | str]) -> _Fitted:

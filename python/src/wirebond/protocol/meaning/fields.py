@@ -37,6 +37,7 @@ _OPTIONS: tuple[tuple[str, tuple[FieldKind, ...], str], ...] = (
     ("count", (*_NUMBERS, FieldKind.BOOL), "numbers and bool; give a text its bytes with `size` or `max`"),
     ("packed", (*INTEGERS, FieldKind.BOOL), "whole numbers and bool; remove it"),
     ("size", (*_STRINGS, FieldKind.PADDING), "text, bytes and padding; for an array of numbers write `count`"),
+    ("ends_with", _STRINGS, "text and bytes; remove it"),
     ("scale", _NUMBERS, "numbers; remove it"),
     ("offset", _NUMBERS, "numbers; remove it"),
     ("unit", _NUMBERS, "numbers; remove it"),
@@ -257,6 +258,7 @@ class _PlainReader(ValueReader):
                 packed=packed,
                 max_count=0 if is_string or count[0] is not None else syntax.max or 0,
                 counted_by=count[1] or size[1],
+                ends_with=None if syntax.ends_with is None else syntax.ends_with[0],
             )
         )
 
@@ -272,6 +274,8 @@ class _PlainReader(ValueReader):
             self._wrong(node.value_place("type"), "padding needs its number of bytes; add `size: 2`")
         if kind == FieldKind.PADDING and isinstance(syntax.size, str):
             self._wrong(node.value_place("size"), "padding has always as many bytes; write their number")
+        if syntax.ends_with is not None and kind in _STRINGS:
+            self._validate_end(syntax, syntax.ends_with[0])
         if syntax.max is None:
             return
         if isinstance(syntax.size, int):
@@ -283,6 +287,13 @@ class _PlainReader(ValueReader):
                 node.key_place("max"),
                 "`max` is for text, bytes and arrays of varying size; for an array of numbers write `count`",
             )
+
+    def _validate_end(self, syntax: PlainSyntax, end: int) -> None:
+        place = self._node.value_place("ends_with")
+        if syntax.size is not None:
+            self._wrong(place, "what ends with a byte has no `size` beside it; write `max: 16` (bytes before it)")
+        if self._type.kind == FieldKind.TEXT and end >= 0x80:
+            self._wrong(place, "bytes from 0x80 on are parts of letters in UTF-8; write one below, or take `bytes`")
 
     def _validate_packed(self, syntax: PlainSyntax) -> None:
         node, wire_type = self._node, self._type

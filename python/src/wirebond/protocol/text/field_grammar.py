@@ -18,6 +18,7 @@ from wirebond.protocol.text.scalars import (
     Exact,
     Name,
     NameText,
+    OneByte,
     Text,
     WireInteger,
     describe,
@@ -106,10 +107,15 @@ class PlainSyntax(ValueSyntax):
         description="Most bytes of a text or byte string, or most elements of an array, of varying size.",
         examples=[48],
     )
+    ends_with: OneByte | None = Field(
+        None,
+        description="Of a text or byte string of varying size: the byte behind it, which is never in it.",
+        examples=["0x00"],
+    )
 
     @classmethod
     def known_keys(cls) -> list[str]:
-        first = ("type", "count", "packed", "size", "max")
+        first = ("type", "count", "packed", "size", "max", "ends_with")
         return [*first, *(key for key in cls.model_fields if key not in first), "bits", "struct", "group"]
 
     @classmethod
