@@ -272,9 +272,33 @@ class _FormatSource:
             self._fields.append(("sequence", 8 * size))
             return Part(kind, word, size, name="sequence")
         name = f"h{len(self._fields)}"
+        letter, size = self._random.choice("uuuis"), self._random.choice((1, 1, 1, 2, 2, 3, 4, 4, 5, 6, 7, 8))
         self._fields.append((name, 8 * size))
-        default = self._random.choice((0, 1, 2 ** (8 * size) - 1, self._random.randrange(2 ** (8 * size))))
-        return Part("field", name, size, [f"type: {word}", f"default: {default}"], name=name)
+        word = f"{letter}{8 * size}{self._random.choice(('', 'le', 'be')) if size > 1 else ''}"
+        return Part("field", name, size, [f"type: {word}", *self._meaning(letter, 8 * size)], name=name)
+
+    def _meaning(self, letter: str, bits: int) -> list[str]:
+        """What a header field says about itself, beside its type."""
+        half = 2 ** (bits - 1)
+        least, most = (0, 2 * half - 1) if letter == "u" else (-half + (letter == "s"), half - 1)
+        drawn = [self._random.choice((least, most, 0, 1, self._random.randint(least, most))) for _ in range(3)]
+        kind = self._random.choice(("number", "number", "ends", "enum", "flags", "scale", "range"))
+        if kind == "ends":
+            return [f"default: {{host: {drawn[0]}, mcu: {drawn[1]}}}"]
+        if kind == "enum":
+            names = {value: f"e{i}" for i, value in enumerate(drawn)}
+            listed = ", ".join(f"{name}: {value}" for value, name in names.items())
+            return [f"enum: {{{listed}}}", f"default: {self._random.choice(list(names.values()))}"]
+        if kind == "flags" and letter == "u":
+            bit = self._random.sample(range(bits), min(bits, 3))
+            listed = ", ".join(f"f{i}: {number}" for i, number in enumerate(bit))
+            return [f"flags: {{{listed}}}", *self._random.choice(([], ["default: [f0]"]))]
+        if kind == "scale" and bits <= 32:
+            return [f"scale: {self._random.choice(('0.1', '0.5', '0.001', '3'))}", "unit: V"]
+        if kind == "range" and drawn[0] != drawn[1] and bits <= 48:
+            low, high = sorted(drawn[:2])
+            return [f"range: [{low}, {high}]", f"default: {low}"]
+        return [f"default: {drawn[0]}"]
 
     def _length_part(self) -> Part:
         word, size = self._number_type()
@@ -291,7 +315,7 @@ class _FormatSource:
     def _bits_part(self, runs: list[tuple[str, int, str]]) -> Part:
         """``runs``: those that it must have, each with its bits and its text."""
         needed = sum(bits for _, bits, _ in runs)
-        size = self._random.choice([size for size in (1, 1, 2, 3, 4) if 8 * size >= needed])
+        size = self._random.choice([size for size in (1, 1, 2, 3, 4, 8) if 8 * size >= needed])
         left = 8 * size - needed
         while left > 0 and len(runs) < 7:
             bits = self._random.randint(1, min(left, 9))
@@ -303,7 +327,9 @@ class _FormatSource:
                 break
             elif kind == "default":
                 self._fields.append((name, bits))
-                runs.append((name, bits, f"{{bits: {bits}, default: {self._random.randrange(2**bits)}}}"))
+                letter = self._random.choice("uuis") if bits > 1 else "u"
+                meaning = ", ".join(self._meaning(letter, bits))
+                runs.append((name, bits, f"{{type: {letter}{bits}, {meaning}}}"))
             else:
                 is_first = kind == "sequence" and not any(known == "sequence" for known, _ in self._fields)
                 name = "sequence" if is_first else name

@@ -17,6 +17,8 @@ from wirebond.protocol.model import (
     CheckKind,
     End,
     Escapes,
+    Field,
+    FieldKind,
     LengthCounts,
     Message,
     Part,
@@ -35,6 +37,7 @@ class Frame:
     wire: bytes
     id: int
     name: str  # of the message, or "unknown"
+    header: dict[str, object] = field(default_factory=dict)
 
 
 @dataclass
@@ -105,13 +108,13 @@ def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> R
         failed = 1
         if _may_start(protocol, stream[at], sender):
             try:
-                size, message_id, name = _examine(protocol, stream[at:], sender, None)
+                size, message_id, name, header_values = _examine(protocol, stream[at:], sender, None)
             except _Rejected as outcome:
                 cause, extent = outcome.cause, outcome.extent
             except _Incomplete:
                 cause, extent = "incomplete", len(stream) - at
             else:
-                result.frames.append(Frame(at, stream[at : at + size], message_id, name))
+                result.frames.append(Frame(at, stream[at : at + size], message_id, name, header_values))
                 at += size
                 continue
             result.rejected_candidates[cause] += 1
@@ -155,14 +158,14 @@ def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> 
         try:
             if not closed:
                 raise _Rejected("length_out_of_range" if end - at >= longest else "incomplete", 0)
-            message_id, name = _examine_block(protocol, stream[begin:end], sender)
+            message_id, name, header = _examine_block(protocol, stream[begin:end], sender)
         except _Rejected as outcome:
             result.rejected_candidates[outcome.cause] += 1
             stop = end + len(delimiter) if closed and not opens else end
             result.discarded_bytes[outcome.cause] += stop - at
             at = stop
         else:
-            result.frames.append(Frame(at, stream[at : end + len(delimiter)], message_id, name))
+            result.frames.append(Frame(at, stream[at : end + len(delimiter)], message_id, name, header))
             at = end + len(delimiter)
     return result
 
@@ -186,14 +189,14 @@ def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> 
                 if outcome:
                     end -= len(closing) if outcome != "bad_stuffing" else 0
                     raise _Rejected(outcome, 0)
-                message_id, name = _examine_block(protocol, content, sender)
+                message_id, name, header = _examine_block(protocol, content, sender)
             except _Rejected as rejected:
                 result.rejected_candidates[rejected.cause] += 1
                 if at + end > max(blame_end, at):
                     blame_end, blame = at + end, rejected.cause
                 failed = end if protocol.format.is_strict and not outcome else 1  # its closing delimiter was found
             else:
-                result.frames.append(Frame(at, stream[at : at + end], message_id, name))
+                result.frames.append(Frame(at, stream[at : at + end], message_id, name, header))
                 at += end
                 continue
         for place in range(at, at + failed):
@@ -227,12 +230,12 @@ def _decode_block(protocol: Protocol, block: bytes, sender: End | None) -> Resul
     """What lies between two silences."""
     result = Result()
     try:
-        message_id, name = _examine_block(protocol, block, sender)
+        message_id, name, header = _examine_block(protocol, block, sender)
     except _Rejected as outcome:
         result.rejected_candidates[outcome.cause] += 1
         result.discarded_bytes[outcome.cause] += len(block)
     else:
-        result.frames.append(Frame(0, block, message_id, name))
+        result.frames.append(Frame(0, block, message_id, name, header))
     return result
 
 
@@ -263,7 +266,7 @@ def _overhead(protocol: Protocol, size: int) -> int:
     return {Stuffing.NONE: 0, Stuffing.COBS: 1 + size // 254, Stuffing.ESCAPE: size}[protocol.format.stuffing]
 
 
-def _examine_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[int, str]:
+def _examine_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[int, str, dict[str, object]]:
     longest = _longest_frame(protocol)
     if len(block) > longest + _overhead(protocol, longest):
         raise _Rejected("length_out_of_range", 0)
@@ -271,10 +274,10 @@ def _examine_block(protocol: Protocol, block: bytes, sender: End | None) -> tupl
     if frame is None:
         raise _Rejected("bad_stuffing", 0)
     try:
-        _, message_id, name = _examine(protocol, frame, sender, block)
+        _, message_id, name, header = _examine(protocol, frame, sender, block)
     except _Incomplete:
         raise _Rejected("length_out_of_range", 0) from None
-    return message_id, name
+    return message_id, name, header
 
 
 def _unstuffed(protocol: Protocol, block: bytes) -> bytes | None:
@@ -349,8 +352,10 @@ class _Header:
         return bool(self.numbers.get(condition.field, 0) >> condition.bit & 1)
 
 
-def _examine(protocol: Protocol, data: bytes, sender: End | None, block: bytes | None) -> tuple[int, int, str]:
-    """Size, id and message name of the frame at the start of ``data``; raises _Rejected or _Incomplete.
+def _examine(
+    protocol: Protocol, data: bytes, sender: End | None, block: bytes | None
+) -> tuple[int, int, str, dict[str, object]]:
+    """Size, id, message name and header values of the frame at the start of ``data``; raises _Rejected or _Incomplete.
 
     ``block``: the frame ends where ``data`` does, and was this on the wire.
     """
@@ -418,7 +423,41 @@ def _examine(protocol: Protocol, data: bytes, sender: End | None, block: bytes |
             raise _Rejected("check_mismatch", total)
     trims = frame_format.parts[payload_at].trims_zeros
     decodable = message is not None and (trims or size >= message.min_payload)
-    return total, message_id or 0, message.name if message is not None and decodable else "unknown"
+    name = message.name if message is not None and decodable else "unknown"
+    return total, message_id or 0, name, _header_values(parts, data, size)
+
+
+def _header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> dict[str, object]:
+    """What the header fields of these parts mean, by name."""
+    found: dict[str, object] = {}
+    at = 0
+    for part in parts:
+        size = payload_size if part.kind == PartKind.PAYLOAD else part.size
+        number = int.from_bytes(data[at : at + size], _order(part.order))
+        at += size
+        if part.header is not None:
+            found[part.header.name] = _meant_by(part.header.value, 8 * part.size, number)
+        for run in part.bits:
+            if run.header is not None:
+                found[run.header.name] = _meant_by(run.header.value, run.width, number >> run.shift & run.mask)
+    return found
+
+
+def _meant_by(field: Field, width: int, bits: int) -> object:
+    """A number's bits as the API gives them."""
+    value = bits
+    if field.kind == FieldKind.SIGNED and bits >> (width - 1):
+        value = -(bits - 2 ** (width - 1)) if field.sign_magnitude else bits - 2**width
+    names = {number: name for name, number in field.enum}
+    if value in names:
+        return names[value]
+    if field.flags:
+        known = [name for name, bit in field.flags if bits >> bit & 1]
+        taken = sum(1 << bit for _, bit in field.flags)
+        return known + [1 << bit for bit in range(width) if bits & ~taken & 1 << bit]
+    if field.scale != 1 or field.offset != 0:
+        return float(value * field.scale + field.offset)
+    return value
 
 
 def _read_header(parts: tuple[Part, ...], data: bytes, sender: End | None) -> tuple[_Header, list[Part]]:

@@ -19,7 +19,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Protocol,
 )
-from wirebond.protocol.plan import Form, FormParts, parts_of_forms, plan_for
+from wirebond.protocol.plan import Form, header_fields, plan_for
 
 
 def random_values(message: Message, source: random.Random) -> dict[str, Any]:
@@ -87,7 +87,7 @@ class Speaker:
         )  # that format carries no id
         self._plain = Codec(replace(codec.model, format=_PAYLOAD_ALONE, messages=unnamed))
         self._raw = Codec(_with_raw_payloads(codec.model))
-        self._forms: dict[End, list[tuple[FormParts, Form]]] = {}
+        self._forms: dict[End, tuple[Form, ...]] = {}
 
     def valid(self, source: random.Random) -> bytes:
         """What a sender would send."""
@@ -108,30 +108,45 @@ class Speaker:
 
     def _sealed(self, codec: Codec, message: Message, values: dict[str, Any], source: random.Random) -> bytes:
         """In a form that is drawn; where that one cannot carry the message, in the first that can."""
-        count = len(self._forms_of(message.sender))
-        drawn = source.randrange(count) if source.random() < 0.5 else 0
-        order = [drawn, *(index for index in range(count) if index != drawn)]
-        numbers = [(index, self._header_numbers(message.sender, index, source)) for index in order]
+        forms = self._forms_of(message.sender)
+        drawn = source.randrange(len(forms)) if source.random() < 0.5 else 0
         table = codec._format_for(message.sender)
-        return _engine.encode(codec._table, table, codec._index_of(message.name), values, numbers)
+        for index in (drawn, *(other for other in range(len(forms)) if other != drawn)):
+            header = random_header(codec.model, forms[index], source)
+            try:
+                return _engine.encode(codec._table, table, codec._index_of(message.name), values, header, index)
+            except MessageError:
+                continue  # this form cannot carry it, or such bits are no value of a field
+        return _engine.encode(codec._table, table, codec._index_of(message.name), values, {})
 
-    def _header_numbers(self, sender: End, index: int, source: random.Random) -> list[int]:
-        form_parts, form = self._forms_of(sender)[index]
-        numbers = []
-        for part in form.header:
-            number = source.randrange(part.number.mask + 1) if source.random() < 0.5 else part.default
-            for condition, truth in form_parts.bits:
-                if condition.field == part.name:
-                    number = number & ~(1 << condition.bit) | truth << condition.bit
-            numbers.append(number)
-        return numbers
-
-    def _forms_of(self, sender: End) -> list[tuple[FormParts, Form]]:
+    def _forms_of(self, sender: End) -> tuple[Form, ...]:
         if sender not in self._forms:
-            model = self._codec.model
-            forms = plan_for(model, sender).forms
-            self._forms[sender] = list(zip(parts_of_forms(model.format.parts, sender), forms, strict=True))
+            self._forms[sender] = plan_for(self._codec.model, sender).forms
         return self._forms[sender]
+
+
+def random_header(model: Protocol, form: Form, source: random.Random) -> dict[str, Any]:
+    """Values for some header fields of this form, and for all that tell it from others."""
+    fields = header_fields(model.format.parts)
+    found = {}
+    for entry in form.header:
+        field = fields[entry.place].value
+        for _ in range(50 if entry.fixed_mask else source.randrange(2)):
+            value = _element(field, source)
+            bits = header_bits(field, value)
+            if bits & entry.fixed_mask != entry.fixed_value and field.kind == FieldKind.UNSIGNED:
+                value = bits = bits & ~entry.fixed_mask | entry.fixed_value
+            found[entry.name] = value
+            if bits & entry.fixed_mask == entry.fixed_value:
+                break
+    return found
+
+
+def header_bits(field: Field, value: Any) -> int:
+    """The bits of a value as the API takes it; flags are a list of names."""
+    if isinstance(value, list):
+        return sum(1 << dict(field.flags)[name] for name in value)
+    return field.wire_bits(value)
 
 
 _PAYLOAD_ALONE = FrameFormat(

@@ -51,7 +51,7 @@ def test_engine_and_reference_agree_on_hard_streams(name: str, sender: End | Non
             assert account_closes(decoder.stats)
         messages += decoder.finish()
 
-        found = [reference.Frame(m.offset, m.raw, m.id, m.name) for m in messages]
+        found = [reference.Frame(m.offset, m.raw, m.id, m.name, m.header) for m in messages]
         assert found == expected.frames, f"seed {seed}"
         stats = decoder.stats.as_dict()
         assert stats["discarded_bytes"] == dict(expected.discarded_bytes), f"seed {seed}"

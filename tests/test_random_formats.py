@@ -79,7 +79,10 @@ def listen(drawn: Drawn, sender: End | None, source: random.Random, messages: in
         found += decoder.feed(chunk.data, chunk.time_us / 1e6)
         assert account_closes(decoder.stats), drawn
     found += decoder.finish()
-    assert [reference.Frame(m.offset, m.raw, m.id, m.name) for m in found] == expected.frames, (sender, str(drawn))
+    assert [reference.Frame(m.offset, m.raw, m.id, m.name, m.header) for m in found] == expected.frames, (
+        sender,
+        str(drawn),
+    )
     stats = decoder.stats.as_dict()
     assert stats["discarded_bytes"] == dict(expected.discarded_bytes), (sender, str(drawn))
     assert stats["rejected_candidates"] == dict(expected.rejected_candidates), (sender, str(drawn))

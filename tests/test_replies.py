@@ -92,7 +92,7 @@ def test_engine_generated_code_and_reference_agree(name: str, tmp_path: Path) ->
         decoder = proto.decoder("mcu")
         decoder.expect(request)
         messages = [m for chunk in chunks(stream, source) for m in decoder.feed(chunk)] + decoder.finish()
-        assert [reference.Frame(m.offset, m.raw, m.id, m.name) for m in messages] == expected.frames
+        assert [reference.Frame(m.offset, m.raw, m.id, m.name, m.header) for m in messages] == expected.frames
         stats = decoder.stats.as_dict()
         assert stats["discarded_bytes"] == dict(expected.discarded_bytes)
         assert stats["rejected_candidates"] == dict(expected.rejected_candidates)

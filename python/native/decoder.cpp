@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "fields.hpp"
-#include "wirebond/encoder.hpp"
+#include "header.hpp"
 
 namespace wirebond::engine {
 
@@ -64,7 +64,7 @@ Event record(const Frame& frame, double time, Batch& batch) {
   event.form = frame.form;
   event.header_at = static_cast<std::uint32_t>(batch.headers.size());
   for (std::size_t i = 0; i < form.header_count; ++i) {
-    batch.headers.push_back(detail::read_number(form.header[i].number, frame.bytes, frame.size));
+    batch.headers.push_back(detail::read_wide(form.header[i].number, frame.bytes, frame.size));
   }
   event.id = frame.id;
   event.message = frame.message;
@@ -110,10 +110,7 @@ nb::list Message::violations() const {
 }
 
 nb::dict Message::header() const {
-  nb::dict out;
-  const std::vector<nb::object>& names = batch_->format->header_names(event_.form);
-  for (std::size_t i = 0; i < names.size(); ++i) out[names[i]] = batch_->headers[event_.header_at + i];
-  return out;
+  return header_dict(*batch_->format, event_.form, batch_->headers.data() + event_.header_at);
 }
 
 nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events) {
@@ -201,46 +198,6 @@ nb::list Decoder::idle(nb::handle t) {
 
 nb::list Decoder::finish() {
   return collect(latest_, [&](auto sink) { deframer_.give_up(sink); });
-}
-
-namespace {
-
-/// Why none of the forms can carry the payload.
-std::string refusal(const FormatTable& format, const MessageTable& message, std::size_t payload,
-                    const std::vector<ChosenForm>& forms) {
-  const std::size_t bound = format.format().max_payload;
-  const Form& form = format.format().forms[forms.front().index];
-  if (payload == 0) {
-    return message.name + " is empty, and so is its frame: no receiver could tell that from no frame";
-  }
-  const std::string begin = "payload of " + message.name + " has " + std::to_string(payload) + " bytes";
-  if (payload > bound) return begin + "; this frame carries at most " + std::to_string(bound);
-  std::int64_t most = 0;
-  for (const ChosenForm& chosen : forms) most = std::max(most, most_payload(format.format().forms[chosen.index]));
-  if (static_cast<std::int64_t>(payload) > most) {
-    return begin + "; with this header the frame's length can tell at most " + std::to_string(most);
-  }
-  return begin + ", which the frame's length cannot tell: it counts by " + std::to_string(form.length_unit);
-}
-
-}  // namespace
-
-std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTable& protocol, std::size_t index,
-                                     const std::vector<std::uint8_t>& payload, const std::vector<ChosenForm>& forms) {
-  const RuntimeSource source = format.source();
-  const std::uint32_t id = format.id_of(index);
-  for (const ChosenForm& chosen : forms) {
-    if (!carries(format.format().forms[chosen.index], payload.size())) continue;
-    const std::size_t lead = payload_lead(source, chosen.index);
-    std::vector<std::uint8_t> buffer(lead + payload.size() + max_wire_bytes(format.format()));
-    std::copy(payload.begin(), payload.end(), buffer.begin() + static_cast<std::ptrdiff_t>(lead));
-    const std::size_t size =
-        seal(source, buffer.data(), buffer.size(), id, payload.size(), chosen.index, chosen.header.data());
-    if (size == 0) break;
-    buffer.resize(size);
-    return buffer;
-  }
-  throw_message_error(refusal(format, protocol.messages()[index], payload.size(), forms));
 }
 
 }  // namespace wirebond::engine

@@ -17,7 +17,7 @@ struct Batch {
   std::shared_ptr<const ProtocolTable> protocol;
   std::shared_ptr<const FormatTable> format;
   std::vector<std::uint8_t> bytes;
-  std::vector<std::uint32_t> headers;  ///< values of header fields, for formats that have them
+  std::vector<std::uint64_t> headers;  ///< bits of the header fields that a frame has, for formats that have them
 };
 
 /// One frame that passed, before any Python object exists. Places are indices into Batch::bytes.
@@ -104,17 +104,6 @@ class Decoder {
   std::vector<std::uint64_t> counts_;  ///< by message
   double latest_ = 0;
 };
-
-/// A form that a frame may take, and a value for each of its header fields.
-struct ChosenForm {
-  std::size_t index = 0;
-  std::vector<std::uint32_t> header;
-};
-
-/// The frame around a payload of message `index`, of the first of these forms that can carry it: wire bytes. Throws
-/// MessageError when none can. `forms` is not empty.
-std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTable& protocol, std::size_t index,
-                                     const std::vector<std::uint8_t>& payload, const std::vector<ChosenForm>& forms);
 
 /// Read-only view of a bytes-like object, released with this object. Bytes that do not lie together are copied.
 class BufferView {

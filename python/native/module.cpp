@@ -6,6 +6,7 @@
 #include "columns.hpp"
 #include "decoder.hpp"
 #include "fields.hpp"
+#include "header.hpp"
 #include "link.hpp"
 #include "link_core.hpp"
 #include "protocol.hpp"
@@ -38,15 +39,11 @@ PyType_Slot message_slots[] = {
 };
 
 nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::size_t index, nb::dict values,
-                 nb::list forms) {
+                 nb::dict header, int form) {
   const MessageTable& message = protocol.messages().at(index);
-  std::vector<ChosenForm> chosen;
-  for (nb::handle form : forms) {
-    ChosenForm one{nb::cast<std::size_t>(nb::object(form[0])), {}};
-    for (nb::handle value : nb::object(form[1])) one.header.push_back(nb::cast<std::uint32_t>(value));
-    chosen.push_back(std::move(one));
-  }
-  const std::vector<std::uint8_t> wire = seal_frame(format, protocol, index, encode_fields(message, values), chosen);
+  const GivenHeader given = encode_header(format, header);
+  const std::vector<std::uint8_t> wire =
+      seal_frame(format, protocol, index, encode_fields(message, values), given, form);
   return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
 }
 
@@ -101,7 +98,7 @@ NB_MODULE(_engine, m) {
       .def("finish", &Decoder::finish)
       .def("stats", &Decoder::stats);
 
-  m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "forms"_a);
+  m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "header"_a, "form"_a = -1);
   m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
         "progress"_a.none());
   m.def(

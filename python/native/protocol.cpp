@@ -39,7 +39,7 @@ Number read_number(nb::handle number) {
   out.bytes = nb::cast<std::uint8_t>(number.attr("bytes"));
   out.order = byte_order_of(number.attr("order"));
   out.shift = nb::cast<std::uint8_t>(number.attr("shift"));
-  out.mask = nb::cast<std::uint32_t>(number.attr("mask"));
+  out.mask = nb::cast<std::uint64_t>(number.attr("mask"));
   return out;
 }
 
@@ -83,8 +83,10 @@ Form read_form(nb::handle plan) {
     rule.continues = nb::cast<std::int8_t>(check.attr("continues"));
   }
   for (nb::handle field : plan.attr("header")) {
-    form.header.at(form.header_count++) = {read_number(field.attr("number")),
-                                           nb::cast<std::uint32_t>(field.attr("default"))};
+    form.header.at(form.header_count++) = {
+        read_number(field.attr("number")), nb::cast<std::uint64_t>(field.attr("default")),
+        nb::cast<std::uint8_t>(field.attr("place")), nb::cast<std::uint64_t>(field.attr("fixed_mask")),
+        nb::cast<std::uint64_t>(field.attr("fixed_value"))};
   }
   return form;
 }
@@ -149,12 +151,10 @@ FormatTable::FormatTable(nb::handle plan) {
   format_.no_id = nb::cast<std::uint32_t>(plan.attr("no_id"));
   format_.own_forms = nb::cast<std::uint8_t>(plan.attr("own_forms"));
   format_.form_count = 0;
-  for (nb::handle form : plan.attr("forms")) {
-    for (nb::handle field : form.attr("header")) {
-      header_names_.at(format_.form_count).push_back(interned(text_of(field.attr("name"))));
-    }
-    format_.forms.at(format_.form_count++) = read_form(form);
-  }
+  for (nb::handle form : plan.attr("forms")) format_.forms.at(format_.form_count++) = read_form(form);
+  nb::list meanings;
+  for (nb::handle field : plan.attr("header")) meanings.append(field.attr("value"));
+  header_ = read_fields(meanings);
   for (nb::handle algorithm : plan.attr("algorithms")) {
     format_.algorithms.at(format_.algorithm_count++) = read_algorithm(algorithm);
   }

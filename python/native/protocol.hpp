@@ -52,14 +52,14 @@ class FormatTable {
   RuntimeSource source() const { return RuntimeSource(*tables_); }
   /// What `seal` takes as the id of the message of this index, one that the plan's sender sends.
   std::uint32_t id_of(std::size_t message) const;
-  /// Names of a form's header fields, in its order.
-  const std::vector<nb::object>& header_names(std::size_t form) const { return header_names_[form]; }
+  /// What the header fields of all forms mean, by place.
+  const std::vector<FieldTable>& header() const { return header_; }
 
  private:
   FrameFormat format_;
   std::unique_ptr<RuntimeTables> tables_;
   std::vector<MessageRow> rows_;
-  std::array<std::vector<nb::object>, max_forms> header_names_;
+  std::vector<FieldTable> header_;
 };
 
 }  // namespace wirebond::engine

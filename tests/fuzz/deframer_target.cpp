@@ -71,7 +71,7 @@ struct Found {
   Bytes wire;
   Bytes payload;
   Bytes unstuffed;
-  std::vector<std::uint32_t> header;
+  std::vector<std::uint64_t> header;
 
   bool operator==(const Found& other) const {
     return offset == other.offset && id == other.id && message == other.message && form == other.form &&
@@ -128,7 +128,7 @@ class Observed {
                 {}};
     for (std::size_t i = 0; i < format_.forms[frame.form].header_count; ++i) {
       found.header.push_back(
-          wirebond::detail::read_number(format_.forms[frame.form].header[i].number, frame.bytes, frame.size));
+          wirebond::detail::read_wide(format_.forms[frame.form].header[i].number, frame.bytes, frame.size));
     }
     EXPECT(found.offset >= settled_, "frames are delivered in order and do not overlap");
     settled_ = found.offset + found.wire.size();
@@ -199,7 +199,7 @@ struct Stream {
 constexpr std::size_t longest_stream = 6000;
 
 /// A header field's value with the bits that tell this form from others as they must be.
-std::uint32_t of_form(const wirebond::Form& form, const wirebond::Number& number, std::uint32_t value,
+std::uint64_t of_form(const wirebond::Form& form, const wirebond::Number& number, std::uint64_t value,
                       std::size_t frame_size) {
   Bytes frame(frame_size, 0);
   wirebond::detail::write_number(number, frame.data(), frame_size, value);
@@ -208,7 +208,7 @@ std::uint32_t of_form(const wirebond::Form& form, const wirebond::Number& number
     std::uint8_t& byte = frame[constant.at.in(frame_size)];
     byte = static_cast<std::uint8_t>((byte & ~constant.mask) | constant.value);
   }
-  return wirebond::detail::read_number(number, frame.data(), frame_size);
+  return wirebond::detail::read_wide(number, frame.data(), frame_size);
 }
 
 /// Of messages that share an id, the one that is expected; nothing is drawn where none is shared.
@@ -233,13 +233,13 @@ Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebo
   if (form.length.present()) {  // sizes that the length cannot tell are the loader's to refuse
     const std::int64_t counted = static_cast<std::int64_t>(size) - form.length_bias;
     if (counted < 0 || counted % form.length_unit != 0) return {};
-    if (counted / form.length_unit > static_cast<std::int64_t>(form.length.mask)) return {};
+    if (counted / form.length_unit > form.length.most()) return {};
   }
-  std::vector<std::uint32_t> header;
+  std::vector<std::uint64_t> header;
   for (std::size_t i = 0; i < form.header_count; ++i) {
-    const std::uint32_t mask = form.header[i].number.mask;
-    const std::uint32_t drawn =
-        input.ConsumeBool() ? input.ConsumeIntegral<std::uint32_t>() & mask : form.header[i].default_value;
+    const std::uint64_t mask = form.header[i].number.mask;
+    const std::uint64_t drawn =
+        input.ConsumeBool() ? input.ConsumeIntegral<std::uint64_t>() & mask : form.header[i].default_value;
     header.push_back(of_form(form, form.header[i].number, drawn, form.prefix + size + form.suffix));
   }
   const Bytes payload = input.ConsumeBytes<std::uint8_t>(size);

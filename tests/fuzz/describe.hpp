@@ -17,8 +17,9 @@ inline void print_number(const char* name, const wirebond::Number& number) {
   if (!number.present()) return;
   std::fprintf(stderr, "  %s:", name);
   print_position("at", number.at);
-  std::fprintf(stderr, " bytes %u %s >> %u & 0x%X\n", number.bytes,
-               number.order == wirebond::ByteOrder::little ? "little" : "big", number.shift, number.mask);
+  std::fprintf(stderr, " bytes %u %s >> %u & 0x%llX\n", number.bytes,
+               number.order == wirebond::ByteOrder::little ? "little" : "big", number.shift,
+               static_cast<unsigned long long>(number.mask));
 }
 
 inline void print_form(const wirebond::Form& form) {

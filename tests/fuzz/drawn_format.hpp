@@ -145,7 +145,7 @@ class FormatDrawer {
     if (id_place == 0) head.push_back({Kind::id, number(1, 4), order()});
     if (chance(3)) add_constant(head, number(1, 2));
     if (chance(3)) head.push_back({Kind::reserved, number(1, 3)});
-    if (chance(3)) head.push_back({Kind::field, number(1, 4), order()});
+    if (chance(3)) head.push_back({Kind::field, number(1, 8), order()});
     const bool bits_length = rule_ == wirebond::PayloadSize::by_length && length_in_bits;
     if (bits_length || id_place == 1 || chance(3)) head.push_back(draw_bits(bits_length, id_place == 1));
     if (by_start || chance(3)) {
@@ -170,7 +170,7 @@ class FormatDrawer {
     id_late_ = id_place == 2;
     if (id_late_) parts_.push_back({Kind::id, number(1, 4), order()});
     if (chance(4)) parts_.push_back({Kind::reserved, number(1, 2)});
-    if (chance(4)) parts_.push_back({Kind::field, number(1, 4), order()});
+    if (chance(4)) parts_.push_back({Kind::field, number(1, 8), order()});
     trailing_checks_ = number(by_start ? 1 : 0, 2);
     if (chance(3)) tail_ = some_bytes(1, 2);
   }
@@ -220,7 +220,7 @@ class FormatDrawer {
     for (unsigned i = 0; i < count; ++i) {
       const unsigned bit = number(0, width - 1);
       if (!conditions_.empty() && conditions_[0].bit == bit) continue;
-      Part optional{input_.ConsumeBool() ? Kind::reserved : Kind::field, number(1, 4), order()};
+      Part optional{input_.ConsumeBool() ? Kind::reserved : Kind::field, number(1, 8), order()};
       optional.condition = static_cast<int>(conditions_.size());
       conditions_.push_back({part, run, bit});
       const bool behind = chance(4);
@@ -383,8 +383,7 @@ class FormatDrawer {
       const wirebond::Position at = start_of(i);
       std::vector<wirebond::Constant>& constants = i < payload ? before : after;
       const auto size = static_cast<std::uint8_t>(part.size);
-      const wirebond::Number whole{at, size, part.order, 0,
-                                   static_cast<std::uint32_t>(wirebond::detail::mask_of(8u * size))};
+      const wirebond::Number whole{at, size, part.order, 0, wirebond::detail::mask_of(8u * size)};
       const std::vector<std::uint8_t>& value = part.kind == Kind::magic ? magics_[magic] : part.value;
       for (std::size_t j = 0; j < value.size(); ++j) {
         constants.push_back(
@@ -392,13 +391,13 @@ class FormatDrawer {
       }
       if (part.kind == Kind::length) form.length = whole;
       if (part.kind == Kind::id) form.id = whole;
-      if (part.kind == Kind::field) form.header[form.header_count++] = {whole, 0};
+      if (part.kind == Kind::field) add_header(form, whole, 0);
       for (const Run& run : part.runs) {
         const wirebond::Number bits{at, size, part.order, static_cast<std::uint8_t>(run.shift),
-                                    static_cast<std::uint32_t>(wirebond::detail::mask_of(run.width))};
+                                    wirebond::detail::mask_of(run.width)};
         if (run.role == Role::length) form.length = bits;
         if (run.role == Role::id) form.id = bits;
-        if (run.role == Role::field) form.header[form.header_count++] = {bits, run.value};
+        if (run.role == Role::field) add_header(form, bits, run.value);
         if (run.role == Role::constant) add_bits(constants, bits, run.value);
       }
     }
@@ -448,8 +447,13 @@ class FormatDrawer {
     out_.format.form_count = static_cast<std::uint8_t>(forms_);
   }
 
+  static void add_header(wirebond::Form& form, const wirebond::Number& number, std::uint64_t value) {
+    const std::uint8_t place = form.header_count;  // these forms have no list in common: each counts its own
+    form.header[form.header_count++] = {number, value, place};
+  }
+
   static void add_bits(std::vector<wirebond::Constant>& to, const wirebond::Number& number, std::uint32_t value) {
-    const std::uint64_t mask = static_cast<std::uint64_t>(number.mask) << number.shift;
+    const std::uint64_t mask = number.mask << number.shift;
     const std::uint64_t bits = static_cast<std::uint64_t>(value) << number.shift;
     for (unsigned i = 0; i < number.bytes; ++i) {
       const unsigned place = 8 * (number.order == wirebond::ByteOrder::little ? i : number.bytes - 1u - i);
@@ -472,7 +476,7 @@ class FormatDrawer {
     const unsigned unit = format.forms[0].length_unit;
     for (unsigned i = 0; i < count; ++i) {
       wirebond::MessageRow row;
-      row.id = id.present() ? input_.ConsumeIntegral<std::uint32_t>() & id.mask : 0;
+      row.id = id.present() ? static_cast<std::uint32_t>(input_.ConsumeIntegral<std::uint32_t>() & id.mask) : 0;
       const bool taken = std::any_of(out_.rows.begin(), out_.rows.end(), [&](const auto& r) { return r.id == row.id; });
       if (taken) continue;
       const unsigned most = number(0, format.max_payload);

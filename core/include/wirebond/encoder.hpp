@@ -73,7 +73,8 @@ WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::si
 }  // namespace detail
 
 /// Finish the frame for message `id` whose `payload_size` bytes lie at buffer + payload_lead. Formats with a fixed
-/// payload are padded with zeros. `header` holds a value for each header field of the form; null: their defaults.
+/// payload are padded with zeros. `header` holds a value for each header field of the format, by place, of which the
+/// form takes those that it has; null: their defaults.
 /// Returns the size on the wire. 0: no frame was made, because
 /// - it does not fit `capacity`,
 /// - the form cannot carry it: its length cannot tell the payload's size, or one of form and message has an id and the
@@ -83,7 +84,7 @@ WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::si
 template <class Source>
 WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
                                  std::size_t payload_size, std::size_t form_index = 0,
-                                 const std::uint32_t* header = nullptr) {
+                                 const std::uint64_t* header = nullptr) {
   constexpr bool unroll = Source::is_constant;
   if constexpr (!Source::is_constant) {
     const std::size_t size = form_index == 0 ? source.fast_path().seal(buffer, capacity, id, payload_size) : 0;
@@ -117,12 +118,12 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
   detail::every<unroll, detail::part_counts<Source>.header_fields>(
       0, form.header_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
         const HeaderField& field = form.header[i];
-        detail::write_number(field.number, frame, size, header != nullptr ? header[i] : field.default_value);
+        detail::write_number(field.number, frame, size, header != nullptr ? header[field.place] : field.default_value);
         return true;
       });
   if (form.length.present()) {
     const std::int64_t counted = static_cast<std::int64_t>(payload) - form.length_bias;
-    detail::write_number(form.length, frame, size, static_cast<std::uint32_t>(counted / form.length_unit));
+    detail::write_number(form.length, frame, size, static_cast<std::uint64_t>(counted / form.length_unit));
   }
   if (form.id.present()) detail::write_number(form.id, frame, size, id);
 

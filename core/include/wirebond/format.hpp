@@ -37,9 +37,11 @@ struct Number {
   std::uint8_t bytes = 0;
   ByteOrder order = ByteOrder::little;
   std::uint8_t shift = 0;
-  std::uint32_t mask = 0xFFFFFFFFu;
+  std::uint64_t mask = 0xFFFFFFFFu;
 
   constexpr bool present() const { return bytes != 0; }
+  /// The greatest number of an id or a length, which has 32 bits at most.
+  constexpr std::int64_t most() const { return static_cast<std::int64_t>(mask & 0xFFFFFFFFu); }
 };
 
 /// How the payload's size is known.
@@ -65,17 +67,28 @@ struct CheckRule {
   std::int8_t continues = -1;  ///< an earlier check with the same start and algorithm: go on from its register
 };
 
-/// A number of the header that is neither length nor id: a named field, a sequence number.
+/// Where a form has a number that is neither length nor id: a named field, a sequence number. Its bits are as on the
+/// wire: what they mean is known outside.
 struct HeaderField {
   Number number{};
-  std::uint32_t default_value = 0;
+  std::uint64_t default_value = 0;  ///< of the sender
+  std::uint8_t place = 0;           ///< in the list of all header fields of the format, which is the same for all forms
+  std::uint64_t fixed_mask = 0;     ///< bits that tell this form from others: they are constants, too,
+  std::uint64_t fixed_value = 0;    ///< of these values
+};
+
+/// Header values of a frame to send: bits as on the wire, by place. Points at as many as the format has header fields;
+/// the caller keeps them alive during the call.
+struct HeaderValues {
+  const std::uint64_t* values = nullptr;  ///< null: the sender's defaults
+  std::uint32_t given = 0;                ///< bit i: the sender asked for value i, so a form without it is not taken
 };
 
 constexpr std::size_t max_constants = 16;
 constexpr std::size_t max_checks = 4;
 constexpr std::size_t max_forms = 8;
 constexpr std::size_t max_algorithms = 4;
-constexpr std::size_t max_header_fields = 8;
+constexpr std::size_t max_header_fields = 16;
 constexpr std::size_t max_escapes = 6;
 
 /// One shape that a frame can take: fixed bytes before the payload (`prefix`), the payload, fixed bytes after it
@@ -221,26 +234,38 @@ WIREBOND_INLINE constexpr bool carries(const Form& form, std::size_t payload) {
   if (form.payload_size != PayloadSize::by_length) return true;
   if (!form.length.present()) return payload == 0;
   const std::int64_t counted = static_cast<std::int64_t>(payload) - form.length_bias;
-  return counted >= 0 && counted % form.length_unit == 0 && counted / form.length_unit <= form.length.mask;
+  return counted >= 0 && counted % form.length_unit == 0 && counted / form.length_unit <= form.length.most();
 }
 
 /// The greatest payload that the form's own rule for its size allows; `max_payload` of the format bounds it, too.
 WIREBOND_INLINE constexpr std::int64_t most_payload(const Form& form) {
   if (form.payload_size == PayloadSize::fixed) return form.fixed_payload;
   if (form.payload_size != PayloadSize::by_length) return 0xFFFF;
-  return form.length.present() ? std::int64_t{form.length.mask} * form.length_unit + form.length_bias : 0;
+  return form.length.present() ? form.length.most() * form.length_unit + form.length_bias : 0;
 }
 
 /// Does `carries` hold for every size up to the format's greatest? Then no code asks it.
 WIREBOND_INLINE constexpr bool carries_all(const FrameFormat& format, const Form& form) {
   if (form.payload_size != PayloadSize::by_length) return true;  // `seal` compares with a fixed size itself
   return form.length.present() && form.length_unit == 1 && form.length_bias <= 0 &&
-         static_cast<std::int64_t>(format.max_payload) - form.length_bias <= form.length.mask;
+         static_cast<std::int64_t>(format.max_payload) - form.length_bias <= form.length.most();
 }
 
 /// Can a frame of this form carry message `id`? `no_id` is the message that frames without an id carry, and no others.
 WIREBOND_INLINE constexpr bool carries_id(const FrameFormat& format, const Form& form, std::uint32_t id) {
   return form.id.present() ? format.no_id == 0 || id != format.no_id : id == format.no_id;
+}
+
+/// Do these header values allow a frame of this form? It has every field that was given, and the bits that tell it from
+/// other forms are its own.
+WIREBOND_INLINE constexpr bool agrees(const Form& form, const HeaderValues& header) {
+  std::uint32_t held = 0;
+  for (std::size_t i = 0; i < form.header_count; ++i) {
+    const HeaderField& field = form.header[i];
+    if ((header.values[field.place] & field.fixed_mask) != field.fixed_value) return false;
+    held |= std::uint32_t{1} << field.place;
+  }
+  return (header.given & ~held) == 0;
 }
 
 /// Bytes before the payload, of the form that has most.
@@ -358,12 +383,16 @@ WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, s
   }
 }
 
-/// fn(index) for the form that a sender takes for message `id` with `payload` bytes: the first of its own that can
-/// carry both. False: there is none, and fn was not called. Unrolled, so that each call knows its form.
+/// fn(index) for the form that a sender takes for message `id` with `payload` bytes: the first that the header values
+/// allow and that can carry both. False: there is none, and fn was not called. Unrolled, so that each call knows its
+/// form.
 template <class Fn>
-WIREBOND_INLINE bool with_own_form(const FrameFormat& format, std::uint32_t id, std::size_t payload, Fn&& fn) {
-  return !every<true, max_forms>(0, format.own_forms, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+WIREBOND_INLINE bool with_own_form(const FrameFormat& format, std::uint32_t id, std::size_t payload, Fn&& fn,
+                                   HeaderValues header = {}) {
+  const std::size_t count = header.values == nullptr ? format.own_forms : format.form_count;
+  return !every<true, max_forms>(0, count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Form& form = format.forms[i];
+    if (header.values != nullptr && !agrees(form, header)) return true;
     if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return true;
     fn(i);
     return false;
@@ -372,16 +401,17 @@ WIREBOND_INLINE bool with_own_form(const FrameFormat& format, std::uint32_t id, 
 
 /// Merge a number into bytes that are zero in its place.
 WIREBOND_INLINE void write_number(const Number& number, std::uint8_t* frame, std::size_t frame_size,
-                                  std::uint32_t value) {
+                                  std::uint64_t value) {
   std::uint8_t* const at = frame + number.at.in(frame_size);
-  const std::uint64_t bits = static_cast<std::uint64_t>(value & number.mask) << number.shift;
+  const std::uint64_t bits = (value & number.mask) << number.shift;
   for (unsigned i = 0; i < number.bytes; ++i) {
     const unsigned place = number.order == ByteOrder::little ? i : number.bytes - 1u - i;
     at[i] = static_cast<std::uint8_t>(at[i] | static_cast<std::uint8_t>(bits >> (8 * place)));
   }
 }
 
-WIREBOND_INLINE std::uint32_t read_number(const Number& number, const std::uint8_t* frame, std::size_t frame_size) {
+/// A number of up to 64 bits.
+WIREBOND_INLINE std::uint64_t read_wide(const Number& number, const std::uint8_t* frame, std::size_t frame_size) {
   const std::uint8_t* const at = frame + number.at.in(frame_size);
   std::uint64_t value = 0;
   switch (number.bytes) {  // constant widths let the compiler use one load
@@ -394,7 +424,12 @@ WIREBOND_INLINE std::uint32_t read_number(const Number& number, const std::uint8
       break;
     default: value = load_bytes(at, number.bytes, number.order); break;
   }
-  return static_cast<std::uint32_t>(value >> number.shift) & number.mask;
+  return (value >> number.shift) & number.mask;
+}
+
+/// A number of up to 32 bits, as an id and a length are.
+WIREBOND_INLINE std::uint32_t read_number(const Number& number, const std::uint8_t* frame, std::size_t frame_size) {
+  return static_cast<std::uint32_t>(read_wide(number, frame, frame_size));
 }
 
 }  // namespace detail

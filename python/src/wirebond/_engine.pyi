@@ -35,8 +35,8 @@ class Message:
     def violations(self) -> list[str]:
         """A sentence for each field rule that it breaks; the values are as they came, not clamped."""
     @property
-    def header(self) -> dict[str, int]:
-        """Values of the frame's named header fields."""
+    def header(self) -> dict[str, Any]:
+        """Values of the frame's named header fields, as those of message fields: SI units, names, lists of flags."""
     @property
     def raw(self) -> bytes:
         """The frame's bytes as received, delimiters included."""
@@ -197,14 +197,15 @@ def encode(
     format: FormatTable,
     index: int,
     values: dict[str, Any],
-    forms: list[tuple[int, list[int]]],
+    header: dict[str, Any],
+    form: int = -1,
 ) -> bytes:
     """One frame.
 
     :param index: of the message in the protocol.
-    :param form: of the frame.
-    :param header: a value for each of that form's header fields.
-    :raises MessageError: a value is refused, or the frame would be too large.
+    :param header: values of header fields, where they differ from the defaults.
+    :param form: of the frame, in the plan's order; -1: the first that the header allows and that can carry the message.
+    :raises MessageError: a value is refused, or no form can carry the message.
     """
 
 def decode_columns(

@@ -14,7 +14,7 @@ from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
 from wirebond.protocol.model import End, Protocol
 from wirebond.protocol.model import Message as MessageModel
-from wirebond.protocol.plan import Form, FormParts, ids_collide, parts_of_forms, plan_for
+from wirebond.protocol.plan import ids_collide, plan_for
 from wirebond.protocol.problems import no_message
 
 if TYPE_CHECKING:
@@ -222,7 +222,6 @@ class Codec:
         self.model = model
         self._table = _engine.ProtocolTable(model)
         self._formats: dict[End | None, _engine.FormatTable] = {}
-        self._forms: dict[End, list[tuple[FormParts, Form]]] = {}
         self._index = {message.name: i for i, message in enumerate(model.messages)}
 
     @property
@@ -241,17 +240,19 @@ class Codec:
         values: Mapping[str, Any] | None = None,
         /,
         *,
-        header: Mapping[str, int] | None = None,
+        header: Mapping[str, Any] | None = None,
         sender: str | None = None,
         **fields: Any,
     ) -> bytes:
         """One frame's bytes. What a value's own ``__float__`` or ``__index__`` raises comes through.
 
-        Of a format's forms, the first is taken that these header values allow and whose length can tell the payload.
+        Of a format's forms the first is taken that these header values allow, that has every field given here, and that
+        can carry the message.
 
         :param message: the message's name.
         :param values: its fields as a mapping, in SI units.
-        :param header: the frame's own named fields, where they differ from their defaults.
+        :param header: the frame's own named fields, where they differ from the defaults of the end that sends it;
+            values as those of message fields: SI units, names of an enum, a list of flags.
         :param sender: of a message with ``sender: both``, the end whose frame is wanted, ``"host"`` or ``"mcu"``: their
             frames may begin with different bytes. None: the host's. Of any other message None, or its own sender.
         :param fields: its fields by keyword; they go before those of ``values``.
@@ -264,9 +265,9 @@ class Codec:
         if index is None:
             raise MessageError(no_message(self.name, message, self._index))
         end = self._end_for(self.model.messages[index], sender)
-        forms = self._forms_with(self.model.messages[index], end, {} if header is None else _mapping("header", header))
+        frame_header = {} if header is None else dict(_mapping("header", header))
         everything = {**({} if values is None else _mapping(message, values)), **fields}
-        return _engine.encode(self._table, self._format_for(end), index, everything, forms)
+        return _engine.encode(self._table, self._format_for(end), index, everything, frame_header)
 
     def _end_for(self, message: MessageModel, sender: str | None) -> End:
         """Whose frame is meant."""
@@ -277,44 +278,6 @@ class Codec:
         if not message.sent_by(End(sender)):
             raise MessageError(f"{message.name} is sent by the {message.sender}, not by the {sender}")
         return End(sender)
-
-    def _forms_with(self, message: MessageModel, sender: End, header: Mapping[str, int]) -> list[tuple[int, list[int]]]:
-        """The forms of the frame that these header values ask for and that tell the message, the first before others;
-        with each a value for each of its header fields."""
-        forms = self._forms_for(sender)
-        known = {f.name: f for _, form in forms for f in form.header}
-        for name, value in header.items():
-            if name not in known:
-                raise MessageError(f"the header has no field {name!r}; it has {', '.join(known) or 'none'}")
-            mask = known[name].number.mask
-            if not isinstance(value, int) or not 0 <= value <= mask:
-                raise MessageError(f"header field {name} is {value!r}; expected an integer from 0 to {mask}")
-        found = []
-        lacks_id = False
-        for index, (form_parts, form) in enumerate(forms):
-            numbers = {f.name: header.get(f.name, f.default) for f in form.header}
-            fits = all(bool(numbers[c.field] >> c.bit & 1) == truth for c, truth in form_parts.bits)
-            if not fits or not set(header) <= set(numbers):
-                continue
-            if (form.id is not None) != message.has_id:
-                lacks_id = True
-            else:
-                found.append((index, list(numbers.values())))
-        if found:
-            return found
-        if lacks_id:
-            raise MessageError(
-                f"{message.name} has {f'the id {message.id}' if message.has_id else 'no id'}, and a frame of the "
-                f"{sender} with these header values has {'none' if message.has_id else 'one'}; give header values that "
-                f"ask for {'one' if message.has_id else 'none'}, or take another `when` for the id in the protocol file"
-            )
-        raise MessageError(f"no form of the frame has the header fields {', '.join(header)} together")
-
-    def _forms_for(self, sender: End) -> list[tuple[FormParts, Form]]:
-        if sender not in self._forms:
-            plan = plan_for(self.model, sender)
-            self._forms[sender] = list(zip(parts_of_forms(self.model.format.parts, sender), plan.forms, strict=True))
-        return self._forms[sender]
 
     def decoder(self, sender: str | None = None) -> Decoder:
         """A decoder for the bytes of one end.

@@ -71,8 +71,8 @@ def test_header_fields_may_be_given() -> None:
     ("header", "sentence"),
     [
         ("{sequenc: 5}", "7:37: the frame's header has no field `sequenc`; did you mean `sequence`?"),
-        ("{sequence: 256}", "256 does not fit `sequence`, which takes 0 to 255"),
-        ("{urgent: 2}", "2 does not fit `urgent`, which takes 0 to 1"),
+        ("{sequence: 256}", "256 does not fit `sequence`, which takes values from 0 to 255"),
+        ("{urgent: 2}", "2 does not fit `urgent`, which takes values from 0 to 1"),
         ("{sequence: -1}", "-1 does not fit `sequence`"),
     ],
 )

@@ -159,7 +159,7 @@ class FastPath {
     const int end = number.at.offset + number.bytes;
     if (number.at.from_end || end > 8) return false;
     out.shift = static_cast<std::uint8_t>(number.shift + 8 * (swaps_ ? 8 - end : number.at.offset));
-    out.mask = number.mask & static_cast<std::uint32_t>(detail::mask_of(8u * number.bytes) >> number.shift);
+    out.mask = static_cast<std::uint32_t>(number.mask & (detail::mask_of(8u * number.bytes) >> number.shift));
     return true;
   }
 

@@ -13,7 +13,7 @@ from wirebond.check.wording import plural
 from wirebond.codec import Codec, Message
 from wirebond.errors import MessageError
 from wirebond.protocol.model import Example, Part, PartKind, Protocol, Stuffing
-from wirebond.protocol.plan import parts_of_forms
+from wirebond.protocol.plan import header_fields, parts_of_forms
 from wirebond.protocol.problems import Place
 
 RULE = "example"
@@ -133,11 +133,12 @@ def _part_at(protocol: Protocol, example: Example, index: int) -> str:
 
 def _parts(protocol: Protocol, example: Example) -> tuple[Part, ...]:
     """The parts that are there with the example's header values."""
-    header = dict(example.header)
+    fields = {field.name: field for field in header_fields(protocol.format.parts)}
+    given = {name: fields[name].value.wire_bits(value) for name, value in example.header}
     both = zip(parts_of_forms(protocol.format.parts, example.sender), forms(protocol, example.sender), strict=True)
     for form_parts, form in both:
-        numbers = {field.name: header.get(field.name, field.default) for field in form.header}
-        if all(bool(numbers[c.field] >> c.bit & 1) == truth for c, truth in form_parts.bits):
+        agrees = all(given.get(f.name, f.default) & f.fixed_mask == f.fixed_value for f in form.header)
+        if agrees and given.keys() <= {field.name for field in form.header}:
             return form_parts.parts
     raise AssertionError("the example was encoded, so that it has a form")
 

@@ -25,7 +25,7 @@ from wirebond.protocol.model import (
     Protocol,
     Stuffing,
 )
-from wirebond.protocol.spelling import condition_text, number_type
+from wirebond.protocol.spelling import condition_text, header_options, number_type
 
 _COUNTS = {
     LengthCounts.PAYLOAD: "the payload's bytes",
@@ -189,8 +189,9 @@ def _payload(protocol: Protocol, index: int) -> str:
 
 
 def _field(protocol: Protocol, index: int) -> str:
-    default = protocol.format.parts[index].default
-    return f"a number of its own; default {default}"
+    header = protocol.format.parts[index].header
+    assert header is not None
+    return f"a number of its own; {', '.join(header_options(header)) or 'default: 0'}"
 
 
 def _bits_content(protocol: Protocol, index: int) -> str:

@@ -28,7 +28,7 @@ from wirebond.gen.cpp_struct import (
 from wirebond.gen.folder import core_headers, render, write_files
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import Algorithm, BitRole, CheckKind, End, Message, PartKind, PayloadRule, Protocol, Queue
-from wirebond.protocol.plan import Framing, MessageRow, Number, Plan, Position, plan_for
+from wirebond.protocol.plan import Framing, HeaderNumber, MessageRow, Number, Plan, Position, plan_for
 
 
 def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
@@ -297,8 +297,7 @@ def format_lines(plan: Plan) -> list[str]:
             for i, c in enumerate(form.constants)
         ]
         lines += [
-            f"{to}.header[{i}] = {{{_number(f.number)}, {f.default}}};  // {comment_text(f.name)}"
-            for i, f in enumerate(form.header)
+            f"{to}.header[{i}] = {{{_header_number(f)}}};  // {comment_text(f.name)}" for i, f in enumerate(form.header)
         ]
         for i, c in enumerate(form.checks):
             places = ", ".join(_position(p) for p in (c.start, c.stop, c.at))
@@ -324,6 +323,11 @@ def _position(position: Position) -> str:
 def _number(number: Number) -> str:
     order = f"wirebond::ByteOrder::{number.order.value}"
     return f"{{{_position(number.at)}, {number.bytes}, {order}, {number.shift}, 0x{number.mask:X}U}}"
+
+
+def _header_number(entry: HeaderNumber) -> str:
+    fixed = f", 0x{entry.fixed_mask:X}U, 0x{entry.fixed_value:X}U" if entry.fixed_mask else ""
+    return f"{_number(entry.number)}, 0x{entry.default:X}U, {entry.place}{fixed}"
 
 
 def _check_kind(algorithm: Algorithm) -> str:

@@ -1,7 +1,8 @@
 """A protocol's fingerprint: equal on two ends exactly when they read the same bytes as the same values.
 
 In it: stuffing and delimiter; of every part its kind, size, byte order and bytes, what a length counts, the
-payload's rule, a check's parameters and range; of every message its name, id, sender and the layout of its
+payload's rule, a check's parameters and range, what header fields mean where they are more than unsigned numbers;
+of every message its name, id, sender and the layout of its
 fields (name, kind, size, byte order, elements, scale, offset, enum, flags, bits and their order, what counts them, and
 the same of the fields in them); which messages serve as which service.
 
@@ -16,8 +17,8 @@ import hashlib
 import json
 from typing import Any
 
-from wirebond.protocol.model import End, Field, FieldKind, Message, Part, PartKind, Protocol
-from wirebond.protocol.plan import mixes_ids
+from wirebond.protocol.model import Bits, End, Field, FieldKind, Message, Part, PartKind, Protocol
+from wirebond.protocol.plan import header_of, mixes_ids
 
 _CANONICAL_TEXT = 1  # its version: raised when it changes, so that old and new hashes do not meet by chance
 
@@ -61,7 +62,10 @@ def _part(part: Part) -> dict[str, Any]:
         entry["magics"] = [value.hex() for value in part.alternatives]
         entry["by_sender"] = [[end.value, value.hex()] for end, value in part.by_sender]
     if part.bits:
-        entry["bits"] = [[run.name, run.role.value, run.shift, run.width, run.value] for run in part.bits]
+        entry["bits"] = [[run.name, run.role.value, run.shift, run.width, _run_value(run)] for run in part.bits]
+    meanings = [meaning for field in header_of(part) if (meaning := _header_meaning(field.value))]
+    if meanings:
+        entry["header"] = meanings
     if part.kind in (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL):
         return {**entry, "kind": "constant", "value": part.value.hex()}
     entry["kind"] = part.kind.value
@@ -77,6 +81,25 @@ def _part(part: Part) -> dict[str, Any]:
         entry |= {"first": part.first, "last": part.last, "shift": part.shift}
         entry |= {"seeded": part.seeded, "as_hex": part.as_hex}
     return entry
+
+
+def _run_value(run: Bits) -> int:
+    """A constant; of a header field what the host sends by default, as before there were defaults of each end."""
+    return run.value if run.header is None else run.header.default_bits(End.HOST)
+
+
+def _header_meaning(field: Field) -> dict[str, Any]:
+    """What makes a header field more than an unsigned number; nothing where it is none."""
+    added = {
+        "signed": field.kind == FieldKind.SIGNED,
+        "sign_magnitude": field.sign_magnitude,
+        "scale": [field.scale.numerator, field.scale.denominator] if field.is_scaled else None,
+        "offset": [field.offset.numerator, field.offset.denominator] if field.is_scaled else None,
+        "enum": dict(field.enum),
+        "flags": dict(field.flags),
+    }
+    found: dict[str, Any] = {key: value for key, value in added.items() if value}
+    return {"name": field.name, **found} if found else {}
 
 
 def _message(message: Message, mixed: bool) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from fractions import Fraction
-from math import lcm
+from math import copysign, floor, lcm
 from typing import Union
 
 
@@ -163,6 +163,23 @@ class Field:
         """Bits of one element."""
         return self.bits or 8 * self.size
 
+    def wire_bits(self, value: float | int | str) -> int:
+        """The bits on the wire of one integer's value, at the bottom. The value fits: see ``field_values``.
+
+        A scaled value becomes a whole number as in the engine: with the same doubles, halves away from zero.
+        """
+        if isinstance(value, str):
+            number = dict(self.enum)[value]
+        elif self.is_scaled:
+            numerator, addend, denominator, offset = (float(factor) for factor in self.double_factors)
+            wire = ((value - offset) * denominator - addend) / numerator
+            number = int(copysign(floor(abs(wire) + 0.5), wire))
+        else:
+            number = int(value)
+        if self.sign_magnitude and number < 0:
+            return 1 << (self.width - 1) | -number
+        return number & ((1 << self.width) - 1)
+
     @property
     def is_string(self) -> bool:
         return self.kind in (FieldKind.TEXT, FieldKind.BYTES)
@@ -300,6 +317,48 @@ class BitRole(StrEnum):
     CONSTANT = "constant"
 
 
+class Address(StrEnum):
+    """Whose address a header field holds."""
+
+    MCU = "mcu"  # in both directions
+    RECEIVER = "receiver"
+    SENDER = "sender"
+
+
+HeaderDefault = float | int | str  # a name, where the field has an enum
+
+
+@dataclass(frozen=True)
+class HeaderField:
+    """A number of the frame itself that is neither length nor id, such as an address or a sequence number.
+
+    ``value`` says what it means, as for a field of a message: its name, sign, scale, enum or flags. A sender that gives
+    no value sends its end's default.
+    """
+
+    value: Field
+    host_default: HeaderDefault = 0
+    mcu_default: HeaderDefault = 0
+    is_sequence: bool = False
+    address: Address | None = None
+    broadcast: tuple[HeaderDefault, ...] = ()  # addresses that mean every receiver
+
+    @property
+    def name(self) -> str:
+        return self.value.name
+
+    def default(self, sender: End | None) -> HeaderDefault:
+        """What ``sender`` sends; the host's where the sender is not known, or both."""
+        return self.mcu_default if sender == End.MCU else self.host_default
+
+    def default_bits(self, sender: End | None) -> int:
+        return self.value.wire_bits(self.default(sender))
+
+    @property
+    def broadcast_bits(self) -> tuple[int, ...]:
+        return tuple(self.value.wire_bits(value) for value in self.broadcast)
+
+
 @dataclass(frozen=True)
 class Bits:
     """A run of bits of a ``bits`` part: (number >> shift) % 2**width."""
@@ -308,7 +367,8 @@ class Bits:
     role: BitRole
     shift: int
     width: int
-    value: int = 0  # of a constant; default of a field
+    value: int = 0  # of a constant
+    header: HeaderField | None = None  # of a field or a sequence
 
     @property
     def mask(self) -> int:
@@ -347,7 +407,7 @@ class Part:
     by_sender: tuple[tuple[End, bytes], ...] = ()  # magic: another one for each direction
     length_unit: int = 1  # length: bytes that it counts by
     trims_zeros: bool = False  # payload: zeros at its end are not sent
-    default: int = 0  # field
+    header: HeaderField | None = None  # field, sequence
     bits: tuple[Bits, ...] = ()
     condition: Condition | None = None
     is_plain: bool = False  # sent as it is, beside parts that are stuffed
@@ -463,7 +523,7 @@ class Example:
     sender: End
     values: tuple[tuple[str, ExampleValue], ...]
     frame: bytes
-    header: tuple[tuple[str, int], ...] = ()  # named header fields that differ from their defaults
+    header: tuple[tuple[str, HeaderDefault], ...] = ()  # named header fields that differ from their defaults
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from wirebond.protocol.model import (
+    Address,
     Algorithm,
     BitRole,
     ByteOrder,
     Condition,
     End,
     Escapes,
+    HeaderField,
     LengthCounts,
     Message,
     Part,
@@ -30,7 +32,7 @@ MAX_CONSTANTS = 16
 MAX_CHECKS = 4
 MAX_ALGORITHMS = 4
 MAX_FORMS = 8
-MAX_HEADER_FIELDS = 8
+MAX_HEADER_FIELDS = 16
 MAX_ESCAPES = 6
 NO_ID = 0xFFFFFFFF  # stands for "none" where some frames of a sender have an id and others not
 
@@ -77,13 +79,15 @@ class CheckRule:
 
 
 @dataclass(frozen=True)
-class HeaderField:
-    """A number of the header that is neither length nor id."""
+class HeaderNumber:
+    """Where a form has a header field. Numbers are bits on the wire."""
 
     name: str
     number: Number
-    default: int
-    is_sequence: bool
+    default: int  # of this sender
+    place: int  # in ``Plan.header``
+    fixed_mask: int = 0  # bits of the number that tell this form from others,
+    fixed_value: int = 0  # and what they are in it
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,7 @@ class Form:
     prefix_constants: int
     checks: tuple[CheckRule, ...]
     header_checks: int
-    header: tuple[HeaderField, ...]
+    header: tuple[HeaderNumber, ...]
 
     @property
     def most_payload(self) -> int:
@@ -147,8 +151,8 @@ class Framing(StrEnum):
 class Plan:
     """One end's view: how frames from ``sender`` look, and which messages they carry.
 
-    A sender takes the first of the ``own_forms`` first ones that can carry the message, unless header values ask for
-    another.
+    A sender takes the first form that its header values allow, that has every field whose value was given, and that can
+    carry the message. With the defaults of ``header`` these are among the ``own_forms`` first ones.
     """
 
     framing: Framing
@@ -165,6 +169,10 @@ class Plan:
     no_id: int  # what stands for the message of a frame without an id
     own_forms: int
     forms: tuple[Form, ...]
+    header: tuple[HeaderField, ...]  # of all forms, in the order of the parts and of their bits
+    address: int | None  # place in ``header`` of the field that says for whom a frame of this sender is
+    broadcast: tuple[int, ...]  # values of that field, as bits on the wire, that mean every receiver
+    peer: int | None  # place of the field that says who sent the frame
     algorithms: tuple[Algorithm, ...]
     messages: tuple[MessageRow, ...]  # by rising id; of one id those that are only expected first
 
@@ -174,6 +182,8 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     frame_format = protocol.format
     dependent = told_by_request(protocol.messages, sender)
     no_id = NO_ID if any(mixes_ids(frame_format.parts, end) for end in (sender, End.HOST, End.MCU)) else 0
+    header = header_fields(frame_format.parts)
+    address = _place_of(header, Address.RECEIVER, Address.MCU if sender == End.HOST else None)
     rows = [
         MessageRow(m.id if m.has_id else no_id, index, m.min_payload, m.max_payload, m.seed or 0, m.name in dependent)
         for index, m in enumerate(protocol.messages)
@@ -194,17 +204,28 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         ),
         max_payload=frame_format.max_payload,
         no_id=no_id,
-        own_forms=sum(_is_default(form) for form in parts_of_forms(frame_format.parts, sender)),
+        own_forms=sum(_is_default(form, sender) for form in parts_of_forms(frame_format.parts, sender)),
         forms=forms(frame_format.parts, sender),
+        header=header,
+        address=address,
+        broadcast=() if address is None else header[address].broadcast_bits,
+        peer=_place_of(header, Address.SENDER, Address.MCU if sender == End.MCU else None),
         algorithms=tuple(_algorithms(frame_format.parts)),
         messages=tuple(sorted(rows, key=lambda row: (row.id, not row.only_expected))),
     )
 
 
+def _place_of(header: tuple[HeaderField, ...], *kinds: Address | None) -> int | None:
+    """The place of the field that is one of these addresses."""
+    found = (place for place, field in enumerate(header) if field.address is not None and field.address in kinds)
+    return next(found, None)
+
+
 def forms(parts: tuple[Part, ...], sender: End | None) -> tuple[Form, ...]:
     """Every form that a frame of this sender can take, as offsets; in the order of ``parts_of_forms``."""
     algorithms = _algorithms(parts)
-    return tuple(_form(form_parts, algorithms) for form_parts in parts_of_forms(parts, sender))
+    places = {field.name: place for place, field in enumerate(header_fields(parts))}
+    return tuple(_form(form_parts, algorithms, places, sender) for form_parts in parts_of_forms(parts, sender))
 
 
 def mixes_ids(parts: tuple[Part, ...], sender: End | None) -> bool:
@@ -295,14 +316,23 @@ def parts_of_forms(parts: tuple[Part, ...], sender: End | None) -> list[FormPart
             form_parts = FormParts(_renumbered(parts, present), bits)
             if form_parts not in found:
                 found.append(form_parts)
-    return sorted(found, key=lambda v: sum(_default_bit(v.parts, c) != truth for c, truth in v.bits))
+    return sorted(found, key=lambda v: sum(_default_bit(v.parts, c, sender) != truth for c, truth in v.bits))
+
+
+def header_of(part: Part) -> list[HeaderField]:
+    """The header fields that this part holds."""
+    held = [part.header, *(run.header for run in part.bits)]
+    return [field for field in held if field is not None]
+
+
+def header_fields(parts: tuple[Part, ...]) -> tuple[HeaderField, ...]:
+    """All header fields of a format, whichever of them stand in one frame. A field's place in it is its number."""
+    return tuple(field for part in parts for field in header_of(part))
 
 
 def header_names(part: Part) -> list[str]:
     """Names of the header fields that this part holds."""
-    if part.kind in (PartKind.FIELD, PartKind.SEQUENCE):
-        return [part.name]
-    return [b.name for b in part.bits if b.role in (BitRole.FIELD, BitRole.SEQUENCE)]
+    return [field.name for field in header_of(part)]
 
 
 def _magics(parts: tuple[Part, ...], sender: End | None) -> list[bytes]:
@@ -317,19 +347,14 @@ def magics(magic: Part, sender: End | None) -> list[bytes]:
     return list(magic.alternatives or (magic.value,))
 
 
-def _is_default(form: FormParts) -> bool:
+def _is_default(form: FormParts, sender: End | None) -> bool:
     """Has it the header's default values?"""
-    return all(_default_bit(form.parts, condition) == truth for condition, truth in form.bits)
+    return all(_default_bit(form.parts, condition, sender) == truth for condition, truth in form.bits)
 
 
-def _default_bit(parts: tuple[Part, ...], condition: Condition) -> bool:
-    for part in parts:
-        if part.kind in (PartKind.FIELD, PartKind.SEQUENCE) and part.name == condition.field:
-            return bool(part.default >> condition.bit & 1)
-        for run in part.bits:
-            if run.name == condition.field:
-                return bool(run.value >> condition.bit & 1)
-    return False
+def _default_bit(parts: tuple[Part, ...], condition: Condition, sender: End | None) -> bool:
+    field = next((field for field in header_fields(parts) if field.name == condition.field), None)
+    return field is not None and bool(field.default_bits(sender) >> condition.bit & 1)
 
 
 def _renumbered(parts: tuple[Part, ...], present: tuple[Part, ...]) -> tuple[Part, ...]:
@@ -347,7 +372,7 @@ def _renumbered(parts: tuple[Part, ...], present: tuple[Part, ...]) -> tuple[Par
 # ---- one form to offsets
 
 
-def _form(form_parts: FormParts, algorithms: list[Algorithm]) -> Form:
+def _form(form_parts: FormParts, algorithms: list[Algorithm], places: dict[str, int], sender: End | None) -> Form:
     parts = form_parts.parts
     payload_index = next(i for i, p in enumerate(parts) if p.kind == PartKind.PAYLOAD)
     payload = parts[payload_index]
@@ -369,7 +394,13 @@ def _form(form_parts: FormParts, algorithms: list[Algorithm]) -> Form:
     length: Number | None = None
     length_bias, length_unit = 0, 1
     message_id: Number | None = None
-    header: list[HeaderField] = []
+    header: list[HeaderNumber] = []
+
+    def held(field: HeaderField, number: Number) -> HeaderNumber:
+        fixed = [(1 << c.bit, truth << c.bit) for c, truth in form_parts.bits if c.field == field.name]
+        masks, values = (sum(column) for column in zip(*fixed, strict=True)) if fixed else (0, 0)
+        return HeaderNumber(field.name, number, field.default_bits(sender), places[field.name], masks, values)
+
     checks: list[tuple[bool, int, Part]] = []
     for index, part in enumerate(parts):
         at = start_of(index)
@@ -380,9 +411,8 @@ def _form(form_parts: FormParts, algorithms: list[Algorithm]) -> Form:
             length = _whole(at, part)
         elif part.kind == PartKind.ID:
             message_id = _whole(at, part)
-        elif part.kind in (PartKind.FIELD, PartKind.SEQUENCE):
-            is_sequence = part.kind == PartKind.SEQUENCE
-            header.append(HeaderField(part.name, _whole(at, part), part.default, is_sequence))
+        elif part.header is not None:
+            header.append(held(part.header, _whole(at, part)))
         elif part.kind == PartKind.CHECK:
             in_header = index < payload_index and part.last < payload_index
             checks.append((not in_header, index, part))
@@ -394,8 +424,8 @@ def _form(form_parts: FormParts, algorithms: list[Algorithm]) -> Form:
                 message_id = number
             elif run.role == BitRole.CONSTANT:
                 place.extend(_bits_constant(number, run.value))
-            else:
-                header.append(HeaderField(run.name, number, run.value, run.role == BitRole.SEQUENCE))
+            elif run.header is not None:
+                header.append(held(run.header, number))
         if part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits):
             length_bias, length_unit = _length_rule(parts, index, prefix, suffix), part.length_unit
     for condition, truth in form_parts.bits:

@@ -6,6 +6,7 @@ Only what differs from the format's defaults is written.
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 
 from wirebond.protocol.model import (
     BitRole,
@@ -14,6 +15,7 @@ from wirebond.protocol.model import (
     Condition,
     Field,
     FieldKind,
+    HeaderField,
     LengthCounts,
     Part,
     PartKind,
@@ -75,8 +77,8 @@ def _options(part: Part) -> list[str]:
     """What stands beside the key that says which part it is."""
     options = []
     if part.kind == PartKind.FIELD:
-        options.append(f"type: {number_type('u', part.size, part.order)}")
-        options += [f"default: {part.default}"] * bool(part.default)
+        assert part.header is not None
+        options += [f"type: {field_type(part.header.value)}", *header_options(part.header)]
     elif part.kind == PartKind.BITS:
         options.append(f"fields: {{{', '.join(_run(run) for run in part.bits)}}}")
         options += _length_options(part)
@@ -85,10 +87,42 @@ def _options(part: Part) -> list[str]:
     return options
 
 
+def header_options(header: HeaderField) -> list[str]:
+    """What a header field says about itself, beside its type: `scale: 0.1`, `default: {host: 255, mcu: 1}`."""
+    field = header.value
+    options = [f"scale: {_value(field.scale)}"] * (field.scale != 1)
+    options += [f"offset: {_value(field.offset)}"] * (field.offset != 0)
+    options += [f"unit: {field.unit}"] * bool(field.unit)
+    if field.minimum is not None and field.maximum is not None:
+        options.append(f"range: [{_value(field.minimum)}, {_value(field.maximum)}]")
+    for word, names in (("enum", field.enum), ("flags", field.flags)):
+        options += [f"{word}: {{{', '.join(f'{name}: {value}' for name, value in names)}}}"] * bool(names)
+    if header.host_default != header.mcu_default:
+        options.append(f"default: {{host: {_value(header.host_default)}, mcu: {_value(header.mcu_default)}}}")
+    elif header.host_default != 0:
+        options.append(f"default: {_value(header.host_default)}")
+    options += [f"address: {header.address}"] * (header.address is not None)
+    if header.broadcast:
+        listed = ", ".join(map(_value, header.broadcast))
+        options.append(f"broadcast: {listed}" if len(header.broadcast) == 1 else f"broadcast: [{listed}]")
+    return options
+
+
+def _value(value: Fraction | float | int | str) -> str:
+    if isinstance(value, str):
+        return value
+    return str(int(value)) if value == int(value) else repr(float(value))
+
+
 def _run(run: Bits) -> str:
     if run.role == BitRole.CONSTANT:
         return f"{run.name}: {{bits: {run.width}, constant: {run.value}}}"
-    return f"{run.name}: {{bits: {run.width}, default: {run.value}}}" if run.value else f"{run.name}: {run.width}"
+    if run.header is None or run.header.value.kind == FieldKind.UNSIGNED:
+        key, word = "bits", str(run.width)
+    else:
+        key, word = "type", field_type(run.header.value)
+    options = [] if run.header is None else header_options(run.header)
+    return f"{run.name}: {{{', '.join([f'{key}: {word}', *options])}}}" if options else f"{run.name}: {word}"
 
 
 def _constant(parts: tuple[Part, ...], index: int) -> str:

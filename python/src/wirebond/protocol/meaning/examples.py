@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping as Mapping_
 from fractions import Fraction
 
 from wirebond.protocol.meaning.draft import Draft
 from wirebond.protocol.meaning.field_values import fit_element, settled
 from wirebond.protocol.meaning.messages import Messages, spoken
-from wirebond.protocol.model import End, Example, ExampleValue, Field, FieldKind, Message, Part, PartKind
-from wirebond.protocol.plan import header_names
+from wirebond.protocol.model import End, Example, ExampleValue, Field, FieldKind, HeaderDefault, Message
+from wirebond.protocol.plan import header_fields
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.grammar import ExampleSyntax
 from wirebond.protocol.text.syntax import readable
@@ -40,11 +41,9 @@ def read_examples(
         sender = _sender(syntax.sender, message, item, problems)
         given = item.get("fields")
         values = _values(syntax.fields, message.name, message.fields, given, item.value_place("fields"), problems)
-        good_header = draft is None or _is_header(syntax.header, draft, item, problems)
-        if sender is not None and values is not None and good_header:
-            found.append(
-                Example(message.name, sender, tuple(values.items()), syntax.bytes, tuple(syntax.header.items()))
-            )
+        header = {} if draft is None else _header(syntax.header, draft, item, problems)
+        if sender is not None and values is not None and header is not None:
+            found.append(Example(message.name, sender, tuple(values.items()), syntax.bytes, tuple(header.items())))
     return tuple(found)
 
 
@@ -61,30 +60,25 @@ def _sender(given: str | None, message: Message, node: Mapping, problems: Proble
     return None
 
 
-def _is_header(given: dict[str, int], draft: Draft, node: Mapping, problems: Problems) -> bool:
-    widths = {name: bits for part in draft.parts for name, bits in _header_widths(part)}
+def _header(
+    given: Mapping_[str, object], draft: Draft, node: Mapping, problems: Problems
+) -> dict[str, HeaderDefault] | None:
+    """The values as ``encode`` takes them; None after reporting what is wrong."""
+    known = {field.name: field.value for field in header_fields(draft.parts)}
     places = node.get("header")
-    good = True
-    for name, value in given.items():
+    found: dict[str, HeaderDefault] = {}
+    for name, wanted in given.items():
         assert isinstance(places, Mapping), "header fields were given"
-        if name not in widths:
-            there = suggestion(name, widths) if widths else "it has no named fields"
+        if name not in known:
+            there = suggestion(name, known) if known else "it has no named fields"
             problems.add(places.key_place(name), f"the frame's header has no field `{name}`; {there}")
-            good = False
-        elif not 0 <= value < 2 ** widths[name]:
-            limit = 2 ** widths[name] - 1
-            problems.add(
-                places.value_place(name), f"{value} does not fit `{name}`, which takes 0 to {limit}; take one of these"
-            )
-            good = False
-    return good
-
-
-def _header_widths(part: Part) -> list[tuple[str, int]]:
-    if part.kind == PartKind.BITS:
-        widths = {run.name: run.width for run in part.bits}
-        return [(name, widths[name]) for name in header_names(part)]
-    return [(name, 8 * part.size) for name in header_names(part)]
+            continue
+        value, fault = _fitted(known[name], wanted)
+        if isinstance(value, float | int | str):
+            found[name] = value
+        else:
+            problems.add(places.value_place(name), fault)
+    return found if len(found) == len(given) else None
 
 
 def _values(

@@ -20,7 +20,7 @@ from wirebond.protocol.meaning.field_values import (
 )
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, OnRange
 from wirebond.protocol.problems import Place, Problems
-from wirebond.protocol.text.field_grammar import TO_END, BitFieldSyntax, PlainSyntax, ValueSyntax
+from wirebond.protocol.text.field_grammar import TO_END, BitFieldSyntax, NumberSyntax, PlainSyntax, ValueSyntax
 from wirebond.protocol.text.scalars import WireType
 from wirebond.protocol.text.yaml_tree import Mapping, Scalar
 
@@ -66,7 +66,7 @@ def read_bit_field(name: str, syntax: BitFieldSyntax, node: Mapping, problems: P
 class ValueReader:
     """What all kinds of value have in common."""
 
-    def __init__(self, syntax: ValueSyntax, wire_type: WireType, node: Mapping, problems: Problems) -> None:
+    def __init__(self, syntax: NumberSyntax, wire_type: WireType, node: Mapping, problems: Problems) -> None:
         self._syntax = syntax
         self._type = wire_type
         self._node = node
@@ -89,7 +89,7 @@ class ValueReader:
             "unit": syntax.unit or "",
             "minimum": None if syntax.range is None else float(syntax.range[0]),
             "maximum": None if syntax.range is None else float(syntax.range[1]),
-            "on_range": OnRange(syntax.on_range or "reject"),
+            "on_range": OnRange(getattr(syntax, "on_range", None) or "reject"),
             "enum": tuple((syntax.enum or {}).items()),
             "flags": tuple((syntax.flags or {}).items()),
             "description": syntax.description,
@@ -97,13 +97,9 @@ class ValueReader:
 
     def _validated(self, field: Field) -> Field | None:
         """The field with its default, after all that its options mean together."""
-        self._validate_scale(field)
-        if self._good:
-            self._validate_range(field)
-        self._validate_enum(field)
-        self._validate_flags(field)
-        if not self._good:
+        if not self._means_something(field):
             return None
+        assert isinstance(self._syntax, ValueSyntax)
         default: Given | None = self._syntax.default
         if default is None:
             return field
@@ -115,6 +111,15 @@ class ValueReader:
             self._wrong(self._node.value_place("default"), fault)
             return None
         return Field(**{**vars(field), "default": value})
+
+    def _means_something(self, field: Field) -> bool:
+        """Whether its options fit its type and each other."""
+        self._validate_scale(field)
+        if self._good:
+            self._validate_range(field)
+        self._validate_enum(field)
+        self._validate_flags(field)
+        return self._good
 
     def _validate_options(self) -> None:
         syntax, kind = self._syntax, self._type.kind
@@ -129,7 +134,7 @@ class ValueReader:
                 if getattr(syntax, names) is not None and getattr(syntax, option) is not None:
                     place = self._node.key_place(option)
                     self._wrong(place, f"`{option}` has no meaning for named numbers (`{names}`); remove it")
-        if syntax.on_range is not None and syntax.range is None:
+        if getattr(syntax, "on_range", None) is not None and syntax.range is None:
             self._wrong(
                 self._node.key_place("on_range"),
                 "`on_range` has no meaning without `range`; add `range: [0, 1]`",

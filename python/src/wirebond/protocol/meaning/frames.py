@@ -7,7 +7,15 @@ from dataclasses import replace
 from wirebond.protocol import algorithms, plan
 from wirebond.protocol.meaning.draft import Draft, Envelope
 from wirebond.protocol.meaning.envelope import read_envelope, stuffed_parts
+from wirebond.protocol.meaning.header import (
+    meaning_given,
+    read_header_part,
+    read_header_run,
+    run_type,
+    sequence_field,
+)
 from wirebond.protocol.model import (
+    Address,
     Algorithm,
     BitRole,
     Bits,
@@ -15,6 +23,8 @@ from wirebond.protocol.model import (
     CheckKind,
     Condition,
     End,
+    FieldKind,
+    HeaderField,
     LengthCounts,
     Part,
     PartKind,
@@ -24,6 +34,7 @@ from wirebond.protocol.model import (
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.spelling import bytes_text
 from wirebond.protocol.text.frame_grammar import (
+    BitRun,
     BitsPart,
     CheckPart,
     ConstantPart,
@@ -44,6 +55,7 @@ from wirebond.protocol.text.wording import Syntax
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
 _ONCE = (PartKind.MAGIC, PartKind.TAIL, PartKind.LENGTH, PartKind.ID, PartKind.PAYLOAD)
+MOST_ID_BITS = 32  # of an id or a length
 _FIXED_BYTES = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 
 
@@ -87,6 +99,7 @@ class _FrameReader:
             for (syntax, _), is_plain in zip(inner, plain, strict=True)
         ]
         nodes = [node for _, node in inner]
+        parts = self._with_header(parts, inner)
         names = self._names(parts, inner)
         self._validate_places(parts, nodes, place, envelope)
         self._validate_bits(parts, nodes)
@@ -104,6 +117,92 @@ class _FrameReader:
         if self._good:
             self._validate_whole(draft, place)
         return draft if self._good else None
+
+    # ---- header fields ----
+
+    def _with_header(self, parts: list[Part], inner: list[tuple[PartSyntax, Mapping]]) -> list[Part]:
+        """The parts with what their header fields mean. Each field has a name of its own."""
+        found = []
+        names: dict[str, Place] = {}
+        for part, (syntax, node) in zip(parts, inner, strict=True):
+            whole = self._header_part(part, syntax, node)
+            found.append(whole)
+            for name in plan.header_names(whole):
+                place = self._run_node(node, name)[1] if whole.bits else node.value_place(whole.kind.value)
+                if name in names:
+                    self._wrong(
+                        place,
+                        f"another header field is called `{name}` (line {names[name].line}); take another name",
+                    )
+                names.setdefault(name, place)
+        self._validate_addresses(plan.header_fields(tuple(found)), names)
+        return found
+
+    def _validate_addresses(self, fields: tuple[HeaderField, ...], places: dict[str, Place]) -> None:
+        """One address says whose a frame is, and one who sent it."""
+        held: dict[Address, HeaderField] = {}
+        for field in fields:
+            if field.address is None:
+                continue
+            place = places[field.name]
+            if field.value.is_scaled or field.value.flags:
+                self._wrong(
+                    place, f"`{field.name}` is an address, and those are whole numbers; remove `scale` or `flags`"
+                )
+            of_mcu = {Address.RECEIVER, Address.SENDER} if field.address == Address.MCU else {Address.MCU}
+            other = next((held[kind] for kind in (field.address, *of_mcu) if kind in held), None)
+            if other is not None:
+                self._wrong(
+                    place,
+                    f"`{other.name}` says `address: {other.address}` already, and `address: {field.address}` beside it "
+                    "would be a second one; a frame has one address of the MCU, or one of its receiver and one of its "
+                    "sender",
+                )
+            held.setdefault(field.address, field)
+
+    def _header_part(self, part: Part, syntax: PartSyntax, node: Mapping) -> Part:
+        if isinstance(syntax, FieldPart):
+            header, good = read_header_part(syntax.field, syntax, node, self._order, self._problems)
+            self._good = self._good and good
+            return replace(part, header=header)
+        if isinstance(syntax, SequencePart):
+            return replace(part, header=sequence_field(part.name, part.size, 0, part.order))
+        if not isinstance(syntax, BitsPart):
+            return part
+        runs = []
+        for run in part.bits:
+            given, (run_node, place) = syntax.fields[run.name], self._run_node(node, run.name)
+            self._validate_run(run, given, run_node, place)
+            if run.role == BitRole.FIELD:
+                header, good = read_header_run(run.name, given, run_node, self._problems)
+                self._good = self._good and good
+                runs.append(replace(run, header=header))
+            elif run.role == BitRole.SEQUENCE:
+                runs.append(replace(run, header=sequence_field(run.name, 0, run.width)))
+            else:
+                runs.append(run)
+        return replace(part, bits=tuple(runs))
+
+    @staticmethod
+    def _run_node(node: Mapping, name: str) -> tuple[Mapping, Place]:
+        """What stands behind a run's name, and where the name stands."""
+        fields = node.get("fields")
+        assert isinstance(fields, Mapping)
+        value = fields.get(name)
+        return (value if isinstance(value, Mapping) else Mapping(fields.value_place(name))), fields.key_place(name)
+
+    def _validate_run(self, run: Bits, syntax: BitRun, node: Mapping, place: Place) -> None:
+        if (syntax.bits is None) == (syntax.type is None):
+            self._wrong(place, f"`{run.name}` needs its number of bits: `bits: 4`, or a `type`, and not both")
+        if run.role == BitRole.FIELD:
+            return
+        what = "a constant" if run.role == BitRole.CONSTANT else f"a run `{run.role}`"
+        for option in meaning_given(syntax):
+            self._wrong(node.key_place(option), f"`{option}` is for header fields, and this is {what}; remove it")
+        if syntax.type is not None and syntax.type.kind != FieldKind.UNSIGNED:
+            self._wrong(node.value_place("type"), f"{what} is unsigned; write `bits: {run.width}`")
+        if run.role in (BitRole.ID, BitRole.LENGTH) and run.width > MOST_ID_BITS:
+            self._wrong(place, f"{what} has at most {MOST_ID_BITS} bits; take fewer")
 
     # ---- names and ranges ----
 
@@ -238,13 +337,12 @@ class _FrameReader:
                     "add a `reserved` run, or change a width",
                 )
             for run in part.bits:
-                if run.value > run.mask:
+                if run.role == BitRole.CONSTANT and run.value > run.mask:
                     self._wrong(fields.key_place(run.name), f"{run.value} does not fit {run.width} bits; take less")
 
     def _validate_conditions(self, parts: list[Part], nodes: list[Mapping], place: Place) -> None:
         """What a condition names must stand in the header, and the frame may have only so many forms."""
-        widths = {p.name: 8 * p.size for p in parts if p.kind in (PartKind.FIELD, PartKind.SEQUENCE)}
-        widths |= {r.name: r.width for p in parts for r in p.bits if r.role in (BitRole.FIELD, BitRole.SEQUENCE)}
+        widths = {field.name: field.value.width for field in plan.header_fields(tuple(parts))}
         magics = {m for p in parts if p.kind == PartKind.MAGIC for m in plan.magics(p, None)}
         places = {name: index for index, part in enumerate(parts) for name in plan.header_names(part)}
         payload_index = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
@@ -276,7 +374,7 @@ class _FrameReader:
                         place,
                         f"two parts with a {kind.value} can stand in one frame; let their `when:` exclude each other",
                     )
-        header = [name for part in parts for name in plan.header_names(part)]
+        header = plan.header_fields(tuple(parts))
         for limit, found, what in (
             (plan.MAX_FORMS, len(plan.parts_of_forms(tuple(parts), None)), "forms (by magics and conditions)"),
             (plan.MAX_HEADER_FIELDS, len(header), "fields in its header"),
@@ -463,7 +561,7 @@ def _lower_unconditional(syntax: PartSyntax, order: ByteOrder) -> Part:
         return Part(PartKind.RESERVED, "", syntax.reserved)
     if isinstance(syntax, FieldPart):
         wire = syntax.type
-        return Part(PartKind.FIELD, syntax.field, wire.size, wire.order or order, default=syntax.default)
+        return Part(PartKind.FIELD, syntax.field, wire.size, wire.order or order)
     if isinstance(syntax, SequencePart):
         return Part(PartKind.SEQUENCE, syntax.name or "sequence", syntax.sequence.size, syntax.sequence.order or order)
     if isinstance(syntax, BitsPart):
@@ -485,8 +583,9 @@ def _lower_bits(syntax: BitsPart, order: ByteOrder) -> Part:
     listed = list(syntax.fields.items())
     for name, run in listed if syntax.first == "low" else reversed(listed):
         role = BitRole.CONSTANT if run.constant is not None else roles.get(name, BitRole.FIELD)
-        runs.append(Bits(name, role, shift, run.bits, run.constant or run.default or 0))
-        shift += run.bits
+        width = run_type(run).width
+        runs.append(Bits(name, role, shift, width, run.constant or 0))
+        shift += width
     return Part(
         PartKind.BITS,
         "",

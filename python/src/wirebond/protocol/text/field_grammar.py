@@ -49,22 +49,14 @@ Amount = Annotated[
 ]
 
 
-class ValueSyntax(Syntax):
-    """What every kind of value may say about itself."""
+class NumberSyntax(Syntax):
+    """What every number may say about itself."""
 
     scale: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0.001])
     offset: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0])
     unit: Text | None = Field(None, description="SI unit of the value, for display.", examples=["m/s"])
     range: Annotated[list[Exact], Field(min_length=2, max_length=2)] | None = Field(
         None, description="Least and greatest value, in the value's unit.", examples=["[-1.0, 1.0]"]
-    )
-    on_range: Annotated[str | None, one_word("reject", "clamp")] = Field(
-        None,
-        description="What the handler's side does with a received value out of range. Default: reject.",
-        examples=["clamp"],
-    )
-    default: DefaultValue | None = Field(
-        None, description="The value where a sender gives none; for an array also a list.", examples=[0]
     )
     enum: Annotated[dict[Name, WireInteger], Field(min_length=1)] | None = Field(
         None, description="Names of the possible numbers.", examples=["{off: 0, on: 1}"]
@@ -73,6 +65,19 @@ class ValueSyntax(Syntax):
         None, description="Names of bits, 0 the lowest.", examples=["{stalled: 0, overheated: 1}"]
     )
     description: Text = Field("", description="For people.", examples=["what it means"])
+
+
+class ValueSyntax(NumberSyntax):
+    """What every kind of value in a payload may say about itself."""
+
+    on_range: Annotated[str | None, one_word("reject", "clamp")] = Field(
+        None,
+        description="What the handler's side does with a received value out of range. Default: reject.",
+        examples=["clamp"],
+    )
+    default: DefaultValue | None = Field(
+        None, description="The value where a sender gives none; for an array also a list.", examples=[0]
+    )
 
 
 class PlainSyntax(ValueSyntax):

@@ -33,6 +33,7 @@ def _whole_types() -> dict[str, WireType]:
 
 
 _WHOLE_TYPES = _whole_types()
+_WHOLE_INTEGERS = {word: t for word, t in _WHOLE_TYPES.items() if t.kind in (FieldKind.UNSIGNED, FieldKind.SIGNED)}
 _CONTAINER_TYPES = {word: t for word, t in _WHOLE_TYPES.items() if t.kind == FieldKind.UNSIGNED}
 
 
@@ -77,6 +78,36 @@ def _container_type(value: object) -> WireType:
     raise wrong(f"{describe(value)} cannot hold bit fields; write u8, u16 or another unsigned type up to u64")
 
 
+def wire_type(word: str) -> WireType:
+    """The type of a word that is one: `u16be`, `i5`."""
+    found = _WHOLE_TYPES.get(word) or _any_width(word)
+    assert found is not None, word
+    return found
+
+
+def _header_type(value: object) -> WireType:
+    """A header field that begins and ends with a byte."""
+    if isinstance(value, str) and value in _WHOLE_INTEGERS:
+        return _WHOLE_INTEGERS[value]
+    known = FOREIGN_TYPES.get(value.lower()) if isinstance(value, str) else None
+    if known in _WHOLE_INTEGERS:
+        raise wrong(f"{describe(value)} is not a type here; write `{known}`")
+    if isinstance(value, str) and value.endswith(("le", "be")) and value[:-2] in _WHOLE_INTEGERS:
+        raise wrong(f"{quoted(value)} has no byte order to choose; write `{value[:-2]}`")
+    raise wrong(
+        f"{describe(value)} is not a type of a header field; possible: u8, i8 and s8 to u64, i64 and s64 in steps of "
+        f"8 bits; {_ORDERS}"
+    )
+
+
+def _run_type(value: object) -> WireType:
+    """A header field among bits."""
+    found = (_WHOLE_INTEGERS.get(value) or _any_width(value)) if isinstance(value, str) else None
+    if found is None or found.order is not None:
+        raise wrong(f"{describe(value)} is not a type of a run of bits; possible: u1 to u64, i2 to i64, s2 to s64")
+    return found
+
+
 _WidthText = Annotated[str, Field(pattern=_ANY_WIDTH_PATTERN)]
 FieldType = Annotated[
     WireType,
@@ -86,3 +117,5 @@ BitType = Annotated[WireType, PlainValidator(_bit_type, json_schema_input_type=L
 ContainerType = Annotated[
     WireType, PlainValidator(_container_type, json_schema_input_type=Literal[tuple(_CONTAINER_TYPES)])
 ]
+HeaderType = Annotated[WireType, PlainValidator(_header_type, json_schema_input_type=Literal[tuple(_WHOLE_INTEGERS)])]
+RunType = Annotated[WireType, PlainValidator(_run_type, json_schema_input_type=_WidthText)]

@@ -9,17 +9,21 @@ from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Tag
 from pydantic_core import PydanticCustomError
 
 from wirebond.protocol.problems import quoted, suggestion
+from wirebond.protocol.text.field_grammar import NumberSyntax
+from wirebond.protocol.text.field_types import ContainerType, HeaderType, RunType
 from wirebond.protocol.text.scalars import (
     Bool,
     CheckName,
     ConstantBytes,
     DelimiterBytes,
     Duration,
+    HeaderDefault,
     LengthOffset,
     MagicBytes,
     MagicValue,
     Name,
     OneByte,
+    OwnValues,
     PartRange,
     PartType,
     Register,
@@ -219,13 +223,34 @@ class ReservedPart(PartSyntax):
     )
 
 
-class FieldPart(PartSyntax):
+class HeaderSyntax(NumberSyntax):
+    """What a number of the header may say about itself."""
+
+    default: HeaderDefault | None = Field(
+        None,
+        description="What is sent where the sender gives no value; {host: ..., mcu: ...}: one for each end. "
+        "Default: 0.",
+        examples=[1],
+    )
+    address: Annotated[str | None, one_word("mcu", "receiver", "sender")] = Field(
+        None,
+        description="Whose address it is: the MCU's in both directions, that of the end that the frame is for, or that "
+        "of the end that sends it.",
+        examples=["mcu"],
+    )
+    broadcast: OwnValues | None = Field(
+        None, description="The address, or a list of them, that means every receiver.", examples=["0xFE"]
+    )
+
+
+class FieldPart(PartSyntax, HeaderSyntax):
     """A named number of the header."""
 
     noun = "a `field` part"
     field: Name = Field(description="Name of a number in the header.", examples=["system_id"])
-    type: PartType = Field(description="Its width.", examples=["u8"])
-    default: Register = Field(0, description="What is sent unless the sender says otherwise.", examples=[1])
+    type: HeaderType = Field(
+        description="Type on the wire: a whole number; `le` or `be` behind it sets its byte order.", examples=["u8"]
+    )
 
 
 class SequencePart(PartSyntax):
@@ -235,31 +260,35 @@ class SequencePart(PartSyntax):
     sequence: PartType = Field(description="Its width; it rises by one from frame to frame.", examples=["u8"])
 
 
-class BitRun(Syntax):
+class BitRun(HeaderSyntax):
     """A run of bits, in full."""
 
     noun = "a run of bits"
 
-    bits: Annotated[int, PlainValidator(whole(1, 32), json_schema_input_type=Annotated[int, Field(ge=1, le=32)])] = (
-        Field(description="Number of bits.", examples=[4])
+    bits: (
+        Annotated[int, PlainValidator(whole(1, 64), json_schema_input_type=Annotated[int, Field(ge=1, le=64)])] | None
+    ) = Field(None, description="Number of bits of an unsigned number; or write `type`.", examples=[4])
+    type: RunType | None = Field(
+        None, description="Type of the number: u1 to u64, i2 to i64, s2 to s64; or write `bits`.", examples=["i5"]
     )
-    default: Register | None = Field(None, description="What is sent unless the sender says otherwise.", examples=[0])
     constant: Register | None = Field(None, description="The value that it always has.", examples=["0x01"])
 
 
 def _run(value: object) -> object:
-    """`length: 10` is short for `length: {bits: 10}`."""
-    return value if isinstance(value, dict) else {"bits": value}
+    """`length: 10` is short for `length: {bits: 10}`, and `turn: i5` for `turn: {type: i5}`."""
+    if isinstance(value, dict):
+        return value
+    return {"type" if isinstance(value, str) else "bits": value}
 
 
 class BitsPart(PartSyntax):
     """Header bytes whose bits are shared."""
 
     noun = "a `bits` part"
-    bits: PartType = Field(description="Width of the bytes whose bits are shared.", examples=["u16"])
-    fields: dict[Name, Annotated[BitRun, BeforeValidator(_run, json_schema_input_type=int | BitRun)]] = Field(
-        description="Name and number of bits of each run, from the lowest bit up. `id`, `length` and `sequence` "
-        "are what they say; `constant:` gives a run that never changes.",
+    bits: ContainerType = Field(description="Width of the bytes whose bits are shared.", examples=["u16"])
+    fields: dict[Name, Annotated[BitRun, BeforeValidator(_run, json_schema_input_type=int | str | BitRun)]] = Field(
+        description="Name and number of bits, or type, of each run, from the lowest bit up. `id`, `length` and "
+        "`sequence` are what they say; `constant:` gives a run that never changes.",
         examples=["{id: 6, length: 10}"],
     )
     first: Annotated[str, one_word("low", "high")] = Field(

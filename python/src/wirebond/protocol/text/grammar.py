@@ -26,7 +26,6 @@ from wirebond.protocol.text.scalars import (
     ProtocolName,
     StopBits,
     Text,
-    WireInteger,
     describe,
     one_word,
     whole,
@@ -187,7 +186,7 @@ class ExampleSyntax(Syntax):
         description="The values of its fields; a list for arrays and flags, hex digits for byte strings.",
         examples=["{linear: 0.5, angular: 0}"],
     )
-    header: dict[Name, WireInteger] = Field(
+    header: dict[Name, ExampleValue] = Field(
         default_factory=dict,
         description="Values of the frame's own named fields and numbers, where they differ from their defaults.",
         examples=["{sequence: 5}"],

@@ -23,6 +23,7 @@ from wirebond.protocol.text.yaml_tree import Number
 MAX_SECONDS = 2147  # the MCU counts microseconds modulo 2^32 and compares within half of that
 MIN_SECONDS = 1e-6
 MAX_ID = 0xFFFFFFFF
+MAX_BROADCAST = 4
 
 
 def wrong(sentence: str, kind: Literal["wrong_value", "wrong_key"] = "wrong_value") -> PydanticCustomError:
@@ -150,6 +151,45 @@ def _default_value(value: object) -> Fraction | bool | str | list[Fraction | boo
 DefaultValue = Annotated[
     Fraction | bool | str | list[Fraction | bool | str],
     PlainValidator(_default_value, json_schema_input_type=float | bool | str | list[float | bool | str]),
+]
+
+
+@dataclass(frozen=True)
+class EndDefaults:
+    """What each end sends where no value is given, as the file gives it."""
+
+    host: Any
+    mcu: Any
+
+
+def _header_default(value: object) -> EndDefaults:
+    if not isinstance(value, dict):
+        given = _default_value(value)
+        return EndDefaults(given, given)
+    if set(value) != {"host", "mcu"}:
+        raise wrong("this mapping is no default; write one value, or `{host: 255, mcu: 1}` for one of each end")
+    return EndDefaults(_default_value(value["host"]), _default_value(value["mcu"]))
+
+
+_HeaderDefaultInput: Any = float | str | list[str]
+HeaderDefault = Annotated[
+    EndDefaults,
+    PlainValidator(
+        _header_default,
+        json_schema_input_type=_HeaderDefaultInput | dict[Literal["host", "mcu"], _HeaderDefaultInput],
+    ),
+]
+
+
+def _own_values(value: object) -> list[Fraction | bool | str]:
+    listed = [_own_value(item) for item in value] if isinstance(value, list) else [_own_value(value)]
+    if not 1 <= len(listed) <= MAX_BROADCAST:
+        raise wrong(f"these are {len(listed)} values; write 1 to {MAX_BROADCAST}")
+    return listed
+
+
+OwnValues = Annotated[
+    list[Fraction | bool | str], PlainValidator(_own_values, json_schema_input_type=float | str | list[float | str])
 ]
 
 Bool = Annotated[bool, PlainValidator(_bool, json_schema_input_type=bool)]
@@ -439,7 +479,7 @@ class WhenText:
     magic: bytes
 
 
-_WHEN_BIT = re.compile(r"([a-z][a-z0-9_]*) *& *(0x[0-9A-Fa-f]{1,8}|[1-9][0-9]{0,9})")
+_WHEN_BIT = re.compile(r"([a-z][a-z0-9_]*) *& *(0x[0-9A-Fa-f]{1,16}|[1-9][0-9]{0,18})")
 _WHEN_MAGIC = re.compile(r"magic *== *(.+)")
 
 

@@ -1,0 +1,142 @@
+// Header values and the choice of a form: what core refuses gets its sentence here.
+#include "header.hpp"
+
+#include <nanobind/stl/string.h>
+
+#include <algorithm>
+#include <string>
+
+#include "element.hpp"
+#include "wirebond/encoder.hpp"
+
+namespace wirebond::engine {
+
+namespace {
+
+std::string names_of(const std::vector<FieldTable>& fields) {
+  std::string names;
+  for (const FieldTable& field : fields) names += (names.empty() ? "" : ", ") + field.name;
+  return names;
+}
+
+/// The forms whose bits agree with the header values. `id_differs`: one of them was left out, for it has an id and the
+/// message has none, or the other way round.
+std::vector<std::size_t> allowed_forms(const FormatTable& format, std::uint32_t id, const GivenHeader& header,
+                                       int form, bool& id_differs) {
+  std::vector<std::size_t> found;
+  for (std::size_t i = 0; i < format.format().form_count; ++i) {
+    if (form >= 0 && i != static_cast<std::size_t>(form)) continue;
+    if (!agrees(format.format().forms[i], header.view())) continue;
+    if (carries_id(format.format(), format.format().forms[i], id)) {
+      found.push_back(i);
+    } else {
+      id_differs = true;
+    }
+  }
+  return found;
+}
+
+/// Why none of these forms can carry the payload.
+std::string refusal(const FormatTable& format, const MessageTable& message, std::size_t payload,
+                    const std::vector<std::size_t>& forms) {
+  const std::size_t bound = format.format().max_payload;
+  const Form& form = format.format().forms[forms.front()];
+  if (payload == 0) {
+    return message.name + " is empty, and so is its frame: no receiver could tell that from no frame";
+  }
+  const std::string begin = "payload of " + message.name + " has " + std::to_string(payload) + " bytes";
+  if (payload > bound) return begin + "; this frame carries at most " + std::to_string(bound);
+  std::int64_t most = 0;
+  for (const std::size_t index : forms) most = std::max(most, most_payload(format.format().forms[index]));
+  if (static_cast<std::int64_t>(payload) > most) {
+    return begin + "; with this header the frame's length can tell at most " + std::to_string(most);
+  }
+  return begin + ", which the frame's length cannot tell: it counts by " + std::to_string(form.length_unit);
+}
+
+[[noreturn]] void refuse_header(const FormatTable& format, const MessageTable& message, const GivenHeader& header,
+                                std::uint32_t id, bool id_differs) {
+  if (id_differs) {
+    const bool has_id = id != format.format().no_id;
+    throw_message_error(message.name + (has_id ? " has the id " + std::to_string(id) : " has no id") +
+                        ", and a frame with these header values has " + (has_id ? "none" : "one") +
+                        "; give header values that ask for " + (has_id ? "one" : "none") +
+                        ", or take another `when` for the id in the protocol file");
+  }
+  std::string names;
+  for (std::size_t i = 0; i < format.header().size(); ++i) {
+    if ((header.given >> i) & 1u) names += (names.empty() ? "" : ", ") + format.header()[i].name;
+  }
+  throw_message_error("no form of the frame has the header fields " + names + " together");
+}
+
+}  // namespace
+
+nb::dict header_dict(const FormatTable& format, std::size_t form, const std::uint64_t* bits) {
+  const Form& shape = format.format().forms[form];
+  nb::dict out;
+  for (std::size_t i = 0; i < shape.header_count; ++i) {
+    const FieldTable& field = format.header()[shape.header[i].place];
+    const nb::object value = decode_element(field, bits[i]);
+    if (PyDict_SetItem(out.ptr(), field.key.ptr(), value.ptr()) != 0) throw nb::python_error();
+  }
+  return out;
+}
+
+GivenHeader encode_header(const FormatTable& format, nb::dict header) {
+  GivenHeader out;
+  for (std::size_t i = 0; i < format.format().form_count; ++i) {
+    const Form& form = format.format().forms[i];
+    for (std::size_t j = 0; j < form.header_count; ++j) out.values[form.header[j].place] = form.header[j].default_value;
+  }
+  if (header.size() == 0) return out;
+  static const std::string owner = "header";
+  const Path whole{nullptr, owner};
+  const std::vector<FieldTable>& fields = format.header();
+  for (auto [key, value] : header) {
+    const auto found =
+        std::find_if(fields.begin(), fields.end(), [&](const FieldTable& field) { return field.key.equal(key); });
+    if (found == fields.end()) {
+      throw_message_error("the header has no field " + shown(key) + "; it has " +
+                          (fields.empty() ? "none" : names_of(fields)));
+    }
+    const auto place = static_cast<std::size_t>(found - fields.begin());
+    out.values[place] = encode_element(*found, value, Path{&whole, found->name});
+    out.given |= std::uint32_t{1} << place;
+  }
+  return out;
+}
+
+std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTable& protocol, std::size_t index,
+                                     const std::vector<std::uint8_t>& payload, const GivenHeader& header, int form) {
+  const FrameFormat& shape = format.format();
+  const RuntimeSource source = format.source();
+  const std::uint32_t id = format.id_of(index);
+  std::vector<std::uint8_t> buffer;
+  std::size_t size = 0;
+  const auto seal_in = [&](std::size_t number) {
+    const std::size_t lead = payload_lead(source, number);
+    buffer.resize(lead + payload.size() + max_wire_bytes(shape));
+    std::copy(payload.begin(), payload.end(), buffer.begin() + static_cast<std::ptrdiff_t>(lead));
+    size = seal(source, buffer.data(), buffer.size(), id, payload.size(), number, header.values.data());
+  };
+  if (form >= 0) {
+    const Form& one = shape.forms[static_cast<std::size_t>(form)];
+    if (agrees(one, header.view()) && carries_id(shape, one, id) && carries(one, payload.size())) {
+      seal_in(static_cast<std::size_t>(form));
+    }
+  } else {
+    detail::with_own_form(shape, id, payload.size(), seal_in, header.view());
+  }
+  if (size != 0) {
+    buffer.resize(size);
+    return buffer;
+  }
+  const MessageTable& message = protocol.messages()[index];
+  bool id_differs = false;
+  const std::vector<std::size_t> forms = allowed_forms(format, id, header, form, id_differs);
+  if (forms.empty()) refuse_header(format, message, header, id, id_differs);
+  throw_message_error(refusal(format, message, payload.size(), forms));
+}
+
+}  // namespace wirebond::engine

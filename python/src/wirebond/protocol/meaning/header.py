@@ -1,0 +1,110 @@
+"""Header fields: from the syntax of a `field`, a `sequence` or a run of bits to what its number means."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from wirebond.protocol.meaning.field_values import Given, fit_value, number_text
+from wirebond.protocol.meaning.fields import ValueReader
+from wirebond.protocol.model import Address, ByteOrder, Field, FieldKind, HeaderDefault, HeaderField
+from wirebond.protocol.problems import Place, Problems
+from wirebond.protocol.text.field_types import wire_type
+from wirebond.protocol.text.frame_grammar import BitRun, FieldPart, HeaderSyntax
+from wirebond.protocol.text.scalars import EndDefaults, WireType
+from wirebond.protocol.text.yaml_tree import Mapping
+
+_Read = tuple[HeaderField, bool]
+
+
+def read_header_part(name: str, syntax: FieldPart, node: Mapping, order: ByteOrder, problems: Problems) -> _Read:
+    """What a `field` part means, and whether all is well with it. What is wrong is reported; the result is a field all
+    the same, so that what refers to it can be read.
+    """
+    return _HeaderReader(syntax, syntax.type, node, problems).read(name, syntax.type.order or order)
+
+
+def read_header_run(name: str, syntax: BitRun, node: Mapping, problems: Problems) -> _Read:
+    """As `read_header_part`, for a run of bits."""
+    return _HeaderReader(syntax, run_type(syntax), node, problems).read(name, None)
+
+
+def run_type(syntax: BitRun) -> WireType:
+    return syntax.type or wire_type(f"u{syntax.bits or 1}")
+
+
+def meaning_given(syntax: HeaderSyntax) -> list[str]:
+    """The options that only a header field has."""
+    options = ("scale", "offset", "unit", "range", "enum", "flags", "default", "address", "broadcast")
+    return [option for option in options if getattr(syntax, option) is not None]
+
+
+def sequence_field(name: str, size: int, bits: int, order: ByteOrder = ByteOrder.LITTLE) -> HeaderField:
+    return HeaderField(Field(name, FieldKind.UNSIGNED, size, order, bits=bits), is_sequence=True)
+
+
+class _HeaderReader(ValueReader):
+    def read(self, name: str, order: ByteOrder | None) -> _Read:
+        header = self._header(name, order)
+        return header, self._good
+
+    def _header(self, name: str, order: ByteOrder | None) -> HeaderField:
+        assert isinstance(self._syntax, HeaderSyntax)
+        self._validate_options()
+        kind = self._type.kind
+        if order is None:
+            plain = Field(name, kind, 0, bits=self._type.width)
+        else:
+            plain = Field(name, kind, self._type.size, order)
+        if not self._good:
+            return HeaderField(plain)
+        field = Field(**{**vars(plain), **self._common(name)})
+        if not self._means_something(field):
+            return HeaderField(plain)
+        host, mcu = self._defaults(field, self._syntax.default)
+        address = None if self._syntax.address is None else Address(self._syntax.address)
+        return HeaderField(field, host, mcu, address=address, broadcast=self._broadcast(field, address))
+
+    def _defaults(self, field: Field, given: EndDefaults | None) -> tuple[HeaderDefault, HeaderDefault]:
+        if given is None:
+            return (self._zero(field),) * 2
+        node = self._node.get("default")
+        if isinstance(node, Mapping):
+            places = node.value_place("host"), node.value_place("mcu")
+        else:
+            places = (self._node.value_place("default"),) * 2
+        host = self._fitted(field, given.host, places[0])
+        # One value for both ends is reported once.
+        mcu = host if given.mcu is given.host else self._fitted(field, given.mcu, places[1])
+        return host, mcu
+
+    def _zero(self, field: Field) -> HeaderDefault:
+        value, fault = fit_value(field, Fraction(0))
+        if fault:
+            first = field.enum[0][0] if field.enum else number_text(Fraction(field.minimum or 0))
+            self._wrong(
+                self._node.place,
+                f"`{field.name}` cannot be 0, which is sent where the sender gives no value; add for example "
+                f"`default: {first}`",
+            )
+        return _single(value)
+
+    def _broadcast(self, field: Field, address: Address | None) -> tuple[HeaderDefault, ...]:
+        values = getattr(self._syntax, "broadcast", None)
+        if values is None:
+            return ()
+        if address not in (Address.MCU, Address.RECEIVER):
+            self._wrong(
+                self._node.key_place("broadcast"),
+                "`broadcast` belongs to the address of a receiver; add `address: mcu` or `address: receiver`",
+            )
+        return tuple(self._fitted(field, value, self._node.value_place("broadcast")) for value in values)
+
+    def _fitted(self, field: Field, given: Given, place: Place) -> HeaderDefault:
+        value, fault = fit_value(field, given)
+        if fault:
+            self._wrong(place, fault)
+        return _single(value)
+
+
+def _single(value: object) -> HeaderDefault:
+    return value if isinstance(value, (int, float, str)) else 0
