@@ -50,8 +50,22 @@ class Oracle(ABC):
         return True
 
 
+def to_wires(fields: tuple[Field, ...], values: dict[str, Any]) -> Wire:
+    """The values of a message; what only counts others, or pads, has none."""
+    return [to_wire(described, values[described.name]) for described in fields if described.name in values]
+
+
+def from_wires(fields: tuple[Field, ...], wire: Wire) -> dict[str, Any]:
+    """The inverse of ``to_wires``."""
+    counting = {described.counted_by for described in fields}
+    valued = [f for f in fields if f.kind != FieldKind.PADDING and f.name not in counting]
+    return {described.name: from_wire(described, one) for described, one in zip(valued, wire, strict=True)}
+
+
 def to_wire(described: Field, value: Any) -> Any:
-    """A value as it lies on the wire, worked out here and not by the engine."""
+    """A value as it lies on the wire, worked out here and not by the engine; of a struct or of bits their list."""
+    if described.fields:
+        return to_wires(described.fields, value)
     if isinstance(value, list) and described.count is not None:
         return [to_wire(described, element) for element in value]
     if described.kind == FieldKind.TEXT:
@@ -71,6 +85,8 @@ def to_wire(described: Field, value: Any) -> Any:
 
 def from_wire(described: Field, wire: Any) -> Any:
     """The value that a number on the wire stands for: the inverse of ``to_wire``."""
+    if described.fields:
+        return from_wires(described.fields, wire)
     if isinstance(wire, list):
         return [from_wire(described, element) for element in wire]
     if described.kind == FieldKind.TEXT:

@@ -12,7 +12,7 @@ from crsf_parser.handling import crsf_build_frame
 from tests.contrib.oracle import Case, Oracle
 from wirebond.protocol.model import End
 
-_TYPES = {"battery": 0x08, "link_statistics": 0x14}
+_TYPES = {"battery": 0x08, "link_statistics": 0x14, "channels": 0x16}
 _NAMES = {number: name for name, number in _TYPES.items()}
 _FIELDS = {
     "battery": ("voltage", "current", "capacity", "remaining"),
@@ -33,6 +33,8 @@ _FIELDS = {
 
 class Crsf(Oracle):
     def encode(self, case: Case) -> bytes | None:
+        if case.message == "channels":  # the library lists them backwards
+            return bytes(crsf_build_frame(_TYPES["channels"], {"channels": case.wire[0][::-1]}))
         flat = [n for value in case.wire for n in (value if isinstance(value, list) else [value])]
         payload = dict(zip(_FIELDS[case.message], flat, strict=True))
         return bytes(crsf_build_frame(_TYPES[case.message], payload))
@@ -48,5 +50,7 @@ class Crsf(Oracle):
         name = _NAMES.get(content.header.type)
         if name is None or content.header.frame_length != len(frame) - 2:
             return None
+        if name == "channels":
+            return Case(name, sender, [list(content.payload.channels)[::-1]])
         wire = [int(getattr(content.payload, field)) for field in _FIELDS[name]]
         return Case(name, sender, [wire[:2], *wire[2:]] if name == "link_statistics" else wire)

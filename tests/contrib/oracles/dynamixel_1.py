@@ -8,35 +8,10 @@ from typing import Any
 from dynamixel_sdk import COMM_SUCCESS, Protocol1PacketHandler
 
 from tests.contrib.oracle import Case, Oracle
+from tests.contrib.oracles.byte_port import ServoPort
 from wirebond.protocol.model import End, Message
 
 _INSTRUCTIONS = {1: "ping", 2: "read", 3: "write", 4: "write_later", 5: "action", 6: "factory_reset"}
-
-
-class _Port:
-    """What the library calls a port handler."""
-
-    def __init__(self, received: bytes = b"") -> None:
-        self.received = received
-        self.sent = b""
-        self.is_using = False
-
-    def clearPort(self) -> None:  # noqa: N802
-        pass
-
-    def writePort(self, packet: list[int]) -> int:  # noqa: N802
-        self.sent += bytes(packet)
-        return len(packet)
-
-    def readPort(self, size: int) -> bytes:  # noqa: N802
-        piece, self.received = self.received[: max(size, 0)], self.received[max(size, 0) :]
-        return piece
-
-    def setPacketTimeout(self, size: int) -> None:  # noqa: N802
-        pass
-
-    def isPacketTimeout(self) -> bool:  # noqa: N802
-        return not self.received
 
 
 class Dynamixel1(Oracle):
@@ -54,7 +29,7 @@ class Dynamixel1(Oracle):
         return values
 
     def encode(self, case: Case) -> bytes | None:
-        port, servo, wire = _Port(), case.header["servo"], case.wire
+        port, servo, wire = ServoPort(), case.header["servo"], case.wire
         handler = self._handler
         if case.message == "ping":
             handler.ping(port, servo)
@@ -78,7 +53,7 @@ class Dynamixel1(Oracle):
         return case.message != "sync_write"  # the library takes the instruction's place for error flags, 0x7F at most
 
     def decode(self, frame: bytes, sender: End) -> Case | None:
-        port = _Port(frame)
+        port = ServoPort(frame)
         packet, result = self._handler.rxPacket(port)
         if result != COMM_SUCCESS or bytes(packet) != frame:
             return None
