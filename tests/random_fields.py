@@ -9,6 +9,8 @@ from decimal import Context, Decimal
 from enum import IntEnum
 from fractions import Fraction
 
+from wirebond.protocol.names import code_name
+
 SCALES = ("0.5", "0.1", "0.01", "0.001", "2", "-0.25", "0.0625", "1.5")
 OFFSETS = ("-40", "3.2", "-3.2", "100", "0.5")
 TEXTS = ("", "a", "ok", "né", "0 1")
@@ -17,6 +19,9 @@ NAMES = (
     "size", "payload", "message", "bits", "wire", "spare", "found", "bytes", "i", "j", "data", "count", "info", "value",
     "decode", "encode", "clamp", "violations", "out", "reg", "name", "id", "index", "header", "type", "text",
     "mode", "state", "gain", "x", "y", "left", "right", "total",
+    # As manuals have them: keywords, capitals, macros.
+    "class", "default", "lambda", "None", "RPM", "MotorSpeed", "errno", "EOF", "int", "sender", "hold", "t", "Info",
+    "restrict",
 )  # fmt: skip
 WIDTHS = (8, 8, 16, 16, 24, 24, 24, 32, 32, 40, 48, 56, 64)
 MOST_OFFSET = 2**46  # in steps of the wire: doubles have to tell them apart
@@ -86,7 +91,7 @@ class FieldSource:
 
     def _name(self, taken: dict[str, Drawn]) -> str:
         name = self._random.choice(NAMES) if self._random.random() < 0.5 else f"f{len(taken)}"
-        return name if name not in taken else f"g{len(taken)}"
+        return name if code_name(name) not in map(code_name, taken) else f"g{len(taken)}"
 
     def _some(self, room: int, depth: int, taken: dict[str, Drawn]) -> dict[str, Drawn]:
         """One field, or a field that counts and those that it counts; nothing where they do not fit."""
@@ -149,13 +154,17 @@ class FieldSource:
         kind = self._random.choice(("", "", "scale", "scale", "scale", "scale", "range", "enum", "flags"))
         if kind == "enum":
             numbers = sorted({self._random.randint(least, most) for _ in range(self._random.randint(1, 4))})
-            names = ", ".join(f"e{i}: {number}" for i, number in enumerate(numbers))
-            return f", enum: {{{names}}}", self._random.choice(("e0", str(numbers[-1])))
+            words = self._random.choice(
+                (("e0", "e1", "e2", "e3"), ("NULL", "Off", "class", "In"), ("is", "EOF", "unix", "X1"))
+            )
+            names = ", ".join(f"{word}: {number}" for word, number in zip(words, numbers, strict=False))
+            return f", enum: {{{names}}}", self._random.choice((words[0], str(numbers[-1])))
         if kind == "flags" and letter == "u":
             places = self._random.sample(range(bits), min(bits, self._random.randint(1, 3)))
-            names = ", ".join(f"b{i}: {place}" for i, place in enumerate(places))
+            words = self._random.choice((("b0", "b1", "b2"), ("register", "TX_Full", "try")))
+            names = ", ".join(f"{word}: {place}" for word, place in zip(words, places, strict=False))
             value = str(1 << places[-1])
-            return f", flags: {{{names}}}", value if repeats else self._random.choice(("[b0]", "[]", value))
+            return f", flags: {{{names}}}", value if repeats else self._random.choice((f"[{words[0]}]", "[]", value))
         scale, offset, options = Fraction(1), Fraction(0), ""
         if kind == "scale" and bits <= MOST_SCALED_BITS:
             word = self._random.choice(SCALES) if self._random.random() < 0.3 else self._awkward(-9, 3)

@@ -259,11 +259,14 @@ class Codec:
         :returns: the frame as it stands on the wire, delimiters included.
         :raises MessageError: unknown message or field, a value out of range, not finite or of the wrong type; or no
             form of the frame can carry the message.
-        :raises UsageError: ``sender`` is no end.
+        :raises UsageError: ``sender`` is no end; or ``header`` or ``sender`` is given, and the message has a field of
+            that name which is not among ``values``, where it belongs.
         """
         index = self._index.get(message) if isinstance(message, str) else None
         if index is None:
             raise MessageError(no_message(self.name, message, self._index))
+        options = {"header": header, "sender": sender}
+        refuse_option_for_field("encode", self.model.messages[index], options, values)
         end = self._end_for(self.model.messages[index], sender)
         frame_header = {} if header is None else dict(_mapping("header", header))
         everything = {**({} if values is None else _mapping(message, values)), **fields}
@@ -376,6 +379,22 @@ class Codec:
         if sender not in (End.HOST, End.MCU):
             raise UsageError(f"sender is {sender!r}; expected 'mcu' or 'host'")
         return End(sender)
+
+
+def refuse_option_for_field(
+    function: str, message: MessageModel, options: Mapping[str, object], values: Mapping[str, Any] | None
+) -> None:
+    """An argument that may have been meant for the field of the same name.
+
+    :raises UsageError: the message has a field that is called like an option given here, and ``values`` has it not.
+    """
+    names = {field.name for field in message.fields}
+    for name, given in options.items():
+        if given is not None and name in names and name not in (values or {}):
+            raise UsageError(
+                f"{name} is an option of {function}() and a field of {message.name}; give the field in a mapping: "
+                f"{function}({message.name!r}, {{{name!r}: ...}})"
+            )
 
 
 def _mapping(owner: str, values: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from wirebond import _engine
-from wirebond.codec import Codec, Message, Stats, load
+from wirebond.codec import Codec, Message, Stats, load, refuse_option_for_field
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, StoppedError, UsageError
 from wirebond.protocol.model import MAX_LATENCY, End, Recover
 from wirebond.protocol.problems import no_message
@@ -146,7 +146,8 @@ class Link:
         :param fields: its fields as keywords; they go before those of ``values``.
         :param hold: seconds, more than 0 and at most 60.
         :raises MessageError: a value is wrong, or the message is the MCU's to send.
-        :raises UsageError: the message has no ``every``, or ``hold`` is out of its range.
+        :raises UsageError: the message has no ``every``, or ``hold`` is out of its range; or the message has a field
+            ``hold``, which belongs into ``values``.
         :raises StoppedError: an emergency stop holds the message.
         :raises LinkDownError: the link is closed. A port that is away for a while raises nothing: the value goes on
             when it is back, within its lease.
@@ -157,6 +158,8 @@ class Link:
             )
         name, given = name_and_values(message, values, fields)
         self._check_sender(name)
+        options = {"hold": None if hold == DEFAULT_HOLD else hold}
+        refuse_option_for_field("repeat", self.codec.model.message(name), options, given)
         frame = self.codec.encode(name, given)
         if self.codec.model.message(name).every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; use send()")

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol, TypeVar
 
 from wirebond.codec import Codec, Message, load
 from wirebond.errors import ProtocolMismatchError, UsageError
+from wirebond.protocol.names import code_name
 
 _Enum = TypeVar("_Enum", bound=IntEnum)
 _Flags = TypeVar("_Flags", bound=IntFlag)
@@ -78,12 +79,12 @@ def decoded(kinds: Mapping[str, Callable[[Mapping[str, Any]], _Typed]], message:
 
 def enum_of(kind: type[_Enum], value: str | int) -> _Enum | int:
     """The member of this name; a number that has none stays a number."""
-    return kind[value.upper()] if isinstance(value, str) else value
+    return kind[code_name(value).upper()] if isinstance(value, str) else value
 
 
 def flags_of(kind: type[_Flags], value: Iterable[str | int]) -> _Flags:
     """Names, and numbers for bits without a name."""
     bits = kind(0)
     for one in value:
-        bits |= kind[one.upper()] if isinstance(one, str) else kind(one)
+        bits |= kind[code_name(one).upper()] if isinstance(one, str) else kind(one)
     return bits

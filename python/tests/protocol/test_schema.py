@@ -77,7 +77,7 @@ messages:
         ("crc-16/modbus", "crc16"),
         ("crc-16/modbus", "{type: crc-16/modbus, over: 3}"),
         ("magic: 0x01,", "magc: 0x01,"),
-        ("drive:", "Drive:"),
+        ("drive:", "dri-ve:"),
         ("drive:", "drive_:"),
         ("sender: host", "sender: hots"),
         ("sender: host, ", ""),

@@ -72,7 +72,12 @@ SYNTAX = [
     ("    every: 50 ms", "    @evry: 50 ms", "did you mean `every`?"),
     ("max: 8", "max: 8, @length: 3", "`length` is not a key of a field; "),
     # values
-    ("rover", "@Rover", "`Rover` is not a name; a name is lower case"),
+    (
+        "rover",
+        "@Rover",
+        "`Rover` is not a protocol's name, which becomes a namespace and names of files: lower case, a "
+        "letter first; write `rover`",
+    ),
     ("rover", "@std", "becomes a namespace"),
     ("baud: 115200", "baud: @fast", "`fast` is not a whole number; write one from 50 to"),
     ("baud: 115200", "baud: @1.5e400", "is not a whole number"),
@@ -114,12 +119,11 @@ SYNTAX = [
     ("{idle: 0, manual: 1}", "@[idle, manual]", "a list cannot stand here; write a mapping"),
     ("{idle: 0, manual: 1}", "@{}", "`enum` has too few entries (0); it needs at least 1"),
     ("{idle: 0, manual: 1}", "{idle: @off, manual: 1}", "`off` is not a whole number"),
-    ("{idle: 0, manual: 1}", "{@class: 0, idle: 1}", "`class` is a keyword of C++"),
-    ("{idle: 0, manual: 1}", "{@lambda: 0, idle: 1}", "`lambda` is a keyword of Python"),
-    ("{idle: 0, manual: 1}", "{@errno: 0, idle: 1}", "`errno` is a macro"),
+    ("{idle: 0, manual: 1}", "{idle: 0, @IDLE: 1}", "`IDLE` and `idle` are both `idle` in generated code; rename one"),
+    ("{idle: 0, manual: 1}", "{@idle_: 0, run: 1}", "`idle_` is not a name; a name has letters, digits and single"),
     ("{idle: 0, manual: 1}", "{@a__b: 0, idle: 1}", "single underscores"),
     ("note: ", f"@{'n' * 65}: ", "is longer than 64 characters"),
-    ("then: stop", "then: @Stop", "`Stop` is not a name"),
+    ("then: stop", "then: @stop_", "`stop_` is not a name"),
     ("then: stop", "then: @parameters", "`parameters` is the function by which a handler gives its parameters"),
     ("at: mcu", "at: @both", "`both` is not possible here; "),
     # parts
@@ -600,10 +604,10 @@ def test_a_wrong_field_does_not_make_its_message_too_small_or_its_stop_incomplet
 
 def test_an_error_carries_its_problems_as_data() -> None:
     with pytest.raises(ProtocolFileError) as caught:
-        loads(GOOD.replace("rover", "Rover"), "rover.yaml")
+        loads(GOOD.replace("rover", "Rover-2"), "rover.yaml")
     (problem,) = caught.value.problems
     assert (problem.path, problem.line, problem.column) == ("rover.yaml", 2, 11)
-    assert problem.sentence.startswith("`Rover` is not a name; ")
+    assert problem.sentence.startswith("`Rover-2` is not a name; ")
 
 
 def test_a_flood_of_problems_is_cut_short_with_their_number() -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from wirebond.gen.c_names import Names
 from wirebond.gen.c_struct import MessageView
 from wirebond.protocol.model import End, Protocol
+from wirebond.protocol.names import code_name
 
 _POLL_SECONDS = 0.005  # the least frequent poll that the default receive ring is meant for
 _FUNCTIONS = (
@@ -56,7 +57,7 @@ def link_view(protocol: Protocol, names: Names, messages: list[MessageView]) -> 
         scheduled=tuple(view for view in sent if view.name in scheduled),
         sent=tuple((view, names.claim("send", view.name)) for view in sent),
         max_sent=max_sent,
-        actions=_actions(protocol, {f"on_{view.name}" for view in received}),
+        actions=_actions(protocol, {f"on_{code_name(view.name)}" for view in received}),
         services=frozenset(service.name for service in protocol.services),
     )
 
@@ -65,10 +66,10 @@ def _actions(protocol: Protocol, taken: set[str]) -> tuple[tuple[str, str], ...]
     """Each action of the MCU with its handler, whose name is no message's."""
     found: dict[str, str] = {}
     for action in dict.fromkeys(d.then for d in protocol.deadlines if d.at in (End.MCU, End.BOTH)):
-        handler, number = f"on_{action}", 1
+        handler, number = f"on_{code_name(action)}", 1
         while handler in taken:
             number += 1
-            handler = f"on_{action}_{number}"
+            handler = f"on_{code_name(action)}_{number}"
         taken.add(handler)
         found[action] = handler
     return tuple(found.items())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wirebond.protocol.names import fault
+from wirebond.protocol.names import code_name, protocol_fault
 
 # Headers of C and POSIX: a generated one of the same name would be found in their place.
 # fmt: off
@@ -40,7 +40,7 @@ class Names:
     """Hands out identifiers that begin with the protocol's name, each once: one that is taken gets a number."""
 
     def __init__(self, protocol: str) -> None:
-        assert not fault(protocol)
+        assert not protocol_fault(protocol)
         self._prefix = protocol
         self._taken: set[str] = set()
         self._tags: set[str] = set()  # of the structs behind the types
@@ -50,7 +50,7 @@ class Names:
 
         The struct behind a type has the type's name without ``_t``; it may not be another type's name.
         """
-        base = "_".join((self._prefix, *words))
+        base = "_".join((self._prefix, *map(code_name, words)))
         candidate, number = base, 1
         while not self._is_free(candidate, suffix):
             number += 1
@@ -68,7 +68,7 @@ class Names:
 
     def prefix_of(self, *words: str) -> str:
         """What constants begin with that ``words`` group."""
-        return "_".join((self._prefix, *words)).upper()
+        return "_".join((self._prefix, *map(code_name, words))).upper()
 
     def constant(self, *words: str) -> str:
         """``constant("velocity", "id")`` is ``DIFFDRIVE_VELOCITY_ID``, unless that is taken."""

@@ -71,7 +71,7 @@ def cpp_header(protocol: Protocol) -> str:
         formats=[(end.value, format_lines(plan)) for end, plan in plans.items()],
         updates=[_update(a, i) for i, a in enumerate(plans[End.HOST].algorithms)],
         sources=[_source_view(protocol, end, plans[end]) for end in (End.HOST, End.MCU)],
-        actions=list(dict.fromkeys(d.then for d in protocol.deadlines)),
+        actions=[names.identifier(action) for action in dict.fromkeys(d.then for d in protocol.deadlines)],
         ends=[_deadline_view(protocol, end) for end in (End.HOST, End.MCU)],
         stops=_emergency_stop(protocol),
         services=_services(protocol),
@@ -396,11 +396,11 @@ def _deadline_view(protocol: Protocol, end: End) -> DeadlineView:
     here = [d for d in protocol.deadlines if d.at in (end, End.BOTH)]
     rules = [
         f"{{{structs[d.message]}::Info::index, {round(d.after * 1e6)}, "
-        f"static_cast<std::uint8_t>(Action::{d.then}), "
+        f"static_cast<std::uint8_t>(Action::{names.identifier(d.then)}), "
         f"wirebond::Recover::{'explicit_call' if d.recover.value == 'explicit' else 'next_message'}}}"
         for d in here
     ]
-    actions = dict.fromkeys(d.then for d in here)
+    actions = dict.fromkeys(names.identifier(d.then) for d in here)
     return DeadlineView(end.value, "MCU" if end == End.MCU else "host", tuple(rules), tuple(actions))
 
 
@@ -453,7 +453,9 @@ class StopView:
 def stop_functions(protocol: Protocol) -> list[str]:
     """The functions for the stop's messages, in their order: with the message's name where there are several."""
     stops = protocol.emergency_stop
-    return ["emergency_stop" if len(stops) == 1 else f"emergency_stop_{stop.message}" for stop in stops]
+    return [
+        "emergency_stop" if len(stops) == 1 else f"emergency_stop_{names.code_name(stop.message)}" for stop in stops
+    ]
 
 
 def _emergency_stop(protocol: Protocol) -> list[StopView]:

@@ -8,6 +8,7 @@ from enum import Enum, auto
 from fractions import Fraction
 
 from wirebond.gen.cpp_number import Scaling, integer, nearest_float, real, real_type, wire_integer
+from wirebond.gen.names import identifier
 from wirebond.protocol.model import BitOrder, ByteOrder, Default, Field, FieldKind, OnRange
 
 NUMBERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
@@ -66,7 +67,7 @@ def initial_value(spec: Field, enum_type: str, default: Default | None) -> str:
     if spec.enum:
         wanted = dict(spec.enum).get(default, 0) if isinstance(default, str) else int(number or 0)
         by_value = {value: name for name, value in reversed(spec.enum)}
-        return f"{enum_type}::{by_value.get(wanted, spec.enum[0][0])}"
+        return f"{enum_type}::{identifier(by_value.get(wanted, spec.enum[0][0]))}"
     low = -math.inf if spec.minimum is None else spec.minimum
     high = math.inf if spec.maximum is None else spec.maximum
     if _is_real(spec):
@@ -78,7 +79,7 @@ def initial_value(spec: Field, enum_type: str, default: Default | None) -> str:
 
 def enum_lines(spec: Field, enum_type: str) -> list[str]:
     lines = [f"enum class {enum_type} : {wire_integer(spec).type_name} {{"]
-    lines += [f"  {name} = {integer(value)}," for name, value in spec.enum]
+    lines += [f"  {identifier(name)} = {integer(value)}," for name, value in spec.enum]
     return [*lines, "};"]
 
 
@@ -86,7 +87,7 @@ def flags_lines(spec: Field, type_name: str) -> list[str]:
     lines = [f"struct {type_name} {{  // bits of `{spec.name}`"]
     underlying = wire_integer(spec).type_name
     lines += [
-        f"  static constexpr {underlying} {name} = {hex_literal(1 << bit, (spec.width + 7) // 8)};"
+        f"  static constexpr {underlying} {identifier(name)} = {hex_literal(1 << bit, (spec.width + 7) // 8)};"
         for name, bit in spec.flags
     ]
     return [*lines, "};"]

@@ -66,7 +66,7 @@ def shape_of(path: str, fields: tuple[Field, ...], named: Mapping[str, Shape]) -
     scope = names.Scope(frozenset({path.rpartition("::")[2], "Info", *(shape.path for shape in named.values())}))
     counting = {field.counted_by for field in fields}
     hidden = {f.name for f in fields if f.kind == FieldKind.PADDING or f.name in counting}
-    members = {f.name: "" if f.name in hidden else scope.claim(f.name, "_") for f in fields}
+    members = {f.name: "" if f.name in hidden else scope.claim(names.identifier(f.name), "_") for f in fields}
     found = []
     for spec in fields:
         type_name, shape = "", None
@@ -185,7 +185,9 @@ def known_enums(shape: Shape) -> list[tuple[str, list[str]]]:
         if member.shape is not None and member.is_own_type:
             found += known_enums(member.shape)
         elif member.spec.enum:
-            found.append((member.type_name, [f"{member.type_name}::{name}" for name, _ in member.spec.enum]))
+            found.append(
+                (member.type_name, [f"{member.type_name}::{names.identifier(name)}" for name, _ in member.spec.enum])
+            )
     return found
 
 
@@ -421,7 +423,7 @@ class Reader:
             if spec.kind == FieldKind.PADDING:
                 continue
             if not member.name:
-                told[spec.name] = _Told(self._locals.claim(f"{spec.name}_count", "_"), spec.width)
+                told[spec.name] = _Told(self._locals.claim(f"{names.code_name(spec.name)}_count", "_"), spec.width)
                 lines.append(f"const auto {told[spec.name].variable} = {load_integer(spec, Slot(place))};")
             elif spec.kind == FieldKind.BITS:
                 lines += self._bits(member, value, place)
@@ -457,7 +459,7 @@ class Reader:
     def _string(self, spec: Field, value: str, place: str, told: _Told | None, more: bool) -> list[str]:
         if not spec.is_variable:
             return [f"std::memcpy({value}.data(), {place}, {spec.size});"]
-        size = self._locals.claim(f"{spec.name}_size", "_")
+        size = self._locals.claim(f"{names.code_name(spec.name)}_size", "_")
         if told:
             lines = [*told.size_lines(size, spec.max_size), f"if ({size} > spare) return false;"]
         elif spec.ends_with is not None:
@@ -481,7 +483,7 @@ class Reader:
         spec, value, index = member.spec, f"{here.value}.{member.name}", here.index
         stride = spec.element_min_bytes
         varies = any(field.is_variable for field in spec.fields)
-        size = self._locals.claim(f"{spec.name}_size", "_")
+        size = self._locals.claim(f"{names.code_name(spec.name)}_size", "_")
         if member.shape is not None:
             body = self.lines(member.shape, here.element(member.name, at, stride, index, ".data"))
         else:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import jinja2
 
+from wirebond.gen.names import code_name, identifier
 from wirebond.paths import core_include, port_include
 from wirebond.whole_file import write_whole
 
@@ -19,13 +20,15 @@ TEMPLATES = Path(__file__).parent / "templates"
 @cache
 def _environment() -> jinja2.Environment:
     """One for all, because it keeps the templates that it has compiled."""
-    return jinja2.Environment(  # noqa: S701 source code is no markup
+    environment = jinja2.Environment(  # noqa: S701 source code is no markup
         loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.filters |= {"code_name": code_name, "identifier": identifier}
+    return environment
 
 
 def render(template: str, **values: object) -> str:

@@ -1,11 +1,11 @@
 """Names only: what a protocol's names are called in C++ so that no two of them meet.
 
-Which names a file may give at all is the loader's business (``wirebond.protocol.names``): none is a keyword.
+Which names a file may give at all, and what each is in code, is in ``wirebond.protocol.names``.
 """
 
 from __future__ import annotations
 
-from wirebond.protocol.names import type_name
+from wirebond.protocol.names import code_name, identifier, python_identifier, type_name
 
 # Functions that C libraries put into the global namespace, where a namespace of the same name would not compile.
 # fmt: off
@@ -63,4 +63,13 @@ class Scope:
         return candidate
 
 
-__all__ = ["GENERATED_TYPES", "GLOBAL_FUNCTIONS", "Scope", "namespace", "type_name"]
+__all__ = [
+    "GENERATED_TYPES",
+    "GLOBAL_FUNCTIONS",
+    "Scope",
+    "code_name",
+    "identifier",
+    "namespace",
+    "python_identifier",
+    "type_name",
+]

@@ -13,7 +13,7 @@ from wirebond.errors import UsageError
 from wirebond.gen.cpp import message_comment
 from wirebond.gen.cpp_field import comment_text, hex_literal, member_comment
 from wirebond.gen.folder import render, write_files
-from wirebond.gen.names import Scope, type_name
+from wirebond.gen.names import Scope, code_name, python_identifier, type_name
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import Default, Field, FieldKind, Protocol
 
@@ -147,7 +147,7 @@ class _Writer:
         block = StructBlock(
             name,
             [
-                self._member(name, field, scope.claim(field.name, "_"))
+                self._member(name, field, scope.claim(python_identifier(field.name), "_"))
                 for field in fields
                 if field.kind != FieldKind.PADDING and field.name not in counting
             ],
@@ -192,7 +192,7 @@ class _Writer:
     def _values(self, own: str, base: str, spec: Field, values: Iterable[tuple[str, int]]) -> str:
         claimed = self.claim(own, "Value")
         literal = str if base == "IntEnum" else lambda value: hex_literal(value, (spec.width + 7) // 8).rstrip("UL")
-        members = [(name.upper(), literal(value)) for name, value in values]
+        members = [(code_name(name).upper(), literal(value)) for name, value in values]
         self.blocks.append(ValuesBlock(claimed, base, _docstring(comment_text(spec.description)), members))
         return claimed
 
@@ -230,7 +230,7 @@ def _one(spec: Field, kind: str, default: Default) -> str:
     if spec.enum:
         by_value: Mapping[int, str] = {value: name for name, value in reversed(spec.enum)}
         name = default if isinstance(default, str) else by_value.get(int(default))  # type: ignore[arg-type]
-        return f"{kind}.{str(name).upper()}" if name is not None else repr(default)
+        return f"{kind}.{code_name(str(name)).upper()}" if name is not None else repr(default)
     if spec.flags:
         return f"{kind}({default!r})"
     if spec.kind == FieldKind.BOOL:

@@ -30,8 +30,6 @@ def protocol_word(name: str, taken: Iterable[str], *, drop: frozenset[str] = fro
     base = "_".join(words).strip("_") or "field"
     base = base if base[0].isalpha() else f"n{base}"
     base = base[: names.MAX_LENGTH - 8].rstrip("_")
-    if names.fault(base):
-        base = f"{base}_value"
     return _free(base, set(taken))
 
 

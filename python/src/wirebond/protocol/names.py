@@ -1,14 +1,18 @@
-"""Which names a protocol file may give, so that generated C++ and Python can use them as they are."""
+"""Which names a protocol file may give, and what they are called in generated code."""
 
 from __future__ import annotations
 
 import keyword
 import re
+from collections.abc import Iterable
 
-PATTERN = r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$"
+PATTERN = r"^[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*$"
+PROTOCOL_PATTERN = r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$"  # becomes a namespace and names of files
 MAX_LENGTH = 64
 
 _SHAPE = re.compile(PATTERN)
+_PROTOCOL_SHAPE = re.compile(PROTOCOL_PATTERN)
+_NEW_WORD = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z0-9])(?=[A-Z][a-z])")
 
 _CPP_KEYWORDS = frozenset(
     (  # noqa: SIM905  (as text it stays a table)
@@ -27,11 +31,23 @@ _NAMESPACES = frozenset({"std", "wirebond"})
 
 
 def fault(name: str) -> str:
-    """What is wrong with a name and what would be right; empty if nothing is."""
+    """What is wrong with a name and what would be right; empty if nothing is. Keywords of languages are names."""
     if not _SHAPE.match(name) or name.endswith("\n"):
-        return "is not a name; a name is lower case: letters, digits and single underscores, a letter first"
+        return "is not a name; a name has letters, digits and single underscores, a letter first"
     if len(name) > MAX_LENGTH:
         return f"is longer than {MAX_LENGTH} characters; take a shorter name"
+    return ""
+
+
+def protocol_fault(name: str) -> str:
+    """As `fault`, for a protocol's name, which becomes a namespace and names of files."""
+    if name in _NAMESPACES:
+        return f"is taken in C++, where the protocol's name becomes a namespace; write for example `{name}_link`"
+    if fault(name) or not _PROTOCOL_SHAPE.match(name):
+        return fault(name) or (
+            "is not a protocol's name, which becomes a namespace and names of files: lower case, a letter first; write "
+            f"`{code_name(name)}`"
+        )
     if name in _CPP_KEYWORDS:
         return f"is a keyword of C++, and code is generated from it; write for example `{name}_value`"
     if keyword.iskeyword(name):
@@ -41,20 +57,49 @@ def fault(name: str) -> str:
     return ""
 
 
-def protocol_fault(name: str) -> str:
-    """As `fault`, for a protocol's name, which becomes a namespace."""
-    if name in _NAMESPACES:
-        return f"is taken in C++, where the protocol's name becomes a namespace; write for example `{name}_link`"
-    return fault(name)
+# ---- the names of generated code: lower case, words with `_` between them
+
+
+def code_name(name: str) -> str:
+    """What a name of the file is called in generated code: `MotorSpeed`, `motorSpeed` and `Motor_Speed` are all
+    `motor_speed`, and `RPM` is `rpm`."""
+    return _NEW_WORD.sub("_", name).lower()
+
+
+def identifier(name: str) -> str:
+    """The same as a word of its own in C++ and in C: `class` is `class_`."""
+    found = code_name(name)
+    return found + "_" if found in _CPP_KEYWORDS | _MACROS else found
+
+
+def python_identifier(name: str) -> str:
+    """The same in Python."""
+    found = code_name(name)
+    return found + "_" if keyword.iskeyword(found) else found
+
+
+def meeting(names: Iterable[str]) -> list[tuple[str, str]]:
+    """Names that are one in generated code, each with the one before it that it meets."""
+    first: dict[str, str] = {}
+    pairs = []
+    for name in names:
+        other = first.setdefault(code_name(name), name)
+        if other != name:
+            pairs.append((name, other))
+    return pairs
+
+
+def meeting_fault(name: str, other: str) -> str:
+    return f"`{name}` and `{other}` are both `{code_name(name)}` in generated code; rename one"
 
 
 def action_fault(name: str) -> str:
     """What is wrong with the name of a deadline's action, which becomes a function of the firmware's handler."""
-    if name == "parameters":  # core/include/wirebond/mcu/link.hpp; the others overload
+    if code_name(name) == "parameters":  # core/include/wirebond/mcu/link.hpp; the others overload
         return f"is the function by which a handler gives its parameters; write for example `{name}_expire`"
     return ""
 
 
 def type_name(name: str) -> str:
-    """The name of the C++ struct for a message: `status_query` becomes `StatusQuery`."""
-    return "".join(word[:1].upper() + word[1:] for word in name.split("_"))
+    """The name of the C++ struct for a message: `status_query` becomes `StatusQuery`, and `NAV_PVT` `NavPvt`."""
+    return "".join(word[:1].upper() + word[1:] for word in code_name(name).split("_"))

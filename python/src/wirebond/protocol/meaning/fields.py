@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
 
+from wirebond.protocol import names
 from wirebond.protocol.meaning.field_values import (
     F32_MAX,
     F32_MIN,
@@ -129,11 +130,11 @@ class ValueReader:
         for one, other in (("enum", "flags"), ("enum", "range"), ("flags", "range")):
             if getattr(syntax, one) is not None and getattr(syntax, other) is not None:
                 self._wrong(self._node.key_place(other), f"`{other}` cannot stand beside `{one}`; keep one of the two")
-        for names in ("enum", "flags"):
+        for named in ("enum", "flags"):
             for option in ("scale", "offset", "unit"):
-                if getattr(syntax, names) is not None and getattr(syntax, option) is not None:
+                if getattr(syntax, named) is not None and getattr(syntax, option) is not None:
                     place = self._node.key_place(option)
-                    self._wrong(place, f"`{option}` has no meaning for named numbers (`{names}`); remove it")
+                    self._wrong(place, f"`{option}` has no meaning for named numbers (`{named}`); remove it")
         if getattr(syntax, "on_range", None) is not None and syntax.range is None:
             self._wrong(
                 self._node.key_place("on_range"),
@@ -172,11 +173,16 @@ class ValueReader:
             if math.ceil(ends[0]) > math.floor(ends[1]):
                 self._wrong(place, "no number on the wire has a value in this range; widen it, or take a finer scale")
 
+    def _validate_names(self, node: Mapping, named: tuple[tuple[str, int], ...]) -> None:
+        for name, other in names.meeting(name for name, _ in named):
+            self._wrong(node.key_place(name), names.meeting_fault(name, other))
+
     def _validate_enum(self, field: Field) -> None:
         node = self._node.get("enum")
         if not field.enum or not isinstance(node, Mapping):
             return
         lowest, highest = wire_limits(field)
+        self._validate_names(node, field.enum)
         by_value: dict[int, str] = {}
         for name, value in field.enum:
             if not lowest <= value <= highest:
@@ -192,6 +198,7 @@ class ValueReader:
         node = self._node.get("flags")
         if not field.flags or not isinstance(node, Mapping):
             return
+        self._validate_names(node, field.flags)
         by_bit: dict[int, str] = {}
         for name, bit in field.flags:
             if bit >= field.width:

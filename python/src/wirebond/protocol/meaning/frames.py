@@ -31,6 +31,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Stuffing,
 )
+from wirebond.protocol.names import meeting, meeting_fault
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.spelling import bytes_text
 from wirebond.protocol.text.frame_grammar import (
@@ -135,6 +136,8 @@ class _FrameReader:
                         f"another header field is called `{name}` (line {names[name].line}); take another name",
                     )
                 names.setdefault(name, place)
+        for name, other in meeting(names):
+            self._wrong(names[name], meeting_fault(name, other))
         self._validate_addresses(plan.header_fields(tuple(found)), names)
         return found
 

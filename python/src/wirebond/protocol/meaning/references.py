@@ -8,7 +8,7 @@ from typing import Any
 from wirebond.protocol.meaning.field_values import fit_value, settled
 from wirebond.protocol.meaning.messages import Entry, Messages, receiver_of, spoken
 from wirebond.protocol.model import Deadline, End, Field, FieldKind, Recover, Service, StopMessage
-from wirebond.protocol.names import action_fault
+from wirebond.protocol.names import action_fault, meeting, meeting_fault
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.grammar import DeadlineSyntax, Services, StopMessageSyntax
 from wirebond.protocol.text.syntax import readable
@@ -34,6 +34,8 @@ def read_deadlines(node: Node | None, messages: Messages, problems: Problems) ->
             continue
         deadline = Deadline(syntax.message, End(syntax.at), syntax.after, syntax.then, Recover(syntax.recover))
         _validate_deadline(deadline, item, messages, problems)
+        for name, other in meeting([*dict.fromkeys(d.then for d in deadlines), deadline.then]):
+            problems.add(item.value_place("then"), meeting_fault(name, other))
         if fault := action_fault(deadline.then):
             problems.add(item.value_place("then"), f"`{deadline.then}` {fault}")
         same = [d for d in deadlines if (d.message, d.at, d.then) == (deadline.message, deadline.at, deadline.then)]
@@ -103,7 +105,9 @@ def _read_stop_message(node: Node | None, messages: Messages, problems: Problems
         return None
     if entry.complete is None:
         return None
-    given = syntax.__pydantic_extra__ or {}
+    given = {**(syntax.__pydantic_extra__ or {}), **syntax.fields}
+    inner = node.get("fields")
+    places = {name: inner if name in syntax.fields and isinstance(inner, Mapping) else node for name in given}
     fields = {field.name: field for field in entry.complete.fields}
     may_stay_out = settled(entry.complete.fields)
     unfit = [name for name, field in fields.items() if name not in may_stay_out and not _can_be_given(field)]
@@ -116,25 +120,26 @@ def _read_stop_message(node: Node | None, messages: Messages, problems: Problems
         return None
     missing = [name for name in fields if name not in given and name not in may_stay_out]
     if "message" in missing:
-        problems.add(place, f"`{syntax.message}` has a field `message`, and that key is taken here; rename the field")
+        problems.add(place, "the stop leaves the field `message` open; add `fields: {message: 0}`")
     elif missing:
         problems.add(place, f"the stop leaves {_listed(missing)} open; add for example `{missing[0]}: 0`")
     values: list[tuple[str, float | int | bool | str]] = []
     for name, wanted in given.items():
         if name not in fields:
             there = suggestion(name, fields) if fields else "it has no fields at all"
-            problems.add(node.key_place(name), f"`{syntax.message}` has no field `{name}`; {there}")
+            problems.add(places[name].key_place(name), f"`{syntax.message}` has no field `{name}`; {there}")
             continue
         if not _can_be_given(fields[name]):
             problems.add(
-                node.key_place(name), f"`{name}` is no single value and cannot be given here; leave it to its default"
+                places[name].key_place(name),
+                f"`{name}` is no single value and cannot be given here; leave it to its default",
             )
             continue
         value, fault = fit_value(fields[name], wanted)
         if isinstance(value, float | int | str):
             values.append((name, value))
         else:
-            problems.add(node.value_place(name), fault)
+            problems.add(places[name].value_place(name), fault)
     return StopMessage(syntax.message, tuple(values))
 
 

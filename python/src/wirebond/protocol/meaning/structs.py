@@ -84,6 +84,7 @@ def read_fields(node: Node | None, types: Types) -> tuple[FieldList, bool]:
             one = _read_field(name, entry.value, found, types)
             if one is not None:
                 found[name] = one
+    _validate_names(node, types.problems)
     _validate_ends(node, found, types.problems)
     fields = tuple(found.values())
     return fields, len(fields) == len(node.entries) and _bounded(fields, node.place, types.problems)
@@ -112,6 +113,7 @@ def _read_bits(name: str, node: Mapping, types: Types) -> Field | None:
         if member_syntax is not None and isinstance(value, Mapping):
             one = read_bit_field(member, member_syntax, value, types.problems)
             found += [one] if one is not None else []
+    _validate_names(members, types.problems)
     syntax = readable(BitsFieldSyntax, node)
     if syntax is None or len(found) != len(members.entries):
         return None
@@ -192,6 +194,11 @@ def _fields_or_type(node: Mapping, key: str, types: Types) -> FieldList | None:
         return types.fields_of(word, value.place)
     fields, complete = read_fields(value, types)
     return fields if complete else None
+
+
+def _validate_names(node: Mapping, problems: Problems) -> None:
+    for name, other in names.meeting(name for name in node.entries if not names.fault(name)):
+        problems.add(node.key_place(name), names.meeting_fault(name, other))
 
 
 def _validate_ends(node: Mapping, found: dict[str, Field], problems: Problems) -> None:

@@ -159,6 +159,11 @@ class StopMessageSyntax(Syntax):
     __pydantic_extra__: dict[str, OwnValue]
 
     message: Name = Field(description="The message to send; its fields' values stand beside it.", examples=["velocity"])
+    fields: dict[Name, OwnValue] = Field(
+        default_factory=dict,
+        description="Values of its fields, for those that are called `message` or `fields`.",
+        examples=["{message: 0}"],
+    )
 
 
 def _one_or_list(value: object) -> str:

@@ -83,7 +83,8 @@ def _text(value: object) -> str:
 
 NameText = Annotated[str, Field(pattern=names.PATTERN, max_length=names.MAX_LENGTH)]
 Name = Annotated[str, PlainValidator(_name(names.fault), json_schema_input_type=NameText)]
-ProtocolName = Annotated[str, PlainValidator(_name(names.protocol_fault), json_schema_input_type=NameText)]
+_ProtocolNameText = Annotated[str, Field(pattern=names.PROTOCOL_PATTERN, max_length=names.MAX_LENGTH)]
+ProtocolName = Annotated[str, PlainValidator(_name(names.protocol_fault), json_schema_input_type=_ProtocolNameText)]
 Text = Annotated[str, PlainValidator(_text, json_schema_input_type=str)]
 
 
@@ -479,7 +480,7 @@ class WhenText:
     magic: bytes
 
 
-_WHEN_BIT = re.compile(r"([a-z][a-z0-9_]*) *& *(0x[0-9A-Fa-f]{1,16}|[1-9][0-9]{0,18})")
+_WHEN_BIT = re.compile(r"([A-Za-z][A-Za-z0-9_]*) *& *(0x[0-9A-Fa-f]{1,16}|[1-9][0-9]{0,18})")
 _WHEN_MAGIC = re.compile(r"magic *== *(.+)")
 
 
@@ -519,6 +520,6 @@ PartRange = Annotated[
     tuple[str, str],
     PlainValidator(
         _part_range,
-        json_schema_input_type=Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*(\.\.[a-z][a-z0-9_]*)?$")],
+        json_schema_input_type=Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(\.\.[A-Za-z][A-Za-z0-9_]*)?$")],
     ),
 ]

@@ -1,0 +1,256 @@
+"""Names as a device's manual has them: the file keeps them, and generated code writes them by one rule."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wirebond
+from wirebond.cli.main import main
+from wirebond.codec import Codec
+from wirebond.errors import UsageError
+from wirebond.gen import generate_c, generate_cpp, generate_python
+from wirebond.protocol import ProtocolFileError, loads
+from wirebond.protocol.names import code_name
+from wirebond.sim.pty_port import PtyPort
+
+TEXT = """
+wirebond: 1
+protocol: manual
+frame: [magic: 0xA5, {field: ID, type: u8, default: 1}, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+types:
+  PIDGains: {Kp: {type: u8}, class: {type: u8}}
+messages:
+  NAV_PVT:
+    id: 1
+    sender: both
+    every: 50 ms
+    fields:
+      RPM:        {type: i16, scale: 0.5}
+      MotorSpeed: {type: u8, enum: {NULL: 0, default: 1, EOF: 2, StandBy: 3}, default: StandBy}
+      class:      {type: u8, flags: {TX: 0, register: 1}}
+      lambda:     {struct: PIDGains}
+      header:     {type: u8}
+      sender:     {type: u8, default: 0}
+      hold:       {type: u8, default: 0}
+      id:         {type: u8}
+      t:          {type: u8}
+      message:    {type: u8}
+      errno:      {bits: {type: u8, fields: {int: {type: u3}, None: {type: bool}}}}
+  int: {id: 2, sender: host, reply: float}
+  float: {id: 3, sender: mcu}
+deadlines: [{message: NAV_PVT, at: mcu, after: 1 s, then: Switch}, {message: NAV_PVT, at: mcu, after: 2 s, then: union}]
+emergency_stop:
+  - message: NAV_PVT
+    RPM: 0
+    class: 0
+    header: 0
+    id: 0
+    t: 0
+    fields: {message: 7}
+"""
+VALUES: dict[str, Any] = {
+    "RPM": 1.5,
+    "MotorSpeed": "EOF",
+    "class": ["TX", "register"],
+    "lambda": {"Kp": 1, "class": 2},
+    "header": 3,
+    "sender": 4,
+    "hold": 5,
+    "id": 6,
+    "t": 7,
+    "message": 8,
+    "errno": {"int": 5, "None": True},
+}
+
+
+def stopped_with_defaults() -> str:
+    """A struct has no default, so the stop cannot name it: the stop's file has the message without it."""
+    return TEXT.replace("      lambda:     {struct: PIDGains}\n", "").replace(
+        "      errno:      {bits: {type: u8, fields: {int: {type: u3}, None: {type: bool}}}}\n", ""
+    )
+
+
+FULL = TEXT[: TEXT.index("emergency_stop")]
+
+
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [("wheel_speed", "wheel_speed"), ("MotorSpeed", "motor_speed"), ("RPM", "rpm"), ("I2C", "i2c"),
+     ("MotorRPMLimit", "motor_rpm_limit"), ("NAV_PVT", "nav_pvt"), ("x_2", "x_2")],
+)  # fmt: skip
+def test_code_has_one_spelling(name: str, code: str) -> None:
+    assert code_name(name) == code
+
+
+def test_the_python_api_and_the_command_line_have_the_names_of_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    codec = Codec(loads(FULL))
+    frame = codec.encode("NAV_PVT", VALUES, header={"ID": 9})
+    [message] = codec.decoder("host").feed(frame)
+    assert message.name == "NAV_PVT"
+    assert message.fields == VALUES
+    assert message.header == {"ID": 9}
+    columns = codec.decode_columns(frame, "host")["NAV_PVT"]
+    assert columns["RPM"].tolist() == [1.5]
+    assert columns["lambda.class"].tolist() == [2]
+    path = tmp_path / "manual.yaml"
+    path.write_text(FULL)
+    words = ["RPM=1.5", "MotorSpeed=EOF", "class=TX,register", "lambda.Kp=1", "lambda.class=2", "header=3", "sender=4",
+             "hold=5", "id=6", "t=7", "message=8", 'errno={"int": 5, "None": true}']  # fmt: skip
+    assert main(["encode", str(path), "NAV_PVT", *words]) == 0
+    assert bytes.fromhex(capsys.readouterr().out) == codec.encode("NAV_PVT", VALUES)
+
+
+def test_an_option_is_not_taken_for_the_field_of_its_name() -> None:
+    codec = Codec(loads(FULL))
+    without = {name: value for name, value in VALUES.items() if name not in ("sender", "header")}
+    with pytest.raises(
+        UsageError, match=r"sender is an option of encode\(\) and a field of NAV_PVT; give the field in"
+    ):
+        codec.encode("NAV_PVT", without, sender="mcu")
+    with pytest.raises(UsageError, match="header is an option"):
+        codec.encode("NAV_PVT", without, header={"ID": 2})
+    assert codec.encode("NAV_PVT", VALUES, sender="mcu") == codec.encode("NAV_PVT", VALUES)
+
+
+def test_a_lease_is_not_taken_for_the_field_of_its_name() -> None:
+    with closing(PtyPort()) as port, wirebond.open(Codec(loads(FULL)), port.path) as link:
+        given = {name: value for name, value in VALUES.items() if name != "hold"}
+        with pytest.raises(UsageError, match=r"hold is an option of repeat\(\) and a field of NAV_PVT"):
+            link.repeat("NAV_PVT", given, hold=1)
+        link.repeat("NAV_PVT", VALUES, hold=1)
+
+
+def test_an_emergency_stop_gives_every_field() -> None:
+    model = loads(stopped_with_defaults())
+    assert dict(model.emergency_stop[0].values)["message"] == 7
+    with pytest.raises(ProtocolFileError, match=r"leaves the field `message` open; add `fields: \{message: 0\}`"):
+        loads(stopped_with_defaults().replace("    fields: {message: 7}\n", ""))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("  int: {id: 2", "  Int: {id: 4, sender: host}\n  int: {id: 2", "`int` and `Int` both become `Int` in C++"),
+        ("      id:  ", "      Rpm: {type: u8}\n      id:  ", "`Rpm` and `RPM` are both `rpm` in generated code"),
+        ("StandBy: 3}", "stand_by: 3, StandBy: 4}", "`StandBy` and `stand_by` are both `stand_by`"),
+        ("register: 1", "tx: 1", "`tx` and `TX` are both `tx`"),
+        ("then: union", "then: switch", "`switch` and `Switch` are both `switch`"),
+        ("type: u8, default: 1}", "type: u8, default: 1}, {field: Id, type: u8}", "`Id` and `ID` are both `id`"),
+        ("None: {type: bool}", "INT: {type: bool}", "`INT` and `int` are both `int`"),
+    ],
+)
+def test_names_that_meet_in_code_are_refused(old: str, new: str, sentence: str) -> None:
+    assert old in FULL
+    with pytest.raises(ProtocolFileError, match=sentence):
+        loads(FULL.replace(old, new, 1))
+
+
+def test_typed_modules_have_attributes_of_one_spelling(tmp_path: Path) -> None:
+    path = tmp_path / "manual.yaml"
+    path.write_text(FULL)
+    (made,) = generate_python(wirebond.load(path).model, tmp_path)
+    spec = importlib.util.spec_from_file_location("manual", made)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["manual"] = module
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        del sys.modules["manual"]
+    codec = Codec(loads(FULL))
+    [received] = codec.decoder("host").feed(codec.encode("NAV_PVT", VALUES))
+    typed = module.from_message(received)
+    assert (typed.rpm, typed.class_, typed.lambda_.class_, typed.errno.none) == (1.5, 3, 2, True)
+    assert typed.motor_speed is module.NavPvtMotorSpeed.EOF
+    assert typed.values() | {"class": ["TX", "register"], "MotorSpeed": "EOF"} == VALUES
+    assert codec.encode(typed.NAME, typed.values()) == codec.encode("NAV_PVT", VALUES)
+
+
+MAIN = """
+#include <cstdio>
+#include <cstring>
+#include <cerrno>
+#include "manual_link.hpp"
+struct Handler {
+  void on(const manual::NavPvt& m) {
+    const int speed = static_cast<int>(m.motor_speed);
+    std::printf("%d %d %d %d\\n", static_cast<int>(m.rpm * 2), speed, m.class_, m.errno_.int_);
+  }
+  void on(const manual::Int&) {}
+  void switch_() {}
+  void union_() {}
+};
+int main() {
+  Handler handler;
+  manual::act_at_mcu(0, handler);
+  manual::NavPvt m;
+  m.rpm = 1.5F;
+  m.motor_speed = manual::NavPvt::MotorSpeed::eof;
+  m.class_ = manual::NavPvt::Class::tx | manual::NavPvt::Class::register_;
+  m.lambda.kp = 1;
+  m.lambda.class_ = 2;
+  m.errno_.int_ = 5;
+  m.errno_.none = true;
+  handler.on(m);
+  std::puts(manual::NavPvt::Info::name);
+}
+"""
+C_MAIN = """
+#include <complex.h>
+#include <errno.h>
+#include "manual.h"
+int main(void) {
+  manual_nav_pvt_t m;
+  manual_init_nav_pvt(&m);
+  m.rpm = 1.5F;
+  m.motor_speed = MANUAL_NAV_PVT_MOTOR_SPEED_EOF;
+  m.class_ = MANUAL_NAV_PVT_CLASS_TX | MANUAL_NAV_PVT_CLASS_REGISTER;
+  m.lambda.class_ = 2;
+  return m.rpm > 1.0F ? 0 : 1;
+}
+"""
+
+
+def run(command: list[Any]) -> str:
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_cpp_and_c_compile_with_them(tmp_path: Path) -> None:
+    model = loads(FULL)
+    strict = ["-Wall", "-Wextra", "-Werror", "-O0", "-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]
+    generate_cpp(model, tmp_path)
+    (tmp_path / "main.cpp").write_text(MAIN)
+    run(["g++", "-std=c++17", *strict, "-I", tmp_path, tmp_path / "main.cpp", "-o", tmp_path / "main"])
+    assert run([tmp_path / "main"]).splitlines() == ["3 2 3 5", "NAV_PVT"]
+    generate_c(model, tmp_path)
+    (tmp_path / "main.c").write_text(C_MAIN)
+    for name in ("manual.cpp", "manual_link.cpp"):
+        run(
+            [
+                "g++",
+                "-std=c++17",
+                "-fno-exceptions",
+                "-fno-rtti",
+                *strict,
+                "-I",
+                tmp_path,
+                "-c",
+                tmp_path / name,
+                "-o",
+                tmp_path / f"{name}.o",
+            ]
+        )
+    run(["gcc", "-std=c99", "-pedantic", *strict, "-I", tmp_path, tmp_path / "main.c", tmp_path / "manual.cpp.o",
+         "-o", tmp_path / "main_c"])  # fmt: skip
+    run([tmp_path / "main_c"])
