@@ -23,7 +23,7 @@ class Case:
     message: str
     sender: End
     wire: Wire
-    header: dict[str, int] = field(default_factory=dict)
+    header: dict[str, Any] = field(default_factory=dict)
 
 
 class Oracle(ABC):
@@ -33,7 +33,7 @@ class Oracle(ABC):
         """Random values that the library can carry; the file's own rules are kept already."""
         return random_values(message, source)
 
-    def header(self, message: Message, source: random.Random) -> dict[str, int]:
+    def header(self, message: Message, source: random.Random) -> dict[str, Any]:
         """Random values of the frame's own fields."""
         return {}
 
@@ -66,12 +66,12 @@ def to_wire(described: Field, value: Any) -> Any:
     """A value as it lies on the wire, worked out here and not by the engine; of a struct or of bits their list."""
     if described.fields:
         return to_wires(described.fields, value)
-    if isinstance(value, list) and described.count is not None:
+    if isinstance(value, list) and (described.is_list or described.count is not None):
         return [to_wire(described, element) for element in value]
     if described.kind == FieldKind.TEXT:
         return value.encode()
     if described.kind == FieldKind.BYTES:
-        return value
+        return value.ljust(described.size, b"\0")
     if described.enum:
         return dict(described.enum)[value]
     if described.flags:

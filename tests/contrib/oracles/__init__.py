@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from tests.contrib.oracle import Oracle
 from tests.contrib.oracles.crsf import Crsf
+from tests.contrib.oracles.cyphal_serial import CyphalSerial
 from tests.contrib.oracles.dynamixel_1 import Dynamixel1
 from tests.contrib.oracles.feetech import Feetech
+from tests.contrib.oracles.hdlc import Hdlc
 from tests.contrib.oracles.ibus import Ibus
 from tests.contrib.oracles.lx16a import Lx16a
 from tests.contrib.oracles.mavlink import Mavlink
@@ -17,6 +19,7 @@ from tests.contrib.oracles.rtcm3 import Rtcm3
 from tests.contrib.oracles.sbf import Sbf
 from tests.contrib.oracles.sbus import Sbus
 from tests.contrib.oracles.slip import Slip
+from tests.contrib.oracles.sphero import Sphero
 from tests.contrib.oracles.tfmini import Tfmini
 from tests.contrib.oracles.ubx import Ubx
 from tests.contrib.oracles.vesc import Vesc
@@ -25,8 +28,10 @@ from tests.contrib.oracles.xbee_api import XbeeApi
 #: By the name of the protocol file.
 ORACLES: dict[str, Oracle] = {
     "crsf": Crsf(),
+    "cyphal_serial": CyphalSerial(),
     "dynamixel_1": Dynamixel1(),
     "feetech": Feetech(),
+    "hdlc": Hdlc(),
     "ibus": Ibus(),
     "lx16a": Lx16a(),
     "mavlink": Mavlink(),
@@ -38,6 +43,7 @@ ORACLES: dict[str, Oracle] = {
     "sbf": Sbf(),
     "sbus": Sbus(),
     "slip": Slip(),
+    "sphero": Sphero(),
     "tfmini": Tfmini(),
     "ubx": Ubx(),
     "vesc": Vesc(),

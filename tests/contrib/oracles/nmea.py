@@ -19,15 +19,12 @@ _CHARACTERS = string.ascii_letters + string.digits + ".-+ "
 class Nmea(Oracle):
     def values(self, message: Message, source: random.Random) -> dict[str, Any]:
         words = ["".join(source.choices(_CHARACTERS, k=source.randrange(8))) for _ in range(source.randrange(1, 9))]
-        return {
-            "formatter": source.choice(_TALKERS) + source.choice(_FORMATTERS),
-            "values": "".join(f",{word}" for word in words),
-        }
+        return {"text": ",".join([source.choice(_TALKERS) + source.choice(_FORMATTERS), *words])}
 
     def encode(self, case: Case) -> bytes | None:
-        formatter, values = (text.decode() for text in case.wire)
+        formatter, *words = case.wire[0].decode().split(",")
         kind = getattr(pynmea2, formatter[2:])
-        sentence: pynmea2.NMEASentence = kind(formatter[:2], formatter[2:], values.split(",")[1:])
+        sentence: pynmea2.NMEASentence = kind(formatter[:2], formatter[2:], words)
         return sentence.render(newline=True).encode()
 
     def decode(self, frame: bytes, sender: End) -> Case | None:
@@ -37,5 +34,5 @@ class Nmea(Oracle):
             sentence = pynmea2.parse(frame.decode("ascii"), check=True)
         except (ValueError, AttributeError):
             return None
-        values = "".join(f",{word}" for word in sentence.data)
-        return Case("sentence", sender, [sentence.identifier().rstrip(",").encode(), values.encode()])
+        words = [sentence.identifier().rstrip(","), *sentence.data]
+        return Case("sentence", sender, [",".join(words).encode()])

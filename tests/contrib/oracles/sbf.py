@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from typing import Any
 
 from pysbf2 import SBFMessage, SBFMessageError, SBFReader, SBFTypeError
 
@@ -25,7 +26,7 @@ class Sbf(Oracle):
     def header(self, message: Message, source: random.Random) -> dict[str, int]:
         return {"revision": 0}  # the library sends no other
 
-    def values(self, message: Message, source: random.Random) -> dict[str, object]:
+    def values(self, message: Message, source: random.Random) -> dict[str, Any]:
         values = super().values(message, source)
         return values | ({"padding": _PADDING} if message.name in _PADDED else {})
 

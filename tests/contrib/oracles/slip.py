@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from typing import Any
 
 import sliplib
 
@@ -13,7 +14,7 @@ _LONGEST = 1006  # bytes of a datagram by RFC 1055; the library has no limit
 
 
 class Slip(Oracle):
-    def values(self, message: Message, source: random.Random) -> dict[str, object]:
+    def values(self, message: Message, source: random.Random) -> dict[str, Any]:
         special = bytes([0xC0, 0xDB, 0xDC, 0xDD])
         size = source.choice([1, 2, 20, 300, _LONGEST])
         plain = source.randbytes(size)

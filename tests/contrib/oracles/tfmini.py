@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from typing import Any
 
 from tfmini.tfmini import Std
 
@@ -19,7 +20,7 @@ class Tfmini(Oracle):
         self._reader = Std.__new__(Std)  # without opening a port
         self._reader.serial = _NoPort()
 
-    def values(self, message: Message, source: random.Random) -> dict[str, object]:
+    def values(self, message: Message, source: random.Random) -> dict[str, Any]:
         return super().values(message, source) | {"mode": source.choice([2, 7]), "spare": 0}
 
     def decode(self, frame: bytes, sender: End) -> Case | None:
