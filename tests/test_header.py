@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from wirebond import Codec, MessageError
+from tests.shared import ROOT
+from wirebond import Codec, MessageError, load
+from wirebond.doc import markdown
+from wirebond.explain import explain
+from wirebond.gen import generate_python
 from wirebond.protocol import loads
+from wirebond.protocol.model import End
+from wirebond.sim.virtual_mcu import VirtualMcu
 
 BUS = """\
 wirebond: 1
@@ -91,3 +100,102 @@ def test_header_values_choose_the_form_and_a_value_that_no_form_of_them_has_is_r
     assert header_of(codec, frame, "host")["extra"] == 513
     with pytest.raises(MessageError, match="no form of the frame has the header fields extra together"):
         codec.encode("move", x=1, header={"extra": 513})
+
+
+SERVO_BUS = ROOT / "tests" / "formats" / "servo_bus.yaml"
+
+
+@pytest.fixture(scope="module")
+def servo_bus() -> Codec:
+    return load(SERVO_BUS)
+
+
+def test_columns_have_the_header_with_the_types_of_fields(codec: Codec) -> None:
+    frames = [
+        codec.encode("move", x=n, header={"servo": n, "temperature": -n, "hops": -n, "kind": "read", "stamp": n << 40})
+        for n in range(9)
+    ]
+    table = codec.decode_columns(b"".join(frames), "host")["move"]
+    assert list(table)[:3] == ["x", "header.servo", "header.temperature"]
+    assert table["header.servo"].tolist() == list(range(9)) and table["header.servo"].dtype == "uint8"
+    assert table["header.temperature"].tolist() == [-float(n) for n in range(9)]
+    assert table["header.hops"].tolist() == [-n for n in range(9)] and table["header.hops"].dtype == "int8"
+    assert table["header.kind"].tolist() == [2] * 9
+    assert table["header.stamp"].tolist() == [n << 40 for n in range(9)]
+
+
+def test_columns_of_a_large_capture_are_those_of_one_thread(servo_bus: Codec) -> None:
+    frames = b"".join(
+        servo_bus.encode("move", angle=0, header={"servo": n % 250, **({"options": ["registered"]} if n % 3 else {})})
+        for n in range(20_000)
+    )
+    one, four = (servo_bus.decode_columns(frames, "host", threads=n)["move"] for n in (1, 4))
+    assert len(one) == 20_000
+    for name in one:
+        assert one[name].tolist() == four[name].tolist(), name
+    assert one["header.servo"].tolist() == [n % 250 for n in range(20_000)]
+    assert one["header.stamp"].tolist() == [0.0] * 20_000
+
+
+def test_an_unknown_frame_shows_its_header_in_columns(codec: Codec) -> None:
+    frame = bytearray(codec.encode("move", x=3, header={"servo": 9}))
+    frame[9] = 0x77
+    frame[-1] = (sum(frame[:-1])) & 0xFF
+    known = Codec(loads(BUS + "unknown: deliver\n"))
+    assert known.decode_columns(bytes(frame), "host")["unknown"]["header.servo"].tolist() == [9]
+
+
+def test_explain_says_what_header_fields_mean(servo_bus: Codec) -> None:
+    frame = servo_bus.encode("ask", header={"servo": 4, "options": ["registered"], "stamp": 1.5})
+    (stretch,) = explain(servo_bus.model, frame, End.HOST).stretches
+    meanings = {row.name: row.meaning for row in stretch.rows}
+    assert meanings["servo"] == "4: the MCU's address"
+    assert meanings["options"] == "registered (0x02)"
+    assert meanings["stamp"] == "1.5 s (1500 * 0.001)"
+    assert stretch.header == {"servo": 4, "options": ["registered"], "stamp": 1.5}
+    broadcast = servo_bus.encode("ask", header={"servo": 254})
+    assert explain(servo_bus.model, broadcast, End.HOST).stretches[0].rows[1].meaning == "254: every receiver"
+
+
+def test_the_document_has_a_table_of_header_fields(servo_bus: Codec) -> None:
+    text = markdown(servo_bus)
+    assert "| servo | u8 |  |  | 1 | which servo; the MCU's address: in frames to it and in frames from it |" in text
+    assert "| stamp | u16be | s | wire * 0.001 | 0 |  |" in text
+    assert "`servo` 254 is a broadcast: every receiver acts on it, and none answers." in text
+    assert "Bits of options:" in text
+
+
+def test_the_virtual_mcu_answers_from_the_address_that_was_asked(servo_bus: Codec) -> None:
+    mcu = VirtualMcu(servo_bus, 0.0)
+    decoder = servo_bus.decoder("mcu")
+    for servo in (3, 7):
+        (reply,) = decoder.feed(mcu.feed(servo_bus.encode("ask", header={"servo": servo}), 0.0))
+        assert (reply.name, reply.header["servo"]) == ("state", servo)
+    assert mcu.feed(servo_bus.encode("ask", header={"servo": 0xFE}), 0.0) == b""
+
+
+def test_a_virtual_mcu_of_one_address_is_silent_for_others(servo_bus: Codec) -> None:
+    mcu = VirtualMcu(servo_bus, 0.0, addresses=(7,))
+    assert mcu.feed(servo_bus.encode("ask", header={"servo": 3}), 0.0) == b""
+    assert (mcu.foreign, mcu.stats["frames"]) == (1, 1)
+    (reply,) = servo_bus.decoder("mcu").feed(mcu.feed(servo_bus.encode("ask", header={"servo": 7}), 0.0))
+    assert reply.header["servo"] == 7
+
+
+def test_a_typed_module_takes_and_carries_the_header(tmp_path: Path) -> None:
+    (module,) = generate_python(load(SERVO_BUS).model, tmp_path)
+    specification = importlib.util.spec_from_file_location("servo_bus", module)
+    assert specification is not None and specification.loader is not None
+    typed = importlib.util.module_from_spec(specification)
+    sys.modules["servo_bus"] = typed
+    try:
+        specification.loader.exec_module(typed)
+    finally:
+        del sys.modules["servo_bus"]
+    frame = typed.Move(angle=0.5).encode(header={"servo": 3})
+    assert frame == load(SERVO_BUS).encode("move", angle=0.5, header={"servo": 3})
+    (message,) = typed.codec.decoder("host").feed(frame)
+    received = typed.from_message(message)
+    assert received.header == {"servo": 3, "options": []}
+    assert received == typed.Move(angle=0.5)  # the header is no value of the message
+    assert typed.Move(angle=0.5).header == {}

@@ -32,6 +32,7 @@ class Part {
  public:
   Part(const ProtocolTable& protocol, const FormatTable& format, std::uint64_t begin)
       : protocol_(protocol),
+        format_(format),
         begin_(begin),
         at_(begin),
         workspace_(workspace_bytes(format.source())),
@@ -88,18 +89,30 @@ class Part {
     if (frame.message < 0) {
       found_.unknown.offsets.push_back(offset);
       found_.unknown.ids.push_back(frame.id);
+      take_header(frame, found_.unknown);
       return;
     }
     const auto index = static_cast<std::size_t>(frame.message);
     const MessageTable& message = protocol_.messages()[index];
     Rows& rows = found_.messages[index];
     rows.offsets.push_back(offset);
+    take_header(frame, rows);
     const std::size_t sent = frame.payload_size;
     const bool varies = row_bytes(message) == 0;
     const std::size_t kept = varies ? std::max(sent, message.min_payload) : message.min_payload;
     rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + std::min(sent, kept));
     if (sent < kept) rows.payloads.insert(rows.payloads.end(), kept - sent, 0);  // zeros that were trimmed
     if (varies) rows.ends.push_back(rows.payloads.size());
+  }
+
+  void take_header(const Frame& frame, Rows& rows) const {
+    if (format_.header().empty()) return;
+    const std::size_t begin = rows.header.size();
+    rows.header.resize(begin + format_.header().size());
+    const Form& form = format_.format().forms[frame.form];
+    for (std::size_t i = 0; i < form.header_count; ++i) {
+      rows.header[begin + form.header[i].place] = detail::read_wide(form.header[i].number, frame.bytes, frame.size);
+    }
   }
 
   Landmark here() const {
@@ -116,6 +129,7 @@ class Part {
   }
 
   const ProtocolTable& protocol_;
+  const FormatTable& format_;
   std::uint64_t begin_;
   std::uint64_t at_;
   std::vector<std::uint8_t> workspace_;
@@ -137,23 +151,27 @@ void add(Account& sum, const Account& later, const Account& earlier) {
   }
 }
 
-void append(Capture& whole, Part& part, const Landmark& from, const ProtocolTable& protocol, bool until_met) {
+void append(Capture& whole, Part& part, const Landmark& from, const ProtocolTable& protocol, std::size_t header_fields,
+            bool until_met) {
   for (std::size_t i = 0; i < whole.messages.size(); ++i) {
-    whole.messages[i].append(std::move(part.found().messages[i]), from.rows[i], row_bytes(protocol.messages()[i]));
+    whole.messages[i].append(std::move(part.found().messages[i]), from.rows[i], row_bytes(protocol.messages()[i]),
+                             header_fields);
   }
-  whole.unknown.append(std::move(part.found().unknown), from.rows.back(), 0);
+  whole.unknown.append(std::move(part.found().unknown), from.rows.back(), 0, header_fields);
   add(whole.account, part.account(until_met), from.account);
 }
 
 }  // namespace
 
-void Rows::append(Rows&& other, std::size_t first, std::size_t row_bytes) {
+void Rows::append(Rows&& other, std::size_t first, std::size_t row_bytes, std::size_t header_fields) {
   if (offsets.empty() && first == 0) {
     *this = std::move(other);
     return;
   }
   const auto from = static_cast<std::ptrdiff_t>(first);
   offsets.insert(offsets.end(), other.offsets.begin() + from, other.offsets.end());
+  const auto of_header = static_cast<std::ptrdiff_t>(first * header_fields);
+  header.insert(header.end(), other.header.begin() + of_header, other.header.end());
   if (!other.ids.empty()) ids.insert(ids.end(), other.ids.begin() + from, other.ids.end());
   const std::size_t skipped = row_bytes != 0 || other.ends.empty() ? first * row_bytes : other.begin_of(first);
   for (std::size_t row = first; row < other.ends.size(); ++row) {
@@ -190,12 +208,12 @@ Capture decode_capture(const ProtocolTable& protocol, const FormatTable& format,
   for (std::size_t next = 1; next < count && !cancelled; ++next) {  // a part that is never met is decoded again
     const Landmark* const met = parts[current]->run_into(*parts[next], bytes, ends[next], cancelled);
     if (met == nullptr) continue;
-    append(whole, *parts[current], from, protocol, true);
+    append(whole, *parts[current], from, protocol, format.header().size(), true);
     from = *met;
     current = next;
   }
   parts[current]->finish();
-  append(whole, *parts[current], from, protocol, false);
+  append(whole, *parts[current], from, protocol, format.header().size(), false);
   return whole;
 }
 

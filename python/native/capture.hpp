@@ -17,10 +17,12 @@ struct Rows {
   std::vector<std::uint32_t> ids;      ///< unknown frames only
   std::vector<std::uint8_t> payloads;  ///< min_payload bytes a row; whole payloads where their size varies
   std::vector<std::size_t> ends;       ///< of the payloads, where their size varies
+  std::vector<std::uint64_t> header;   ///< bits of each header field of the format, one behind the other; 0: not there
 
   std::size_t begin_of(std::size_t row) const { return row == 0 ? 0 : ends[row - 1]; }
   /// Take the other's rows from `first` on behind one's own. `row_bytes`: of a payload; 0 where their size varies.
-  void append(Rows&& other, std::size_t first, std::size_t row_bytes);
+  /// `header_fields`: how many the format has.
+  void append(Rows&& other, std::size_t first, std::size_t row_bytes, std::size_t header_fields);
 };
 
 struct Capture {

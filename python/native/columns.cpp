@@ -232,6 +232,47 @@ nb::dict columns_of(const MessageTable& message, const Rows& rows) {
   return out;
 }
 
+template <class T, class Value>
+nb::object header_column_of(const Rows& rows, std::size_t place, std::size_t fields, Value value) {
+  std::vector<T> out;
+  out.reserve(rows.offsets.size());
+  for (std::size_t i = place; i < rows.header.size(); i += fields) out.push_back(static_cast<T>(value(rows.header[i])));
+  return make_array(std::move(out));
+}
+
+/// One header field of all frames, with the type that a field of a message has in its column.
+nb::object header_column(const FieldTable& field, const Rows& rows, std::size_t place, std::size_t fields) {
+  const auto raw = [](std::uint64_t bits) { return bits; };
+  const auto two = [&](std::uint64_t bits) { return signed_of(field, bits); };
+  const bool is_signed = field.kind == FieldKind::signed_integer;
+  if (field.scaled) {
+    return header_column_of<double>(rows, place, fields, [&](std::uint64_t bits) {
+      return to_si(field, is_signed ? static_cast<double>(two(bits)) : static_cast<double>(bits));
+    });
+  }
+  if (is_signed) {
+    if (field.width <= 8) return header_column_of<std::int8_t>(rows, place, fields, two);
+    if (field.width <= 16) return header_column_of<std::int16_t>(rows, place, fields, two);
+    if (field.width <= 32) return header_column_of<std::int32_t>(rows, place, fields, two);
+    return header_column_of<std::int64_t>(rows, place, fields, two);
+  }
+  if (field.width <= 8) return header_column_of<std::uint8_t>(rows, place, fields, raw);
+  if (field.width <= 16) return header_column_of<std::uint16_t>(rows, place, fields, raw);
+  if (field.width <= 32) return header_column_of<std::uint32_t>(rows, place, fields, raw);
+  return header_column_of<std::uint64_t>(rows, place, fields, raw);
+}
+
+/// `header.servo` behind the message's own columns. A column of this name that the message has stays.
+void add_header_columns(const FormatTable& format, const Rows& rows, nb::dict& columns) {
+  const std::vector<FieldTable>& fields = format.header();
+  for (std::size_t place = 0; place < fields.size(); ++place) {
+    const std::string name = "header." + fields[place].name;
+    if (!columns.contains(name.c_str())) {
+      columns[name.c_str()] = header_column(fields[place], rows, place, fields.size());
+    }
+  }
+}
+
 /// Decode without the GIL; now and then, and at the end, take it for `progress(done, size)` and for Ctrl-C.
 Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format, const BufferView& view,
                        unsigned threads, nb::handle progress) {
@@ -300,6 +341,7 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, co
     counts.push_back(rows.offsets.size());
     if (rows.offsets.empty()) continue;
     nb::dict fields = columns_of(message, rows);
+    add_header_columns(format, rows, fields);
     nb::dict table;
     table["fields"] = fields;
     table["offset"] = make_array(std::move(rows.offsets));
@@ -308,6 +350,7 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, co
   if (!unknown.offsets.empty()) {
     nb::dict fields;
     fields["id"] = make_array(std::move(unknown.ids));
+    add_header_columns(format, unknown, fields);
     nb::dict table;
     table["fields"] = fields;
     table["offset"] = make_array(std::move(unknown.offsets));

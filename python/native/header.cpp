@@ -21,8 +21,8 @@ std::string names_of(const std::vector<FieldTable>& fields) {
 
 /// The forms whose bits agree with the header values. `id_differs`: one of them was left out, for it has an id and the
 /// message has none, or the other way round.
-std::vector<std::size_t> allowed_forms(const FormatTable& format, std::uint32_t id, const GivenHeader& header,
-                                       int form, bool& id_differs) {
+std::vector<std::size_t> allowed_forms(const FormatTable& format, std::uint32_t id, const GivenHeader& header, int form,
+                                       bool& id_differs) {
   std::vector<std::size_t> found;
   for (std::size_t i = 0; i < format.format().form_count; ++i) {
     if (form >= 0 && i != static_cast<std::size_t>(form)) continue;

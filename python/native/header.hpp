@@ -28,8 +28,8 @@ nb::dict header_dict(const FormatTable& format, std::size_t form, const std::uin
 /// value that its field does not allow. Needs the GIL.
 GivenHeader encode_header(const FormatTable& format, nb::dict header);
 
-/// The frame around a payload of message `index`, in the first form that the header values allow and that can carry the message: wire
-/// bytes. `form`: in this one; -1: the first. Throws MessageError when there is none.
+/// The frame around a payload of message `index`, in the first form that the header values allow and that can carry the
+/// message: wire bytes. `form`: in this one; -1: the first. Throws MessageError when there is none.
 std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTable& protocol, std::size_t index,
                                      const std::vector<std::uint8_t>& payload, const GivenHeader& header,
                                      int form = -1);

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.shared import PROTOCOLS, codec
+from tests.shared import PROTOCOLS, ROOT, codec
 from wirebond.sim.pty_port import PtyPort
 
 COMMAND = [str(Path(sys.executable).with_name("wirebond"))]
@@ -398,3 +398,52 @@ def test_a_link_that_cannot_be_made_is_named(name: str, tmp_path: Path) -> None:
     result = run("sim", NATIVE, "--link", str(tmp_path / name), "--seconds", "0.1")
     assert result.returncode == 2
     assert result.stderr.startswith(f"wirebond: cannot make the link {tmp_path / name}: ")
+
+
+SERVO_BUS = str(ROOT / "tests" / "formats" / "servo_bus.yaml")
+
+
+class TestHeader:
+    def test_encode_takes_header_values(self) -> None:
+        result = run("encode", SERVO_BUS, "move", "angle=0.5", "torque=9", "--header", "servo=3")
+        assert result.stdout == "FF FF 03 06 03 00 F4 01 09 F5\n"
+        words = ["--header", "servo=4", "--header", "options=registered", "--header", "stamp=1.5", "--json"]
+        told = json.loads(run("encode", SERVO_BUS, "ask", *words).stdout)
+        assert told["header"] == {"servo": 4, "options": ["registered"], "stamp": 1.5}
+        assert told["bytes"] == "FF FF 04 05 02 02 05 DC 11"
+
+    @pytest.mark.parametrize(
+        ("file", "words", "sentence"),
+        [
+            (SERVO_BUS, ["servo=300"], "header.servo = 300 does not fit its 8-bit wire type"),
+            (SERVO_BUS, ["servos=3"], "header has no field 'servos'; it has servo, options, stamp"),
+            (SERVO_BUS, ["servo"], "'servo' is no assignment; write field=value"),
+            (SERVO_BUS, ["stamp=1"], "no form of the frame has the header fields stamp together"),
+            (DIFFDRIVE, ["servo=3"], "frames of diffdrive have no header fields; remove --header"),
+        ],
+    )
+    def test_what_cannot_be_is_told(self, file: str, words: list[str], sentence: str) -> None:
+        message = "ask" if file == SERVO_BUS else "status_query"
+        result = run("encode", file, message, *(word for one in words for word in ("--header", one)))
+        assert result.returncode in (1, 2)
+        assert sentence in result.stderr
+
+    def test_decode_shows_header_values(self) -> None:
+        line = json.loads(run("decode", SERVO_BUS, "--hex", "FF FF 04 05 02 02 05 DC 11").stdout)
+        assert line["header"] == {"servo": 4, "options": ["registered"], "stamp": 1.5}
+
+    def test_two_servos_on_one_bus_are_told_apart(self, tmp_path: Path) -> None:
+        link = tmp_path / "tty"
+        command = [*COMMAND, "sim", SERVO_BUS, "--link", str(link), "--address", "3", "--address", "7"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+            try:
+                assert process.stdout is not None
+                process.stdout.readline()
+                for servo in (3, 7):
+                    result = run("send", SERVO_BUS, str(link), "ask", "--header", f"servo={servo}")
+                    assert json.loads(result.stdout)["header"]["servo"] == servo
+                silent = run("send", SERVO_BUS, str(link), "ask", "--header", "servo=4")
+                assert (silent.returncode, silent.stdout) == (1, "")
+            finally:
+                process.send_signal(signal.SIGINT)
+                process.wait(PATIENCE)

@@ -311,6 +311,7 @@ class Codec:
             the calling thread; not for a capture of less than 256 KiB. What it raises ends the call.
         :returns: a table for each message that occurred. Scaled fields are float64 in SI units; other numbers keep
             their wire type; enums and flags stay integers; arrays have shape (rows, count); text and bytes are lists.
+            Behind them a column for each header field, such as ``header.servo``: 0 in frames that do not have it.
         :raises TypeError: ``capture`` is no buffer, or ``progress`` cannot be called.
         :raises UsageError: a sender as for ``decoder``, or ``threads`` is no number of 1 or more.
         """

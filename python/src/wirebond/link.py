@@ -110,11 +110,20 @@ class Link:
 
     # ---- sending
 
-    def send(self, message: str | TypedMessage, values: Mapping[str, Any] | None = None, /, **fields: Any) -> None:
+    def send(
+        self,
+        message: str | TypedMessage,
+        values: Mapping[str, Any] | None = None,
+        /,
+        *,
+        header: Mapping[str, Any] | None = None,
+        **fields: Any,
+    ) -> None:
         """Send one frame whole. Returns when it is queued or written; never waits for the line. Any thread.
 
         :param message: a message of the host by its name, or an object of a generated module.
         :param values: its fields by name, in SI units.
+        :param header: the frame's own named fields, where they differ from the host's defaults, as for `Codec.encode`.
         :param fields: its fields as keywords; they go before those of ``values``.
         :raises MessageError: a value is wrong, or the message is the MCU's to send.
         :raises StoppedError: an emergency stop holds the message.
@@ -123,7 +132,8 @@ class Link:
         """
         name, given = name_and_values(message, values, fields)
         self._check_sender(name)
-        frame = self.codec.encode(name, given)
+        refuse_option_for_field("send", self.codec.model.message(name), {"header": header}, given)
+        frame = self.codec.encode(name, given, header=header)
         self._raise_for(name, self._engine.send(self.codec._index_of(name), frame, _reply_index(self.codec, name)))
 
     def repeat(

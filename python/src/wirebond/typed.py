@@ -69,7 +69,10 @@ def decoded(kinds: Mapping[str, Callable[[Mapping[str, Any]], _Typed]], message:
         return None
     fields = message.fields
     try:
-        return make(fields)
+        made = make(fields)
+        if hasattr(type(made), "header"):
+            object.__setattr__(made, "header", message.header)  # what it came with is no value to give
+        return made
     except KeyError as error:
         raise ProtocolMismatchError(
             f"{message.name} has no {error.args[0]!r}; it has {', '.join(fields) or 'no field'}: it was decoded with "

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from wirebond.cli.output import ReaderGone, errors, print_message, stats_line, write
-from wirebond.cli.values import hex_of, parse_assignments, parse_hex, to_json
+from wirebond.cli.values import hex_of, parse_assignments, parse_header, parse_hex, to_json
 from wirebond.codec import load
 from wirebond.errors import MessageError, UsageError, WirebondError
 from wirebond.protocol.model import Message, Protocol
@@ -25,12 +25,16 @@ def find_message(model: Protocol, name: str) -> Message:
         raise MessageError(no_message(model.name, name, [m.name for m in model.messages])) from None
 
 
-def encode_message(path: Path, name: str, words: list[str], as_json: bool, sender: str | None = None) -> None:
+def encode_message(
+    path: Path, name: str, words: list[str], as_json: bool, sender: str | None, header_words: list[str]
+) -> None:
     codec = load(path)
     values = parse_assignments(find_message(codec.model, name), words)
-    frame = codec.encode(name, values, sender=sender)
+    header = parse_header(codec.model, header_words)
+    frame = codec.encode(name, values, header=header, sender=sender)
     if as_json:
-        write(to_json({"message": name, "fields": values, "bytes": hex_of(frame)}) + "\n")
+        told = {"message": name, **({"header": header} if header else {}), "fields": values, "bytes": hex_of(frame)}
+        write(to_json(told) + "\n")
     else:
         write(hex_of(frame) + "\n")
 

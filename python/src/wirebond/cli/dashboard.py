@@ -15,6 +15,8 @@ from rich.text import Text
 from wirebond.cli.output import values_text
 from wirebond.codec import Message
 from wirebond.link import Link, LinkStats
+from wirebond.protocol.model import End
+from wirebond.protocol.plan import plan_for
 
 _WINDOW = 2.0  # seconds over which rates are taken
 _STATE_STYLE = {"up": "bold green", "stale": "bold yellow", "down": "bold red"}
@@ -43,11 +45,13 @@ class Dashboard:
         self._title = title
         self._seen: dict[str, _Seen] = {}
         self._samples: deque[tuple[float, int, int]] = deque()  # time, bytes received, bytes sent
+        plan = plan_for(link.codec.model, End.MCU)
+        self._peer = "" if plan.peer is None else plan.header[plan.peer].name
         self._bits_per_byte = link.codec.model.link.bits_per_byte
 
     def update(self, messages: list[Message]) -> None:
         for message in messages:
-            seen = self._seen.setdefault(message.name, _Seen())
+            seen = self._seen.setdefault(self._title_of(message), _Seen())
             seen.count += 1
             seen.times.append(message.t)
             seen.last = message
@@ -90,9 +94,16 @@ class Dashboard:
             table.add_row("-", "0", "", Text("nothing received yet", style="dim"))
         return table
 
+    def _title_of(self, message: Message) -> str:
+        """Its name; where frames say who sent them, of each sender a row of its own."""
+        peer = message.header.get(self._peer) if self._peer else None
+        return message.name if peer is None else f"{message.name} [{self._peer} {peer}]"
+
     def _said(self, message: Message) -> str:
         line = self._link.codec.log_line(message)
-        return values_text(message.fields) if line is None else str(line)
+        header = values_text({n: v for n, v in message.header.items() if n != self._peer}, between=", ")
+        said = values_text(message.fields) if line is None else str(line)
+        return f"[{header}] {said}" if header else said
 
     def _statistics(self, now: float, stats: LinkStats) -> Table:
         received, sent = self.line_use(now, stats)

@@ -7,15 +7,16 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from rich.live import Live
 from rich.markup import escape
 
 from wirebond.cli.commands import find_message
 from wirebond.cli.dashboard import Dashboard
-from wirebond.cli.output import ReaderGone, console, errors, print_message, stats_line, values_text
+from wirebond.cli.output import ReaderGone, console, errors, print_message, stats_line, title_of, values_text
 from wirebond.cli.signals import ended_by_signals
-from wirebond.cli.values import parse_assignments
+from wirebond.cli.values import parse_addresses, parse_assignments, parse_header
 from wirebond.codec import Codec, Message, load
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
 from wirebond.link import Link, open_link
@@ -67,7 +68,7 @@ def _print_messages(link: Link, end: float, as_json: bool) -> None:
 
 def _one_line(message: Message, codec: Codec) -> str:
     line = codec.log_line(message)
-    said = f"{message.name}  {values_text(message.fields)}" if line is None else str(line)
+    said = f"{title_of(message)}  {values_text(message.fields)}" if line is None else str(line)
     text = f"{message.t:.3f} {said}"
     return escape(text + "".join(f"  ({v})" for v in message.violations))
 
@@ -88,6 +89,7 @@ def send_message(
     rate: float | None,
     baud: int | None,
     seconds: float | None,
+    header_words: list[str],
 ) -> int:
     if rate is not None and not 0 < rate <= 10_000:
         raise UsageError(f"--rate is {rate:g}; expected more than 0 and at most 10000 per second")
@@ -96,16 +98,17 @@ def send_message(
     if not described.sent_by(End.HOST):
         raise MessageError(f"{name} is sent by the mcu, not by the host")
     values = parse_assignments(described, words)
-    codec.encode(name, values)  # wrong values are told before a port is touched
+    header = parse_header(codec.model, header_words)
+    codec.encode(name, values, header=header)  # wrong values are told before a port is touched
     if rate is None:
         with open_link(codec, port, baud) as link:
-            return _send_once(link, codec, name, values)
+            return _send_once(link, codec, name, values, header)
     with ended_by_signals(), open_link(codec, port, baud) as link:
-        return _send_repeatedly(link, codec, name, values, rate, _end(seconds))
+        return _send_repeatedly(link, codec, name, values, header, rate, _end(seconds))
 
 
-def _send_once(link: Link, codec: Codec, name: str, values: dict[str, object]) -> int:
-    link.send(name, values)
+def _send_once(link: Link, codec: Codec, name: str, values: dict[str, Any], header: dict[str, Any]) -> int:
+    link.send(name, values, header=header)
     reply = codec.model.message(name).reply
     if reply is None:
         return 0
@@ -119,14 +122,22 @@ def _send_once(link: Link, codec: Codec, name: str, values: dict[str, object]) -
     return 1
 
 
-def _send_repeatedly(link: Link, codec: Codec, name: str, values: dict[str, object], rate: float, end: float) -> int:
+def _send_repeatedly(
+    link: Link,
+    codec: Codec,
+    name: str,
+    values: dict[str, Any],
+    header: dict[str, Any],
+    rate: float,
+    end: float,
+) -> int:
     sent = missed = 0
     due = time.monotonic()
     with _ctrl_c_ends():
         while due < end:
             time.sleep(max(0.0, due - time.monotonic()))
             try:
-                link.send(name, values)
+                link.send(name, values, header=header)
                 sent += 1
             except (LinkDownError, QueueFullError):
                 missed += 1  # the port may come back, the line may catch up: go on
@@ -147,10 +158,10 @@ def _send_repeatedly(link: Link, codec: Codec, name: str, values: dict[str, obje
     return 3 if is_away else 0
 
 
-def simulate(path: Path, link: Path | None, seconds: float | None) -> None:
+def simulate(path: Path, link: Path | None, seconds: float | None, addresses: list[str]) -> None:
     codec = load(path)
+    mcu = VirtualMcu(codec, time.monotonic(), addresses=parse_addresses(codec.model, addresses))
     port = PtyPort()
-    mcu = VirtualMcu(codec, time.monotonic())
     with symlinked(port.path, link) as name:
         console.print(name, soft_wrap=True)
         errors.print(f"virtual MCU for {codec.name} on {name}; Ctrl-C ends", style="dim")

@@ -38,6 +38,10 @@ Baud = Annotated[
     int | None, typer.Option(parser=whole, metavar="INTEGER", help="Bits per second, instead of the file's.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
+Header = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=VALUE", help="Value of one of the frame's own fields (header); may be given often."),
+]
 Seconds = Annotated[
     float | None, typer.Option(parser=amount, metavar="NUMBER", help="End by itself after this many seconds.")
 ]
@@ -90,12 +94,13 @@ def encode(
     sender: Annotated[
         str | None, typer.Option(help="Of a message of both ends: whose frame, mcu or host. Without it: the host's.")
     ] = None,
+    header: Header = None,
 ) -> None:
     """Print the bytes of one frame as hex."""
     from wirebond.cli.commands import encode_message
 
     raise_from_here()
-    encode_message(file, message, values or [], as_json, sender)
+    encode_message(file, message, values or [], as_json, sender, header or [])
 
 
 @app.command()
@@ -152,12 +157,13 @@ def send(
     ] = None,
     baud: Baud = None,
     seconds: Seconds = None,
+    header: Header = None,
 ) -> None:
     """Send a message, once or at a rate. If it asks for a reply, the reply is printed."""
     from wirebond.cli.live import send_message
 
     raise_from_here()
-    raise typer.Exit(send_message(file, port, message, values or [], rate, baud, seconds))
+    raise typer.Exit(send_message(file, port, message, values or [], rate, baud, seconds, header or []))
 
 
 @app.command()
@@ -165,12 +171,16 @@ def sim(
     file: ProtocolFile,
     link: Annotated[Path | None, typer.Option(help="Also reach the pty under this name (a symbolic link).")] = None,
     seconds: Seconds = None,
+    address: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ADDRESS", help="Play the device of this address, or of several. Without it: of any."),
+    ] = None,
 ) -> None:
     """Run a virtual MCU that speaks this protocol, on a pty; print the pty's path."""
     from wirebond.cli.live import simulate
 
     raise_from_here()
-    simulate(file, link, seconds)
+    simulate(file, link, seconds, address or [])
 
 
 @app.command()

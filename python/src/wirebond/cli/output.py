@@ -88,6 +88,9 @@ def message_dict(message: Message, codec: Codec) -> dict[str, Any]:
         "fields": message.fields,
         "raw": hex_of(message.raw),
     }
+    header = message.header
+    if header:
+        out["header"] = header
     line = codec.log_line(message)
     if line is not None:
         out["log"] = {"level": line.level, "text": line.text}
@@ -115,9 +118,15 @@ def stats_line(stats: Stats) -> str:
     return ", ".join(parts)
 
 
-def values_text(fields: dict[str, Any]) -> str:
+def title_of(message: Message) -> str:
+    """The message's name, and behind it the frame's own fields: ``state [servo 3]``."""
+    header = values_text(message.header, between=", ")
+    return f"{message.name} [{header}]" if header else message.name
+
+
+def values_text(fields: dict[str, Any], between: str = "  ") -> str:
     """Field values for a person: short numbers, units left to the column's reader."""
-    return "  ".join(f"{name} {_value_text(value)}" for name, value in fields.items())
+    return between.join(f"{name} {_value_text(value)}" for name, value in fields.items())
 
 
 def _value_text(value: Any) -> str:

@@ -8,7 +8,8 @@ import re
 from typing import Any
 
 from wirebond.errors import MessageError, UsageError
-from wirebond.protocol.model import Field, FieldKind, Message
+from wirebond.protocol.model import End, Field, FieldKind, Message, Protocol
+from wirebond.protocol.plan import header_fields, plan_for
 from wirebond.visible import visible_json
 
 _TRUE = {"true", "yes", "on", "1"}
@@ -42,6 +43,33 @@ def parse_assignments(message: Message, words: list[str]) -> dict[str, Any]:
             raise UsageError(f"{path} is given twice")
         inner[name] = _parse(described, text)
     return values
+
+
+def parse_header(protocol: Protocol, words: list[str]) -> dict[str, Any]:
+    """``["servo=3", "kind=ping"]`` to header values that ``encode`` takes."""
+    fields = tuple(field.value for field in header_fields(protocol.format.parts))
+    if words and not fields:
+        raise UsageError(f"frames of {protocol.name} have no header fields; remove --header")
+    return parse_assignments(Message("header", 0, End.BOTH, fields), words)
+
+
+def parse_addresses(protocol: Protocol, words: list[str]) -> tuple[int | str, ...]:
+    """Addresses that a virtual MCU plays, as the file's `address` field takes them."""
+    plan = plan_for(protocol, End.HOST)
+    place = plan.address
+    if not words:
+        return ()
+    if place is None:
+        raise UsageError(f"frames of {protocol.name} do not say for whom they are (`address:`); remove --address")
+    field = plan.header[place].value
+    values = [_parse_one(field, word) for word in words]
+    for value in values:
+        known = dict(field.enum)
+        if isinstance(value, float) or (isinstance(value, str) and value not in known):
+            raise UsageError(f"--address is {value}; expected a whole number, or a name of `{field.name}`")
+        if isinstance(value, int) and not 0 <= value < 1 << field.width:
+            raise UsageError(f"--address is {value}; `{field.name}` takes 0 to {(1 << field.width) - 1}")
+    return tuple(values)
 
 
 def _field_of(fields: tuple[Field, ...], name: str, owner: str) -> Field:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from wirebond.check.wording import plural, seconds
 from wirebond.checksum import checksum
@@ -25,7 +26,7 @@ from wirebond.protocol.model import (
     Protocol,
     Stuffing,
 )
-from wirebond.protocol.spelling import condition_text, header_options, number_type
+from wirebond.protocol.spelling import condition_text, field_type, number_type
 
 _COUNTS = {
     LengthCounts.PAYLOAD: "the payload's bytes",
@@ -71,7 +72,10 @@ def _type(part: Part) -> str:
     if part.kind not in _NUMBERS or part.as_hex:
         return ""
     order = "" if part.size == 1 else ", big-endian" if part.order == ByteOrder.BIG else ", little-endian"
-    return number_type("u", part.size, ByteOrder.LITTLE) + order
+    word = number_type("u", part.size, ByteOrder.LITTLE)
+    if part.header is not None:
+        word = field_type(replace(part.header.value, order=ByteOrder.LITTLE))
+    return word + order
 
 
 def _bits(frame_format: FrameFormat) -> list[str]:
@@ -188,12 +192,6 @@ def _payload(protocol: Protocol, index: int) -> str:
     return f"the message's fields; {_PAYLOADS[part.payload]}{none}{trimmed}"
 
 
-def _field(protocol: Protocol, index: int) -> str:
-    header = protocol.format.parts[index].header
-    assert header is not None
-    return f"a number of its own; {', '.join(header_options(header)) or 'default: 0'}"
-
-
 def _bits_content(protocol: Protocol, index: int) -> str:
     part = protocol.format.parts[index]
     length = any(run.role == BitRole.LENGTH for run in part.bits)
@@ -209,7 +207,7 @@ _CONTENTS: dict[PartKind, Callable[[Protocol, int], str]] = {
     PartKind.ID: lambda protocol, index: "the message's id",  # noqa: ARG005  (the table's signature)
     PartKind.RESERVED: lambda protocol, index: "sent as 0, ignored by the receiver",  # noqa: ARG005
     PartKind.PAYLOAD: _payload,
-    PartKind.FIELD: _field,
+    PartKind.FIELD: lambda protocol, index: "a header field, see below",  # noqa: ARG005
     PartKind.SEQUENCE: lambda protocol, index: "rises by one from frame to frame",  # noqa: ARG005
     PartKind.BITS: _bits_content,
     PartKind.CHECK: lambda protocol, index: check_text(protocol.format.parts, protocol.format.parts[index]),

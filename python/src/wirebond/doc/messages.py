@@ -82,7 +82,7 @@ def _message(codec: Codec, message: Message) -> list[str]:
     lines += _fields(codec.model, message)
     named: list[list[str]] = []
     for field in _all(message.fields):
-        names = _names(field)
+        names = names_of(field)
         if names not in named:  # a type of the file may occur several times
             named.append(names)
             lines += names
@@ -112,7 +112,7 @@ def _rows(fields: tuple[Field, ...], at: int | None, level: int) -> tuple[list[t
         size = "" if least == most == 0 else str(least) if least == most else f"{least} to {most}"
         name = "- " * level + field.name
         meaning = field.description or ("sent as 0, ignored" if field.kind == FieldKind.PADDING else "")
-        rows.append((offset, size, name, _type(field), _value(field), field.unit, _range(field), meaning))
+        rows.append((offset, size, name, _type(field), value_of(field), field.unit, _range(field), meaning))
         if field.fields:
             inner = None if field.kind == FieldKind.BITS else at
             rows += _rows(_described(field), inner, level + 1)[0]
@@ -151,7 +151,7 @@ def _how_many(field: Field) -> str:
     return f"as many as {field.counted_by} says" if field.counted_by else "to the payload's end"
 
 
-def _value(field: Field) -> str:
+def value_of(field: Field) -> str:
     if not field.is_scaled:
         return "named" if field.enum or field.flags else ""
     text = f"wire * {number_text(field.scale)}"
@@ -173,7 +173,7 @@ def _all(fields: tuple[Field, ...]) -> Iterator[Field]:
         yield from _all(field.fields)
 
 
-def _names(field: Field) -> list[str]:
+def names_of(field: Field) -> list[str]:
     if field.enum:
         rows = [(str(value), name) for name, value in field.enum]
         return [f"Values of {field.name}:", "", *table((">value", "name"), rows), ""]

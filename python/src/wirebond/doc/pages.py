@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wirebond.codec import Codec
-from wirebond.doc import behaviour, frame, messages
+from wirebond.doc import behaviour, frame, header, messages
 
 
 def markdown(codec: Codec) -> str:
@@ -22,6 +22,7 @@ def markdown(codec: Codec) -> str:
         "",
         *behaviour.line_chapter(model),
         *frame.frame_chapter(model),
+        *header.header_chapter(model),
         *frame.checks_chapter(model),
         *messages.list_chapter(model),
         *messages.message_chapters(codec),

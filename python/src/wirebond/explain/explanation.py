@@ -11,7 +11,7 @@ from wirebond.errors import UsageError
 from wirebond.explain.examine import Cause, Question, Rule, Verdict, forms, id_index, id_text
 from wirebond.explain.guesses.guess import Case, constants_as_found, look
 from wirebond.explain.nearest import Search, join, repaired, search, search_sender, search_unstuffed
-from wirebond.explain.parts import check_text, sent_by
+from wirebond.explain.parts import check_text, header_values, sent_by
 from wirebond.explain.report import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch
 from wirebond.explain.rows import rows_of
 from wirebond.explain.scan import Candidate, Found, Scan, scan, start_bytes
@@ -112,6 +112,7 @@ class _Stretches:
             self._applied(verdict),
             name,
             values,
+            header_values(verdict.parts, found.content.data, verdict.payload_size or 0),
             tuple(faults),
             guesses,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from wirebond.explain.examine import (
     Verdict,
@@ -17,8 +18,10 @@ from wirebond.explain.examine import (
     shown_check,
     spans,
 )
+from wirebond.explain.values import read_number as read_value
 from wirebond.protocol.meaning.messages import spoken
-from wirebond.protocol.model import BitRole, End, LengthCounts, Message, Part, PartKind, Protocol
+from wirebond.protocol.model import Address, BitRole, End, HeaderField, LengthCounts, Message, Part, PartKind, Protocol
+from wirebond.protocol.plan import header_of
 from wirebond.protocol.spelling import range_text
 
 _COUNTED = {
@@ -120,7 +123,33 @@ def id_meaning(context: Context, number: int) -> str:
 
 
 def _field(context: Context) -> str:
-    return str(context.number)
+    header = context.part.header
+    assert header is not None
+    return header_text(header, context.number)
+
+
+def header_text(header: HeaderField, number: int) -> str:
+    """A header field's value; of an address whose it is."""
+    text = read_value(header.value, number)[1]
+    if header.address is None:
+        return text
+    if number in header.broadcast_bits:
+        return f"{text}: every receiver"
+    whose = {Address.MCU: "the MCU's address", Address.RECEIVER: "the receiver's address"}
+    return f"{text}: {whose.get(header.address, 'the address of the sender')}"
+
+
+def header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> dict[str, Any]:
+    """The header fields of a whole frame by name, as the Python API gives them."""
+    found = {}
+    for part, (start, stop) in zip(parts, spans(parts, payload_size), strict=True):
+        number = read_number(part, data[start:stop]) if header_of(part) else 0
+        if part.header is not None:
+            found[part.header.name] = read_value(part.header.value, number)[0]
+        for run in part.bits:
+            if run.header is not None:
+                found[run.header.name] = read_value(run.header.value, number >> run.shift & run.mask)[0]
+    return found
 
 
 def _sequence(context: Context) -> str:
@@ -134,6 +163,8 @@ def _bits(context: Context) -> str:
     for run in context.part.bits:
         value = number >> run.shift & run.mask
         text = f"{run.name} {value}"
+        if run.header is not None and run.role == BitRole.FIELD:
+            text = f"{run.name} {header_text(run.header, value)}"
         if run.role == BitRole.ID:
             text += f" ({id_meaning(context, value)})"
         elif run.role == BitRole.LENGTH:

@@ -76,6 +76,7 @@ class Stretch:
     rules: tuple[Applied, ...] = ()
     message: str = ""  # frames: its message, or "unknown"
     values: dict[str, Any] = field(default_factory=dict)
+    header: dict[str, Any] = field(default_factory=dict)  # frames: the frame's own named fields
     faults: tuple[str, ...] = ()  # field rules that are broken; the frame is delivered all the same
     guesses: tuple[FittingGuess, ...] = ()
     repaired: str = ""  # what the frame says if only its check values are wrong

@@ -42,6 +42,12 @@ def read_fields(message: Message, payload: bytes) -> list[Reading]:
     return found
 
 
+def read_number(field: Field, raw: int) -> tuple[Any, str]:
+    """One number by its bits, as a header field has them: its value, and in words."""
+    value, text, _ = _number(field, raw)
+    return value, text
+
+
 def values_of(readings: Iterable[Reading]) -> dict[str, Any]:
     """By name, as the Python API gives them."""
     return {reading.name: reading.value for reading in readings if reading.field.kind != FieldKind.PADDING}

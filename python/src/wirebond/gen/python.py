@@ -14,8 +14,9 @@ from wirebond.gen.cpp import message_comment
 from wirebond.gen.cpp_field import comment_text, hex_literal, member_comment
 from wirebond.gen.folder import render, write_files
 from wirebond.gen.names import Scope, code_name, python_identifier, type_name
+from wirebond.protocol import plan
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import Default, Field, FieldKind, Protocol
+from wirebond.protocol.model import Default, Field, FieldKind, HeaderField, Protocol
 
 # Names of the module itself, and of each class. A message or field of the same name gets a suffix.
 _MODULE = frozenset({
@@ -23,6 +24,9 @@ _MODULE = frozenset({
     "TypeAlias",
 })  # fmt: skip
 _CLASS = frozenset({"bytes", "dict", "encode", "float", "from_values", "int", "bool", "self", "str", "tuple", "values"})
+# The same where frames have fields of their own.
+_MODULE_OF_HEADER = frozenset({"Header", "Literal", "TypedDict"})
+_CLASS_OF_HEADER = frozenset({"header"})
 
 _LINE = 100  # longest text of a line within a method
 
@@ -50,23 +54,41 @@ def module_name(protocol: Protocol) -> str:
 
 def python_module(protocol: Protocol, out: Path) -> str:
     """The text of the module when it lies in ``out``."""
-    writer = _Writer()
+    header = plan.header_fields(protocol.format.parts)
+    writer = _Writer(has_header=bool(header))
     claimed = [writer.claim(type_name(m.name), "Message") for m in protocol.messages]  # before types of fields
     messages = [writer.struct(name, m.fields) for name, m in zip(claimed, protocol.messages, strict=True)]
     return render(
         "python.py.j2",
+        header=[(_string(field.name), _header_type(field.value), _header_comment(field)) for field in header],
         file=comment_text(Path(protocol.path).name or protocol.name),
         path=_string(Path(os.path.relpath(Path(protocol.path).resolve(), out.resolve())).as_posix()),
         description=_docstring(comment_text(protocol.description)),
         protocol=protocol,
         hash=f"0x{protocol_hash(protocol):016X}",
         blocks=writer.blocks,
+        typing=["Any", "ClassVar", *["Literal"] * any(f.value.enum for f in header), "TypeAlias"]
+        + ["TypedDict"] * bool(header),
         enums=sorted({block.base for block in writer.blocks if isinstance(block, ValuesBlock)}),
         messages=[
             (message.name, struct, _docstring(message_comment(message)))
             for message, struct in zip(protocol.messages, messages, strict=True)
         ],
     )
+
+
+def _header_type(field: Field) -> str:
+    if field.flags:
+        return "list[str | int]"
+    if field.enum:
+        return f"Literal[{', '.join(_string(name) for name, _ in field.enum)}] | int"
+    return "float" if field.is_scaled else "int"
+
+
+def _header_comment(field: HeaderField) -> str:
+    facts = [comment_text(field.value.description)] if field.value.description else []
+    facts += [f"in {comment_text(field.value.unit)}"] if field.value.unit else []
+    return "; ".join(facts)
 
 
 def _docstring(text: str) -> str:
@@ -132,8 +154,9 @@ class StructBlock:
 class _Writer:
     """Collects classes, those that a class needs before it."""
 
-    def __init__(self) -> None:
-        self._scope = Scope(_MODULE)
+    def __init__(self, *, has_header: bool) -> None:
+        self._scope = Scope(_MODULE | _MODULE_OF_HEADER if has_header else _MODULE)
+        self._taken = _CLASS | _CLASS_OF_HEADER if has_header else _CLASS
         self._named: dict[str, StructBlock] = {}  # the file's types
         self.blocks: list[ValuesBlock | StructBlock] = []
 
@@ -142,7 +165,7 @@ class _Writer:
 
     def struct(self, name: str, fields: tuple[Field, ...]) -> StructBlock:
         """The class ``name``, which was claimed, behind those that it needs."""
-        scope = Scope(_CLASS)
+        scope = Scope(self._taken)
         counting = {field.counted_by for field in fields}
         block = StructBlock(
             name,

@@ -1,7 +1,8 @@
 """The behaviour of a virtual MCU for any protocol: bytes and times in, bytes and events out. Opens nothing.
 
 It sends every MCU message that has ``every`` with moving values, answers requests (a field of the reply that has the
-request's name and kind carries its value back), serves hello, clock and parameters, and keeps the deadlines at ``mcu``.
+request's name and kind carries its value back) from the address that was asked, serves hello, clock and parameters, and
+keeps the deadlines at ``mcu``.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from typing import Any
 
 from wirebond.codec import Codec, Message
 from wirebond.protocol.decimals import decimal_text
-from wirebond.protocol.model import Deadline, End, Field, FieldKind, Recover
+from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Recover
 from wirebond.protocol.model import Message as MessageModel
+from wirebond.protocol.plan import plan_for
 
 _WAVE_HZ = 0.2  # of the made-up values
 _FEW = 3  # elements of made-up lists
@@ -42,12 +44,15 @@ class VirtualMcu:
 
     codec: Codec
     start: float
+    addresses: tuple[int | str, ...] = ()  # of the devices that it plays; empty: any that is asked
     events: list[str] = field(default_factory=list)  # sentences for the operator; the caller empties it
+    foreign: int = 0  # frames for an address that it does not play
     held_back: int = 0  # messages that did not act, because a deadline with `recover: explicit` had struck
 
     def __post_init__(self) -> None:
         model = self.codec.model
         self._decoder = self.codec.decoder("host")
+        self._addressing = _Addressing(self.codec, self.addresses)
         self._due = {m.name: self.start for m in model.messages if m.sent_by(End.MCU) and m.every is not None}
         self._watches = [_Watch(d, self.start) for d in model.deadlines if d.at == End.MCU]
         self._parameters: dict[int, float] = {}
@@ -63,21 +68,29 @@ class VirtualMcu:
             if any(w.holds_back for w in self._watches if w.rule.message == message.name):
                 self.held_back += 1
                 continue
+            asked = self._addressing.asked(message)
+            if asked is None:
+                self.foreign += 1
+                continue
             self._seen(message, t)
-            self._waiting += self._answer(message, t)
+            for header in asked:
+                self._waiting += self._answer(message, header, t)
         return self._leaving(t)
 
     def tick(self, t: float) -> bytes:
         if self._hello_due:
             self._hello_due = False
-            self._waiting += self._hello()
+            for header in self._addressing.own:
+                self._waiting += self._hello(header)
         for name, due in self._due.items():
             if t < due:
                 continue
             message = self.codec.model.message(name)
             assert message.every is not None
             self._due[name] = due + (math.floor((t - due) / message.every) + 1) * message.every
-            self._waiting.append(self.codec.encode(name, self._made_up(message, t), sender=End.MCU))
+            for header in self._addressing.own:
+                values = self._made_up(message, t)
+                self._waiting.append(self.codec.encode(name, values, header=header, sender=End.MCU))
         for watch in self._watches:
             if not watch.struck and t - watch.since >= watch.rule.after:
                 watch.struck = True
@@ -120,13 +133,13 @@ class VirtualMcu:
                 watch.struck = False
                 self.events.append(f"{message.name} is back: {watch.rule.then} ends")
 
-    def _answer(self, message: Message, t: float) -> list[bytes]:
+    def _answer(self, message: Message, header: dict[str, Any], t: float) -> list[bytes]:
         hello = self.codec.model.service("hello")
         if hello is not None and message.name == hello.message("message"):
             theirs = message.fields.get("protocol_hash")
             if theirs != self.codec.hash:
                 self.events.append(f"the host was built from another protocol (hash {theirs}, here {self.codec.hash})")
-            return self._hello()
+            return self._hello(header)
         request = self.codec.model.message(message.name)
         if request.reply is None:
             return []
@@ -134,7 +147,7 @@ class VirtualMcu:
         values = self._made_up(reply, t)
         values |= {name: message.fields[name] for name in _carried_back(reply, request)}
         values |= self._service_values(message, t)
-        return [self.codec.encode(reply.name, values, sender=End.MCU)]
+        return [self.codec.encode(reply.name, values, header=header, sender=End.MCU)]
 
     def _service_values(self, message: Message, t: float) -> dict[str, Any]:
         clock = self.codec.model.service("clock")
@@ -150,12 +163,13 @@ class VirtualMcu:
             return {"value": self._parameters.get(index, 0.0), "result": 0}
         return {}
 
-    def _hello(self) -> list[bytes]:
+    def _hello(self, header: dict[str, Any]) -> list[bytes]:
         service = self.codec.model.service("hello")
         name = service.message("message") if service is not None else None
         if name is None:
             return []
-        return [self.codec.encode(name, {"protocol_hash": self.codec.hash, "version": 1}, sender=End.MCU)]
+        values = {"protocol_hash": self.codec.hash, "version": 1}
+        return [self.codec.encode(name, values, header=header, sender=End.MCU)]
 
     # ---- made-up values
 
@@ -194,6 +208,43 @@ class VirtualMcu:
         if described.enum:
             return described.enum[0][0]
         return [] if described.flags else _number(described, wave)
+
+
+class _Addressing:
+    """For whom a frame of the host is, and which header values an answer has."""
+
+    def __init__(self, codec: Codec, played: tuple[int | str, ...]) -> None:
+        asks, answers = plan_for(codec.model, End.HOST), plan_for(codec.model, End.MCU)
+        held = {entry.place for entry in answers.forms[0].header}
+        self._to = None if asks.address is None else asks.header[asks.address]
+        self._from = next((f.name for f in asks.header if f.address == Address.SENDER), None)
+        own = next((f for f in answers.header if f.address in (Address.MCU, Address.SENDER)), None)
+        self._own = own.name if own is not None and answers.header.index(own) in held else None
+        to_host = answers.address if answers.address in held else None
+        self._to_host = None if to_host is None else answers.header[to_host].name
+        self._played = None if self._to is None or not played else {self._to.value.wire_bits(one) for one in played}
+        default = None if self._to is None else self._to.default(End.HOST)
+        self.own = [self._header(one, None) for one in played or (default,)]
+
+    def asked(self, message: Message) -> list[dict[str, Any]] | None:
+        """The header of each answer: one, or none to a broadcast; None where the frame is for others."""
+        if self._to is None or self._to.name not in message.header:
+            return [self._header(None, message)]
+        address = message.header[self._to.name]
+        bits = self._to.value.wire_bits(address)
+        if bits in self._to.broadcast_bits:
+            return []
+        if self._played is not None and bits not in self._played:
+            return None
+        return [self._header(address, message)]
+
+    def _header(self, own: int | float | str | None, request: Message | None) -> dict[str, Any]:
+        header: dict[str, Any] = {}
+        if own is not None and self._own is not None:
+            header[self._own] = own
+        if request is not None and self._to_host is not None and self._from in request.header:
+            header[self._to_host] = request.header[self._from]
+        return header
 
 
 def _carried_back(reply: MessageModel, request: MessageModel) -> list[str]:
