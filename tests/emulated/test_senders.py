@@ -72,7 +72,7 @@ def test_what_four_tasks_and_an_interrupt_send_arrives_once_and_in_order(frames:
         arrived: Counter[int] = Counter()
         for message in talk(link, commands, SENDERS * frames):
             sender, count = sender_and_count(message)
-            assert count == arrived[sender], f"of sender {sender}"
+            assert count == arrived[sender], f"of sender {sender}; {link.stats}"
             arrived[sender] += 1
         link.send("chassis_cmd", x_vel=-1.0, y_vel=0.0, w_vel=0.0)
         report = machine.report()

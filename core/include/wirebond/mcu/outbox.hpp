@@ -268,9 +268,13 @@ class Outbox {
   WIREBOND_QUICK void commit(const Ticket& ticket, std::size_t used) {
     Ledger& ledger = ledgers_[ticket.account];
     ledger.accept();  // before the consumer can see the frame, so that it is not sent before it was accepted
-    if (is_in_slot(ticket)) {
-      if (latest_.commit(ticket.in_slot, used)) ledger.replace();
-    } else if (ticket.queue == Queue::urgent) {
+    if constexpr (slot_count != 0) {
+      if (ticket.queue == Queue::latest) {
+        if (latest_.commit(ticket.in_slot, used)) ledger.replace();
+        return;
+      }
+    }
+    if (ticket.queue == Queue::urgent) {
       urgent_.commit(ticket.in_queue, used);
     } else {
       ring_.commit(ticket.in_queue, used);
@@ -279,9 +283,10 @@ class Outbox {
 
   void abandon(const Ticket& ticket, Refusal why) {
     ledgers_[ticket.account].refuse(why);
-    if (is_in_slot(ticket)) {
-      latest_.abandon(ticket.in_slot);
-    } else if (ticket.queue == Queue::urgent) {
+    if constexpr (slot_count != 0) {
+      if (ticket.queue == Queue::latest) return latest_.abandon(ticket.in_slot);
+    }
+    if (ticket.queue == Queue::urgent) {
       urgent_.abandon(ticket.in_queue, why);
     } else {
       ring_.abandon(ticket.in_queue, why);
@@ -296,8 +301,6 @@ class Outbox {
     if constexpr (has_accounts && slot_count != 0) return Slots::accounts[slot];
     return 0;
   }
-
-  static constexpr bool is_in_slot(const Ticket& ticket) { return slot_count != 0 && ticket.queue == Queue::latest; }
 
   Grant<Outbox> refused(Refusal refusal, std::uint8_t account) {
     ledgers_[account].refuse(refusal);
