@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from wirebond.check.findings import Finding, Severity
+from wirebond.check.fixed_end import is_fixed
 from wirebond.check.frame_facts import ENDS, wire_bytes
 from wirebond.check.places import Places
 from wirebond.check.wording import count, direction, percent, rate
@@ -182,13 +183,24 @@ def assess(protocol: Protocol, directions: list[Budget], places: Places) -> list
                     if over
                     else "a burst, a reply or a gap between two transfers leaves no room to catch up"
                 ),
-                f"raise the baud rate to {count(_next_baud(needs / _CROWDED * link.bits_per_byte))} or more, "
-                "send less often, or shorten the frames",
+                _remedy(
+                    is_fixed(protocol, budget.sender),
+                    protocol.fixed is not None,
+                    _next_baud(needs / _CROWDED * link.bits_per_byte),
+                ),
                 place.line,
                 place.column,
             )
         )
     return found
+
+
+def _remedy(sender_is_fixed: bool, frames_are: bool, baud: float) -> str:
+    if sender_is_fixed:
+        return f"set the device to {count(baud)} baud or more, or to send less often, if its manual has such settings"
+    if frames_are:
+        return f"send less often; or set the device to {count(baud)} baud or more, if its manual has such a setting"
+    return f"raise the baud rate to {count(baud)} or more, send less often, or shorten the frames"
 
 
 _USUAL_BAUD_RATES = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600, 1_000_000, 2_000_000, 3_000_000)

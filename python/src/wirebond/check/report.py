@@ -9,6 +9,7 @@ from wirebond.check import check_strength, examples, holdback, identity, line_bu
 from wirebond.check import urgent_wait as urgent
 from wirebond.check.check_strength import Strength
 from wirebond.check.findings import Finding, Severity, worst_first
+from wirebond.check.fixed_end import suited
 from wirebond.check.frame_facts import senders
 from wirebond.check.holdback import HoldBack
 from wirebond.check.line_budget import Budget
@@ -101,7 +102,7 @@ def lint(
         *identity.assess_magic(model, where),
     ]
     return Report(
-        worst_first(findings),
+        worst_first(suited(model, findings)),
         strength,
         tuple(noises),
         tuple(budgets),

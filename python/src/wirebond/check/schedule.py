@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from wirebond.check.findings import Finding, Severity
+from wirebond.check.fixed_end import is_fixed
 from wirebond.check.places import Places
 from wirebond.check.wording import seconds
 from wirebond.protocol.model import End, Message, Protocol
@@ -32,7 +33,9 @@ def assess_deadlines(protocol: Protocol, places: Places) -> list[Finding]:
                     Severity.NOTE,
                     f"`{deadline.message}` has a deadline of {seconds(deadline.after)} and no schedule",
                     "nothing says how often it is to be sent, so neither tools nor the other end can keep it alive",
-                    f"write `every: {seconds(deadline.after / 5)}` in `{deadline.message}`",
+                    f"write in `{deadline.message}` how often the device sends it, as its manual says: `every: ...`"
+                    if _sender_is_fixed(protocol, deadline.message)
+                    else f"write `every: {seconds(deadline.after / 5)}` in `{deadline.message}`",
                     place.line,
                     place.column,
                 )
@@ -46,7 +49,8 @@ def assess_deadlines(protocol: Protocol, places: Places) -> list[Finding]:
                     f"the deadline of `{deadline.message}` ({seconds(deadline.after)}) is "
                     f"{deadline.after / period:.2g} times its period ({seconds(period)})",
                     f"one lost frame and a little delay are taken for silence, and `{deadline.then}` is done",
-                    f"write `after: {seconds(3 * period)}` or more, or send it more often",
+                    f"write `after: {seconds(3 * period)}` or more"
+                    + ("" if _sender_is_fixed(protocol, deadline.message) else ", or send it more often"),
                     place.line,
                     place.column,
                 )
@@ -57,7 +61,7 @@ def assess_deadlines(protocol: Protocol, places: Places) -> list[Finding]:
 def assess_safety(protocol: Protocol, places: Places) -> list[Finding]:
     """The host's commands: is their silence noticed, and is there a stop?"""
     commands = [message for message in protocol.messages if _is_command(protocol, message)]
-    if not commands:
+    if not commands or is_fixed(protocol, End.HOST):
         return []
     found = []
     names = ", ".join(f"`{message.name}`" for message in commands[:4]) + (" …" if len(commands) > 4 else "")
@@ -70,7 +74,10 @@ def assess_safety(protocol: Protocol, places: Places) -> list[Finding]:
                 Severity.NOTE,
                 f"no deadline watches what the host commands ({names})",
                 "when the cable is pulled or the program hangs, the MCU goes on with the last command",
-                f"add `deadlines: [{{message: {commands[0].name}, at: mcu, after: 200 ms, then: stop}}]`",
+                "read in the device's manual what it does then; if it stops by itself after some time, write that as a "
+                "deadline `at: mcu`, so that `wirebond sim` stops as well"
+                if is_fixed(protocol, End.MCU)
+                else f"add `deadlines: [{{message: {commands[0].name}, at: mcu, after: 200 ms, then: stop}}]`",
                 place.line,
                 place.column,
             )
@@ -89,6 +96,11 @@ def assess_safety(protocol: Protocol, places: Places) -> list[Finding]:
             )
         )
     return found
+
+
+def _sender_is_fixed(protocol: Protocol, name: str) -> bool:
+    sender = protocol.message(name).sender
+    return is_fixed(protocol, End.HOST if sender == End.HOST else End.MCU)
 
 
 def _is_command(protocol: Protocol, message: Message) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from wirebond.check.findings import Finding, Severity
+from wirebond.check.fixed_end import is_fixed
 from wirebond.check.line_budget import Budget
 from wirebond.check.places import Places
 from wirebond.check.wording import direction, seconds
@@ -54,11 +55,14 @@ def assess(protocol: Protocol, waits: list[UrgentWait], places: Places) -> list[
         ]
         if not limits:
             continue
+        waits_for_run = wait.max_run_seconds > wait.longest_frame_seconds
+        if is_fixed(protocol, wait.sender) or (protocol.fixed is not None and not waits_for_run):
+            continue  # neither its queue nor the size of a frame can be changed
         limit, why = min(limits)
         if wait.seconds <= limit:
             continue
         longest: Message = max(messages, key=lambda message: message.max_payload)
-        if wait.max_run_seconds > wait.longest_frame_seconds:
+        if waits_for_run:
             place = places.at("link", "max_run")
             behind, rule = "the frames of a run", "a run that was begun is sent to its end"
             advice = "lower `link: max_run`"

@@ -20,6 +20,9 @@ def behaviour_changes(old: Protocol, new: Protocol, routes: list[Sides]) -> Iter
     if old.emergency_stop != new.emergency_stop:
         yield harmless("emergency_stop", "has other messages or values", place=("emergency_stop",))
     yield from _services(old, new, routes)
+    if old.fixed != new.fixed:
+        ends = [p.fixed.value if p.fixed else "none" for p in (old, new)]
+        yield harmless("fixed", f"{ends[0]} became {ends[1]}", place=("fixed",))
     if old.examples != new.examples:
         yield harmless("examples", "are others", place=("examples",))
 

@@ -71,6 +71,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
         services=services,
         examples=examples,
         idle=draft.envelope.silence or file.idle,
+        fixed=None if file.fixed is None else End(file.fixed),
         description=file.description,
         path=path,
     )

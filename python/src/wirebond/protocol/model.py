@@ -548,6 +548,7 @@ class Protocol:
     services: tuple[Service, ...] = ()
     examples: tuple[Example, ...] = ()
     idle: float | None = None  # seconds; None: the default rule
+    fixed: End | None = None  # the end that exists already and cannot change; BOTH: a link that is only listened to
     description: str = ""
     path: str = field(default="", compare=False)
 

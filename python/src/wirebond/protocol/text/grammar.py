@@ -262,6 +262,12 @@ class File(Syntax):
         description="The serial line: speed and shape of a byte.",
         examples=["{baud: 115200}"],
     )
+    fixed: Annotated[str | None, one_word("host", "mcu", "both")] = Field(
+        None,
+        description="The end that exists already and cannot change, such as a bought device. `check` then advises what "
+        "the other end's owner can do.",
+        examples=["mcu"],
+    )
     frame: list[Part] = Field(
         min_length=1,
         max_length=MAX_PARTS,
