@@ -53,6 +53,7 @@ class FieldSource:
         self._vary = vary
         self._defaults = source.choice((0.0, 0.3, 0.9))
         self._types: dict[str, int] = {}  # most bytes of each
+        self._constants = False  # may stand here: not within or behind what has elements of various sizes
 
     def types(self) -> list[str]:
         """Lines of the file's ``types`` section, empty at times. Draw them first: messages use them."""
@@ -68,6 +69,7 @@ class FieldSource:
 
         ``only_text_to_end``: whatever reaches to the payload's end is a text alone, and nothing else varies.
         """
+        self._constants = True
         if only_text_to_end and self._random.random() < 0.3:
             most = self._random.randint(1, room)
             return f"label: {{type: text, max: {most}}}", most
@@ -103,6 +105,7 @@ class FieldSource:
         if self._vary >= Vary.COUNTED and room > 4 and self._random.random() < 0.15:
             return self._counted(room, depth, taken)
         if self._vary >= Vary.COUNTED and room > 1 and self._random.random() < 0.1:
+            self._constants = False
             return {self._name(taken): self._ended(room)}
         draw = self._random.choice([*draws, *nested])
         drawn = draw(room, depth) if draw in nested else draw(room)  # type: ignore[call-arg]
@@ -229,8 +232,13 @@ class FieldSource:
                 left -= 1
             elif self._random.random() < 0.2:
                 size = self._random.randint(1, min(left, 7))
-                members.append(f"m{number}: {{type: padding, size: {size}}}")
+                must = ", must_be_zero: true" if self._constants and self._random.random() < 0.3 else ""
+                members.append(f"m{number}: {{type: padding, size: {size}{must}}}")
                 left -= size
+            elif self._constants and self._random.random() < 0.1:
+                bits = self._random.randint(1, left)
+                members.append(f"m{number}: {{type: u{bits}, constant: {self._random.randrange(2**bits)}}}")
+                left -= bits
             else:
                 letter, bits = self._integer(range(1, left + 1))
                 options, default = self._options(letter, bits)
@@ -265,7 +273,19 @@ class FieldSource:
 
     def _padding(self, _: int) -> Drawn:
         size = self._random.randint(1, 3)
-        return Drawn(f"{{type: padding, size: {size}}}", size)
+        if self._constants and self._random.random() < 0.5:
+            return self._constant()
+        must = self._random.choice(("", ", must_be_zero: true")) if self._constants else ""
+        return Drawn(f"{{type: padding, size: {size}{must}}}", size)
+
+    def _constant(self) -> Drawn:
+        if self._random.random() < 0.2:
+            return Drawn('{type: text, size: 3, constant: "AB"}', 3)
+        if self._random.random() < 0.2:
+            return Drawn("{type: bytes, constant: 0x0D 0x0A}", 2)
+        letter, bits = self._integer((8, 8, 16, 24, 32, 64))
+        value = self._random.randrange(2 ** (bits - 1)) * (1 if letter == "u" else self._random.choice((1, -1)))
+        return Drawn(f"{{type: {self._order(f'{letter}{bits}', bits)}, constant: {value}}}", bits // 8)
 
     # ---- fields within fields
 
@@ -274,6 +294,7 @@ class FieldSource:
         fitting = [name for name, most in self._types.items() if most <= room]
         if fitting and self._random.random() < 0.5:
             name = self._random.choice(fitting)
+            self._constants = False  # a text in it may be ended by a byte
             return name, self._types[name]
         fields, most = self._list(room, depth + 1)
         return f"{{{fields}}}", most
@@ -336,7 +357,9 @@ class FieldSource:
             given = self._given(f"[{', '.join([default] * self._random.randint(0, most))}]") if alone else ""
             return Drawn(f"{{{element}, count: {count}, max: {most}{given}}}", size * most) if most else None
         most = self._random.randint(1, min(room, 3))
+        before, self._constants = self._constants, False
         fields, size = self._own_or_type(room // most, depth)
+        self._constants = before and "max:" not in fields and fields[0] == "{"
         return Drawn(f"{{group: {{count: {count}, max: {most}, fields: {fields}}}}}", size * most)
 
 

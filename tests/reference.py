@@ -10,6 +10,7 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from tests.reference_payload import constants_hold
 from wirebond.protocol.model import (
     Algorithm,
     BitRole,
@@ -413,6 +414,11 @@ def _examine(
         if not frame_format.deliver_unknown and not _fits(frame_format.parts[payload_at], message, size, known_size):
             raise _Rejected("unknown_message", total)
 
+    trims = frame_format.parts[payload_at].trims_zeros
+    decodable = message is not None and (trims or size >= message.min_payload)
+    if message is not None and decodable and not constants_hold(message.fields, data[prefix : prefix + size], trims):
+        raise _Rejected("constant_mismatch", total)
+
     for part in parts:
         in_header = id(part) in header_parts and part.last < payload_at
         if (
@@ -421,8 +427,6 @@ def _examine(
             and not _holds(frame_format.parts, parts, places[id(part)], data, block or data, payload_at, size, message)
         ):
             raise _Rejected("check_mismatch", total)
-    trims = frame_format.parts[payload_at].trims_zeros
-    decodable = message is not None and (trims or size >= message.min_payload)
     name = message.name if message is not None and decodable else "unknown"
     return total, message_id or 0, name, _header_values(parts, data, size)
 

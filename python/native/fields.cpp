@@ -143,8 +143,13 @@ void validate_all(const std::vector<FieldTable>& fields, std::size_t place, Walk
 struct Build {
   std::vector<std::uint8_t> payload;
   std::size_t shift = 0;
+  std::vector<std::size_t> shifts{};  ///< behind each field of varying size that stands in no repetition
+  unsigned repetitions = 0;           ///< that what is being written stands in, each with its own size
 
   std::uint8_t* at(std::size_t place) { return payload.data() + place + shift; }
+  void note_shift() {
+    if (repetitions == 0) shifts.push_back(shift);
+  }
   void insert(std::size_t place, std::size_t size) {
     payload.insert(payload.begin() + static_cast<std::ptrdiff_t>(place + shift), size, 0);
   }
@@ -235,6 +240,7 @@ std::size_t encode_elements(const FieldTable& field, std::size_t place, nb::hand
   const bool is_list = field.repeat == Repeat::listed;
   const std::size_t size = value.is_none() ? field.count : sequence_size(field, value, path);
   if (is_list) build.insert(place, size * field.stride);
+  if (is_list) build.repetitions += 1;
   for (std::size_t i = 0; i < size; ++i) {
     if (field.kind != FieldKind::structure) {
       store_raw(field, build.at(place), i, encode_element(field, item(value, i), path));
@@ -244,7 +250,11 @@ std::size_t encode_elements(const FieldTable& field, std::size_t place, nb::hand
     const nb::object one = value.is_none() ? nb::object(nb::dict()) : item(value, i);
     encode_all(field.fields, place + i * field.stride, one, element, build);
   }
-  if (is_list) build.shift += size * field.stride;
+  if (is_list) {
+    build.repetitions -= 1;
+    build.shift += size * field.stride;
+    build.note_shift();
+  }
   return size;
 }
 
@@ -306,7 +316,10 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::ha
       const auto size = static_cast<std::size_t>(PyBytes_GET_SIZE(bytes.ptr()));
       if (field.count == 0) build.insert(here, size);
       if (size != 0) std::memcpy(build.at(here), PyBytes_AS_STRING(bytes.ptr()), size);
-      if (field.count == 0) build.shift += size;
+      if (field.count == 0) {
+        build.shift += size;
+        build.note_shift();
+      }
       if (field.ends_with >= 0) *build.at(here) = static_cast<std::uint8_t>(field.ends_with);
       count_in(field, fields, counts, size, own, build);
     } else if (field.repeat != Repeat::once) {
@@ -346,6 +359,10 @@ nb::list find_violations(const MessageTable& message, const std::uint8_t* payloa
 std::vector<std::uint8_t> encode_fields(const MessageTable& message, nb::dict values) {
   Build build{std::vector<std::uint8_t>(message.min_payload, 0)};
   encode_all(message.fields, 0, values, Path{nullptr, message.name}, build);
+  for (const PayloadConstant& constant : message.constants) {
+    const std::size_t shift = constant.behind == 0 ? 0 : build.shifts[constant.behind - 1u];
+    build.payload[constant.at + shift] |= constant.value;
+  }
   return std::move(build.payload);
 }
 

@@ -91,6 +91,22 @@ Form read_form(nb::handle plan) {
   return form;
 }
 
+PayloadTable read_rules(nb::handle rules) {
+  PayloadTable out;
+  for (nb::handle constant : rules.attr("constants")) {
+    out.constants.push_back(
+        {nb::cast<std::uint16_t>(constant.attr("at")), nb::cast<std::uint8_t>(constant.attr("behind")),
+         nb::cast<std::uint8_t>(constant.attr("mask")), nb::cast<std::uint8_t>(constant.attr("value"))});
+  }
+  for (nb::handle count : rules.attr("counts")) {
+    out.counts.push_back({nb::cast<std::uint16_t>(count.attr("at")), nb::cast<std::uint8_t>(count.attr("behind")),
+                          nb::cast<std::uint8_t>(count.attr("bytes")), byte_order_of(count.attr("order")),
+                          nb::cast<std::uint8_t>(count.attr("shift")), nb::cast<std::uint64_t>(count.attr("mask")),
+                          nb::cast<std::uint16_t>(count.attr("unit")), nb::cast<std::uint16_t>(count.attr("most"))});
+  }
+  return out;
+}
+
 CheckAlgorithm read_algorithm(nb::handle algorithm) {
   CheckAlgorithm out;
   out.kind = meant_by(check_kinds, algorithm.attr("kind"), "kind of check");
@@ -108,6 +124,7 @@ CheckAlgorithm read_algorithm(nb::handle algorithm) {
 }  // namespace
 
 ProtocolTable::ProtocolTable(nb::handle protocol) : name_(text_of(protocol.attr("name"))) {
+  const nb::object payload_rules = nb::module_::import_("wirebond.protocol.payload_rules").attr("payload_rules");
   for (nb::handle message : protocol.attr("messages")) {
     MessageTable table;
     table.name = text_of(message.attr("name"));
@@ -116,6 +133,7 @@ ProtocolTable::ProtocolTable(nb::handle protocol) : name_(text_of(protocol.attr(
     table.min_payload = nb::cast<std::size_t>(message.attr("min_payload"));
     table.max_payload = nb::cast<std::size_t>(message.attr("max_payload"));
     table.fields = read_fields(message.attr("fields"));
+    table.constants = read_rules(payload_rules(message)).constants;
     messages_.push_back(std::move(table));
   }
 }
@@ -159,11 +177,13 @@ FormatTable::FormatTable(nb::handle plan) {
     format_.algorithms.at(format_.algorithm_count++) = read_algorithm(algorithm);
   }
   for (nb::handle message : plan.attr("messages")) {
+    payload_tables_.push_back(read_rules(message.attr("rules")));
     rows_.push_back(
         {nb::cast<std::uint32_t>(message.attr("id")),
          {nb::cast<std::int16_t>(message.attr("index")), nb::cast<std::uint16_t>(message.attr("min_payload")),
           nb::cast<std::uint16_t>(message.attr("max_payload")), nb::cast<std::uint8_t>(message.attr("seed"))},
-         nb::cast<bool>(message.attr("only_expected"))});
+         nb::cast<bool>(message.attr("only_expected")),
+         payload_tables_.back().rules()});
   }
   tables_ = std::make_unique<RuntimeTables>(format_, rows_.data(), rows_.size());
 }

@@ -5,6 +5,7 @@
 #include <nanobind/nanobind.h>
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <string>
 #include <vector>
@@ -12,10 +13,22 @@
 #include "field_table.hpp"
 #include "wirebond/format.hpp"
 #include "wirebond/host/runtime_source.hpp"
+#include "wirebond/payload_rules.hpp"
 
 namespace wirebond::engine {
 
 namespace nb = nanobind;
+
+/// The rules over one message's payload.
+struct PayloadTable {
+  std::vector<PayloadConstant> constants;
+  std::vector<PayloadCount> counts;
+
+  PayloadRules rules() const {
+    return {constants.data(), counts.data(), static_cast<std::uint8_t>(constants.size()),
+            static_cast<std::uint8_t>(counts.size())};
+  }
+};
 
 struct MessageTable {
   std::string name;
@@ -24,6 +37,7 @@ struct MessageTable {
   std::size_t min_payload = 0;
   std::size_t max_payload = 0;
   std::vector<FieldTable> fields;
+  std::vector<PayloadConstant> constants;  ///< among its fields
 };
 
 /// Immutable after construction; needs the GIL only where it makes Python objects.
@@ -60,6 +74,7 @@ class FormatTable {
   std::unique_ptr<RuntimeTables> tables_;
   std::vector<MessageRow> rows_;
   std::vector<FieldTable> header_;
+  std::deque<PayloadTable> payload_tables_;  ///< what the rows point at
 };
 
 }  // namespace wirebond::engine

@@ -29,10 +29,23 @@ using Source = wirebond::RuntimeSource;
 using Source = Sender;
 #endif
 
+#if RUN_TIME
+/// The rows with the rules over payloads that the generated source has, where it has some.
+template <class Generated>
+auto rows_of() {
+  auto rows = message_rows;
+  if constexpr (wirebond::detail::HasPayloadRules<Generated>::value) {
+    for (auto& row : rows) row.rules = Generated{}.payload_rules(row.shape.index);
+  }
+  return rows;
+}
+#endif
+
 Source make_source() {
 #if RUN_TIME
   static const wirebond::FrameFormat format = Sender{}.format();  // the very value that the constant source folds
-  static const wirebond::RuntimeTables tables(format, message_rows.data(), message_rows.size());
+  static const auto rows = rows_of<Sender>();
+  static const wirebond::RuntimeTables tables(format, rows.data(), rows.size());
   return Source(tables);
 #else
   return {};

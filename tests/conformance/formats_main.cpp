@@ -71,18 +71,25 @@ struct SharedSource {
 
   const wirebond::FrameFormat& format() const { return *format_; }
   wirebond::MessageShape message(std::uint32_t id) const { return message_(id); }
+  wirebond::PayloadRules payload_rules(std::int16_t index) const { return payload_rules_(index); }
   std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
     return check_update_(algorithm, reg, bytes, size);
   }
 
   const wirebond::FrameFormat* format_;
   wirebond::MessageShape (*message_)(std::uint32_t);
+  wirebond::PayloadRules (*payload_rules_)(std::int16_t);
   std::uint64_t (*check_update_)(unsigned, std::uint64_t, const std::uint8_t*, std::size_t);
 };
 
 template <class Generated>
 SharedSource shared() {
   return {&Generated{}.format(), [](std::uint32_t id) { return Generated{}.message(id); },
+          [](std::int16_t index) -> wirebond::PayloadRules {
+            if constexpr (wirebond::detail::HasPayloadRules<Generated>::value) return Generated{}.payload_rules(index);
+            static_cast<void>(index);
+            return {};
+          },
           [](unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
             return Generated{}.check_update(algorithm, reg, bytes, size);
           }};

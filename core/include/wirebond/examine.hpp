@@ -5,13 +5,14 @@
 #include <cstdint>
 
 #include "wirebond/format.hpp"
+#include "wirebond/payload_rules.hpp"
 
 namespace wirebond {
 
 /// Why bytes were thrown away. The names are the same in every language and in the manual.
 enum class Cause : std::uint8_t {
   no_start,               ///< between frames: bytes that start nothing
-  constant_mismatch,      ///< a magic, constant or tail has another value
+  constant_mismatch,      ///< a magic, constant or tail has another value, or a constant among the message's fields
   length_out_of_range,    ///< the length is more than max_payload, or negative
   unknown_message,        ///< `unknown: reject`: no such id, or a payload of another size
   header_check_mismatch,  ///< a check over the header alone
@@ -240,6 +241,14 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
     head.shape = shape_of(source, form, head.id);
     if (!source.format().deliver_unknown && !fits(form, head.shape, head.payload)) {
       return {Outcome::reject, Cause::unknown_message, size};
+    }
+  }
+  if constexpr (HasPayloadRules<Source>::value) {
+    const bool long_enough = form.trims_zeros || head.payload >= head.shape.min_payload;
+    if (head.shape.known() && long_enough &&
+        !payload_holds(source.payload_rules(head.shape.index), candidate + form.prefix, head.payload,
+                       form.trims_zeros)) {
+      return {Outcome::reject, Cause::constant_mismatch, size};
     }
   }
   const Received received = block != nullptr ? *block : Received{candidate, size};

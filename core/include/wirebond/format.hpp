@@ -293,6 +293,7 @@ WIREBOND_INLINE constexpr int one_start(const FrameFormat& format) {
 //     MessageShape message(std::uint32_t id) const;
 //     void expect(std::int16_t index);  // message() answers so from here on, where several messages share an id
 //     std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t*, std::size_t) const;
+//     PayloadRules payload_rules(std::int16_t index) const;  // only where a message has some (payload_rules.hpp)
 //     // where it is no constant: the good case (host/fast_path.hpp), and what check_begin and check_end give
 //     using FastPath; const FastPath& fast_path() const;
 //     int start() const;  // one_start(format())

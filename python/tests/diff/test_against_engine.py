@@ -87,6 +87,8 @@ CASES = [
     Case("a value where padding was", "spare: {type: padding, size: 2}", "spare: {type: u16, default: 3}", set()),
     Case("padding where a value was", "turn:  {type: u16, scale: 0.01}", "turn: {type: padding, size: 2}",
          {HOST_NEW}),
+    Case("padding that must be zero", "padding, size: 2", "padding, size: 2, must_be_zero: true", set()),
+    Case("padding that became a constant", "{type: padding, size: 2}", "{type: u16, constant: 7}", {HOST_OLD}),
     Case("a field at the end", LEVEL, LEVEL + "\n      more: {type: u8, default: 1}", {HOST_OLD}),
     Case("the last field gone", "      level: {type: u8}\n", "", {HOST_NEW}),
     Case("a field in the middle", "      mode:", "      more: {type: u8, default: 1}\n      mode:", FROM_HOST),

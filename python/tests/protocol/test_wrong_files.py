@@ -654,6 +654,17 @@ NESTED = [
     ("bits: {type: u8", "bits: {type: @i8", "`i8` cannot hold bit fields; write u8, u16"),
     ("bits: {type: u8", "bits: {type: u8, first: @top", "possible: low, high"),
     ("fields: {mode: {type: u3}, armed: {type: bool}}", "fields: @{}", "`fields` has too few entries (0)"),
+    # constants
+    ("type: padding, size: 2", "type: u8, constant: 2, @range: [0, 2]", "`range` cannot stand beside `constant`"),
+    ("type: padding, size: 2", "type: u8, constant: @256", "256 does not fit `gap`, which takes values from 0 to 255"),
+    ("type: padding, size: 2", "type: f32, @constant: 1", "`constant` is for whole numbers, bool, text and bytes"),
+    ("type: padding, size: 2", "type: padding, size: 2, @constant: 1", "for padding write `must_be_zero: true`"),
+    ("type: padding, size: 2", "type: u8, @must_be_zero: true", "`must_be_zero` is for padding; for a number write"),
+    ("type: padding, size: 2", 'type: text, constant: @""', "this constant has no byte; write it, or remove the field"),
+    ("type: padding, size: 2", "type: padding, size: 65, must_be_zero: true", "at most 64 bytes of constants"),
+    ("type: u3}", "type: u3, constant: @8}", "8 does not fit `mode`, which takes values from 0 to 7"),
+    ("{a: {type: u8}}", "{a: {type: u8, constant: 1}}", "`rest` varies in number, and its elements hold a constant"),
+    ("number: {type: u8}", "number: {type: u8, constant: 1}", "`number` cannot count, for it is more than a number"),
     # packed streams and padding
     ("packed: low_first", "packed: @low", "possible: low_first, high_first"),
     ("type: u11, count", "type: @u16be, count", "packed bits have no byte order; write `u16`"),

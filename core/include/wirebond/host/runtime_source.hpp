@@ -8,6 +8,7 @@
 #include "wirebond/format.hpp"
 #include "wirebond/host/fast_crc.hpp"
 #include "wirebond/host/fast_path.hpp"
+#include "wirebond/payload_rules.hpp"
 
 namespace wirebond {
 
@@ -16,6 +17,7 @@ struct MessageRow {
   std::uint32_t id = 0;
   MessageShape shape{};
   bool only_expected = false;  ///< shares its id: it is meant where it is expected, and only there
+  PayloadRules rules{};        ///< points at tables that the caller keeps
 };
 
 /// What is worked out once when a format is known. Points at the format and the rows: the caller keeps them alive.
@@ -33,9 +35,11 @@ class RuntimeTables {
     }
     for (std::size_t i = 0; i < row_count; ++i) {
       has_expected_ = has_expected_ || rows[i].only_expected;
+      has_rules_ = has_rules_ || rows[i].rules.constant_count != 0;
       if (rows[i].id < low_ids_.size()) low_ids_[rows[i].id] = rows[i].shape;
     }
-    if (!has_expected_) fast_path_ = FastPath(format, crcs_);  // it asks for messages by their id alone
+    // It asks for messages by their id alone, and looks at no payload.
+    if (!has_expected_ && !has_rules_) fast_path_ = FastPath(format, crcs_);
   }
 
   RuntimeTables(const RuntimeTables&) = delete;  // the fast path points into them
@@ -59,6 +63,14 @@ class RuntimeTables {
       if (!rows_[row].only_expected || rows_[row].shape.index == expected) return rows_[row].shape;
     }
     return unknown_;
+  }
+
+  /// The rules over the payload of the message `index`. O(rows), where any message has some.
+  PayloadRules payload_rules(std::int16_t index) const {
+    for (std::size_t row = 0; has_rules_ && row < row_count_; ++row) {
+      if (rows_[row].shape.index == index) return rows_[row].rules;
+    }
+    return {};
   }
 
   std::uint64_t check_begin_of(unsigned index) const { return begins_[index]; }
@@ -94,6 +106,7 @@ class RuntimeTables {
   const MessageRow* rows_;
   std::size_t row_count_;
   bool has_expected_ = false;
+  bool has_rules_ = false;
   std::array<std::uint64_t, max_algorithms> begins_{};
   std::array<bool, max_algorithms> ends_plainly_{};
   MessageShape unknown_{};
@@ -118,6 +131,7 @@ class RuntimeSource {
   MessageShape message(std::uint32_t id) const { return tables_->message(id, expected_); }
   /// For the fast path, which does not apply where an id is shared.
   const MessageShape& message_of(std::uint32_t id) const { return tables_->message(id); }
+  PayloadRules payload_rules(std::int16_t index) const { return tables_->payload_rules(index); }
   void expect(std::int16_t index) { expected_ = index; }
   std::uint64_t check_begin_of(unsigned algorithm) const { return tables_->check_begin_of(algorithm); }
   std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {

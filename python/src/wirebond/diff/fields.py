@@ -91,10 +91,10 @@ def _other_fields(before: Fields, after: Fields, where: Where) -> Iterator[Chang
     """Fields that came, went, or took the place of others."""
     size, new_size = _bytes(before), _bytes(after)
     keeps_size = before and after and size is not None and size == new_size
-    if keeps_size and all(f.kind == FieldKind.PADDING for f in before):
+    if keeps_size and all(f.kind == FieldKind.PADDING and f.constant is None for f in before):
         yield from _in_place_of_zeros(after, where, is_new=True)
         return
-    if keeps_size and all(f.kind == FieldKind.PADDING for f in after):
+    if keeps_size and all(f.kind == FieldKind.PADDING and f.constant is None for f in after):
         yield from _in_place_of_zeros(before, where, is_new=False)
         return
     names = _listed(after or before)
@@ -153,6 +153,8 @@ def _pair_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) ->
         if a.min_wire_bytes != b.min_wire_bytes:
             sentence = f"padding of {_bytes_text(a.size)} became {_bytes_text(b.size)}"
             yield _resized(where, sentence)
+        elif (a.constant, a.order) != (b.constant, b.order):
+            yield _other_constant(a, b, where)
         return
     layouts = [(field_type(f) if f.kind != FieldKind.STRUCT else "struct", f.packed, f.first) for f in (a, b)]
     if layouts[0] != layouts[1]:
@@ -169,6 +171,16 @@ def _pair_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) ->
             yield harmless(where.path, "has another description", place=where.place)
         return
     yield from value_changes(a, b, where)
+
+
+def _other_constant(a: Field, b: Field, where: Where) -> Change:
+    effects = []
+    for sides in where.routes:
+        sent, read = (b, a) if sides.flow.from_new else (a, b)
+        breaks = read.constant is not None and read.constant_bytes != sent.constant_bytes
+        refuses = f"the {sides.receiving} takes no frame that has another value there"
+        effects.append(Effect(sides.flow, breaks, refuses if breaks else "what is sent there is taken"))
+    return changed(where.path, "another constant, or none, stands there", effects, place=where.place)
 
 
 def _resized(where: Where, sentence: str) -> Change:

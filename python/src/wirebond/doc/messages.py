@@ -9,6 +9,7 @@ from wirebond.check.wording import seconds
 from wirebond.codec import Codec
 from wirebond.doc.examples import examples_of
 from wirebond.doc.table import table
+from wirebond.explain.constants import constant_text
 from wirebond.explain.examine import id_index
 from wirebond.explain.examine import id_text as id_number
 from wirebond.protocol.decimals import decimal_text
@@ -112,7 +113,11 @@ def _rows(fields: tuple[Field, ...], at: int | None, level: int) -> tuple[list[t
         size = "" if least == most == 0 else str(least) if least == most else f"{least} to {most}"
         name = "- " * level + field.name
         meaning = field.description or ("sent as 0, ignored" if field.kind == FieldKind.PADDING else "")
-        rows.append((offset, size, name, _type(field), value_of(field), field.unit, _range(field), meaning))
+        value = value_of(field)
+        if field.constant is not None:
+            meaning = field.description or "a frame with another value is no frame"
+            value = f"always {constant_text(field, field.constant)}"
+        rows.append((offset, size, name, _type(field), value, field.unit, _range(field), meaning))
         if field.fields:
             inner = None if field.kind == FieldKind.BITS else at
             rows += _rows(_described(field), inner, level + 1)[0]
@@ -135,7 +140,7 @@ def _described(field: Field) -> tuple[Field, ...]:
 
 
 def _type(field: Field) -> str:
-    word = field_type(field)
+    word = field_type(field) if field.constant is None else "constant"
     if field.packed is not None:
         word += f", packed from the {field.packed.value}est bit"
     if field.count is not None:

@@ -10,6 +10,7 @@ from enum import StrEnum
 from functools import lru_cache
 
 from wirebond.checksum import checksum
+from wirebond.explain.constants import constants_of
 from wirebond.protocol.model import (
     BitRole,
     ByteOrder,
@@ -55,6 +56,7 @@ class Question(StrEnum):
     LENGTH = "length"
     MESSAGE = "message"
     SIZE = "size"
+    FIELD = "field"  # a constant among the message's fields
     CHECK = "check"
 
 
@@ -336,6 +338,7 @@ class _Examination:
         if not early_id:
             self._read_id(places)
             self._message_fits(size, total)
+        self._field_constants(prefix, size, total)
         for index in self._checks(header=False):
             self._check(index, places, Cause.CHECK_MISMATCH, total)
         return total
@@ -448,6 +451,18 @@ class _Examination:
             most = f" to {message.max_payload}" if message.max_payload != least else ""
             expected = f"{least}{most} payload bytes for {message.name}"
             self._rule(Question.MESSAGE, id_index(self.parts), fits, expected, str(size), Cause.UNKNOWN_MESSAGE, extent)
+
+    def _field_constants(self, start: int, size: int, extent: int) -> None:
+        """Those of a message whose payload is long enough; a shorter one is of an unknown message."""
+        message = self.message
+        trims = self.parts[payload_index(self.parts)].trims_zeros
+        if message is None or (size < message.min_payload and not trims):
+            return
+        payload = self.data[start : start + size]
+        for found in constants_of(message, payload.ljust(message.min_payload, b"\0") if trims else payload):
+            where = payload_index(self.parts)
+            expected, text = f"{found.path} {found.expected}", found.text
+            self._rule(Question.FIELD, where, found.holds, expected, text, Cause.CONSTANT_MISMATCH, extent)
 
     def _whole_frame(self, total: int) -> None:
         have = len(self.data)

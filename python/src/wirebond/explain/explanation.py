@@ -286,6 +286,8 @@ def _rule_name(parts: tuple[Part, ...], rule: Rule) -> str:
     if rule.part is None:
         return "id" if rule.question == Question.MESSAGE else "size"
     part = parts[rule.part]
+    if rule.question == Question.FIELD:
+        return "constant field"
     if rule.question == Question.CHECK:
         return f"{part.name}, {check_text(parts, part)}"
     if rule.question == Question.MESSAGE and "payload" in rule.expected:

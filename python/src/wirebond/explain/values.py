@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+from wirebond.explain.constants import constant_text
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Message
@@ -205,6 +206,9 @@ def _without_end(data: bytes, field: Field) -> bytes:
 
 def _padding(walk: _Walk, field: Field, _: int | None) -> Reading:
     start, data = walk.at, walk.take(field.min_wire_bytes)
+    if field.constant is not None:
+        text, wanted = constant_text(field, _raw(field, data)), constant_text(field, field.constant)
+        return Reading(field, field.name, start, data, None, "constant" if text == wanted else f"must be {wanted}")
     text = "padding: ignored" + (", though a sender puts 0 here" if any(data) else "")
     return Reading(field, field.name, start, data, None, text)
 
@@ -217,7 +221,13 @@ def _bit_fields(walk: _Walk, field: Field, _: int | None) -> Reading:
     for part in field.fields:
         low = done if field.first == BitOrder.LOW else 8 * field.size - done - part.width
         done += part.width
-        if part.kind == FieldKind.PADDING:
+        if part.kind == FieldKind.PADDING and part.constant is None:
+            continue
+        if part.constant is not None:
+            bits = constant_text(part, number >> low & (1 << part.width) - 1)
+            wanted = constant_text(part, part.constant)
+            text = f"{bits}, a constant" if bits == wanted else f"{bits}, which must be {wanted}"
+            parts.append(Reading(part, part.name, start, b"", None, text))
             continue
         value, text, fault = _number(part, number >> low & (1 << part.width) - 1)
         where = f"bit {low}" if part.width == 1 else f"bits {low} to {low + part.width - 1}"

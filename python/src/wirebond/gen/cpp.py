@@ -350,12 +350,37 @@ def _update(algorithm: Algorithm, index: int) -> str:
 
 
 @dataclass(frozen=True)
+class RulesView:
+    """The rules over one message's payload, each as an initialiser."""
+
+    name: str  # of the message
+    index: int
+    constants: tuple[str, ...]
+    counts: tuple[str, ...]
+
+
+def _rules_views(protocol: Protocol, plan: Plan) -> tuple[RulesView, ...]:
+    found = []
+    for row in sorted(plan.messages, key=lambda row: row.index):
+        constants = tuple(f"{{{c.at}, {c.behind}, 0x{c.mask:02X}, 0x{c.value:02X}}}" for c in row.rules.constants)
+        counts = tuple(
+            f"{{{c.at}, {c.behind}, {c.bytes}, wirebond::ByteOrder::{c.order}, {c.shift}, 0x{c.mask:X}U, {c.unit}, "
+            f"{c.most}}}"
+            for c in row.rules.counts
+        )
+        if constants or counts:
+            found.append(RulesView(protocol.messages[row.index].name, row.index, constants, counts))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
 class SourceView:
     struct: str
     sender: str
     receiver: str
     shapes: tuple[tuple[str, str], ...]  # id, shape
     expected: tuple[tuple[int, str, str], ...]  # index, id, shape of the messages that only their request tells
+    rules: tuple[RulesView, ...]
     structs: tuple[str, ...]
     latest: tuple[str, ...]  # of these, those of `queue: latest`
 
@@ -375,6 +400,7 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         receiver="MCU" if end == End.HOST else "host",
         shapes=tuple((key(row), shape(row)) for row in plan.messages if not row.only_expected),
         expected=tuple((row.index, key(row), shape(row)) for row in plan.messages if row.only_expected),
+        rules=_rules_views(protocol, plan),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
         latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
     )

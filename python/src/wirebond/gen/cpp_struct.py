@@ -26,6 +26,7 @@ from wirebond.gen.cpp_field import (
     validate_value,
     write_value,
 )
+from wirebond.gen.cpp_number import integer
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Protocol
 
 _LOCALS = frozenset({"message", "payload", "size", "spare", "found", "wire", "bits", "bytes", *"ijklmnopq"})
@@ -283,7 +284,10 @@ def write_lines(shape: Shape, here: _Here | None = None) -> list[str]:
         spec, value, place = member.spec, f"{here.value}.{member.name}", here.place(at)
         if spec.counted_by and spec.counted_by in counted and counted[spec.counted_by] != f"{value}.size":
             lines.append(f"if ({value}.size != {counted[spec.counted_by]}) return false;")
-        if spec.kind == FieldKind.PADDING:
+        if spec.kind == FieldKind.PADDING and spec.constant:
+            letters = "".join(f"\\x{byte:02X}" for byte in spec.constant_bytes)
+            lines.append(f'std::memcpy({place}, "{letters}", {spec.size});')
+        elif spec.kind == FieldKind.PADDING:
             lines.append(f"std::memset({place}, 0, {spec.size});")
         elif not member.name:
             first = next(m for m in shape.members if m.spec.counted_by == spec.name)
@@ -312,7 +316,8 @@ def write_lines(shape: Shape, here: _Here | None = None) -> list[str]:
 def _write_bits(member: Member, value: str, place: str) -> list[str]:
     assert member.shape is not None
     spec = member.spec
-    lines = [f"{_container_type(spec)} bits = 0;"]
+    fixed = sum((inner.constant or 0) << shift for inner, shift in zip(spec.fields, _shifts(spec), strict=True))
+    lines = [f"{_container_type(spec)} bits = {integer(fixed)};"]
     for inner, shift in zip(member.shape.members, _shifts(spec), strict=True):
         if inner.name:
             lines += write_value(inner.spec, f"{value}.{inner.name}", Slot("bits", shift=shift))

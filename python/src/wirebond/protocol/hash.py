@@ -114,7 +114,8 @@ def _message(message: Message, mixed: bool) -> dict[str, Any]:
 
 def _field(field: Field) -> dict[str, Any]:
     if field.kind == FieldKind.PADDING:
-        return {"kind": field.kind.value, "size": field.size, "bits": field.bits}
+        fixed = {} if field.constant is None else {"constant": [field.constant, field.order.value]}
+        return {"kind": field.kind.value, "size": field.size, "bits": field.bits, **fixed}
     entry: dict[str, Any] = {"name": field.name, "kind": field.kind.value, "size": field.size}
     if field.size > 1 and not field.is_string:
         entry["order"] = field.order.value

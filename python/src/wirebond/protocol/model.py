@@ -40,7 +40,7 @@ class FieldKind(StrEnum):
     BOOL = "bool"
     TEXT = "text"  # UTF-8
     BYTES = "bytes"
-    PADDING = "padding"  # sent as zeros, ignored on receive; no value
+    PADDING = "padding"  # no value; sent as zeros and ignored on receive, or ``constant``
     BITS = "bits"  # a number whose bits are shared by ``fields``
     STRUCT = "struct"  # ``fields``, once or several times
 
@@ -114,6 +114,12 @@ class Field:
     counted_by: str = ""
     ends_with: int | None = None  # of a string: the byte behind it
     type_name: str = ""  # of kind STRUCT: the type of the file that it is; empty for one of its own
+    constant: int | None = None  # of kind PADDING: the number that its ``width`` bits must be; None: any
+
+    @property
+    def constant_bytes(self) -> bytes:
+        """What a constant that begins and ends with a byte is on the wire."""
+        return (self.constant or 0).to_bytes(self.size, "big" if self.order == ByteOrder.BIG else "little")
 
     @property
     def is_scaled(self) -> bool:

@@ -27,6 +27,7 @@ from wirebond.protocol.model import (
     Protocol,
     Stuffing,
 )
+from wirebond.protocol.payload_rules import PayloadRules, payload_rules
 
 MAX_CONSTANTS = 16
 MAX_CHECKS = 4
@@ -136,6 +137,7 @@ class MessageRow:
     max_payload: int
     seed: int
     only_expected: bool  # shares its id with others of its sender: it is meant where its request has gone out
+    rules: PayloadRules  # those that a receiver applies
 
 
 class Framing(StrEnum):
@@ -185,7 +187,15 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     header = header_fields(frame_format.parts)
     address = _place_of(header, Address.RECEIVER, Address.MCU if sender == End.HOST else None)
     rows = [
-        MessageRow(m.id if m.has_id else no_id, index, m.min_payload, m.max_payload, m.seed or 0, m.name in dependent)
+        MessageRow(
+            m.id if m.has_id else no_id,
+            index,
+            m.min_payload,
+            m.max_payload,
+            m.seed or 0,
+            m.name in dependent,
+            _applied_rules(m),
+        )
         for index, m in enumerate(protocol.messages)
         if m.sent_by(sender)
     ]
@@ -219,6 +229,12 @@ def _place_of(header: tuple[HeaderField, ...], *kinds: Address | None) -> int | 
     """The place of the field that is one of these addresses."""
     found = (place for place, field in enumerate(header) if field.address is not None and field.address in kinds)
     return next(found, None)
+
+
+def _applied_rules(message: Message) -> PayloadRules:
+    """A message without constants has no rule, whatever its counts tell."""
+    rules = payload_rules(message)
+    return PayloadRules(rules.constants, rules.counts[: rules.needed_counts])
 
 
 def forms(parts: tuple[Part, ...], sender: End | None) -> tuple[Form, ...]:

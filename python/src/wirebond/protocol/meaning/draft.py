@@ -19,6 +19,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Stuffing,
 )
+from wirebond.protocol.payload_rules import MAX_COUNTS, payload_rules
 from wirebond.protocol.plan import forms
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.text.yaml_tree import Mapping
@@ -124,6 +125,7 @@ def validate_sizes(
         fields = entry.node.get("fields")
         if field is not None and isinstance(fields, Mapping):
             problems.add(fields.key_place(field.name), _varying(field, draft.payload))
+        _validate_rules(message, fields, problems)
     if max_payload is None:
         return draft.payload.fixed_payload if rule == PayloadRule.FIXED else largest
     if rule == PayloadRule.FIXED and max_payload != draft.payload.fixed_payload:
@@ -138,6 +140,21 @@ def validate_sizes(
             f"the frame's length can tell {longest} payload bytes at most; write no more, or widen it",
         )
     return max_payload
+
+
+def _validate_rules(message: Message, fields: object, problems: Problems) -> None:
+    """Constants stand where a receiver can find them."""
+    rules = payload_rules(message)
+    if not isinstance(fields, Mapping):
+        return
+    for name, fault in rules.faults:
+        problems.add(fields.key_place(name), fault)
+    if not rules.faults and rules.needed_counts > MAX_COUNTS:
+        problems.add(
+            fields.place,
+            f"a constant stands behind {rules.needed_counts} fields that vary in number; at most {MAX_COUNTS}: move it "
+            "before some of them",
+        )
 
 
 def _size_untold(draft: Draft, message: Message) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -30,6 +31,8 @@ from wirebond.protocol.text.yaml_tree import Mapping, Scalar
 _MOST_EXACT_STEPS = 2**51
 _MOST_STEPS = 2**48
 
+MAX_CONSTANT = 64  # bytes of the constants of one message
+
 _NUMBERS = (*INTEGERS, FieldKind.FLOAT)
 _STRINGS = (FieldKind.TEXT, FieldKind.BYTES)
 
@@ -46,7 +49,17 @@ _OPTIONS: tuple[tuple[str, tuple[FieldKind, ...], str], ...] = (
     ("enum", INTEGERS, "whole numbers; take u8, or remove it"),
     ("flags", (FieldKind.UNSIGNED,), "unsigned whole numbers; take u8, or remove it"),
     ("default", (*_NUMBERS, FieldKind.BOOL, *_STRINGS), "values, and padding has none; remove it"),
+    (
+        "constant",
+        (*INTEGERS, FieldKind.BOOL, *_STRINGS),
+        "whole numbers, bool, text and bytes; for padding write `must_be_zero: true`",
+    ),
+    ("must_be_zero", (FieldKind.PADDING,), "padding; for a number write `constant: 0`"),
 )
+# What a field that has one value only cannot have, too.
+_NOT_CONSTANT = (
+    "count", "packed", "max", "ends_with", "scale", "offset", "unit", "range", "on_range", "default", "enum", "flags",
+)  # fmt: skip
 
 
 def read_plain(
@@ -135,11 +148,43 @@ class ValueReader:
                 if getattr(syntax, named) is not None and getattr(syntax, option) is not None:
                     place = self._node.key_place(option)
                     self._wrong(place, f"`{option}` has no meaning for named numbers (`{named}`); remove it")
+        for option in _NOT_CONSTANT if getattr(syntax, "constant", None) is not None else ():
+            if getattr(syntax, option, None) is not None:
+                self._wrong(
+                    self._node.key_place(option),
+                    f"`{option}` cannot stand beside `constant`, which is one value; remove it",
+                )
         if getattr(syntax, "on_range", None) is not None and syntax.range is None:
             self._wrong(
                 self._node.key_place("on_range"),
                 "`on_range` has no meaning without `range`; add `range: [0, 1]`",
             )
+
+    def _constant(self, field: Field) -> Field | None:
+        """Padding whose bits must be what the file says. ``field``: as it would be with a value."""
+        assert isinstance(self._syntax, ValueSyntax)
+        given = self._syntax.constant
+        if given is None:
+            return replace(field, constant=0 if self._syntax.must_be_zero else None)
+        node = self._node.get("constant")
+        if field.kind == FieldKind.BYTES and isinstance(node, Scalar):
+            given = node.text  # a single 0x01 was read as a number
+        value, fault = fit_value(field, given)
+        if not fault and field.is_string:
+            data = value.encode() if isinstance(value, str) else value
+            assert isinstance(data, bytes)
+            size = field.size or len(data)
+            wire = int.from_bytes(data.ljust(size, b"\0"), "big")
+            if size:
+                return _as_constant(replace(field, size=size, max_size=0, order=ByteOrder.BIG), wire)
+            fault = "this constant has no byte; write it, or remove the field"
+        if fault:
+            self._wrong(self._node.value_place("constant"), fault)
+            return None
+        assert isinstance(value, int)
+        if field.sign_magnitude and value < 0:
+            value = (1 << field.width - 1) - value
+        return _as_constant(field, value % (1 << field.width))
 
     def _validate_scale(self, field: Field) -> None:
         if field.scale == 0:
@@ -211,6 +256,10 @@ class ValueReader:
                 self._wrong(node.value_place(name), f"`{other}` is bit {bit} already; give `{name}` a bit of its own")
 
 
+def _as_constant(field: Field, wire: int) -> Field:
+    return replace(field, kind=FieldKind.PADDING, constant=wire, sign_magnitude=False)
+
+
 def _scale_faults(field: Field) -> Iterator[tuple[str, str]]:
     """What scale and offset make of the numbers on the wire, where that is more than a float of their type can hold."""
     greatest = max(abs(bound) for bound in value_limits(field))
@@ -243,7 +292,9 @@ class _BitFieldReader(ValueReader):
         if not self._good:
             return None
         bits = 1 if self._type.kind == FieldKind.BOOL else self._type.width
-        return self._validated(Field(**self._common(name), size=0, bits=(syntax.size or 0) if is_padding else bits))
+        field = Field(**self._common(name), size=0, bits=(syntax.size or 0) if is_padding else bits)
+        is_constant = syntax.constant is not None or syntax.must_be_zero
+        return self._constant(field) if is_constant else self._validated(field)
 
 
 class _PlainReader(ValueReader):
@@ -259,24 +310,27 @@ class _PlainReader(ValueReader):
         is_string = kind in _STRINGS
         packed = None if syntax.packed is None else BitOrder(syntax.packed.removesuffix("_first"))
         bits = 1 if kind == FieldKind.BOOL else self._type.width
-        return self._validated(
-            Field(
-                **self._common(name),
-                size=0 if packed else size[0] or 0 if is_string or kind == FieldKind.PADDING else self._type.size,
-                order=self._type.order or order,
-                count=count[0],
-                max_size=(syntax.max or 0) if is_string else 0,
-                bits=0 if packed is None else bits,
-                packed=packed,
-                max_count=0 if is_string or count[0] is not None else syntax.max or 0,
-                counted_by=count[1] or size[1],
-                ends_with=None if syntax.ends_with is None else syntax.ends_with[0],
-            )
+        is_constant = syntax.constant is not None or syntax.must_be_zero
+        field = Field(
+            **self._common(name),
+            size=0 if packed else size[0] or 0 if is_string or kind == FieldKind.PADDING else self._type.size,
+            order=self._type.order or order,
+            count=count[0],
+            max_size=(MAX_CONSTANT if is_constant else syntax.max or 0) if is_string else 0,
+            bits=0 if packed is None else bits,
+            packed=packed,
+            max_count=0 if is_string or count[0] is not None else syntax.max or 0,
+            counted_by=count[1] or size[1],
+            ends_with=None if syntax.ends_with is None else syntax.ends_with[0],
         )
+        return self._constant(field) if is_constant else self._validated(field)
 
     def _validate_size(self, syntax: PlainSyntax) -> None:
         kind, node = self._type.kind, self._node
-        if kind in _STRINGS and syntax.size is None and syntax.max is None:
+        if kind in _STRINGS and syntax.constant is not None:
+            if isinstance(syntax.size, str):
+                self._wrong(node.value_place("size"), "a constant has always as many bytes; remove `size`")
+        elif kind in _STRINGS and syntax.size is None and syntax.max is None:
             self._wrong(
                 node.value_place("type"),
                 f"a {syntax.type.word} field needs a size; add `size: 16` (bytes, always as many) "

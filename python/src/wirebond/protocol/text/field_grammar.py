@@ -13,6 +13,7 @@ from wirebond.protocol.problems import quoted
 from wirebond.protocol.text.field_types import BitType, ContainerType, FieldType
 from wirebond.protocol.text.scalars import (
     BitNumber,
+    Bool,
     Count,
     DefaultValue,
     Exact,
@@ -77,6 +78,15 @@ class ValueSyntax(NumberSyntax):
     )
     default: DefaultValue | None = Field(
         None, description="The value where a sender gives none; for an array also a list.", examples=[0]
+    )
+    constant: DefaultValue | None = Field(
+        None,
+        description="The field always has this value, and is no value of the message: a frame that has another is no "
+        "frame.",
+        examples=["0x01"],
+    )
+    must_be_zero: Bool | None = Field(
+        None, description="Of padding: a frame in which it is not zero is no frame.", examples=[True]
     )
 
 

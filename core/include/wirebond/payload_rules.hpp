@@ -1,0 +1,92 @@
+// Rules over a message's payload, as plain data: constants among its fields, and counts that say where they lie. A
+// format without such rules has none of this in its program.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+
+#include "wirebond/bytes.hpp"
+
+namespace wirebond {
+
+constexpr std::size_t max_payload_counts = 8;
+
+/// A byte of the payload that must have a value; `mask` selects the bits that count. It lies at `at`, and behind what
+/// the first `behind` counts of the message take.
+struct PayloadConstant {
+  std::uint16_t at = 0;
+  std::uint8_t behind = 0;
+  std::uint8_t mask = 0xFF;
+  std::uint8_t value = 0;
+};
+
+/// A number of the payload that tells how many elements or bytes stand behind it: (number >> shift) & mask, each of
+/// `unit` bytes. Its own place is that of a PayloadConstant.
+struct PayloadCount {
+  std::uint16_t at = 0;
+  std::uint8_t behind = 0;
+  std::uint8_t bytes = 1;
+  ByteOrder order = ByteOrder::little;
+  std::uint8_t shift = 0;
+  std::uint64_t mask = 0xFF;
+  std::uint16_t unit = 1;
+  std::uint16_t most = 0;  ///< a greater number is none of this message
+};
+
+/// The rules of one message. Points at constants of the program, or at tables that the caller keeps.
+struct PayloadRules {
+  const PayloadConstant* constants = nullptr;
+  const PayloadCount* counts = nullptr;
+  std::uint8_t constant_count = 0;
+  std::uint8_t count_count = 0;
+};
+
+namespace detail {
+
+template <class Source, class = void>
+struct HasPayloadRules : std::false_type {};
+template <class Source>
+struct HasPayloadRules<Source, std::void_t<decltype(std::declval<const Source&>().payload_rules(std::int16_t{}))>>
+    : std::true_type {};
+
+/// How much farther than their least place things lie in one payload: behind the first i counts by `behind[i]` bytes.
+struct PayloadShifts {
+  std::size_t behind[max_payload_counts + 1];
+};
+
+/// What the counts of a whole payload say. False: one of them lies beyond it.
+inline bool read_counts(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size,
+                        PayloadShifts& shifts) {
+  shifts.behind[0] = 0;
+  for (std::size_t i = 0; i < rules.count_count; ++i) {
+    const PayloadCount& count = rules.counts[i];
+    const std::size_t at = count.at + shifts.behind[count.behind];
+    if (at >= size || size - at < count.bytes) return false;
+    const std::uint64_t number = (load_bytes(payload + at, count.bytes, count.order) >> count.shift) & count.mask;
+    const std::size_t bounded = number < size ? static_cast<std::size_t>(number) : size;  // no sum overflows
+    const std::size_t shift = shifts.behind[i] + bounded * count.unit;
+    shifts.behind[i + 1] = shift < size ? shift : size;
+  }
+  return true;
+}
+
+/// Whether the constants of a whole payload hold. `trims_zeros`: those that are not there were zeros.
+inline bool payload_holds(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size, bool trims_zeros) {
+  if (rules.constant_count == 0) return true;
+  PayloadShifts shifts;
+  if (!read_counts(rules, payload, size, shifts)) return false;
+  for (std::size_t i = 0; i < rules.constant_count; ++i) {
+    const PayloadConstant& constant = rules.constants[i];
+    const std::size_t at = constant.at + shifts.behind[constant.behind];
+    if (at >= size && !trims_zeros) return false;
+    const std::uint8_t byte = at < size ? payload[at] : std::uint8_t{0};
+    if ((byte & constant.mask) != constant.value) return false;
+  }
+  return true;
+}
+
+}  // namespace detail
+
+}  // namespace wirebond
