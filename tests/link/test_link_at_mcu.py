@@ -20,6 +20,7 @@ def test_every_rule_of_the_link_holds(tmp_path: Path) -> None:
         generate_cpp(load(PROTOCOLS / f"{name}.yaml"), tmp_path)
     for name in ("aging", "quiet"):
         generate_cpp(load(ROOT / "tests" / "link" / f"{name}.yaml"), tmp_path)
+    generate_cpp(load(ROOT / "python" / "tests" / "gen" / "every_header.yaml"), tmp_path)
     program = tmp_path / "link_test"
     sources = [
         str(path) for path in (*(ROOT / "tests" / "link").glob("*_test.cpp"), ROOT / "core" / "tests" / "main.cpp")

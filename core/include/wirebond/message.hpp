@@ -13,6 +13,8 @@
 #include "wirebond/encoder.hpp"
 #include "wirebond/examine.hpp"
 #include "wirebond/format.hpp"
+#include "wirebond/handler.hpp"
+#include "wirebond/header.hpp"
 #include "wirebond/status.hpp"
 #include "wirebond/violation.hpp"
 
@@ -23,51 +25,46 @@ enum class End : std::uint8_t { host, mcu, both };
 
 /// Write `message` as a whole frame to out[0 .. size). Any thread or interrupt; no allocation.
 /// `capacity`: Message::Info::max_frame_bytes is always enough. On any other answer than `ok` size is 0 and what
-/// lies at `out` is no frame.
-template <class Source, class Message>
-WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, std::size_t capacity,
-                                    std::size_t& size) {
+/// lies at `out` is no frame. `header`: nothing, for the defaults of the source's sender; or its Header. A value there
+/// that breaks its field's rule is `out_of_range`, and so are values that no form of the frame can carry.
+template <class Source, class Message, class... Given>
+WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, std::size_t capacity, std::size_t& size,
+                                    const Given&... header) {
   constexpr Source source{};
   size = 0;
-  const std::size_t payload = payload_bytes(message);
-  if (payload > Message::Info::max_payload_bytes) return Status::out_of_range;
-  Status status = Status::out_of_range;
-  detail::with_own_form(source.format(), Message::Info::id, payload, [&](std::size_t form) WIREBOND_INLINE_LAMBDA {
-    if (wire_bytes(source.format(), payload, form) > capacity) {
-      status = Status::too_small;
-    } else if (write_payload(message, out + payload_lead(source, form))) {
-      size = seal(source, out, capacity, Message::Info::id, payload, form);
-      if (size != 0) status = Status::ok;
-    }
-  });
-  return status;
+  if constexpr (detail::is_header<Source, Given...>) {
+    detail::HeaderNumbers<Source> numbers;
+    if (!write_header(header..., numbers.data())) return Status::out_of_range;
+    return encode_frame<Source>(message, out, capacity, size, numbers);
+  } else {
+    const std::size_t payload = payload_bytes(message);
+    if (payload > Message::Info::max_payload_bytes) return Status::out_of_range;
+    Status status = Status::out_of_range;
+    const auto write = [&](std::size_t form) WIREBOND_INLINE_LAMBDA {
+      if (wire_bytes(source.format(), payload, form) > capacity) {
+        status = Status::too_small;
+      } else if (write_payload(message, out + payload_lead(source, form))) {
+        size = seal(source, out, capacity, Message::Info::id, payload, form, header.data()...);
+        if (size != 0) status = Status::ok;
+      }
+    };
+    detail::with_own_form(source.format(), Message::Info::id, payload, write, detail::values_of<Source>(header)...);
+    return status;
+  }
 }
 
 /// Wire bytes that `encode_frame` needs for a message of this payload: exact where nothing is stuffed, else the worst.
-/// 0: no form can carry it, and `encode_frame` refuses it.
-template <class Source, class Message>
-WIREBOND_INLINE std::size_t frame_room(std::size_t payload) {
+/// 0: no form can carry it, and `encode_frame` refuses it. `numbers`: of the header, or nothing.
+template <class Source, class Message, class... Numbers>
+WIREBOND_INLINE std::size_t frame_room(std::size_t payload, const Numbers&... numbers) {
   constexpr Source source{};
   std::size_t room = 0;
-  detail::with_own_form(source.format(), Message::Info::id, payload, [&](std::size_t form) WIREBOND_INLINE_LAMBDA {
-    room = wire_bytes(source.format(), payload, form);
-  });
+  const auto take = [&](std::size_t form) WIREBOND_INLINE_LAMBDA { room = wire_bytes(source.format(), payload, form); };
+  detail::with_own_form(source.format(), Message::Info::id, payload, take, detail::values_of<Source>(numbers)...);
   return room;
 }
 
 namespace detail {
-
-template <class Handler, class Message, class = void>
-struct HasOn : std::false_type {};
-template <class Handler, class Message>
-struct HasOn<Handler, Message, std::void_t<decltype(std::declval<Handler&>().on(std::declval<const Message&>()))>>
-    : std::true_type {};
-
-template <class Handler, class = void>
-struct HasUnknown : std::false_type {};
-template <class Handler>
-struct HasUnknown<Handler, std::void_t<decltype(std::declval<Handler&>().unknown(std::declval<const Frame&>()))>>
-    : std::true_type {};
 
 template <class Message, class = void>
 struct HasClamp : std::false_type {};
@@ -97,11 +94,30 @@ class Room<Message, true> {
   alignas(Message) unsigned char bytes_[sizeof(Message)];
 };
 
+/// The rest of `hand_over` where frames have header fields: the rules of both, then the handler.
+template <class Message, class Header, class Handler>
+WIREBOND_INLINE bool hand_over_both(Message& message, const Header& header, Handler& handler, Violations& counts) {
+  const Violation found = violations(message) | violations(header);
+  if (found != Violation::none) {
+    counts.count(found);
+    if (rejects(found)) return false;
+    if constexpr (HasClamp<Message>::value) clamp(message);
+  }
+  if constexpr (HasOnWithHeader<Handler, Message, Header>::value) {
+    handler.on(static_cast<const Message&>(message), header);
+  } else if constexpr (HasOn<Handler, Message>::value) {
+    handler.on(static_cast<const Message&>(message));
+  }
+  return true;
+}
+
 }  // namespace detail
 
-/// Decode the frame's payload, apply the field rules, and call `handler.on(const Message&)` if it has that.
-/// True when the message passed the rules (clamped or not), whether or not the handler wants it.
-template <class Message, class Handler>
+/// Decode the frame's payload, apply the field rules, and call `handler.on(const Message&)` or, where frames of
+/// `Source` have header fields, `handler.on(const Message&, const Header&)`: whichever it has, and the latter where it
+/// has both. True when message and header passed the rules (clamped or not), whether or not the handler wants the
+/// message.
+template <class Message, class Source = void, class Handler>
 bool hand_over(const Frame& frame, Handler& handler, Violations& counts) {
   constexpr std::size_t least = Message::Info::min_payload_bytes;
   const std::uint8_t* payload = frame.payload;
@@ -121,20 +137,28 @@ bool hand_over(const Frame& frame, Handler& handler, Violations& counts) {
     counts.count(Violation::wrong_count);
     return false;
   }
-  const Violation found = violations(message);
-  if (found != Violation::none) {
-    counts.count(found);
-    if (rejects(found)) return false;
-    if constexpr (detail::HasClamp<Message>::value) clamp(message);
+  static_assert(detail::RightOn<Handler, Message, HeaderOf<Source>>::value);
+  if constexpr (has_header<Source>) {
+    return detail::hand_over_both(message, header_of<Source>(frame), handler, counts);
+  } else {
+    const Violation found = violations(message);
+    if (found != Violation::none) {
+      counts.count(found);
+      if (rejects(found)) return false;
+      if constexpr (detail::HasClamp<Message>::value) clamp(message);
+    }
+    if constexpr (detail::HasOn<Handler, Message>::value) handler.on(static_cast<const Message&>(message));
+    return true;
   }
-  if constexpr (detail::HasOn<Handler, Message>::value) handler.on(static_cast<const Message&>(message));
-  return true;
 }
 
-/// Call `handler.unknown(frame)` if it has that. False: no message passed.
-template <class Handler>
+/// Call `handler.unknown(frame)` or `handler.unknown(frame, header)`, as `hand_over` does. False: no message passed.
+template <class Source = void, class Handler>
 bool hand_over_unknown(const Frame& frame, Handler& handler) {
-  if constexpr (detail::HasUnknown<Handler>::value) {
+  if constexpr (detail::HasUnknownWithHeader<Handler, HeaderOf<Source>>::value) {
+    const HeaderOf<Source> header = header_of<Source>(frame);
+    handler.unknown(frame, header);
+  } else if constexpr (detail::HasUnknown<Handler>::value) {
     handler.unknown(frame);
   } else {
     static_cast<void>(frame);

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/address.hpp"
 #include "wirebond/deadline.hpp"
 #include "wirebond/stream_deframer.hpp"
 #include "wirebond/violation.hpp"
@@ -14,8 +15,12 @@ namespace wirebond {
 /// For one end of one link. `Source` is a generated constant source: the sender that this end listens to.
 /// Time is in microseconds and may wrap. One thread or interrupt at a time; a handler runs inside the call that feeds.
 /// `Account`: ByteAccount, or ByteCounts where memory is dear.
+///
+/// Where frames say whom they are for, it hands out those for this end and broadcasts, as `Listening` says: at first
+/// for the file's default address. What is for others counts in `account()` like any frame, and in `foreign()`; it
+/// reaches no handler and no deadline.
 template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
-class Receiver {
+class Receiver : public Listening<Source> {
  public:
   /// `idle_us`: the silence after which an incomplete frame is given up.
   explicit Receiver(Counter idle_us = Source::idle_us) : deframer_(Source{}, workspace_.data(), idle_us) {}
@@ -89,6 +94,7 @@ class Receiver {
     Handler& handler;
 
     WIREBOND_INLINE void operator()(const Frame& frame) const {
+      if (!receiver.hears(frame)) return;
       static_cast<void>(Source::dispatch(frame, handler, receiver.violations_));
     }
   };
@@ -103,6 +109,7 @@ class Receiver {
     Counter kept_until;  ///< bytes that were there before those that came at `came_us`
 
     WIREBOND_INLINE void operator()(const Frame& frame) const {
+      if (!receiver.hears(frame)) return;
       Counter since_us = came_us;
       if (frame.message >= 0) {
         const auto end = static_cast<Counter>(frame.offset) + static_cast<Counter>(frame.wire_size);

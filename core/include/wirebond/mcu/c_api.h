@@ -78,6 +78,13 @@ typedef struct wirebond_not_acted {
   uint32_t held_back;  ///< a deadline of their message with `recover: explicit` had struck
 } wirebond_not_acted_t;
 
+/// Whom a message is for, where frames have an `address`.
+typedef enum wirebond_addressee {
+  WIREBOND_ADDRESSEE_OWN,     ///< this end alone: it may answer
+  WIREBOND_ADDRESSEE_ALL,     ///< a broadcast: acted on, never answered
+  WIREBOND_ADDRESSEE_ANOTHER  ///< another address: only who listens to all gets it
+} wirebond_addressee_t;
+
 /// A frame of no known message. Pointers are valid during the call that hands it out.
 typedef struct wirebond_frame {
   const uint8_t* wire;  ///< as received, delimiters included
@@ -162,6 +169,7 @@ typedef struct wirebond_link_counters {
   uint32_t nested_polls;       ///< polls that found the UART's interrupt at work, and returned at once
   uint32_t late;       ///< messages as old as their shortest deadline when they were found: no function was called
   uint32_t held_back;  ///< messages held back by a deadline with `recover: explicit`: no function was called
+  uint32_t foreign;    ///< frames for another address: no function was called
 } wirebond_link_counters_t;
 
 /// Where every byte went that was handed out from the receive ring, as wirebond_account_t says it; a link does not

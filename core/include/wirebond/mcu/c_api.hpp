@@ -8,6 +8,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "wirebond/address.hpp"
 #include "wirebond/deadline.hpp"
 #include "wirebond/mcu/c_api.h"
 #include "wirebond/receiver.hpp"
@@ -30,6 +31,9 @@ static_assert(static_cast<int>(Cause::check_mismatch) == WIREBOND_CHECK_MISMATCH
 static_assert(static_cast<int>(Cause::bad_stuffing) == WIREBOND_BAD_STUFFING);
 static_assert(static_cast<int>(Cause::incomplete) == WIREBOND_INCOMPLETE);
 static_assert(cause_count == WIREBOND_CAUSE_COUNT);
+static_assert(static_cast<int>(Addressee::own) == WIREBOND_ADDRESSEE_OWN);
+static_assert(static_cast<int>(Addressee::all) == WIREBOND_ADDRESSEE_ALL);
+static_assert(static_cast<int>(Addressee::another) == WIREBOND_ADDRESSEE_ANOTHER);
 static_assert(static_cast<int>(Violation::not_finite) == WIREBOND_NOT_FINITE);
 static_assert(static_cast<int>(Violation::unknown_enum) == WIREBOND_UNKNOWN_ENUM);
 static_assert(static_cast<int>(Violation::out_of_range) == WIREBOND_VALUE_OUT_OF_RANGE);
@@ -42,12 +46,17 @@ template <class To, class From>
 To same(const From& from) {
   static_assert(sizeof(To) == sizeof(From), "the two languages lay this struct out differently");
   static_assert(std::is_trivially_copyable_v<To> && std::is_trivially_copyable_v<From>);
-  To to;
-  std::memcpy(static_cast<void*>(&to), &from, sizeof to);
-  return to;
+  union Room {  // some structs of C++ have no first values but those that are given
+    Room() {}
+    To to;
+  } room;
+  std::memcpy(static_cast<void*>(&room), &from, sizeof room);
+  return room.to;
 }
 
 inline wirebond_status_t to_c(Status status) { return static_cast<wirebond_status_t>(status); }
+
+inline wirebond_addressee_t to_c(Addressee addressee) { return static_cast<wirebond_addressee_t>(addressee); }
 
 inline wirebond_frame_t to_c(const Frame& frame) {
   return {frame.wire, frame.wire_size, frame.payload, frame.payload_size, frame.id};

@@ -110,7 +110,8 @@ inline wirebond_link_counters_t to_c(const LinkCounters& counts) {
           counts.slow_polls,
           counts.nested_polls,
           counts.late,
-          counts.held_back};
+          counts.held_back,
+          counts.foreign};
 }
 
 inline wirebond_receive_account_t to_c(const ReceiveAccount& account) {

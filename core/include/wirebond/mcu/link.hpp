@@ -41,6 +41,7 @@ struct LinkCounters {
   std::uint32_t nested_polls = 0;       ///< polls that found the UART's interrupt at work, and returned at once
   std::uint32_t late = 0;               ///< messages as old as their shortest deadline at this end when they were found
   std::uint32_t held_back = 0;          ///< messages held back by a deadline with `recover: explicit`
+  std::uint32_t foreign = 0;            ///< frames for another address, which reached nothing here
 };
 
 namespace detail {
@@ -61,6 +62,9 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 /// - `void on(const Message&)`: a message came and passed its field rules
 /// - `void unknown(const Frame&)`: a frame of no known message came
 /// - `bool fill(Message&)`: a message with `every:` is due; false: not this time
+/// - where frames have header fields, these with the header as well: `void on(const Message&, const Header&)`,
+///   `void unknown(const Frame&, const Header&)`, `bool fill(Message&, Header&)`. It finds there what `header()` gives.
+///   A handler that has both for a message gets the call with the header
 /// - `void link_state(LinkState)`: the state has changed
 /// - `auto& parameters()`: its `Parameters`, for the parameter service
 /// - `void parameter_set(index, value)`: a parameter was set; here it is stored
@@ -78,13 +82,16 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 /// was no poll for as long as the line takes to fill the receive ring, whatever is unread is dropped
 /// (`ReceiveAccount::laps_unknown`).
 template <class Protocol, class Handler, class Port, class Memory>
-class Link : private SendPause<Protocol::pause_us> {
+class Link : private SendPause<Protocol::pause_us>,
+             private detail::SenderAddress<typename Protocol::Sends, names_receiver<typename Protocol::Receives>> {
  public:
   /// The silence of the peer after which the link is stale, and reception is begun again: a UART or its DMA may hang.
   static constexpr std::uint32_t timeout_us = 1'000'000;
 
   using Sends = typename Protocol::Sends;
-  using Inlet = Receiver<typename Protocol::Receives, std::uint32_t, ByteCounts<std::uint32_t>>;
+  using Receives = typename Protocol::Receives;
+  using Address = detail::AddressOf<Sends>;  ///< an unsigned integer, where frames have an `address`
+  using Inlet = Receiver<Receives, std::uint32_t, ByteCounts<std::uint32_t>>;
 
   Link(Handler& handler, Port& port, Memory& memory)
       : handler_(handler),
@@ -98,30 +105,53 @@ class Link : private SendPause<Protocol::pause_us> {
 
   // ---- any task, any interrupt
 
-  /// Queue one message. Never blocks; any other answer than `ok` means that nothing was queued.
-  template <class Message>
-  Status send(const Message& message) {
+  /// Queue one message. Never blocks; any other answer than `ok` means that nothing was queued. `given`: nothing, or
+  /// the frame's `Header`, best made by `header()`; a value there that breaks its field's rule is `out_of_range`.
+  template <class Message, class... Given>
+  Status send(const Message& message, const Given&... given) {
     static_assert(Message::Info::sender == Protocol::end || Message::Info::sender == End::both,
                   "this message is sent by the other end");
-    if (state() == LinkState::down) {
-      outbox_.refuse(Refusal::down, account_of<Message>());
-      return Status::link_down;
-    }
-    const std::size_t payload = payload_bytes(message);
-    if (payload > Message::Info::max_payload_bytes) return refuse_range<Message>();
-    const std::size_t room = frame_room<Sends, Message>(payload);
-    if (room == 0) return refuse_range<Message>();
-    auto grant = outbox_.template reserve_for<Message>(room, stamp());
-    if (!grant.ok()) return Status::queue_full;
-    std::size_t size = 0;
-    const Status status = encode_frame<Sends>(message, grant.data(), grant.size(), size);
-    if (status != Status::ok) {
-      grant.give_back(Refusal::range);
+    static_assert(sizeof...(Given) == 0 || has_header<Sends>,
+                  "frames of this protocol have no header field; send the message alone");
+    static_assert(sizeof...(Given) == 0 || detail::is_header<Sends, Given...> || detail::is_numbers<Sends, Given...>,
+                  "beside the message, `send` takes the `Header` of its protocol and nothing else");
+    if constexpr (sizeof...(Given) == 0 && names_sender<Sends>) {
+      return send(message, numbers());
+    } else if constexpr (detail::is_header<Sends, Given...>) {
+      detail::HeaderNumbers<Sends> given_numbers;
+      if (!write_header(given..., given_numbers.data())) return refuse_range<Message>();
+      return send(message, given_numbers);
     } else {
-      grant.commit(size);
+      if (state() == LinkState::down) {
+        outbox_.refuse(Refusal::down, account_of<Message>());
+        return Status::link_down;
+      }
+      const std::size_t payload = payload_bytes(message);
+      if (payload > Message::Info::max_payload_bytes) return refuse_range<Message>();
+      const std::size_t room = frame_room<Sends, Message>(payload, given...);
+      if (room == 0) return refuse_range<Message>();
+      auto grant = outbox_.template reserve_for<Message>(room, stamp());
+      if (!grant.ok()) return Status::queue_full;
+      std::size_t size = 0;
+      const Status status = encode_frame<Sends>(message, grant.data(), grant.size(), size, given...);
+      if (status != Status::ok) {
+        grant.give_back(Refusal::range);
+      } else {
+        grant.commit(size);
+      }
+      if (handshake_.offer()) port_.pend();  // also after a refusal: the room that was given back may be waited for
+      return status;
     }
-    if (handshake_.offer()) port_.pend();  // also after a refusal: the room that was given back may be waited for
-    return status;
+  }
+
+  /// What `send` sends where it is given no header: the file's defaults for this end, and the own address where frames
+  /// say whose they are. Change what you like, and send it.
+  template <class Source = Sends>
+  HeaderOf<Source> header() const {
+    static_assert(has_header<Source>, "frames of this protocol have no header field");
+    HeaderOf<Source> header = Source::header();
+    read_header(numbers().data(), header);
+    return header;
   }
 
   /// Queue one line for the host, by the log service; what is longer than the message's field is cut.
@@ -157,8 +187,22 @@ class Link : private SendPause<Protocol::pause_us> {
     if (state() != LinkState::down) supervise(now_us);
     if constexpr (keeps_pause) pause().poll(now_us);
     strike(now_us, now_us);
-    schedule_.poll(now_us, handler_, [&](const auto& message) { static_cast<void>(send(message)); });
+    schedule_.poll(now_us, handler_, *this);
   }
+
+  /// Where frames have an `address`: from here on act on those for this address and on broadcasts, and send it as the
+  /// own one. Until then it is the file's default. False: the field cannot hold it, nothing has changed. Senders in
+  /// other contexts may still use the old one for what they send now. An address of more than 32 bits: before anybody
+  /// sends.
+  bool set_address(Address address) { return own_address().set_address(address); }
+  Address address() const { return own_address().address(); }  ///< any context
+  /// Act on frames for every address, for a gateway or a monitor. What this end sends keeps its own address, and its
+  /// services answer what is for that one.
+  void listen_to_all() { receiver_.listen_to_all(); }
+
+  /// Of the message or frame that the handler has now: a broadcast is acted on and not answered. Where frames name no
+  /// receiver it is always `own`.
+  Addressee addressee() const { return receiver_.addressee(); }
 
   /// End a deadline with `recover: explicit` that has struck: its message acts again, and all deadlines of the message
   /// begin again. Nothing happens where it has not struck. Also from within a handler.
@@ -175,8 +219,9 @@ class Link : private SendPause<Protocol::pause_us> {
   Peer peer() const { return peer_; }
   /// The context of `poll`.
   LinkCounters counters() const {
-    return {line_errors_, receive_restarts_, transmit_retries_,           transmit_timeouts_,
-            slow_polls_,  nested_polls_,     deadlines_.not_acted().late, deadlines_.not_acted().held_back};
+    return {line_errors_,       receive_restarts_, transmit_retries_,           transmit_timeouts_,
+            slow_polls_,        nested_polls_,     deadlines_.not_acted().late, deadlines_.not_acted().held_back,
+            receiver_.foreign()};
   }
   ReceiveAccount receive_account() const { return ring_.account(); }
   std::size_t unread() const { return ring_.unread(); }
@@ -276,15 +321,61 @@ class Link : private SendPause<Protocol::pause_us> {
   struct Inbox {
     Link& link;
 
-    template <class Message>
-    void on(const Message& message) {
-      detail::serve<Protocol>(message, link.handler_, link.now(), link.peer_,
-                              [this](const auto& answer) { static_cast<void>(link.send(answer)); });
-      if constexpr (detail::HasOn<Handler, Message>::value) link.handler_.on(message);
-      if constexpr (std::is_base_of_v<Subscribed, Handler>) Subscription<Message>::publish(message);
+    template <class Message, class... Header>
+    void on(const Message& message, const Header&... header) {
+      static_assert(detail::RightOn<Handler, Message, HeaderOf<Receives>>::value);
+      if constexpr (names_receiver<Receives>) {
+        const Addressee to = link.receiver_.addressee();
+        if (to != Addressee::another) {
+          detail::serve<Protocol>(message, link.handler_, link.now(), link.peer_, [&](const auto& answer) {
+            if (to == Addressee::own) link.answer(answer, header...);
+          });
+        }
+      } else {
+        detail::serve<Protocol>(message, link.handler_, link.now(), link.peer_,
+                                [&](const auto& answer) { link.answer(answer, header...); });
+      }
+      if constexpr (detail::HasOnWithHeader<Handler, Message, HeaderOf<Receives>>::value) {
+        link.handler_.on(message, header...);
+      } else if constexpr (detail::HasOn<Handler, Message>::value) {
+        link.handler_.on(message);
+      }
+      if constexpr (std::is_base_of_v<Subscribed, Handler>) Subscription<Message>::publish(message, header...);
     }
-    void unknown(const Frame& frame) { hand_over_unknown(frame, link.handler_); }
+    void unknown(const Frame& frame) { hand_over_unknown<Receives>(frame, link.handler_); }
   };
+
+  /// What a service answers goes to whoever asked.
+  template <class Message, class... Header>
+  void answer(const Message& message, [[maybe_unused]] const Header&... header) {
+    if constexpr (names_receiver<Sends> && names_sender<Receives>) {
+      detail::HeaderNumbers<Receives> came = detail::default_numbers<Receives>;
+      static_cast<void>(write_header(header..., came.data()));  // it has kept its fields' rules
+      auto given = numbers();
+      given[Sends::receiver_place] = came[Receives::sender_place];
+      static_cast<void>(send(message, given));
+    } else {
+      static_cast<void>(send(message));
+    }
+  }
+
+  template <class Source = Sends>
+  detail::HeaderNumbers<Source> numbers() const {
+    detail::HeaderNumbers<Source> numbers = detail::default_numbers<Source>;
+    if constexpr (names_sender<Source>) numbers[Source::sender_place] = address();
+    return numbers;
+  }
+
+  // Where frames name their receiver, the receiver keeps the own address; else the link does, if it sends one.
+  using SenderAddress = detail::SenderAddress<Sends, names_receiver<Receives>>;
+  auto& own_address() {
+    if constexpr (names_receiver<Receives>) {
+      return receiver_;
+    } else {
+      return static_cast<SenderAddress&>(*this);
+    }
+  }
+  const auto& own_address() const { return const_cast<Link&>(*this).own_address(); }
 
   template <class Message>
   static constexpr std::uint8_t account_of() {

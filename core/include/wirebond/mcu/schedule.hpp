@@ -8,19 +8,11 @@
 #include <utility>
 
 #include "wirebond/deadline.hpp"
+#include "wirebond/handler.hpp"
+#include "wirebond/header.hpp"
 #include "wirebond/message_list.hpp"
 
 namespace wirebond {
-
-namespace detail {
-
-template <class Handler, class Message, class = void>
-struct HasFill : std::false_type {};
-template <class Handler, class Message>
-struct HasFill<Handler, Message, std::void_t<decltype(std::declval<Handler&>().fill(std::declval<Message&>()))>>
-    : std::true_type {};
-
-}  // namespace detail
 
 template <class List>
 class Schedule;
@@ -33,23 +25,32 @@ class Schedule<MessageList<Messages...>> {
   void start(std::uint32_t now_us) { due_us_.fill(now_us); }
 
   /// For each message that is due and that the handler has `bool fill(Message&)` for: fill it, and hand it to `send`
-  /// unless the answer is false. After a stall the old rhythm goes on, without a burst.
-  template <class Handler, class Send>
-  void poll([[maybe_unused]] std::uint32_t now_us, [[maybe_unused]] Handler& handler, [[maybe_unused]] Send&& send) {
+  /// unless the answer is false. `sender.header()` is what a `bool fill(Message&, Header&)` finds in its header. After
+  /// a stall the old rhythm goes on, without a burst.
+  template <class Handler, class Sender>
+  void poll([[maybe_unused]] std::uint32_t now_us, [[maybe_unused]] Handler& handler, [[maybe_unused]] Sender& sender) {
     [[maybe_unused]] std::size_t place = 0;
-    (offer<Messages>(due_us_[place++], now_us, handler, send), ...);
+    (offer<Messages>(due_us_[place++], now_us, handler, sender), ...);
   }
 
  private:
-  template <class Message, class Handler, class Send>
+  template <class Message, class Handler, class Sender>
   static void offer([[maybe_unused]] std::uint32_t& due_us, [[maybe_unused]] std::uint32_t now_us,
-                    [[maybe_unused]] Handler& handler, [[maybe_unused]] Send& send) {
-    if constexpr (detail::HasFill<Handler, Message>::value) {
+                    [[maybe_unused]] Handler& handler, [[maybe_unused]] Sender& sender) {
+    using Header = HeaderOf<typename Message::Info>;
+    static_assert(detail::RightFill<Handler, Message, Header>::value);
+    constexpr bool with_header = detail::HasFillWithHeader<Handler, Message, Header>::value;
+    if constexpr (with_header || detail::HasFill<Handler, Message>::value) {
       Periodic<> rhythm(Message::Info::every_us, due_us);
       if (!rhythm.due(now_us)) return;
       due_us = rhythm.next_us();
       Message message;
-      if (handler.fill(message)) send(static_cast<const Message&>(message));
+      if constexpr (with_header) {
+        Header header = sender.header();
+        if (handler.fill(message, header)) static_cast<void>(sender.send(message, header));
+      } else {
+        if (handler.fill(message)) static_cast<void>(sender.send(message));
+      }
     }
   }
 

@@ -122,7 +122,7 @@ typename Protocol::Hello::Message hello() {
 }
 
 /// Answer `message` where it is the request of a service. `send` takes the answer; what it does not take is lost and
-/// counted there, as any message is.
+/// counted there, as any message is. To a broadcast it sends nothing.
 template <class Protocol, class Message, class Handler, class Send>
 void serve(const Message& message, [[maybe_unused]] Handler& handler, [[maybe_unused]] std::uint32_t now_us,
            [[maybe_unused]] Peer& peer, [[maybe_unused]] Send&& send) {

@@ -1,6 +1,8 @@
 // Functions that want every message of a kind, from any source file; several for one message. No link, no queue.
 #pragma once
 
+#include "wirebond/header.hpp"
+
 namespace wirebond {
 
 /// A handler derives from it to let subscriptions see its link's messages, after its own `on`.
@@ -10,11 +12,51 @@ struct Subscribed {};
 ///
 ///     static wirebond::Subscription<diffdrive::Velocity> log_velocity([](const diffdrive::Velocity& v) { ... });
 ///
-/// At namespace scope of any source file it is there before `main`. The function runs inside `poll`, for the messages
-/// of every link whose handler is `Subscribed`; in which order several run is not told. It takes two words and no heap.
-/// Make and destroy subscriptions while no link is polled, or in the context that polls.
-template <class Message>
+/// Where frames have header fields, the function may take the message's `Header` as its second parameter. At namespace
+/// scope of any source file the subscription is there before `main`. The function runs inside `poll`, for the messages
+/// of every link whose handler is `Subscribed`; in which order several run is not told. It takes two words, three where
+/// frames have header fields, and no heap. Make and destroy subscriptions while no link is polled, or in the context
+/// that polls.
+template <class Message, class Header = HeaderOf<typename Message::Info>>
 class Subscription {
+ public:
+  using Function = void (*)(const Message&);
+  using FunctionWithHeader = void (*)(const Message&, const Header&);
+
+  explicit Subscription(Function function) : function_(function), next_(first_) { first_ = this; }
+  explicit Subscription(FunctionWithHeader function) : with_header_(function), next_(first_) { first_ = this; }
+  ~Subscription() {
+    Subscription** place = &first_;
+    while (*place != this) place = &(*place)->next_;
+    *place = next_;
+  }
+  Subscription(const Subscription&) = delete;
+  Subscription& operator=(const Subscription&) = delete;
+
+  /// Call each function. One of them may end its own subscription.
+  static void publish(const Message& message, const Header& header) {
+    for (Subscription* subscription = first_; subscription != nullptr;) {
+      Subscription* const next = subscription->next_;
+      if (subscription->function_ != nullptr) {
+        subscription->function_(message);
+      } else {
+        subscription->with_header_(message, header);
+      }
+      subscription = next;
+    }
+  }
+
+ private:
+  static inline Subscription* first_ = nullptr;  // set before any constructor runs, whatever the order of source files
+
+  Function function_ = nullptr;
+  FunctionWithHeader with_header_ = nullptr;  // one of the two
+  Subscription* next_;
+};
+
+/// The same where frames have no header field.
+template <class Message>
+class Subscription<Message, NoHeader> {
  public:
   using Function = void (*)(const Message&);
 

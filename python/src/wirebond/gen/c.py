@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from wirebond.gen.amalgamate import amalgamated
+from wirebond.gen.c_header import c_address_type, handlers_with_header, header_view, names_receiver
 from wirebond.gen.c_link import link_view
 from wirebond.gen.c_names import Names, header_name, link_name
 from wirebond.gen.c_struct import Declarations, Declarer, MessageView
@@ -20,6 +21,7 @@ from wirebond.gen.cpp import (
     stop_functions,
 )
 from wirebond.gen.cpp_field import comment_text
+from wirebond.gen.cpp_header import fields_of
 from wirebond.gen.cpp_number import real
 from wirebond.gen.folder import core_headers, render, write_files
 from wirebond.gen.names import namespace
@@ -64,13 +66,20 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
         for message in protocol.messages
     }
     encoders = {message.name: _encoders(protocol, names, message) for message in protocol.messages}
-    receivers = [_receiver_names(names, end) for end in (End.HOST, End.MCU)]
+    has_header = bool(fields_of(protocol))
+    header_encoders = {
+        message.name: _encoders(protocol, names, message, "with_header") if has_header else []
+        for message in protocol.messages
+    }
+    receivers = [_receiver_names(names, end, listens=names_receiver(protocol, end)) for end in (End.HOST, End.MCU)]
     watches = [_deadlines(protocol, names, end) for end in (End.HOST, End.MCU)]
     actions = list(dict.fromkeys(deadline.then for deadline in protocol.deadlines))
     action_type = names.claim("action", suffix="_t")
     action_constants = [names.constant("action", action) for action in actions]
     stop_names = [names.claim(function) for function in stop_functions(protocol)]
-    views, shared = _messages(protocol, names, facts, functions, encoders)
+    declarer = Declarer(names, namespace(protocol.name))
+    views, shared = _messages(protocol, declarer, facts, functions, encoders, header_encoders)
+    header = header_view(protocol, names, declarer)
     values: dict[str, object] = {
         "file": comment_text(Path(protocol.path).name or protocol.name),
         "description": comment_text(protocol.description),
@@ -87,6 +96,12 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
         "idle_us": round(protocol.idle_seconds * 1e6),
         "pause_us": round(protocol.pause_seconds * 1e6),
         "types": shared,
+        "header": header,
+        "address_type": c_address_type(protocol),
+        "with_header": {
+            prefix: handlers_with_header(prefix, [message.name for message in protocol.messages]) if header else {}
+            for prefix in ("on", "fill")
+        },
         "messages": views,
         "receivers": [
             _receiver_view(protocol, names_of, end, views, watches)
@@ -131,26 +146,27 @@ def _id(protocol: Protocol, message: Message) -> tuple[str, str]:
     return no_id_literal(protocol), "none: its frames carry no id"
 
 
-def _encoders(protocol: Protocol, names: Names, message: Message) -> list[tuple[str, str]]:
-    """One function; two for a message of both ends whose frames differ, since only the caller knows who sends it."""
+def _encoders(protocol: Protocol, names: Names, message: Message, *more: str) -> list[tuple[str, str]]:
+    """One function; two for a message of both ends whose frames differ, since only the caller knows who sends it.
+    ``more``: words behind its name."""
     if message.sender != End.BOTH or not frames_differ(protocol):
-        return [(names.claim("encode", message.name), "")]
+        return [(names.claim("encode", message.name, *more), "")]
     return [
-        (names.claim("encode", message.name, f"from_{end}"), f"<{namespace(protocol.name)}::{source}>")
+        (names.claim("encode", message.name, f"from_{end}", *more), f"<{namespace(protocol.name)}::{source}>")
         for end, source in ((End.HOST, "FromHost"), (End.MCU, "FromMcu"))
     ]
 
 
 def _messages(
     protocol: Protocol,
-    names: Names,
+    declarer: Declarer,
     facts: dict[str, list[tuple[str, str, str]]],
     functions: dict[str, dict[str, str]],
     encoders: dict[str, list[tuple[str, str]]],
+    header_encoders: dict[str, list[tuple[str, str]]],
 ) -> tuple[list[MessageView], Declarations]:
     """The messages, and what the file's types declare."""
     types, structs = shapes(protocol)
-    declarer = Declarer(names, namespace(protocol.name))
     declarer.named(types)
     shared = declarer.take()
     views = []
@@ -167,6 +183,7 @@ def _messages(
                 cpp=f"{namespace(protocol.name)}::{shape.path}",
                 functions=functions[message.name],
                 encoders=encoders[message.name],
+                header_encoders=header_encoders[message.name],
                 index=index,
                 sender=message.sender,
                 reply=message.reply,
@@ -227,11 +244,17 @@ class ReceiverView:
     messages: tuple[MessageView, ...]
     requests: tuple[MessageView, ...]  # whose replies nothing but they tell apart
     watch: DeadlinesView | None
+    listens: bool  # do frames say for whom they are?
 
 
-def _receiver_names(names: Names, end: End) -> tuple[str, str, str]:
+_RECEIVER_FUNCTIONS = ("init", "feed", "idle", "expect", "watch", "account", "violations")
+_ADDRESS_FUNCTIONS = ("set_address", "address", "listen_to_all", "addressee", "foreign")
+_ADDRESS_BYTES = 24  # that a receiver takes more where frames say for whom they are
+
+
+def _receiver_names(names: Names, end: End, *, listens: bool) -> tuple[str, str, str]:
     prefix = names.claim("from", end.value)
-    for verb in ("init", "feed", "idle", "expect", "watch", "account", "violations"):
+    for verb in (*_RECEIVER_FUNCTIONS, *(_ADDRESS_FUNCTIONS if listens else ())):
         names.claim("from", end.value, verb)
     return (
         names.claim("from", end.value, suffix="_t"),
@@ -250,6 +273,7 @@ def _receiver_view(
     """Of what ``end`` sends; the other end watches its deadlines meanwhile."""
     type_name, handlers_type, prefix = names_of
     largest = protocol.max_wire_bytes()
+    listens = names_receiver(protocol, end)
     told_by_request = {
         protocol.messages[row.index].name for row in plan_for(protocol, end).messages if row.only_expected
     }
@@ -260,8 +284,11 @@ def _receiver_view(
         type_name=type_name,
         handlers_type=handlers_type,
         prefix=prefix,
-        workspace=2 * largest + (0 if protocol.format.stuffing == Stuffing.NONE else largest),
+        workspace=2 * largest
+        + (0 if protocol.format.stuffing == Stuffing.NONE else largest)
+        + (_ADDRESS_BYTES if listens else 0),
         messages=tuple(view for view in views if view.sender in (end, End.BOTH)),
         requests=tuple(view for view in views if view.reply in told_by_request),
         watch=next((w for w in watches if w is not None and w.end != end), None),
+        listens=listens,
     )

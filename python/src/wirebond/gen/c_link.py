@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from wirebond.gen.c_header import handlers_with_header, names_receiver
 from wirebond.gen.c_names import Names
 from wirebond.gen.c_struct import MessageView
+from wirebond.gen.cpp_header import address_type, fields_of
 from wirebond.protocol.model import End, Protocol
 from wirebond.protocol.names import code_name
 
@@ -14,6 +16,7 @@ _FUNCTIONS = (
     "open", "poll", "log", "recover", "struck", "on_received", "on_transmitted", "on_error", "on_pended", "state",
     "peer", "counters", "send_account", "receive_account", "account", "violations",
 )  # fmt: skip
+_ADDRESS_FUNCTIONS = ("set_address", "address", "listen_to_all", "addressee")
 
 
 @dataclass(frozen=True)
@@ -27,9 +30,11 @@ class LinkView:
     received: tuple[MessageView, ...]
     scheduled: tuple[MessageView, ...]
     sent: tuple[tuple[MessageView, str], ...]  # with its function
+    sent_with_header: tuple[tuple[MessageView, str], ...]  # the same; empty where frames have no header field
     max_sent: int  # bytes of the largest frame on the wire
     actions: tuple[tuple[str, str], ...]  # with its handler
     services: frozenset[str]
+    listens: bool  # do received frames say for whom they are?
 
 
 def link_view(protocol: Protocol, names: Names, messages: list[MessageView]) -> LinkView:
@@ -39,12 +44,14 @@ def link_view(protocol: Protocol, names: Names, messages: list[MessageView]) -> 
     sent = [view for view in messages if view.sender in (End.MCU, End.BOTH)]
     received = tuple(view for view in messages if view.sender in (End.HOST, End.BOTH))
     max_sent = max((protocol.max_wire_bytes(message.max_payload) for message in mine), default=1)
+    has_header = bool(fields_of(protocol))
+    more = (*(("header",) if has_header else ()), *(_ADDRESS_FUNCTIONS if address_type(protocol) else ()))
     bytes_per_second = protocol.link.baud / protocol.link.bits_per_byte
     return LinkView(
         type_name=names.claim("link", suffix="_t"),
         handlers_type=names.claim("link", "handlers", suffix="_t"),
         guard=f"WIREBOND_GENERATED_{protocol.name.upper()}_LINK_H",
-        functions={verb: names.claim("link", verb) for verb in _FUNCTIONS},
+        functions={verb: names.claim("link", verb) for verb in (*_FUNCTIONS, *more)},
         macros={
             word: names.constant("link", word)
             for word in ("count", "receive_bytes", "send_bytes", "send_frames", "dma_memory")
@@ -56,9 +63,17 @@ def link_view(protocol: Protocol, names: Names, messages: list[MessageView]) -> 
         received=received,
         scheduled=tuple(view for view in sent if view.name in scheduled),
         sent=tuple((view, names.claim("send", view.name)) for view in sent),
+        sent_with_header=tuple(
+            (view, names.claim("send", view.name, "with_header")) for view in (sent if has_header else [])
+        ),
         max_sent=max_sent,
-        actions=_actions(protocol, {f"on_{code_name(view.name)}" for view in received}),
+        actions=_actions(
+            protocol,
+            {f"on_{code_name(view.name)}" for view in received}
+            | ({*handlers_with_header("on", [m.name for m in protocol.messages]).values()} if has_header else set()),
+        ),
         services=frozenset(service.name for service in protocol.services),
+        listens=names_receiver(protocol, End.HOST),
     )
 
 

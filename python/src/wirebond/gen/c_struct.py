@@ -66,6 +66,7 @@ class MessageView:
     cpp: str
     functions: dict[str, str]
     encoders: list[tuple[str, str]]  # function, template argument of the C++ one
+    header_encoders: list[tuple[str, str]]  # the same with a header; none where frames have no header field
     index: int
     sender: End
     reply: str | None

@@ -9,6 +9,7 @@ from pathlib import Path
 from wirebond.gen import names
 from wirebond.gen.amalgamate import amalgamated
 from wirebond.gen.cpp_field import comment_text, hex_literal
+from wirebond.gen.cpp_header import AddressView, address_view, ends_differ, generated_types, header_view
 from wirebond.gen.cpp_number import real
 from wirebond.gen.cpp_struct import (
     Reader,
@@ -66,6 +67,8 @@ def cpp_header(protocol: Protocol) -> str:
         idle_us=round(protocol.idle_seconds * 1e6),
         pause_us=round(protocol.pause_seconds * 1e6),
         max_age_ms=round((protocol.link.max_age or 0) * 1e3),
+        header=header_view(protocol),
+        header_by_end=ends_differ(protocol),
         types=_type_views(protocol),
         messages=_message_views(protocol),
         formats=[(end.value, format_lines(plan)) for end, plan in plans.items()],
@@ -134,7 +137,7 @@ class MessageView:
 
 def shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
     """The structs of the file's types and those of the messages, each by the file's name."""
-    scope = names.Scope(names.GENERATED_TYPES)
+    scope = names.Scope(generated_types(protocol))
     named = named_shapes(protocol, scope)
     structs = {m.name: scope.claim(names.type_name(m.name), "Message") for m in protocol.messages}
     return named, {m.name: shape_of(structs[m.name], m.fields, named) for m in protocol.messages}
@@ -383,6 +386,7 @@ class SourceView:
     rules: tuple[RulesView, ...]
     structs: tuple[str, ...]
     latest: tuple[str, ...]  # of these, those of `queue: latest`
+    address: AddressView | None
 
 
 def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
@@ -403,6 +407,7 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         rules=_rules_views(protocol, plan),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
         latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
+        address=address_view(protocol, end),
     )
 
 

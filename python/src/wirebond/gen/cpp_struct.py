@@ -524,9 +524,9 @@ class Reader:
 # ---- field rules ------------------------------------------------------------------------------------------------
 
 
-def validate_lines(shape: Shape) -> list[str]:
-    """The body of violations, between the declaration of ``found`` and its return."""
-    return _rule_lines(shape, _Here(), clamps=False)
+def validate_lines(shape: Shape, value: str = "message") -> list[str]:
+    """The body of violations, between the declaration of ``found`` and its return. ``value``: its argument."""
+    return _rule_lines(shape, _Here(value), clamps=False)
 
 
 def clamp_lines(shape: Shape) -> list[str]:

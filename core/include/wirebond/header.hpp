@@ -1,0 +1,127 @@
+// Header fields as a struct: between the struct of a generated namespace and the numbers of a frame. No message.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "wirebond/examine.hpp"
+#include "wirebond/format.hpp"
+
+namespace wirebond {
+
+/// Stands for the header of frames that have no header field.
+struct NoHeader {};
+
+namespace detail {
+
+template <class Source, class = void>
+struct HeaderType {
+  using type = NoHeader;
+};
+template <class Source>
+struct HeaderType<Source, std::void_t<typename Source::Header>> {
+  using type = typename Source::Header;
+};
+
+}  // namespace detail
+
+/// The struct that a source's frames have their header fields in. A generated source has it as `Header`, and
+/// `static constexpr Header header()`: the values that its sender sends unless it is given others. The struct's
+/// namespace supplies
+///
+///   bool write_header(const Header&, std::uint64_t* numbers);   // false: a value is out of range, or has no name
+///   void read_header(const std::uint64_t* numbers, Header&);
+///   Violation violations(const Header&);
+///
+/// over the wire's numbers, in the order of `HeaderField::place`.
+template <class Source>
+using HeaderOf = typename detail::HeaderType<Source>::type;
+template <class Source>
+inline constexpr bool has_header = !std::is_same_v<HeaderOf<Source>, NoHeader>;
+
+namespace detail {
+
+/// How many header fields the source's frames have, in all forms together.
+template <class Source>
+constexpr std::size_t count_header_fields() {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < Source{}.format().form_count; ++i) {
+    const Form& form = Source{}.format().forms[i];
+    for (std::size_t f = 0; f < form.header_count; ++f) {
+      if (form.header[f].place >= count) count = form.header[f].place + std::size_t{1};
+    }
+  }
+  return count;
+}
+template <class Source>
+using HeaderNumbers = std::array<std::uint64_t, count_header_fields<Source>()>;
+
+template <class Source>
+constexpr HeaderNumbers<Source> make_default_numbers() {
+  HeaderNumbers<Source> numbers{};
+  for (std::size_t i = 0; i < Source{}.format().form_count; ++i) {
+    const Form& form = Source{}.format().forms[i];
+    for (std::size_t f = 0; f < form.header_count; ++f) numbers[form.header[f].place] = form.header[f].default_value;
+  }
+  return numbers;
+}
+/// What the source's sender sends unless it is given other values.
+template <class Source>
+inline constexpr HeaderNumbers<Source> default_numbers = make_default_numbers<Source>();
+
+/// fn(field) for each header field of the frame's form.
+template <class Source, class Fn>
+WIREBOND_INLINE void each_header_field(const Frame& frame, Fn&& fn) {
+  constexpr Source source{};
+  every<true, max_forms>(0, source.format().form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    if (frame.form != i) return true;
+    const Form& form = source.format().forms[i];
+    every<true, part_counts<Source>.header_fields>(0, form.header_count, [&](std::size_t f) WIREBOND_INLINE_LAMBDA {
+      fn(form.header[f]);
+      return true;
+    });
+    return false;
+  });
+}
+
+/// A sender's header values, of which those that differ from the defaults are asked for.
+template <class Source>
+WIREBOND_INLINE HeaderValues values_of(const HeaderNumbers<Source>& numbers) {
+  std::uint32_t given = 0;
+  every<true, max_header_fields>(0, numbers.size(), [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    if (numbers[i] != default_numbers<Source>[i]) given |= std::uint32_t{1} << i;
+    return true;
+  });
+  return {numbers.data(), given};
+}
+
+/// Is what a sender is given beside its message the source's Header? Nothing is none, and wire numbers are none.
+template <class Source, class... Given>
+inline constexpr bool is_header = false;
+template <class Source, class Given>
+inline constexpr bool is_header<Source, Given> = has_header<Source>&& std::is_same_v<Given, HeaderOf<Source>>;
+/// Or are they these numbers already, by place?
+template <class Source, class... Given>
+inline constexpr bool is_numbers = false;
+template <class Source, class Given>
+inline constexpr bool is_numbers<Source, Given> = std::is_same_v<Given, HeaderNumbers<Source>>;
+
+}  // namespace detail
+
+/// The header of a frame that came from `Source`. A field that the frame's form lacks has its default. The frame's
+/// pointers must still be valid: call it where the frame was handed out.
+template <class Source>
+WIREBOND_INLINE HeaderOf<Source> header_of(const Frame& frame) {
+  static_assert(has_header<Source>, "frames of this protocol have no header field");
+  auto numbers = detail::default_numbers<Source>;
+  detail::each_header_field<Source>(frame, [&](const HeaderField& field) WIREBOND_INLINE_LAMBDA {
+    numbers[field.place] = detail::read_wide(field.number, frame.bytes, frame.size);
+  });
+  HeaderOf<Source> header = Source::header();
+  read_header(numbers.data(), header);
+  return header;
+}
+
+}  // namespace wirebond

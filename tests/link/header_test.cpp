@@ -1,0 +1,313 @@
+// A link whose frames have header fields: what it sends, what its handler gets, and which address it listens to.
+#include "wirebond/header.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "headers_link.hpp"
+#include "scripted_port.hpp"
+
+using headers::Header;
+using wirebond::Status;
+
+namespace {
+
+struct Servo : wirebond::Subscribed {
+  void on(const headers::Move& move, const Header& header) { moves.emplace_back(move.angle, header); }
+  void on(const headers::Ask&) { ++asks; }
+  void on(const headers::Note&) { without += 1; }  // the other one is called
+  void on(const headers::Note&, const Header&) { with += 1; }
+  void unknown(const wirebond::Frame&, const Header& header) { strangers.push_back(header.servo); }
+  bool fill(headers::Beat& beat, Header& header) {
+    beat.count = 9;
+    header.hops = hops;
+    return has_beat;
+  }
+  void rest() { ++rests; }
+  void link_state(wirebond::LinkState now) { state = now; }
+
+  std::vector<std::pair<float, Header>> moves;
+  std::vector<unsigned> strangers;
+  wirebond::LinkState state = wirebond::LinkState::down;
+  int asks = 0, without = 0, with = 0, rests = 0;
+  std::uint8_t hops = 4;
+  bool has_beat = false;
+};
+
+/// What the host's end decodes, whoever it is from.
+struct Host {
+  void on(const headers::Answer& answer, const Header& header) { answers.emplace_back(answer.angle, header); }
+  void on(const headers::Beat& beat, const Header& header) { beats.emplace_back(beat.count, header); }
+  void on(const headers::Pong& pong, const Header& header) { pongs.emplace_back(pong.number, header.servo); }
+
+  std::vector<std::pair<float, Header>> answers;
+  std::vector<std::pair<unsigned, Header>> beats;
+  std::vector<std::pair<std::uint32_t, unsigned>> pongs;
+};
+
+struct Bench {
+  Bench() { poll(); }
+
+  void poll(std::uint32_t after_us = ms) {
+    now_us += after_us;
+    link.poll(now_us);
+    if (std::exchange(port.pended, false)) link.on_pended();
+    while (!port.run.empty()) {
+      const Bytes run = std::exchange(port.run, {});
+      receiver.feed(run.data(), run.size(), now_us, host);
+      link.on_transmitted();
+    }
+  }
+
+  template <class Message>
+  void arrive(const Message& message, const Header& header) {
+    Bytes frame(Message::Info::max_frame_bytes);
+    std::size_t size = 0;
+    REQUIRE(wirebond::encode_frame<headers::FromHost>(message, frame.data(), frame.size(), size, header) == Status::ok);
+    frame.resize(size);
+    port.arrive(frame);
+    link.on_received();
+    poll();
+  }
+  template <class Message>
+  void arrive(const Message& message, std::uint8_t address) {
+    Header header(wirebond::End::host);
+    header.servo = address;
+    arrive(message, header);
+  }
+
+  std::uint32_t now_us = 0;
+  ScriptedPort port;
+  Servo servo;
+  headers::McuBuffers<256, 256> buffers;
+  headers::McuLink<Servo, ScriptedPort, decltype(buffers)> link{servo, port, buffers};
+  Host host;
+  headers::Receiver<headers::FromMcu> receiver;
+};
+
+const headers::Move half{0.5F};
+
+std::vector<unsigned> heard;  // by the subscription
+wirebond::Subscription<headers::Move> with_header([](const headers::Move&, const Header& header) {
+  heard.push_back(header.servo);
+});
+int moved = 0;
+wirebond::Subscription<headers::Move> without_header([](const headers::Move&) { ++moved; });
+
+}  // namespace
+
+// ---- values ------------------------------------------------------------------------------------------------------
+
+TEST_CASE("a message without a header carries the defaults of its end, one with a header its values") {
+  Bench bench;
+  CHECK(bench.link.send(headers::Answer{0.25F}) == Status::ok);
+  Header header = bench.link.header();
+  header.temperature = 36.6F;
+  header.state = Header::State::voltage | Header::State::angle;
+  header.kind = Header::Kind::read;
+  header.turn = -7;
+  CHECK(bench.link.send(headers::Answer{0.5F}, header) == Status::ok);
+  bench.poll();
+  REQUIRE(bench.host.answers.size() == 2);
+  const Header& first = bench.host.answers[0].second;
+  CHECK(first.servo == 1);
+  CHECK(first.system == 1);  // the MCU's default: the host's is 255
+  CHECK(first.kind == Header::Kind::ping);
+  CHECK(first.temperature == 0.0F);
+  const Header& second = bench.host.answers[1].second;
+  CHECK(bench.host.answers[1].first == 0.5F);
+  CHECK(second.temperature == 36.6F);
+  CHECK(second.state == 3);
+  CHECK(second.kind == Header::Kind::read);
+  CHECK(second.turn == -7);
+}
+
+TEST_CASE("the header's values choose the form, and a value that no form has is refused") {
+  Bench bench;
+  Header header = bench.link.header();
+  header.stamp = 0x1122334455667788;
+  CHECK(bench.link.send(headers::Answer{}, header) == Status::out_of_range);  // `state` does not ask for it
+  header.state = Header::State::stamped;
+  CHECK(bench.link.send(headers::Answer{}, header) == Status::ok);
+  bench.poll();
+  REQUIRE(bench.host.answers.size() == 1);
+  CHECK(bench.host.answers[0].second.stamp == 0x1122334455667788);
+}
+
+TEST_CASE("a header value that breaks its field's rule is refused and counted") {
+  Bench bench;
+  const auto refused = [&](auto change) {
+    Header header = bench.link.header();
+    change(header);
+    return bench.link.send(headers::Answer{}, header) == Status::out_of_range;
+  };
+  CHECK(refused([](Header& h) { h.temperature = 120.2F; }));
+  CHECK(refused([](Header& h) { h.hops = 21; }));
+  CHECK(refused([](Header& h) { h.kind = static_cast<Header::Kind>(3); }));
+  const wirebond::SendAccount account = bench.link.send_account();
+  CHECK(account.refused(wirebond::Refusal::range) == 3);
+  CHECK(account.balances());
+  bench.poll();
+  CHECK(bench.host.answers.empty());
+}
+
+TEST_CASE("a received header that breaks a rule keeps its message from the handler") {
+  Bench bench;
+  Bytes frame(headers::Ask::Info::max_frame_bytes);
+  std::size_t size = 0;
+  REQUIRE(encode(headers::Ask{}, frame.data(), frame.size(), size) == Status::ok);
+  constexpr std::size_t kind = 7;  // in the bits behind `system`
+  REQUIRE(frame[kind] == 1);
+  frame[kind] = 5;  // no name
+  const std::uint64_t check = wirebond::check_end(
+      headers::FromHost{}.format().algorithms[0],
+      headers::FromHost{}.check_update(0, wirebond::check_begin(headers::FromHost{}.format().algorithms[0]),
+                                       frame.data(), size - 2));
+  wirebond::store(frame.data() + size - 2, static_cast<std::uint16_t>(check));
+  bench.port.arrive(Bytes(frame.begin(), frame.begin() + static_cast<std::ptrdiff_t>(size)));
+  bench.link.on_received();
+  bench.poll();
+  CHECK(bench.servo.asks == 0);
+  CHECK(bench.link.receiver().violations().unknown_enum == 1);
+  CHECK(bench.link.receiver().violations().rejected == 1);
+  CHECK(bench.link.receiver().account().frames == 1);
+}
+
+// ---- handlers ----------------------------------------------------------------------------------------------------
+
+TEST_CASE("a handler gets the header where it takes one, and of two functions that one is called") {
+  Bench bench;
+  Header header(wirebond::End::host);
+  header.hops = 20;
+  bench.arrive(half, header);
+  bench.arrive(headers::Ask{}, header);
+  bench.arrive(headers::Note{}, header);
+  REQUIRE(bench.servo.moves.size() == 1);
+  CHECK(bench.servo.moves[0].first == 0.5F);
+  CHECK(bench.servo.moves[0].second.hops == 20);
+  CHECK(bench.servo.moves[0].second.system == 255);
+  CHECK(bench.servo.asks == 1);
+  CHECK(bench.servo.with == 1);
+  CHECK(bench.servo.without == 0);
+}
+
+TEST_CASE("subscriptions may take the header, each as it likes") {
+  heard.clear();
+  moved = 0;
+  Bench bench;
+  bench.arrive(half, 1);
+  bench.arrive(half, 9);  // for another
+  CHECK(heard == std::vector<unsigned>{1});
+  CHECK(moved == 1);
+}
+
+TEST_CASE("what fills a scheduled message finds the link's header, and its changes are sent") {
+  Bench bench;
+  REQUIRE(bench.link.set_address(6));
+  bench.servo.has_beat = true;
+  for (int i = 0; i < 100; ++i) bench.poll();
+  REQUIRE(bench.host.beats.size() == 1);
+  CHECK(bench.host.beats[0].first == 9);
+  CHECK(bench.host.beats[0].second.servo == 6);
+  CHECK(bench.host.beats[0].second.hops == 4);
+}
+
+// ---- addresses ---------------------------------------------------------------------------------------------------
+
+TEST_CASE("a link acts on its own address and on broadcasts; others are foreign, and the line is not silent") {
+  Bench bench;
+  CHECK(bench.link.address() == 1);  // what the host sends by default
+  for (const std::uint8_t address : Bytes{1, 2, 0xFE, 3, 0xFF}) bench.arrive(half, address);
+  std::vector<unsigned> got;
+  for (const auto& [angle, header] : bench.servo.moves) got.push_back(header.servo);
+  CHECK(got == std::vector<unsigned>{1, 0xFE, 0xFF});
+  CHECK(bench.link.counters().foreign == 2);
+  CHECK(bench.link.receiver().account().frames == 5);
+  CHECK(bench.link.receiver().bytes() == bench.link.receiver().account().frame_bytes);
+}
+
+TEST_CASE("frames for others keep the link up, and put off no deadline") {
+  Bench bench;
+  bench.arrive(half, 1);
+  for (int i = 0; i < 2000; ++i) bench.arrive(half, 2);
+  CHECK(bench.servo.state == wirebond::LinkState::up);
+  CHECK(bench.servo.rests == 1);
+  CHECK(bench.link.counters().foreign == 2000);
+}
+
+TEST_CASE("an address can be set, and what the link sends carries it") {
+  Bench bench;
+  REQUIRE(bench.link.set_address(7));
+  bench.arrive(half, 1);
+  bench.arrive(half, 7);
+  REQUIRE(bench.servo.moves.size() == 1);
+  CHECK(bench.servo.moves[0].second.servo == 7);
+  CHECK(bench.link.send(headers::Answer{}) == Status::ok);
+  bench.poll();
+  REQUIRE(bench.host.answers.size() == 1);
+  CHECK(bench.host.answers[0].second.servo == 7);
+  CHECK(bench.host.answers[0].second.system == 1);
+}
+
+TEST_CASE("services answer what is for the own address, and nothing else") {
+  Bench bench;
+  REQUIRE(bench.link.set_address(7));
+  bench.arrive(headers::Ping{11}, 7);
+  bench.arrive(headers::Ping{12}, 0xFE);
+  bench.arrive(headers::Ping{13}, 8);
+  bench.link.listen_to_all();
+  bench.arrive(headers::Ping{14}, 8);
+  bench.arrive(headers::Ping{15}, 7);
+  bench.poll();
+  CHECK(bench.host.pongs == std::vector<std::pair<std::uint32_t, unsigned>>{{11, 7}, {15, 7}});
+}
+
+TEST_CASE("a link that listens to all hands out every frame, also of unknown messages") {
+  Bench bench;
+  const headers::FromHost source;
+  const auto stranger = [&](std::uint64_t servo) {
+    const std::uint64_t numbers[] = {servo, 0, 0, 255, 1, 0, 0, 0, 0};
+    Bytes frame(wirebond::wire_bytes(source.format(), 0));
+    frame.resize(wirebond::seal(source, frame.data(), frame.size(), 0x55, 0, 0, numbers));
+    bench.port.arrive(frame);
+    bench.link.on_received();
+    bench.poll();
+  };
+  stranger(2);
+  stranger(1);
+  bench.link.listen_to_all();
+  stranger(3);
+  bench.arrive(half, 4);
+  CHECK(bench.servo.strangers == std::vector<unsigned>{1, 3});
+  CHECK(bench.servo.moves.size() == 1);
+  CHECK(bench.link.counters().foreign == 1);
+  CHECK(bench.link.send(headers::Answer{}) == Status::ok);
+  bench.poll();
+  CHECK(bench.host.answers[0].second.servo == 1);
+}
+
+TEST_CASE("a receiver without a link listens to an address in the same way") {
+  headers::Receiver<headers::FromHost> receiver;
+  Servo servo;
+  const auto feed = [&](std::uint8_t address) {
+    Header header(wirebond::End::host);
+    header.servo = address;
+    Bytes frame(headers::Move::Info::max_frame_bytes);
+    std::size_t size = 0;
+    REQUIRE(encode(half, header, frame.data(), frame.size(), size) == Status::ok);
+    receiver.feed(frame.data(), size, 0, servo);
+  };
+  feed(1);
+  feed(2);
+  CHECK(servo.moves.size() == 1);
+  REQUIRE(receiver.set_address(2));
+  feed(1);
+  feed(2);
+  CHECK(servo.moves.size() == 2);
+  CHECK(receiver.foreign() == 2);
+  CHECK(receiver.account().frames == 4);
+}
