@@ -105,8 +105,10 @@ nb::object Message::field(nb::str name) {
 }
 
 nb::list Message::violations() const {
-  if (table() != nullptr) return find_violations(*table(), payload_bytes(), event_.payload_size);
-  return nb::list();
+  if (table() == nullptr) return nb::list();
+  nb::list found = find_violations(*table(), payload_bytes(), event_.payload_size);
+  add_header_violations(*batch_->format, event_.form, batch_->headers.data() + event_.header_at, found);
+  return found;
 }
 
 nb::dict Message::header() const {

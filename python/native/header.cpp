@@ -83,6 +83,15 @@ nb::dict header_dict(const FormatTable& format, std::size_t form, const std::uin
   return out;
 }
 
+void add_header_violations(const FormatTable& format, std::size_t form, const std::uint64_t* bits, nb::list& out) {
+  const Form& shape = format.format().forms[form];
+  for (std::size_t i = 0; i < shape.header_count; ++i) {
+    const FieldTable& field = format.header()[shape.header[i].place];
+    const std::string fault = fault_of(field, bits[i]);
+    if (!fault.empty()) out.append(nb::str(("header." + field.name + fault).c_str()));
+  }
+}
+
 GivenHeader encode_header(const FormatTable& format, nb::dict header) {
   GivenHeader out;
   for (std::size_t i = 0; i < format.format().form_count; ++i) {

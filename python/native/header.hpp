@@ -24,6 +24,9 @@ struct GivenHeader {
 /// of the form. Needs the GIL.
 nb::dict header_dict(const FormatTable& format, std::size_t form, const std::uint64_t* bits);
 
+/// Add a sentence to `out` for each of these values that breaks a rule of its field. Needs the GIL.
+void add_header_violations(const FormatTable& format, std::size_t form, const std::uint64_t* bits, nb::list& out);
+
 /// Values by name to bits; the sender's defaults for all others. Throws MessageError for an unknown name, and for a
 /// value that its field does not allow. Needs the GIL.
 GivenHeader encode_header(const FormatTable& format, nb::dict header);
