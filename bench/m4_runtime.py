@@ -55,7 +55,7 @@ LARGE = Sizes(512, 16384, 512)  # so that every message of a count finds room
 
 
 def measure() -> list[Figure]:
-    return [*_instructions(), *measure_memory(), *measure_debug_builds(), *_masked()]
+    return [*_instructions(), *measure_memory(), *measure_servo(), *measure_debug_builds(), *_masked()]
 
 
 def _figure(key: str, value: float, unit: str, goal: float | None = None) -> Figure:
@@ -164,6 +164,34 @@ def measure_memory(protocols: Sequence[str] = PROTOCOLS) -> list[Figure]:
                 _figure(f"m4_ram_bytes_{name}", ram, "bytes"),
             ]
     return figures
+
+
+def measure_servo() -> list[Figure]:
+    """Of firmware/servo, whose frames have an address. AssertionError where it answers a request for another servo, or
+    not the one for its own number, 3."""
+    folder = BUILD / "servo"
+    shutil.rmtree(folder, ignore_errors=True)
+    generate_cpp(_model("servo_bus"), folder)
+    includes = [folder, ROOT / "firmware" / "servo"]
+    more = ["-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections"]
+    program = Program(compile_program(FOLDER / "servo.cpp", "-Os", includes, keep=LINK, more=more))
+    codec = wirebond.load(ROOT / "protocols" / "servo_bus.yaml")
+    program.call("poll")
+    came, answers = b"", []
+    for number in (2, 3, 0xFE):  # another one, its own, all of them
+        came += codec.encode("read", header={"servo": number})
+        program.write("buffers", came)
+        program.write("received_bytes", struct.pack("<I", len(came)))
+        program.call("on_received")
+        program.call("poll")
+        program.call("on_pended")
+        program.call("on_transmitted")
+        answers.append(struct.unpack("<I", program.read("runs", 4))[0])
+    assert answers == [0, 1, 1], f"after each request it had answered {answers} times"
+    return [
+        _figure("m4_servo_flash_bytes", float(program.flash_bytes), "bytes"),
+        _figure("m4_servo_ram_bytes", float(program.sizes["firmware"]), "bytes"),
+    ]
 
 
 def measure_debug_builds() -> list[Figure]:

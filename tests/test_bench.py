@@ -57,6 +57,13 @@ def test_a_link_on_a_cortex_m4_takes_little_memory_and_its_stack_has_a_bound() -
         assert figure.met, f"{figure.key}: {figure.value:.0f} {figure.unit}"
 
 
+def test_a_servo_on_a_cortex_m4_answers_what_is_for_it_alone_and_takes_little_memory() -> None:
+    """`measure_servo` fails where it answers another's request or a broadcast, or not its own."""
+    found = {figure.key: figure.value for figure in m4_runtime.measure_servo()}
+    assert found["m4_servo_flash_bytes"] < 8 * 1024
+    assert found["m4_servo_ram_bytes"] < 512
+
+
 def test_a_debug_build_on_a_cortex_m4_fits_flash_and_task_stacks() -> None:
     """Goals are a later step's. With everything forced inline -O0 took 275 KB and a stack of 24 KB."""
     found = {figure.key: figure.value for figure in m4_runtime.measure_debug_builds()}

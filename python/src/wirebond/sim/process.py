@@ -15,15 +15,15 @@ _START_TIMEOUT = 10.0  # seconds
 
 
 class FirmwareProcess:
-    """A running firmware; ``name`` is for sentences. ``port`` is its tty, ``events`` are the lines that it reports.
-    Ends with its ``with`` block, or with this process, however that ends.
+    """A running firmware. ``port`` is its tty, ``events`` are the lines that it reports. ``name`` is for sentences,
+    ``arguments`` are its main file's. Ends with its ``with`` block, or with this process, however that ends.
 
     :raises WirebondError: it does not start.
     """
 
-    def __init__(self, program: Path, name: str) -> None:
+    def __init__(self, program: Path, name: str, *arguments: str) -> None:
         self._process = subprocess.Popen(
-            [str(program), "--end-with-stdin"],
+            [str(program), *arguments, "--end-with-stdin"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

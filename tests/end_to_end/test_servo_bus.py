@@ -1,0 +1,162 @@
+"""Two servos on one bus, each a process of firmware/servo: commands for one do not move the other, whoever gives them.
+
+What one of them sends is heard by the host and by the other servo, as on one pair of wires.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wirebond
+from tests.shared import PROTOCOLS, ROOT, codec
+from wirebond.gen import generate_cpp
+from wirebond.sim.bus import Bus
+from wirebond.sim.process import FirmwareProcess
+
+PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
+FILE = PROTOCOLS / "servo_bus.yaml"
+FIRMWARE = ROOT / "firmware"
+FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O1", "-pthread"]
+COMMAND = Path(sys.executable).with_name("wirebond")
+
+
+@dataclass(frozen=True)
+class Programs:
+    servo: Path
+    master: Path
+
+
+@dataclass(frozen=True)
+class Line:
+    """The bus with servos 3 and 7."""
+
+    servos: dict[int, FirmwareProcess]
+    port: str
+
+    def wait_for(self, servo: int, event: str) -> None:
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            if any(line.partition(" ")[2] == event for line in self.servos[servo].events(timeout=0.2)):
+                return
+        raise AssertionError(f"servo {servo} never reported: {event}")
+
+
+@pytest.fixture(scope="module")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Programs:
+    folder = tmp_path_factory.mktemp("servo")
+    generate_cpp(wirebond.load(FILE).model, folder)
+    includes = [folder, FIRMWARE, FIRMWARE / "servo", ROOT / "ports" / "posix" / "include"]
+    for name in ("main", "master"):
+        source = FIRMWARE / "servo" / "host" / f"{name}.cpp"
+        command = ["g++", *FLAGS, *(f"-I{include}" for include in includes), str(source), "-o", str(folder / name)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    return Programs(folder / "main", folder / "master")
+
+
+@pytest.fixture
+def line(programs: Programs) -> Iterator[Line]:
+    with (
+        FirmwareProcess(programs.servo, "servo 3", "3") as three,
+        FirmwareProcess(programs.servo, "servo 7", "7") as seven,
+        Bus([three.port, seven.port]) as bus,
+    ):
+        found = Line({3: three, 7: seven}, bus.port)
+        for servo in found.servos:
+            found.wait_for(servo, "released")
+        yield found
+
+
+def send(line: Line, *words: str) -> str:
+    """What `wirebond send` prints."""
+    command = [str(COMMAND), "send", str(FILE), line.port, *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_the_command_line_turns_one_servo_and_is_answered_by_it(line: Line) -> None:
+    send(line, "move", "angle=0.5", "time=0", "--header", "servo=3")
+    line.wait_for(3, "turns to 0.500")
+    pose = json.loads(send(line, "read", "--header", "servo=3"))
+    assert (pose["message"], pose["fields"]) == ("pose", {"angle": 0.5})
+    assert pose["header"]["servo"] == 3
+    assert not any("turns" in event for event in line.servos[7].events())
+
+
+def ask(link: wirebond.Link, servo: int) -> wirebond.Message:
+    """The servo's pose, asked again where the line or the servo was busy."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        link.send("read", header={"servo": servo})
+        for message in link.receive(1.0):
+            if message.name == "pose" and message.header["servo"] == servo:
+                return message
+    raise AssertionError(f"servo {servo} does not answer")
+
+
+def test_python_turns_both_and_a_broadcast_is_acted_on_by_all_and_answered_by_none(line: Line) -> None:
+    with wirebond.open(codec("servo_bus"), line.port) as link:
+        for servo, angle in ((3, 0.5), (7, -0.25)):
+            link.send("move", angle=angle, time=0.0, header={"servo": servo})
+            line.wait_for(servo, f"turns to {angle:.3f}")
+        assert [ask(link, servo).fields["angle"] for servo in (3, 7)] == pytest.approx([0.5, -0.25])
+
+        link.send("move", angle=1.0, time=0.0, header={"servo": 0xFE})
+        for servo in line.servos:
+            line.wait_for(servo, "turns to 1.000")
+        for servo in (0xFE, 9):  # all of them, and one that is not there
+            link.send("read", header={"servo": servo})
+            link.send("ping", number=1, header={"servo": servo})
+        assert link.receive(0.5) == []
+        link.send("ping", number=2, header={"servo": 7})
+        end = time.monotonic() + PATIENCE
+        pongs: list[Any] = []
+        while not pongs and time.monotonic() < end:
+            pongs = [m for m in link.receive(0.5) if m.name == "pong"]
+        assert [(m.fields["number"], m.header["servo"]) for m in pongs] == [(2, 7)]
+        assert link.stats.receive.discarded_bytes == dict.fromkeys(link.stats.receive.discarded_bytes, 0)
+
+
+def test_commands_for_the_other_do_not_keep_a_servo_from_giving_way(line: Line) -> None:
+    with wirebond.open(codec("servo_bus"), line.port) as link:
+        for servo in (3, 7):
+            link.send("move", angle=0.1, time=0.0, header={"servo": servo})
+            line.wait_for(servo, "turns to 0.100")
+        began = time.monotonic()
+        while not any("released" in event for event in line.servos[3].events(timeout=0.05)):
+            assert time.monotonic() - began < PATIENCE
+            link.send("move", angle=0.1, time=0.0, header={"servo": 7})
+        assert "released" in ask(link, 3).header["state"]
+        while True:  # a machine may be too slow for two seconds between a command and the answer behind it
+            assert time.monotonic() - began < PATIENCE
+            link.send("move", angle=0.1, time=0.0, header={"servo": 7})
+            if "released" not in ask(link, 7).header["state"]:
+                break
+
+
+def test_a_host_in_cpp_turns_both_and_says_who_does_not_answer(line: Line, programs: Programs) -> None:
+    command = [str(programs.master), line.port, "3=0.5", "7=-0.25", "9=1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert done.stdout.splitlines() == [
+        "servo 3 is at 0.500 rad",
+        "servo 7 is at -0.250 rad",
+        "servo 9 does not answer, or does not turn",
+    ]
+    assert done.returncode == 1
+
+
+def test_a_number_that_no_servo_has_is_told(programs: Programs) -> None:
+    for number in ("0", "254", "three", ""):
+        done = subprocess.run([str(programs.servo), number], capture_output=True, text=True, timeout=30, check=False)
+        assert done.returncode == 2
+        assert "a number from 1 to 253" in done.stderr
