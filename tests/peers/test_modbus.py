@@ -1,0 +1,110 @@
+"""pymodbus and minimalmodbus as real programs: masters of a firmware, and pymodbus as a slave of a link."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import minimalmodbus
+import pytest
+import serial
+from pymodbus.client import ModbusSerialClient
+from pymodbus.datastore import ModbusDeviceContext, ModbusSequentialDataBlock, ModbusServerContext
+from pymodbus.server import ModbusSerialServer
+
+import wirebond
+from tests.contrib.cases import CONTRIB
+from tests.peers.cable import PATIENCE, cable, device
+
+
+@pytest.fixture(scope="module")
+def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    with device("modbus_rtu", tmp_path_factory.mktemp("modbus")) as path:
+        yield path
+
+
+def test_pymodbus_reads_and_writes_the_registers_of_a_firmware(slave: str) -> None:
+    with ModbusSerialClient(slave, baudrate=19200, timeout=PATIENCE, retries=0) as master:
+        assert master.read_holding_registers(10, count=5, device_id=1).registers == [10000, 11000, 12000, 13000, 14000]
+        for n in range(20):
+            assert not master.write_register(50, n, device_id=1).isError()
+            assert master.read_holding_registers(50, count=1, device_id=1).registers == [n]
+        many = list(range(100, 160))
+        written = master.write_registers(30, many, device_id=1)
+        assert (written.address, written.count) == (30, 60)
+        assert master.read_holding_registers(30, count=60, device_id=1).registers == many
+        for refused in (
+            master.read_holding_registers(99, count=2, device_id=1),
+            master.write_register(100, 1, device_id=1),
+            master.write_registers(99, [1, 2], device_id=1),
+        ):
+            assert (refused.isError(), refused.exception_code) == (True, 2)
+
+
+def test_minimalmodbus_reads_and_writes_the_registers_of_a_firmware(slave: str) -> None:
+    with serial.Serial(slave, 19200, timeout=PATIENCE) as port:
+        master = minimalmodbus.Instrument(port, 1)
+        master.write_register(60, 1234)
+        assert master.read_register(60) == 1234
+        master.write_registers(61, [1, 2, 3])
+        assert master.read_registers(60, 4) == [1234, 1, 2, 3]
+        master.write_float(70, 3.5)
+        assert master.read_float(70) == 3.5
+        port.timeout = 2.0  # it waits for as many bytes as a good answer has
+        with pytest.raises(minimalmodbus.IllegalRequestError):
+            master.read_register(100)
+
+
+@contextmanager
+def pymodbus_slave(path: str) -> Iterator[None]:
+    """A slave of a hundred registers, in a thread with an event loop of its own."""
+    registers = ModbusSequentialDataBlock(1, [1000 * n % 65536 for n in range(100)])
+    context = ModbusServerContext(devices={1: ModbusDeviceContext(hr=registers)}, single=False)
+    loop = asyncio.new_event_loop()
+    stopping = asyncio.Event()
+    running = threading.Event()
+
+    async def serve() -> None:
+        server = ModbusSerialServer(context, port=path, baudrate=19200)
+        serving = asyncio.ensure_future(server.serve_forever(background=True))
+        await serving
+        running.set()
+        await stopping.wait()
+        await server.shutdown()
+
+    thread = threading.Thread(target=lambda: loop.run_until_complete(serve()), daemon=True)
+    thread.start()
+    assert running.wait(PATIENCE)
+    try:
+        yield
+    finally:
+        loop.call_soon_threadsafe(stopping.set)
+        thread.join(PATIENCE)
+        loop.close()
+
+
+def answer(link: wirebond.Link) -> wirebond.Message:
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        for message in link.receive(0.1):
+            return message
+    raise AssertionError("the slave does not answer")
+
+
+def test_a_link_is_the_master_of_pymodbus() -> None:
+    proto = wirebond.load(CONTRIB / "modbus_rtu.yaml")
+    with cable() as (here, there), pymodbus_slave(there), wirebond.open(proto, here) as link:
+        for n in range(20):
+            link.send("write_register", address=n, value=7 * n)
+            written = answer(link)
+            assert (written.name, written.fields) == ("write_register", {"address": n, "value": 7 * n})
+        link.send("read_holding_registers", first=18, number=4)
+        read = answer(link)
+        assert (read.name, read.header) == ("holding_registers", {"unit": 1})
+        assert read.fields["registers"] == b"".join(n.to_bytes(2, "big") for n in (126, 133, 20000, 21000))
+        link.send("read_holding_registers", first=99, number=2)
+        refused = answer(link)
+        assert (refused.name, refused.fields) == ("read_refused", {"reason": "address"})
