@@ -43,6 +43,7 @@ class Handed:
     wrong_count: bool = False
     values: list[str] | None = None  # handed over: numbers in wire order, `#n` before what varies in number
     again: bytes | None = None  # handed over: the frame that encode gives for them; None: refused
+    with_header: bytes | None = None  # the same with the received header; None: refused, or there is none
 
 
 @dataclass
@@ -112,6 +113,8 @@ def _read_job(lines: list[str]) -> Answer:
             current.values = values
         elif word == "again":
             current.again = _frame(values[0])
+        elif word == "with_header":
+            current.with_header = _frame(values[0])
         elif word == "rules":
             current.rejected, current.clamped, current.wrong_count = (value != "0" for value in values)
             handed[place] = current

@@ -8,7 +8,8 @@
 //
 // Lines for each job: `job`; for each frame `frame …` as print.hpp says and, where it carries a message,
 // `rules REJECTED CLAMPED WRONG_COUNT` (0 or 1 each), then for what is handed over `values …` and `again …`: the frame
-// that encode gives for these values, or `refused`. Then the account. Behind all jobs, for each message of each
+// that encode gives for these values, or `refused`; and where frames have header fields `with_header …`, that with the
+// received header. Then the account. Behind all jobs, for each message of each
 // protocol: `default ROW INDEX …`, the frame of a struct that nobody has touched, or `refused`.
 //
 // A deframer takes long to compile for a constant format. So all protocols but a few share one: it takes the constant's
@@ -100,6 +101,11 @@ std::size_t seal_shared(const SharedSource& source, std::uint8_t* out, std::size
   return wirebond::seal(source, out, capacity, id, payload);
 }
 
+std::size_t seal_with_header(const SharedSource& source, std::uint8_t* out, std::size_t capacity, std::uint32_t id,
+                             std::size_t payload, std::size_t form, const std::uint64_t* numbers) {
+  return wirebond::seal(source, out, capacity, id, payload, form, numbers);
+}
+
 /// Does the generated `encode` do without being told the end? Not for a message of both where their frames differ.
 template <class Message, class = void>
 struct EncodesAlone : std::false_type {};
@@ -127,6 +133,31 @@ std::vector<std::uint8_t> frame_of(const Message& message) {
     const bool fits = payload <= Message::Info::max_payload_bytes;
     if (fits && write_payload(message, out.data() + wirebond::payload_lead(source))) {
       size = seal_shared(source, out.data(), out.size(), Message::Info::id, payload);
+    }
+  }
+  out.resize(size);
+  return out;
+}
+
+/// The same with a header: the frame in the form that its values ask for.
+template <bool Folded, class Generated, class Message, class Header>
+std::vector<std::uint8_t> frame_of(const Message& message, const Header& header) {
+  std::vector<std::uint8_t> out(Message::Info::max_frame_bytes);
+  std::size_t size = 0;
+  if constexpr (Folded) {
+    const auto status = wirebond::encode_frame<Generated>(message, out.data(), out.size(), size, header);
+    if (status != wirebond::Status::ok) size = 0;
+  } else {
+    const SharedSource source = shared<Generated>();
+    const std::size_t payload = payload_bytes(message);
+    wirebond::detail::HeaderNumbers<Generated> numbers;
+    const auto write = [&](std::size_t form) {
+      if (!write_payload(message, out.data() + wirebond::payload_lead(source, form))) return;
+      size = seal_with_header(source, out.data(), out.size(), Message::Info::id, payload, form, numbers.data());
+    };
+    if (payload <= Message::Info::max_payload_bytes && write_header(header, numbers.data())) {
+      const wirebond::HeaderValues values = wirebond::detail::values_of<Generated>(numbers);
+      wirebond::detail::with_own_form(source.format(), Message::Info::id, payload, write, values);
     }
   }
   out.resize(size);
@@ -176,10 +207,12 @@ template <class Host, class Mcu, class Message>
 using SourceOf = std::conditional_t<Message::Info::sender == wirebond::End::mcu, Mcu, Host>;
 
 /// Tells apart what is handed over; the lines are printed when the rules were counted.
-template <bool Folded, class Host, class Mcu>
+template <bool Folded, class Generated, class Host, class Mcu>
 struct Handler {
   std::vector<std::uint8_t> again;
+  std::vector<std::uint8_t> with_header;
   bool handed = false;
+  bool has_header = false;
 
   template <class Message>
   void on(const Message& message) {
@@ -189,6 +222,13 @@ struct Handler {
     show(message);
     std::puts("");
   }
+
+  template <class Message, class Header>
+  void on(const Message& message, const Header& header) {
+    on(message);
+    has_header = true;
+    with_header = frame_of<Folded, Generated>(message, header);
+  }
 };
 
 template <bool Folded, class Generated, class Host, class Mcu>
@@ -196,11 +236,15 @@ void print_message(const wirebond::Frame& frame) {
   print_frame(frame);
   if (frame.message < 0) return;
   wirebond::Violations counts;
-  Handler<Folded, Host, Mcu> handler;
+  Handler<Folded, Generated, Host, Mcu> handler;
   Generated::dispatch(frame, handler, counts);
   if (handler.handed) {
     std::printf("again ");
     print_again(handler.again);
+  }
+  if (handler.has_header) {
+    std::printf("with_header ");
+    print_again(handler.with_header);
   }
   std::printf("rules %u %u %u\n", counts.rejected, counts.clamped, counts.wrong_count);
 }

@@ -1,5 +1,5 @@
-"""Every public format in the generated C++: it must read the other implementation's frames, write
-them from what it read, and find in noisy streams what the engine finds."""
+"""Every public format in the generated C++: it must read and write the other implementation's
+frames, headers included, and find in noisy streams what the engine finds."""
 
 from __future__ import annotations
 
@@ -73,7 +73,9 @@ def test_it_reads_and_writes_what_the_other_side_does(number: int, program: Path
         assert [frame.wire for frame in answer.deframed.frames] == frames, (name, end)
         messages, _ = heard(CODECS[name], end, stream)
         for place, message in enumerate(messages):
-            assert not difference(CODECS[name], message, answer.handed[place]), (name, message)
+            handed = answer.handed[place]
+            assert not difference(CODECS[name], message, handed), (name, message)
+            assert (handed.with_header if message.header else handed.again) == message.raw, (name, message)
 
 
 @few_or_many

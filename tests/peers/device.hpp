@@ -85,7 +85,7 @@ class Device {
 
 #elif DEVICE_MODBUS
 
-/// A slave with a hundred holding registers, the first of which count themselves.
+/// A slave with a hundred holding registers. A broadcast is acted on and not answered.
 template <class Port>
 class Device {
  public:
@@ -99,6 +99,7 @@ class Device {
   void poll(std::uint32_t now_us) { link_.poll(now_us); }
 
   void on(const modbus_rtu::ReadHoldingRegisters& request) {
+    if (!is_asked()) return;
     if (!has(request.first, request.number)) {
       static_cast<void>(link_.send(modbus_rtu::ReadRefused{modbus_rtu::ReadRefused::Reason::address}));
       return;
@@ -114,7 +115,7 @@ class Device {
       return;
     }
     registers_[request.address] = request.value;
-    static_cast<void>(link_.send(request));
+    if (is_asked()) static_cast<void>(link_.send(request));
   }
 
   void on(const modbus_rtu::WriteRegisters& request) {
@@ -122,10 +123,11 @@ class Device {
       static_cast<void>(link_.send(modbus_rtu::WritesRefused{modbus_rtu::WritesRefused::Reason::address}));
       return;
     }
-    static_cast<void>(link_.send(modbus_rtu::RegistersWritten{request.first, request.number}));
+    if (is_asked()) static_cast<void>(link_.send(modbus_rtu::RegistersWritten{request.first, request.number}));
   }
 
  private:
+  bool is_asked() const { return link_.addressee() == wirebond::Addressee::own; }
   bool has(std::size_t first, std::size_t number) const { return first + number <= registers_.size(); }
 
   void put(modbus_rtu::HoldingRegisters& reply, std::size_t first, std::size_t number) const {
@@ -148,6 +150,45 @@ class Device {
   }
 
   std::array<std::uint16_t, 100> registers_{};
+  Link link_;
+};
+
+#elif DEVICE_MAVLINK
+
+/// A vehicle: it counts its attitudes, and accepts every command. It raises its sequence number itself.
+template <class Port>
+class Device {
+ public:
+  using Buffers = mavlink::McuBuffers<1024, 1024, 32>;
+  using Link = mavlink::McuLink<Device, Port, Buffers>;
+
+  Device(Port& port, Buffers& buffers) : link_(*this, port, buffers) {}
+  Link& link() { return link_; }
+
+  void poll(std::uint32_t now_us) {
+    link_.poll(now_us);
+    if (++polls_ % 10 != 0) return;
+    mavlink::Attitude attitude{};
+    attitude.time_since_boot = static_cast<float>(count_);
+    attitude.angles = {0.25F, -0.5F, 1.0F};
+    if (sent(attitude)) ++count_;
+  }
+
+  void on(const mavlink::CommandLong& command) { static_cast<void>(sent(mavlink::CommandAck{command.command, 0})); }
+
+ private:
+  template <class Message>
+  bool sent(const Message& message) {
+    mavlink::Header header = link_.header();
+    header.sequence = sequence_;
+    if (link_.send(message, header) != wirebond::Status::ok) return false;
+    ++sequence_;
+    return true;
+  }
+
+  std::uint32_t count_ = 0;
+  std::uint32_t polls_ = 0;
+  std::uint8_t sequence_ = 0;
   Link link_;
 };
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,7 +14,7 @@ from pymavlink.dialects.v20 import common
 
 import wirebond
 from tests.contrib.cases import CONTRIB
-from tests.peers.cable import PATIENCE, cable
+from tests.peers.cable import PATIENCE, cable, device
 
 MANY = 600  # more than a sequence number counts
 
@@ -56,3 +57,18 @@ def test_a_link_and_pymavlink_hear_all_of_each_other() -> None:
                     (m, 400, 255) for m in range(n - 49, n + 1)
                 ]
         assert (vehicle.mav_loss, vehicle.packet_loss()) == (0, 0)
+
+
+def test_pymavlink_hears_every_message_of_a_firmware_and_its_commands_are_acknowledged(tmp_path: Path) -> None:
+    with device("mavlink", tmp_path) as path, connection(path, 255, 190) as station:
+        attitude = station.recv_match(type="ATTITUDE", blocking=True, timeout=PATIENCE)
+        first = attitude.time_boot_ms // 1000  # earlier ones went before this end was open
+        for n in range(first + 1, first + MANY // 2):
+            attitude = station.recv_match(type="ATTITUDE", blocking=True, timeout=PATIENCE)
+            assert (attitude.time_boot_ms, attitude.roll, attitude.pitch, attitude.yaw) == (1000 * n, 0.25, -0.5, 1.0)
+            assert (attitude.get_srcSystem(), attitude.get_srcComponent()) == (1, 1)
+        for command in range(50):
+            station.mav.command_long_send(1, 1, command, 0, *[0.0] * 7)
+            ack = station.recv_match(type="COMMAND_ACK", blocking=True, timeout=PATIENCE)
+            assert (ack.command, ack.result) == (command, 0)
+        assert (station.mav_loss, station.packet_loss()) == (0, 0)

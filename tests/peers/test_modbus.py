@@ -13,6 +13,7 @@ import pytest
 import serial
 from pymodbus.client import ModbusSerialClient
 from pymodbus.datastore import ModbusDeviceContext, ModbusSequentialDataBlock, ModbusServerContext
+from pymodbus.exceptions import ModbusIOException
 from pymodbus.server import ModbusSerialServer
 
 import wirebond
@@ -42,6 +43,19 @@ def test_pymodbus_reads_and_writes_the_registers_of_a_firmware(slave: str) -> No
             master.write_registers(99, [1, 2], device_id=1),
         ):
             assert (refused.isError(), refused.exception_code) == (True, 2)
+
+
+def test_a_firmware_is_silent_for_other_addresses_and_for_broadcasts(slave: str) -> None:
+    with ModbusSerialClient(slave, baudrate=19200, timeout=0.5, retries=0) as master:
+        for foreign in (2, 7, 247):
+            with pytest.raises(ModbusIOException):
+                master.write_register(95, 1, device_id=foreign)
+        assert master.read_holding_registers(95, count=1, device_id=1).registers == [95000 % 65536]
+        master.write_register(95, 5, device_id=0, no_response_expected=True)
+        time.sleep(0.1)  # seconds; the specification's turnaround delay
+        assert master.read_holding_registers(95, count=1, device_id=1).registers == [5]
+    with serial.Serial(slave, 19200, timeout=0.5) as port, pytest.raises(minimalmodbus.NoResponseError):
+        minimalmodbus.Instrument(port, 9).read_register(1)
 
 
 def test_minimalmodbus_reads_and_writes_the_registers_of_a_firmware(slave: str) -> None:
