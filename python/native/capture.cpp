@@ -25,6 +25,7 @@ struct Landmark {
   std::uint64_t at = 0;  ///< in the capture
   Account account;
   std::vector<std::size_t> rows;  ///< by message, and unknown ones last
+  std::size_t numbers = 0;
 };
 
 /// Decodes one part of a capture, from its begin as if nothing came before.
@@ -86,6 +87,8 @@ class Part {
 
   void take(const Frame& frame) {
     const std::uint64_t offset = begin_ + frame.offset;
+    SeenNumber seen;
+    if (see_number(format_.format(), frame, seen)) found_.numbers.push_back(seen);
     if (frame.message < 0) {
       found_.unknown.offsets.push_back(offset);
       found_.unknown.ids.push_back(frame.id);
@@ -116,7 +119,7 @@ class Part {
   }
 
   Landmark here() const {
-    Landmark mark{begin_ + deframer_.account().settled(), deframer_.account(), {}};
+    Landmark mark{begin_ + deframer_.account().settled(), deframer_.account(), {}, found_.numbers.size()};
     for (const Rows& rows : found_.messages) mark.rows.push_back(rows.offsets.size());
     mark.rows.push_back(found_.unknown.offsets.size());
     return mark;
@@ -158,6 +161,8 @@ void append(Capture& whole, Part& part, const Landmark& from, const ProtocolTabl
                              header_fields);
   }
   whole.unknown.append(std::move(part.found().unknown), from.rows.back(), 0, header_fields);
+  const std::vector<SeenNumber>& numbers = part.found().numbers;
+  whole.numbers.insert(whole.numbers.end(), numbers.begin() + static_cast<std::ptrdiff_t>(from.numbers), numbers.end());
   add(whole.account, part.account(until_met), from.account);
 }
 

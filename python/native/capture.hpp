@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "protocol.hpp"
+#include "sequence_book.hpp"
 #include "wirebond/stream_deframer.hpp"
 
 namespace wirebond::engine {
@@ -28,6 +29,7 @@ struct Rows {
 struct Capture {
   std::vector<Rows> messages;  ///< by the message's place in the protocol
   Rows unknown;
+  std::vector<SeenNumber> numbers;  ///< of all frames that have one, in their order
   ByteAccount<std::uint64_t> account;
 };
 

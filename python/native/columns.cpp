@@ -319,8 +319,10 @@ Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format,
 
 }  // namespace
 
-nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, const FormatTable& format,
-                        nb::handle bytes, unsigned threads, nb::handle progress) {
+nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
+                        const std::shared_ptr<const FormatTable>& shared_format, nb::handle bytes, unsigned threads,
+                        nb::handle progress) {
+  const FormatTable& format = *shared_format;
   const BufferView view(bytes);
   Capture capture;
   if (view.size() < watched_size) {
@@ -358,7 +360,9 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, co
   }
   nb::dict out;
   out["messages"] = messages;
-  out["stats"] = account_dict(capture.account, view.size(), 0, *protocol, counts);
+  SequenceBook sequence(shared_format);
+  for (const SeenNumber& seen : capture.numbers) sequence.take(seen);
+  out["stats"] = account_dict(capture.account, view.size(), 0, *protocol, counts, format, sequence.account());
   return out;
 }
 

@@ -15,7 +15,8 @@ namespace wirebond::engine {
 /// Frames with an unknown id are under "unknown": offset and id.
 /// `threads` share a large capture; `progress(done, size)` is called now and then meanwhile and at the end, if
 /// it is not None; a capture that is small is done before anybody wants to know.
-nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol, const FormatTable& format,
-                        nb::handle capture, unsigned threads, nb::handle progress);
+nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
+                        const std::shared_ptr<const FormatTable>& format, nb::handle capture, unsigned threads,
+                        nb::handle progress);
 
 }  // namespace wirebond::engine

@@ -123,7 +123,8 @@ nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& 
 }
 
 nb::dict account_dict(const ByteAccount<std::uint64_t>& account, std::uint64_t bytes, std::uint64_t pending,
-                      const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts) {
+                      const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
+                      const FormatTable& format, const SequenceAccount& sequence) {
   nb::dict discarded;
   nb::dict rejected;
   for (std::size_t i = 0; i < cause_count; ++i) {
@@ -144,6 +145,7 @@ nb::dict account_dict(const ByteAccount<std::uint64_t>& account, std::uint64_t b
   out["discarded_bytes"] = discarded;
   out["rejected_candidates"] = rejected;
   out["messages"] = messages;
+  out["sequence"] = sequence_object(format, sequence);
   return out;
 }
 
@@ -153,7 +155,8 @@ Decoder::Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<
       format_(std::move(format)),
       workspace_(workspace_bytes(format_->source())),
       deframer_(format_->source(), workspace_.data(), static_cast<std::uint64_t>(std::ceil(idle_seconds * 1e6))),
-      counts_(protocol_->messages().size(), 0) {}
+      counts_(protocol_->messages().size(), 0),
+      sequence_(format_) {}
 
 double Decoder::seconds(nb::handle value) {
   const double time = PyFloat_AsDouble(value.ptr());
@@ -180,6 +183,7 @@ nb::list Decoder::collect(double time, Step step) {
   std::vector<Event> events;
   step([&](const Frame& frame) {
     if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
+    sequence_.take(frame);
     events.push_back(record(frame, time, *batch));
   });
   return to_list(batch, events);

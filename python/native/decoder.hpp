@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "protocol.hpp"
+#include "sequence_book.hpp"
 #include "wirebond/stream_deframer.hpp"
 
 namespace wirebond::engine {
@@ -73,9 +74,10 @@ nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& 
 using HostDeframer = StreamDeframer<RuntimeSource, std::uint64_t>;
 
 /// Statistics as a dict: bytes, frames, frame_bytes, unknown_frames, fill_bytes, pending_bytes, discarded_bytes and
-/// rejected_candidates by cause, messages by name.
+/// rejected_candidates by cause, messages by name, sequence.
 nb::dict account_dict(const ByteAccount<std::uint64_t>& account, std::uint64_t bytes, std::uint64_t pending,
-                      const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts);
+                      const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
+                      const FormatTable& format, const SequenceAccount& sequence);
 
 /// A format with its deframer. One thread at a time.
 class Decoder {
@@ -88,7 +90,8 @@ class Decoder {
   nb::list idle(nb::handle time);
   nb::list finish();
   nb::dict stats() const {
-    return account_dict(deframer_.account(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_);
+    return account_dict(deframer_.account(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_, *format_,
+                        sequence_.account());
   }
 
  private:
@@ -102,6 +105,7 @@ class Decoder {
   std::vector<std::uint8_t> workspace_;
   HostDeframer deframer_;
   std::vector<std::uint64_t> counts_;  ///< by message
+  SequenceBook sequence_;
   double latest_ = 0;
 };
 

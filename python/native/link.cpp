@@ -138,10 +138,10 @@ void Link::wake_if_late(std::uint64_t now_us) const {
 
 // ---- what programs call ----------------------------------------------------------------------------------------
 
-SendResult Link::send(std::int16_t message, nb::bytes frame, std::int16_t reply) {
+SendResult Link::send(std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number) {
   const std::lock_guard lock(mutex_);
   const std::uint64_t now = monotonic_us();
-  const SendResult result = core_.outbox().send(message, data_of(frame), frame.size(), reply, now);
+  const SendResult result = core_.outbox().send(message, data_of(frame), frame.size(), reply, takes_number, now);
   if (result == SendResult::accepted) {
     write_some();
     wake_if_late(now);
@@ -149,10 +149,11 @@ SendResult Link::send(std::int16_t message, nb::bytes frame, std::int16_t reply)
   return result;
 }
 
-SendResult Link::repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply) {
+SendResult Link::repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, bool takes_number) {
   const std::lock_guard lock(mutex_);
   const std::uint64_t now = monotonic_us();
-  const SendResult result = core_.outbox().repeat(message, data_of(frame), frame.size(), reply, to_us(hold), now);
+  const SendResult result =
+      core_.outbox().repeat(message, data_of(frame), frame.size(), reply, takes_number, to_us(hold), now);
   write_some();
   wake_if_late(now);
   return result;
@@ -213,7 +214,8 @@ nb::dict Link::stats() {
     const std::lock_guard lock(mutex_);
     account = core_.account();
   }
-  return to_dict(account, core_.protocol());  // makes objects: a garbage collection may close another link, or this
+  return to_dict(account, core_.protocol(),
+                 core_.receives());  // makes objects: a garbage collection may close another link, or this
 }
 
 const char* Link::state() {
@@ -380,16 +382,15 @@ void bind_link(nb::module_& m) {
           nb::arg("protocol"), nb::arg("receive"), nb::arg("path"), nb::arg("settings"))
       .def(
           "send",
-          [](LinkHandle& self, std::int16_t message, nb::bytes frame, std::int16_t reply) {
-            return answer_of((*self).send(message, frame, reply));
+          [](LinkHandle& self, std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number) {
+            return answer_of((*self).send(message, frame, reply, takes_number));
           },
-          nb::arg("message"), nb::arg("frame"), nb::arg("reply"))
+          nb::arg("message"), nb::arg("frame"), nb::arg("reply"), nb::arg("takes_number"))
       .def(
           "repeat",
-          [](LinkHandle& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply) {
-            return answer_of((*self).repeat(message, frame, hold, reply));
-          },
-          nb::arg("message"), nb::arg("frame"), nb::arg("hold"), nb::arg("reply"))
+          [](LinkHandle& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply,
+             bool takes_number) { return answer_of((*self).repeat(message, frame, hold, reply, takes_number)); },
+          nb::arg("message"), nb::arg("frame"), nb::arg("hold"), nb::arg("reply"), nb::arg("takes_number"))
       .def(
           "stop_repeating", [](LinkHandle& self, std::int16_t message) { (*self).stop_repeating(message); },
           nb::arg("message"))

@@ -33,8 +33,8 @@ class Link {
   Link(const Link&) = delete;
   Link& operator=(const Link&) = delete;
 
-  SendResult send(std::int16_t message, nb::bytes frame, std::int16_t reply);
-  SendResult repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply);
+  SendResult send(std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number);
+  SendResult repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, bool takes_number);
   void stop_repeating(std::int16_t message);
   /// False: the link has ended, and nothing was sent. While `close` still waits a stop leaves before all else.
   bool stop();

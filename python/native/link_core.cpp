@@ -41,6 +41,7 @@ LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_
   LinkSetup setup;
   setup.protocol = std::move(protocol);
   setup.receive = std::move(receive);
+  setup.send = setting<std::shared_ptr<const FormatTable>>(settings, "send");
   const std::uint32_t baud = setting<bool>(settings, "paced") ? setting<std::uint32_t>(settings, "baud") : 0;
   setup.pacing = Pacing(baud, setting<unsigned>(settings, "bits_per_byte"),
                         static_cast<std::uint32_t>(to_us(setting<double>(settings, "send_pause_seconds"))));
@@ -71,13 +72,22 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
       queue_frames_(new QueuedFrame[max_queued_frames + setup_.every_us.size()]),
       values_(setup_.every_us.size()),
       leaving_(setup_.largest_frame),
-      counts_(setup_.protocol->messages().size(), 0) {
+      counts_(setup_.protocol->messages().size(), 0),
+      sequence_(setup_.receive) {
   for (std::size_t i = 0; i < setup_.every_us.size(); ++i) {
     if (setup_.every_us[i] != 0) values_[i].resize(setup_.largest_frame);
     leases_.emplace_back(setup_.every_us[i], values_[i].data(), values_[i].size());
   }
   for (const StopFrame& stop : setup_.stop) {
     safe_values_.emplace_back(stop.message, stop.frame.data(), stop.frame.size(), stop.reply, stop.every_us);
+  }
+  const FrameFormat& sent = setup_.send->format();
+  if (sequence_mask(sent) != 0) {
+    next_numbers_.resize(sent.sequence_per_message ? setup_.protocol->messages().size() : 1);
+    numbering_.resize(FrameNumbers::scratch_bytes(sent));
+    numbers_ = std::make_unique<FrameNumbers>(setup_.send->source(),
+                                              FrameNumbers::Memory{next_numbers_.data(), numbering_.data()});
+    leaving_.resize(std::max(leaving_.size(), max_wire_bytes(sent)));
   }
   deadline_since_.resize(setup_.deadlines.size());
   deadline_marks_.resize(setup_.deadlines.size());
@@ -94,6 +104,7 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
   memory.outbox.safe_count = safe_values_.size();
   memory.outbox.leaving = leaving_.data();
   memory.outbox.leaving_capacity = leaving_.size();
+  memory.outbox.numbers = numbers_.get();
   memory.deadlines = {setup_.deadlines.data(), setup_.deadlines.size(), deadline_since_.data(), deadline_marks_.data()};
   HostLink::Settings settings;
   settings.pacing = setup_.pacing;
@@ -131,6 +142,7 @@ void LinkCore::port_down(std::uint64_t now_us) {
 
 void LinkCore::keep(const Frame& frame, MayAct may_act, std::uint64_t when_us, Arrivals& arrivals) {
   if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
+  sequence_.take(frame);
   if (may_act != MayAct::yes && setup_.holds_back) return;
   if (arrivals.batch == nullptr) {
     arrivals.batch = std::make_shared<Batch>();
@@ -163,13 +175,14 @@ LinkAccount LinkCore::account() const {
   out.bytes = link_->deframer().bytes();
   out.pending = link_->deframer().pending();
   out.counts = counts_;
+  out.sequence = sequence_.account();
   out.not_acted = link_->deadlines().not_acted();
   out.dropped_messages = dropped_messages_;
   out.reconnects = reconnects_;
   return out;
 }
 
-nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol) {
+nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, const FormatTable& receive) {
   nb::dict send;
   send["offered"] = account.send.offered;
   send["accepted"] = account.send.accepted;
@@ -183,7 +196,8 @@ nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol) {
   send["expired"] = account.send.expired;
   send["overruled"] = account.send.overruled;
   send["aborted"] = account.send.aborted;
-  nb::dict out = account_dict(account.receive, account.bytes, account.pending, protocol, account.counts);
+  nb::dict out = account_dict(account.receive, account.bytes, account.pending, protocol, account.counts, receive,
+                              account.sequence);
   out["send"] = send;
   out["dropped_messages"] = account.dropped_messages;
   out["late"] = account.not_acted.late;
@@ -214,19 +228,21 @@ void bind_link_core(nb::module_& m) {
           nb::arg("protocol"), nb::arg("receive"), nb::arg("settings"), nb::arg("now"))
       .def(
           "send",
-          [](LinkCore& self, std::int16_t message, nb::bytes frame, std::int16_t reply, std::uint64_t now) {
-            return answer_of(
-                self.outbox().send(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(), reply, now));
+          [](LinkCore& self, std::int16_t message, nb::bytes frame, std::int16_t reply, std::uint64_t now,
+             bool takes_number) {
+            return answer_of(self.outbox().send(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(),
+                                                reply, takes_number, now));
           },
-          nb::arg("message"), nb::arg("frame"), nb::arg("reply"), nb::arg("now"))
+          nb::arg("message"), nb::arg("frame"), nb::arg("reply"), nb::arg("now"), nb::arg("takes_number") = true)
       .def(
           "repeat",
-          [](LinkCore& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply,
-             std::uint64_t now) {
+          [](LinkCore& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, std::uint64_t now,
+             bool takes_number) {
             return answer_of(self.outbox().repeat(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(),
-                                                  reply, to_us(hold), now));
+                                                  reply, takes_number, to_us(hold), now));
           },
-          nb::arg("message"), nb::arg("frame"), nb::arg("hold"), nb::arg("reply"), nb::arg("now"))
+          nb::arg("message"), nb::arg("frame"), nb::arg("hold"), nb::arg("reply"), nb::arg("now"),
+          nb::arg("takes_number") = true)
       .def(
           "stop_repeating", [](LinkCore& self, std::int16_t message) { self.outbox().stop_repeating(message); },
           nb::arg("message"))
@@ -277,7 +293,7 @@ void bind_link_core(nb::module_& m) {
              for (const Arrivals& arrivals : self.take()) out.extend(to_list(arrivals.batch, arrivals.events));
              return out;
            })
-      .def("stats", [](LinkCore& self) { return to_dict(self.account(), self.protocol()); })
+      .def("stats", [](LinkCore& self) { return to_dict(self.account(), self.protocol(), self.receives()); })
       .def(
           "state", [](LinkCore& self, std::uint64_t now) { return name_of(self.link().state(now)); }, nb::arg("now"))
       .def("struck_deadlines", &LinkCore::struck_deadlines)

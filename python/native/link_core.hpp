@@ -26,6 +26,7 @@ struct StopFrame {
 struct LinkSetup {
   std::shared_ptr<const ProtocolTable> protocol;
   std::shared_ptr<const FormatTable> receive;  ///< what the MCU sends
+  std::shared_ptr<const FormatTable> send;     ///< what the host sends
   Pacing pacing;
   std::uint64_t idle_us = 20'000;
   std::uint64_t pause_us = 0;  ///< where silence ends a frame
@@ -50,13 +51,14 @@ struct LinkAccount {
   std::uint64_t bytes = 0;
   std::uint64_t pending = 0;
   std::vector<std::uint64_t> counts;  ///< delivered frames by message
+  SequenceAccount sequence;
   NotActed<std::uint64_t> not_acted;
   std::uint64_t dropped_messages = 0;
   std::uint64_t reconnects = 0;
 };
 
 /// The fields of `wirebond.LinkStats`. With the GIL, and no lock.
-nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol);
+nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, const FormatTable& receive);
 
 /// One thread at a time. Makes no Python object: that may run any Python code (garbage collection), which must not
 /// happen while a lock is held.
@@ -87,6 +89,7 @@ class LinkCore {
   LinkAccount account() const;
   std::vector<std::uint8_t> struck_deadlines() const;
   const ProtocolTable& protocol() const { return *setup_.protocol; }
+  const FormatTable& receives() const { return *setup_.receive; }
 
  private:
   void keep(const Frame& frame, MayAct may_act, std::uint64_t when_us, Arrivals& arrivals);
@@ -100,11 +103,15 @@ class LinkCore {
   std::vector<Lease> leases_;
   std::vector<SafeValue> safe_values_;
   std::vector<std::uint8_t> leaving_;
+  std::vector<std::uint64_t> next_numbers_;  ///< one, or one for each message
+  std::vector<std::uint8_t> numbering_;      ///< scratch
+  std::unique_ptr<FrameNumbers> numbers_;    ///< null: frames have no sequence number
   std::vector<std::uint64_t> deadline_since_;
   std::vector<std::uint8_t> deadline_marks_;
   std::unique_ptr<HostLink> link_;
 
   std::vector<std::uint64_t> counts_;  ///< delivered frames by message
+  SequenceBook sequence_;
   std::deque<Arrivals> arrivals_;
   std::size_t waiting_messages_ = 0;
   std::uint64_t dropped_messages_ = 0;

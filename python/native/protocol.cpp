@@ -43,6 +43,9 @@ Number read_number(nb::handle number) {
   return out;
 }
 
+/// A place in the list of header fields; None: there is no such field.
+std::uint8_t read_place(nb::handle place) { return place.is_none() ? no_header_field : nb::cast<std::uint8_t>(place); }
+
 Mark read_mark(nb::handle bytes) {
   const auto mark = nb::cast<nb::bytes>(bytes);
   const auto* const data = static_cast<const std::uint8_t*>(mark.data());
@@ -167,6 +170,9 @@ FormatTable::FormatTable(nb::handle plan) {
   format_.plain_back = nb::cast<std::uint8_t>(plan.attr("plain_back"));
   format_.max_payload = nb::cast<std::uint16_t>(plan.attr("max_payload"));
   format_.no_id = nb::cast<std::uint32_t>(plan.attr("no_id"));
+  format_.sequence_place = read_place(plan.attr("sequence"));
+  format_.sequence_per_message = nb::cast<bool>(plan.attr("sequence_per_message"));
+  format_.peer_place = read_place(plan.attr("peer"));
   format_.own_forms = nb::cast<std::uint8_t>(plan.attr("own_forms"));
   format_.form_count = 0;
   for (nb::handle form : plan.attr("forms")) format_.forms.at(format_.form_count++) = read_form(form);

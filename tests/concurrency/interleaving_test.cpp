@@ -1,5 +1,6 @@
 // Senders and the consumer, each interrupted or suspended at every atomic step while others run: by script, all of
-// them, and by random schedules. Every frame that was accepted must come whole, once, and in order for its sender.
+// them, and by random schedules. Every frame that was accepted must come whole, once, and in order for its sender; and
+// the numbers that frames get as they leave are in the order of the wire, without a gap.
 #include <doctest/doctest.h>
 
 #include <array>
@@ -28,7 +29,8 @@ struct Config : wirebond::OutboxConfig {
 using Outbox = wirebond::Outbox<Config>;
 
 /// An outbox with its users: what each one sends, and what the consumer found. A frame is its size, sender, number, and
-/// the number again up to its end.
+/// the number again up to its end. As it leaves, it gets its place on the wire in its last byte, and every other frame
+/// loses a byte, as stuffed frames do.
 class World {
  public:
   static constexpr std::size_t senders = 6;
@@ -57,12 +59,20 @@ class World {
 
   /// One run, checked and sent; false: there is none.
   bool take() {
-    const Run run = outbox_.next(16);
-    for (std::size_t at = 0; at < run.size; at += 6) {
+    const Run run = outbox_.next(16, [&](std::uint8_t* frame, std::size_t size, std::uint8_t) {
+      wrong_ += size != 6 || frame[5] != frame[2];
+      if (finished_ % 2 == 1) frame[0] = 5;
+      frame[frame[0] - 1] = finished_++;
+      return std::size_t{frame[0]};
+    });
+    std::size_t size = 0;
+    for (std::size_t at = 0; at < run.size; at += size) {
       const std::uint8_t* const frame = run.data + at;
       const std::size_t sender = frame[1];
-      bool whole = frame[0] == 6 && sender < senders && run.size - at >= 6;
-      for (std::size_t i = 3; whole && i < 6; ++i) whole = frame[i] == frame[2];
+      size = left_ % 2 == 1 ? 5 : 6;
+      bool whole = frame[0] == size && sender < senders && run.size - at >= size && frame[size - 1] == left_;
+      for (std::size_t i = 3; whole && i < size - 1; ++i) whole = frame[i] == frame[2];
+      ++left_;
       if (!whole) return ++wrong_ == 0;
       const auto expected = static_cast<std::uint8_t>(came_[sender] + 1);
       wrong_ += frame[2] != expected;
@@ -101,6 +111,8 @@ class World {
   std::array<std::uint32_t, senders> offered_{};
   std::array<std::uint32_t, senders> accepted_{};
   std::array<std::uint32_t, senders> came_{};
+  std::uint8_t finished_ = 0;  // frames that got a number
+  std::uint8_t left_ = 0;      // frames that left
   std::size_t wrong_ = 0;
   Refusal last_refusal_ = Refusal::none;
 };

@@ -153,7 +153,7 @@ class Comparison {
   void next() {
     const std::size_t max_bytes = 1 + draw(60);
     std::size_t finished = 0;
-    const Run run = outbox_.next(max_bytes, [&](std::uint8_t*, std::size_t) { ++finished; });
+    const Run run = outbox_.next(max_bytes, [&](std::uint8_t*, std::size_t, std::uint8_t) { ++finished; });
     if (!run_.empty()) {  // one is under way: the same again
       REQUIRE(run.frames == run_.size());
       REQUIRE(finished == 0);

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "wirebond/mcu/send_queue.hpp"
@@ -62,6 +63,9 @@ struct Circling : Narrow {
   static constexpr unsigned retries = 6;
 };
 
+/// The same, and each frame gets its place on the wire as it leaves: the consumer writes to it.
+struct Numbered : Circling {};
+
 /// The queue's orders, chosen when the program starts, so that one of them can be weakened.
 struct ChosenOrders {
   static inline std::memory_order opens = SendQueueOrders::opens;
@@ -92,6 +96,7 @@ struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
 
   static constexpr std::size_t capacity = Scene::capacity;
   static constexpr std::size_t entry_count = Scene::entry_count;
+  static constexpr bool is_numbered = std::is_same_v<Scene, Numbered>;
 
   std::array<std::uint8_t, capacity> ring{};  // places only: what is written there is in `bytes`
   std::array<rl::var<int>, capacity> bytes;
@@ -101,6 +106,9 @@ struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
   std::array<unsigned, senders> accepted{};
   std::array<unsigned, senders> came{};
   std::array<unsigned, senders> newest{};
+  // The consumer's: frames that got a number, and those that left.
+  int finished = 0;
+  int left = 0;
 
   void thread(unsigned index) {
     if (index < senders) {
@@ -134,7 +142,11 @@ struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
   }
 
   bool take() {
-    const Run run = queue.next(capacity);
+    const Run run = queue.next(capacity, true, [&](std::uint8_t* frame, std::size_t size, std::uint8_t) {
+      const std::size_t end = static_cast<std::size_t>(frame - ring.data()) + size;
+      if constexpr (is_numbered) bytes[end - 1]($) = 100 + ++finished;
+      return size;
+    });
     if (run.size == 0) return false;
     std::size_t at = static_cast<std::size_t>(run.data - ring.data());
     for (std::size_t frame = 0; frame < run.frames; ++frame) {
@@ -143,7 +155,9 @@ struct Senders : rl::test_suite<Senders<Scene>, Scene::threads> {
       const unsigned number = static_cast<unsigned>(value - 1) % 16;
       RL_ASSERT(sender < senders && number > newest[sender]);
       newest[sender] = number;
-      for (std::size_t i = 0; i < used_by(sender); ++i) RL_ASSERT(bytes[at + i]($) == value);
+      const std::size_t own = used_by(sender) - is_numbered;
+      for (std::size_t i = 0; i < own; ++i) RL_ASSERT(bytes[at + i]($) == value);
+      if (is_numbered) RL_ASSERT(bytes[at + own]($) == 100 + ++left);
       at += used_by(sender);
       ++came[sender];
     }
@@ -160,5 +174,6 @@ int main(int count, char** arguments) {
                               {{"alone", explore<Senders<Alone>>},
                                {"pairs", explore<Senders<Pairs>>},
                                {"passing", explore<Senders<Passing>>},
-                               {"circling", explore<Senders<Circling>>}});
+                               {"circling", explore<Senders<Circling>>},
+                               {"numbered", explore<Senders<Numbered>>}});
 }

@@ -68,9 +68,16 @@ def test_the_model_checker_finds_no_fault(relacy: Path) -> None:
     assert "no fault after 30000 executions" in result.stdout
 
 
+def test_the_model_checker_finds_numbers_in_the_order_of_the_wire(relacy: Path) -> None:
+    """The consumer writes into frames that it passes on, while senders write behind and before them."""
+    result = run(relacy, "numbered", "none", "random", "30000")
+    assert result.returncode == 0, result.stdout
+
+
 @pytest.mark.long
-def test_the_model_checker_finds_no_fault_in_two_million_executions(relacy: Path) -> None:
-    result = run(relacy, "circling", "none", "random", "2000000")
+@pytest.mark.parametrize("scene", ["circling", "numbered"])
+def test_the_model_checker_finds_no_fault_in_two_million_executions(relacy: Path, scene: str) -> None:
+    result = run(relacy, scene, "none", "random", "2000000")
     assert result.returncode == 0, result.stdout
 
 

@@ -10,12 +10,15 @@
 
 namespace wirebond {
 
+/// Where in the frame's buffer its first byte lies before it is stuffed.
+WIREBOND_INLINE constexpr std::size_t frame_lead(const FrameFormat& format) {
+  return opening_bytes(format) + (format.stuffing == Stuffing::cobs ? 1 : 0);
+}
+
 /// Where in the frame's buffer the payload is written, so that `seal` can finish the frame without moving it.
 template <class Source>
 WIREBOND_INLINE constexpr std::size_t payload_lead(const Source& source, std::size_t form = 0) {
-  const FrameFormat& format = source.format();
-  const std::size_t code = format.stuffing == Stuffing::cobs ? 1 : 0;
-  return opening_bytes(format) + code + format.forms[form].prefix;
+  return frame_lead(source.format()) + source.format().forms[form].prefix;
 }
 
 namespace detail {
@@ -72,28 +75,17 @@ WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::si
 
 }  // namespace detail
 
-/// Finish the frame for message `id` whose `payload_size` bytes lie at buffer + payload_lead. Formats with a fixed
-/// payload are padded with zeros. `header` holds a value for each header field of the format, by place, of which the
-/// form takes those that it has; null: their defaults.
-/// Returns the size on the wire. 0: no frame was made, because
-/// - it does not fit `capacity`,
-/// - the form cannot carry it: its length cannot tell the payload's size, or one of form and message has an id and the
-///   other has none,
-/// - it would have no byte at all, which a receiver cannot tell from fill or from silence.
-/// Any thread or interrupt; no allocation.
+/// The first half of `seal`: everything but what depends on the number of a frame. Constants, header fields, length and
+/// id are written around the payload; checks, stuffing and delimiters are left to `close_frame`. Room for all of these
+/// is set aside as `seal` needs it. `size` is the frame's without them. False: where `seal` makes no frame.
 template <class Source>
-WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
-                                 std::size_t payload_size, std::size_t form_index = 0,
-                                 const std::uint64_t* header = nullptr) {
+WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
+                                   std::size_t payload_size, std::size_t form_index, const std::uint64_t* header,
+                                   std::size_t& size) {
   constexpr bool unroll = Source::is_constant;
-  if constexpr (!Source::is_constant) {
-    const std::size_t size = form_index == 0 ? source.fast_path().seal(buffer, capacity, id, payload_size) : 0;
-    if (size != 0) return size;
-  }
   const FrameFormat& format = source.format();
   const Form& form = format.forms[form_index];
-  const std::size_t lead = payload_lead(source, form_index);
-  std::uint8_t* const frame = buffer + lead - form.prefix;
+  std::uint8_t* const frame = buffer + frame_lead(format);
 
   std::size_t payload = payload_size;
   if (form.payload_size == PayloadSize::fixed) payload = form.fixed_payload;
@@ -101,11 +93,11 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
     while (payload > 1 && frame[form.prefix + payload - 1] == 0) --payload;
     payload_size = payload;
   }
-  const std::size_t size = form.prefix + payload + form.suffix;
+  size = form.prefix + payload + form.suffix;
   const std::size_t on_wire = size + stuffing_overhead(format, size) + delimiter_bytes(format);
   const bool is_nothing = size == 0 && format.framing != Framing::bracketed && format.stuffing != Stuffing::cobs;
-  if (payload_size > payload || payload > format.max_payload || on_wire > capacity || is_nothing) return 0;
-  if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return 0;
+  if (payload_size > payload || payload > format.max_payload || on_wire > capacity || is_nothing) return false;
+  if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return false;
 
   std::memset(frame, 0, form.prefix);
   std::memset(frame + form.prefix + payload_size, 0, payload - payload_size + form.suffix);
@@ -126,7 +118,18 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
     detail::write_number(form.length, frame, size, static_cast<std::uint64_t>(counted / form.length_unit));
   }
   if (form.id.present()) detail::write_number(form.id, frame, size, id);
+  return true;
+}
 
+/// The second half of `seal`: checks, stuffing and delimiters of the `size` bytes that `lay_out_frame` laid out, in
+/// which a number may have been changed since. Returns the size on the wire.
+template <class Source>
+WIREBOND_INLINE std::size_t close_frame(const Source& source, std::uint8_t* buffer, std::size_t size, std::uint32_t id,
+                                        std::size_t form_index = 0) {
+  constexpr bool unroll = Source::is_constant;
+  const FrameFormat& format = source.format();
+  const Form& form = format.forms[form_index];
+  std::uint8_t* const frame = buffer + frame_lead(format);
   std::uint64_t registers[max_checks] = {};
   const auto write_checks = [&](bool stuffed, std::uint8_t* bytes, std::size_t bytes_size) WIREBOND_INLINE_LAMBDA {
     detail::every<unroll, detail::part_counts<Source>.checks>(
@@ -141,6 +144,28 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
   const std::size_t between = stuff_in_place(format, frame, size);
   write_checks(true, buffer + opening_bytes(format), between);
   return detail::enclose(format, buffer, between);
+}
+
+/// Finish the frame for message `id` whose `payload_size` bytes lie at buffer + payload_lead. Formats with a fixed
+/// payload are padded with zeros. `header` holds a value for each header field of the format, by place, of which the
+/// form takes those that it has; null: their defaults.
+/// Returns the size on the wire. 0: no frame was made, because
+/// - it does not fit `capacity`,
+/// - the form cannot carry it: its length cannot tell the payload's size, or one of form and message has an id and the
+///   other has none,
+/// - it would have no byte at all, which a receiver cannot tell from fill or from silence.
+/// Any thread or interrupt; no allocation.
+template <class Source>
+WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
+                                 std::size_t payload_size, std::size_t form_index = 0,
+                                 const std::uint64_t* header = nullptr) {
+  if constexpr (!Source::is_constant) {
+    const std::size_t size = form_index == 0 ? source.fast_path().seal(buffer, capacity, id, payload_size) : 0;
+    if (size != 0) return size;
+  }
+  std::size_t size = 0;
+  if (!lay_out_frame(source, buffer, capacity, id, payload_size, form_index, header, size)) return 0;
+  return close_frame(source, buffer, size, id, form_index);
 }
 
 }  // namespace wirebond

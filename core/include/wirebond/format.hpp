@@ -84,6 +84,9 @@ struct HeaderValues {
   std::uint32_t given = 0;                ///< bit i: the sender asked for value i, so a form without it is not taken
 };
 
+/// Instead of a place in the list of header fields: there is no such field.
+constexpr std::uint8_t no_header_field = 0xFF;
+
 constexpr std::size_t max_constants = 16;
 constexpr std::size_t max_checks = 4;
 constexpr std::size_t max_forms = 8;
@@ -158,6 +161,9 @@ struct FrameFormat {
   bool skips_failed = false;     ///< a candidate that failed behind its header is not looked through again
   std::uint8_t plain_front = 0;  ///< this many bytes before the stuffed ones are sent as they are
   std::uint8_t plain_back = 0;   ///< and this many behind them
+  std::uint8_t sequence_place = no_header_field;  ///< the header field that counts a sender's frames
+  bool sequence_per_message = false;              ///< it counts those of each message
+  std::uint8_t peer_place = no_header_field;      ///< the header field that tells senders apart
   std::uint16_t max_payload = 0;
   /// What Source::message is asked for a frame without an id. Not 0 where other frames of this sender have one: then it
   /// is a value that no message has as its id.
@@ -266,6 +272,14 @@ WIREBOND_INLINE constexpr bool agrees(const Form& form, const HeaderValues& head
     held |= std::uint32_t{1} << field.place;
   }
   return (header.given & ~held) == 0;
+}
+
+/// The number of the header field of this place; absent where the form lacks it.
+WIREBOND_INLINE constexpr Number number_at(const Form& form, std::uint8_t place) {
+  for (std::size_t i = 0; i < form.header_count; ++i) {
+    if (form.header[i].place == place) return form.header[i].number;
+  }
+  return {};
 }
 
 /// Bytes before the payload, of the form that has most.
@@ -398,6 +412,16 @@ WIREBOND_INLINE bool with_own_form(const FrameFormat& format, std::uint32_t id, 
     fn(i);
     return false;
   });
+}
+
+/// Make a number's bits zero and leave the others of its bytes.
+WIREBOND_INLINE void clear_number(const Number& number, std::uint8_t* frame, std::size_t frame_size) {
+  std::uint8_t* const at = frame + number.at.in(frame_size);
+  const std::uint64_t bits = number.mask << number.shift;
+  for (unsigned i = 0; i < number.bytes; ++i) {
+    const unsigned place = number.order == ByteOrder::little ? i : number.bytes - 1u - i;
+    at[i] = static_cast<std::uint8_t>(at[i] & ~static_cast<std::uint8_t>(bits >> (8 * place)));
+  }
 }
 
 /// Merge a number into bytes that are zero in its place.

@@ -170,6 +170,27 @@ TEST_CASE("each frame is finished once, in the order of the wire") {
   CHECK(at.pop() == Bytes{0xEE, 4});
 }
 
+TEST_CASE("a frame that is shorter once it is finished leaves no hole in its run, and its room is used again") {
+  Fixture<16, 4> at;
+  const auto halve = [](std::uint8_t* data, std::size_t size, std::uint8_t) {
+    data[size / 2 - 1] = 9;
+    return size / 2;
+  };
+  for (unsigned round = 0; round < 20; ++round) {
+    CHECK(at.push(4, 1));
+    CHECK(at.push(4, 2));
+    CHECK(at.push(4, 3));
+    Bytes sent;
+    for (Run run = at.queue.next(100, true, halve); run.size != 0; run = at.queue.next(100, true, halve)) {
+      CHECK(at.queue.next(100, true, halve).size == run.size);  // finished once, given again as often as asked
+      sent.insert(sent.end(), run.data, run.data + run.size);
+      at.queue.end_run();
+    }
+    CHECK(sent == Bytes{1, 9, 2, 9, 3, 9});
+    CHECK(at.queue.used_bytes() == 0);
+  }
+}
+
 TEST_CASE("a refusal tells whether room waits for an unfinished frame or for the line") {
   Fixture<16, 8> at;
   Granted slow = at.queue.reserve(4);

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from wirebond.codec import Codec, Columns, Decoder, Message, Stats, Table, load
+    from wirebond.codec import Codec, Columns, Decoder, Message, SequenceCounts, SequenceStats, Stats, Table, load
     from wirebond.errors import (
         LinkDownError,
         MessageError,
@@ -42,6 +42,8 @@ __all__ = [
     "ProtocolMismatchError",
     "QueueFullError",
     "SendStats",
+    "SequenceCounts",
+    "SequenceStats",
     "Stats",
     "StoppedError",
     "Table",
@@ -55,7 +57,17 @@ __all__ = [
 _HOMES = {
     name: module
     for module, names in {
-        "codec": ("Codec", "Columns", "Decoder", "Message", "Stats", "Table", "load"),
+        "codec": (
+            "Codec",
+            "Columns",
+            "Decoder",
+            "Message",
+            "SequenceCounts",
+            "SequenceStats",
+            "Stats",
+            "Table",
+            "load",
+        ),
         "errors": tuple(name for name in __all__ if name.endswith("Error")),
         "link": ("Link", "LinkStats", "SendStats", "open"),
         "log": ("LogLine",),

@@ -92,9 +92,11 @@ class LinkCore:
 
     def __init__(self, protocol: ProtocolTable, receive: FormatTable, settings: dict[str, Any], now: int) -> None:
         """``settings`` is what ``wirebond.link.engine_settings`` gives."""
-    def send(self, message: int, frame: bytes, reply: int, now: int) -> int:
-        """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""
-    def repeat(self, message: int, frame: bytes, hold: float, reply: int, now: int) -> int:
+    def send(self, message: int, frame: bytes, reply: int, now: int, takes_number: bool = True) -> int:
+        """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception.
+        ``takes_number``: it gets its sequence number as it leaves, where frames have one.
+        """
+    def repeat(self, message: int, frame: bytes, hold: float, reply: int, now: int, takes_number: bool = True) -> int:
         """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
     def stop_repeating(self, message: int) -> None:
         """End the lease, without a last value."""
@@ -146,9 +148,9 @@ class Link:
 
     def __init__(self, protocol: ProtocolTable, receive: FormatTable, path: str, settings: dict[str, Any]) -> None:
         """``settings`` is what ``wirebond.link.engine_settings`` gives."""
-    def send(self, message: int, frame: bytes, reply: int) -> int:
+    def send(self, message: int, frame: bytes, reply: int, takes_number: bool) -> int:
         """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""
-    def repeat(self, message: int, frame: bytes, hold: float, reply: int) -> int:
+    def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool) -> int:
         """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
     def stop_repeating(self, message: int) -> None:
         """End the lease, without a last value."""

@@ -12,7 +12,7 @@ from wirebond.errors import MessageError, UsageError
 from wirebond.log import LogLine, log_line
 from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
-from wirebond.protocol.model import End, Protocol
+from wirebond.protocol.model import End, HeaderField, Protocol
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import ids_collide, plan_for
 from wirebond.protocol.problems import no_message
@@ -26,6 +26,64 @@ if TYPE_CHECKING:
 Message = _engine.Message
 Buffer = bytes | bytearray | memoryview
 _MOST_THREADS = 64
+
+
+@dataclass(frozen=True)
+class SequenceCounts:
+    """What the sequence numbers of received frames told. Each number is compared with the one before it from the same
+    peer (with ``per: message``: and of the same message). The first one only says where the count begins.
+
+    :ivar numbered: frames whose number was looked at.
+    :ivar gaps: frames that are missing: numbers that were left out.
+    :ivar repeats: frames with the number of the frame before.
+    :ivar restarts: jumps beyond half the range of numbers: the peer began again. What was lost there is not known.
+    """
+
+    numbered: int
+    gaps: int
+    repeats: int
+    restarts: int
+
+    @property
+    def loss(self) -> float:
+        """The part of a peer's frames that did not arrive, 0 to 1, as far as their numbers tell."""
+        sent = self.numbered - self.repeats + self.gaps
+        return self.gaps / sent if sent else 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON.
+
+        :returns: the counts and ``loss``.
+        """
+        counts = ("numbered", "gaps", "repeats", "restarts", "loss")
+        return {name: getattr(self, name) for name in counts}
+
+
+@dataclass(frozen=True)
+class SequenceStats(SequenceCounts):
+    """The counts of all peers together.
+
+    :ivar peers: the counts of each peer, by its address; empty where frames do not say who sent them. At most 4096
+        peers are counted.
+    """
+
+    peers: dict[Any, SequenceCounts]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON.
+
+        :returns: the counts, ``loss`` and ``peers``.
+        """
+        return {**super().as_dict(), "peers": {str(peer): counts.as_dict() for peer, counts in self.peers.items()}}
+
+
+def stats_from(raw: dict[str, Any]) -> Stats:
+    """From what the engine gives."""
+    sequence = raw.pop("sequence")
+    if sequence is not None:
+        peers = {peer: SequenceCounts(**counts) for peer, counts in sequence.pop("peers").items()}
+        sequence = SequenceStats(**sequence, peers=peers)
+    return Stats(**raw, sequence=sequence)
 
 
 @dataclass(frozen=True)
@@ -43,6 +101,8 @@ class Stats:
     :ivar discarded_bytes: bytes thrown away, by cause; every cause has its entry.
     :ivar rejected_candidates: how often a start turned out to be none, by cause.
     :ivar messages: how many were delivered, by message; those that came.
+    :ivar sequence: what the frames' sequence numbers told; None where frames have none. None as well where a decoder
+        takes the bytes of both ends and frames do not say who sent them.
     """
 
     bytes: int
@@ -54,13 +114,17 @@ class Stats:
     discarded_bytes: dict[str, int]
     rejected_candidates: dict[str, int]
     messages: dict[str, int]
+    sequence: SequenceStats | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON.
 
-        :returns: the attributes by name; causes that did not occur are left out.
+        :returns: the attributes by name; causes that did not occur are left out, and ``sequence`` where it is None.
         """
         out = dict(vars(self))
+        del out["sequence"]
+        if self.sequence is not None:
+            out["sequence"] = self.sequence.as_dict()
         for key in ("discarded_bytes", "rejected_candidates"):
             out[key] = {cause: n for cause, n in out[key].items() if n}
         return out
@@ -123,7 +187,7 @@ class Decoder:
     @property
     def stats(self) -> Stats:
         """Where every byte went, up to now."""
-        return Stats(**self._engine.stats())
+        return stats_from(self._engine.stats())
 
     def __repr__(self) -> str:
         stats = self.stats
@@ -249,6 +313,9 @@ class Codec:
         Of a format's forms the first is taken that these header values allow, that has every field given here, and that
         can carry the message.
 
+        A sequence number is a header field like others: 0 unless ``header`` gives it. The same call gives the same
+        bytes each time; a link raises the number from frame to frame.
+
         :param message: the message's name.
         :param values: its fields as a mapping, in SI units.
         :param header: the frame's own named fields, where they differ from the defaults of the end that sends it;
@@ -323,7 +390,7 @@ class Codec:
         form = self._format_for(self._sender_for(sender))
         result = _engine.decode_columns(self._table, form, capture, threads, progress)
         tables = {name: Table(**table) for name, table in result["messages"].items()}
-        return Columns(tables, Stats(**result["stats"]))
+        return Columns(tables, stats_from(result["stats"]))
 
     def log_line(self, message: Message) -> LogLine | None:
         """What a received message says in the log.
@@ -338,6 +405,13 @@ class Codec:
         return f"<wirebond.Codec {self.name}: {', '.join(self._index)}>"
 
     # ---- for the package's own modules: the engine's tables, and what names of messages and ends mean
+
+    def _sequence_of(self, sender: End) -> HeaderField | None:
+        """The sequence number of the frames that this end sends without header values; None: there is none."""
+        plan = plan_for(self.model, sender)
+        if plan.sequence is None or all(field.place != plan.sequence for field in plan.forms[0].header):
+            return None
+        return plan.header[plan.sequence]
 
     def _format_for(self, sender: End | None) -> _engine.FormatTable:
         """The engine's tables for frames of this sender."""

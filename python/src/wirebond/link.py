@@ -14,9 +14,10 @@ from types import TracebackType
 from typing import Any, Self
 
 from wirebond import _engine
-from wirebond.codec import Codec, Message, Stats, load, refuse_option_for_field
+from wirebond.codec import Codec, Message, Stats, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, StoppedError, UsageError
 from wirebond.protocol.model import MAX_LATENCY, End, Recover
+from wirebond.protocol.plan import header_fields
 from wirebond.protocol.problems import no_message
 from wirebond.typed import TypedMessage, name_and_values
 
@@ -99,6 +100,7 @@ class Link:
         self.paced = paced
         self.adapter_latency = _latency(codec, self.port, speed, adapter_latency)
         self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
+        self._header = header_fields(model.format.parts)
         self._taken: deque[Message] = deque()  # taken from the engine, and not yet by the program
         self._engine = _engine.Link(
             codec._table,
@@ -124,6 +126,7 @@ class Link:
         :param message: a message of the host by its name, or an object of a generated module.
         :param values: its fields by name, in SI units.
         :param header: the frame's own named fields, where they differ from the host's defaults, as for `Codec.encode`.
+            The link raises a sequence number, unless it stands here.
         :param fields: its fields as keywords; they go before those of ``values``.
         :raises MessageError: a value is wrong, or the message is the MCU's to send.
         :raises StoppedError: an emergency stop holds the message.
@@ -134,7 +137,9 @@ class Link:
         self._check_sender(name)
         refuse_option_for_field("send", self.codec.model.message(name), {"header": header}, given)
         frame = self.codec.encode(name, given, header=header)
-        self._raise_for(name, self._engine.send(self.codec._index_of(name), frame, _reply_index(self.codec, name)))
+        reply = _reply_index(self.codec, name)
+        answer = self._engine.send(self.codec._index_of(name), frame, reply, self._takes_number(header))
+        self._raise_for(name, answer)
 
     def repeat(
         self,
@@ -174,7 +179,7 @@ class Link:
         if self.codec.model.message(name).every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; use send()")
         reply = _reply_index(self.codec, name)
-        self._raise_for(name, self._engine.repeat(self.codec._index_of(name), frame, hold, reply))
+        self._raise_for(name, self._engine.repeat(self.codec._index_of(name), frame, hold, reply, True))
 
     def stop_repeating(self, message: str) -> None:
         """End the message's lease at once, without a last value. Any thread.
@@ -280,7 +285,7 @@ class Link:
         raw = self._engine.stats()
         send = SendStats(**raw.pop("send"))
         rest = {name: raw.pop(name) for name in ("dropped_messages", "late", "held_back", "reconnects")}
-        return LinkStats(Stats(**raw), send, **rest)
+        return LinkStats(stats_from(raw), send, **rest)
 
     def close(self) -> None:
         """End every lease, with its safe value where it has one; send what is queued (a second at most); give the port
@@ -301,6 +306,10 @@ class Link:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _takes_number(self, header: Mapping[str, Any] | None) -> bool:
+        """Does the link raise the frame's sequence number? Not where the caller gave it."""
+        return not any(field.is_sequence and field.name in (header or {}) for field in self._header)
 
     def _raise_for(self, message: str, answer: int) -> None:
         if answer == _STOPPED:
@@ -396,6 +405,7 @@ def engine_settings(
         "send_pause_seconds": model.pause_seconds,
         "max_age_seconds": model.link.max_age or 0.0,
         "largest_frame": model.max_wire_bytes(),
+        "send": codec._format_for(End.HOST),
         "every": [m.every if m.sent_by(End.HOST) and m.every is not None else 0.0 for m in model.messages],
         "stop": [
             (

@@ -15,6 +15,7 @@ struct QueuedFrame {
   std::int16_t message = -1;
   std::int16_t reply = -1;  ///< index of the message that answers it; -1: none
   std::uint64_t accepted_us = 0;
+  bool takes_number = false;  ///< it gets its sequence number when it leaves
 
   constexpr bool is_value() const { return size == 0; }
 };

@@ -22,12 +22,13 @@ class Lease {
   bool can_repeat(std::size_t size) const { return every_us_ != 0 && size != 0 && size <= capacity_; }
   bool is_alive() const { return is_alive_; }
 
-  /// From now on, or on: this value, until `end_us`.
-  void renew(const std::uint8_t* frame, std::size_t size, std::int16_t reply, std::uint64_t end_us,
+  /// From now on, or on: this value, until `end_us`. `takes_number`: each repetition gets its own.
+  void renew(const std::uint8_t* frame, std::size_t size, std::int16_t reply, bool takes_number, std::uint64_t end_us,
              std::uint64_t now_us) {
     std::memcpy(room_, frame, size);
     size_ = size;
     reply_ = reply;
+    takes_number_ = takes_number;
     end_us_ = end_us;
     if (!is_alive_) rhythm_ = Periodic<std::uint64_t>(every_us_, now_us);
     is_alive_ = true;
@@ -41,6 +42,7 @@ class Lease {
   const std::uint8_t* frame() const { return room_; }
   std::size_t size() const { return size_; }
   std::int16_t reply() const { return reply_; }
+  bool takes_number() const { return takes_number_; }
 
   bool waits = false;  ///< its turn is in the queue
 
@@ -52,6 +54,7 @@ class Lease {
   std::uint64_t end_us_ = 0;
   Periodic<std::uint64_t> rhythm_{1, 0};
   std::int16_t reply_ = -1;
+  bool takes_number_ = false;
   bool is_alive_ = false;
 };
 

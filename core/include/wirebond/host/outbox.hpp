@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "wirebond/host/frame_numbers.hpp"
 #include "wirebond/host/frame_queue.hpp"
 #include "wirebond/host/lease.hpp"
 #include "wirebond/host/pacing.hpp"
@@ -55,7 +56,11 @@ struct Outgoing {
 /// the line carries them, each message still gets its turn.
 ///
 /// A stop, and the end of a lease with a safe value, drop all that waits of their messages. Neither is ever refused.
-/// Time is in microseconds and does not wrap. One thread at a time.
+///
+/// Where frames have a sequence number they get it here, as they are handed over: so the numbers rise in the order of
+/// the wire, and what was refused, replaced, overruled or has expired leaves no gap. A frame whose sender gave the
+/// number itself keeps it, and the count goes on as if it had not been. Time is in microseconds and does not wrap. One
+/// thread at a time.
 class HostOutbox {
  public:
   /// The caller's, and outlives this object. `leases` has one entry for each message of the protocol, by index.
@@ -71,6 +76,7 @@ class HostOutbox {
     std::size_t safe_count = 0;
     std::uint8_t* leaving = nullptr;
     std::size_t leaving_capacity = 0;
+    FrameNumbers* numbers = nullptr;  ///< null: frames have no sequence number
   };
 
   /// `max_age_us`: a frame that waited longer expires; 0: never.
@@ -84,16 +90,17 @@ class HostOutbox {
 
   // ---- what programs want
 
-  /// One frame of `message`, whole. O(size).
+  /// One frame of `message`, whole. `takes_number`: it gets a sequence number as it leaves, where its format has one.
+  /// O(size).
   SendResult send(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
-                  std::uint64_t now_us) {
+                  bool takes_number, std::uint64_t now_us) {
     account_.offered += 1;
     if (is_stopped(message)) return refuse(account_.refused_stopped, SendResult::stopped);
     if (!is_up_ || is_closed_) return refuse(account_.refused_down, SendResult::down);
     expire(now_us);
     // One place is kept for the repeated value of each message: these are never refused.
     if (size == 0 || size > memory_.leaving_capacity || !queue_.has_room(size, memory_.lease_count) ||
-        !queue_.push({static_cast<std::uint32_t>(size), message, reply, now_us}, frame)) {
+        !queue_.push({static_cast<std::uint32_t>(size), message, reply, now_us, takes_number}, frame)) {
       return refuse(account_.refused_full, SendResult::full);
     }
     account_.accepted += 1;
@@ -103,12 +110,12 @@ class HostOutbox {
   /// Repeat this value at the message's rhythm until `hold_us` from now. `full`: the message has no rhythm, or the
   /// frame is larger than its memory.
   SendResult repeat(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
-                    std::uint64_t hold_us, std::uint64_t now_us) {
+                    bool takes_number, std::uint64_t hold_us, std::uint64_t now_us) {
     if (is_stopped(message)) return SendResult::stopped;
     if (is_closed_) return SendResult::down;
     Lease& lease = lease_of(message);
     if (!lease.can_repeat(size)) return SendResult::full;
-    lease.renew(frame, size, reply, now_us + hold_us, now_us);
+    lease.renew(frame, size, reply, takes_number, now_us + hold_us, now_us);
     poll(now_us);
     return SendResult::accepted;
   }
@@ -329,7 +336,7 @@ class HostOutbox {
       account_.replaced += 1;
       return;
     }
-    lease.waits = queue_.push({0, message, -1, now_us}, nullptr);
+    lease.waits = queue_.push({0, message, -1, now_us, false}, nullptr);
     if (!lease.waits) account_.accepted -= 1, account_.refused_full += 1;  // more places were taken than `send` leaves
   }
 
@@ -351,20 +358,28 @@ class HostOutbox {
   Outgoing copy_next() {
     if (const SafeValue* const safe = waiting_safe()) {
       std::memcpy(memory_.leaving, safe->frame(), safe->size());
-      return {memory_.leaving, safe->size(), safe->reply()};
+      return numbered(safe->message(), true, safe->reply());
     }
     const QueuedFrame& frame = queue_.front();
     if (!frame.is_value()) {
       queue_.copy_front(memory_.leaving);
-      return {memory_.leaving, frame.size, frame.reply};
+      return numbered(frame.message, frame.takes_number, frame.reply);
     }
     const Lease& lease = lease_of(frame.message);
     std::memcpy(memory_.leaving, lease.frame(), lease.size());
-    return {memory_.leaving, lease.size(), lease.reply()};
+    return numbered(frame.message, lease.takes_number(), lease.reply());
+  }
+
+  Outgoing numbered(std::int16_t message, bool takes_number, std::int16_t reply) {
+    takes_number_ = takes_number && memory_.numbers != nullptr;
+    leaving_message_ = message;
+    if (takes_number_) leaving_size_ = memory_.numbers->give(memory_.leaving, leaving_size_, message);
+    return {memory_.leaving, leaving_size_, reply};
   }
 
   /// What `copy_next` gave is under way.
   void take_next() {
+    if (takes_number_) memory_.numbers->keep(leaving_message_);
     safe_under_way_ = waiting_safe();
     if (safe_under_way_ != nullptr) {
       safe_under_way_->waits = false;
@@ -382,6 +397,8 @@ class HostOutbox {
   HostSendAccount account_;
   std::size_t written_ = 0;  ///< of the frame under way; 0: none has begun
   std::size_t leaving_size_ = 0;
+  std::int16_t leaving_message_ = -1;
+  bool takes_number_ = false;  ///< what `to_write` gave last
   SafeValue* safe_under_way_ = nullptr;
   std::size_t first_safe_ = 0;  ///< the look for one that waits begins here
   bool is_up_ = false;

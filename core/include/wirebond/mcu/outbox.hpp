@@ -35,6 +35,8 @@ struct OutboxConfig {
   static constexpr std::size_t accounts = 1;
   /// False: frames leave in the order in which they were reserved, across all senders.
   static constexpr bool passes_unfinished = true;
+  /// True: `next` tells its `finish` the message of each frame, where there is one account for all.
+  static constexpr bool tells_message = false;
 };
 
 namespace detail {
@@ -149,9 +151,10 @@ class Outbox {
                                        std::uint8_t message = 0) {
     Ticket ticket;
     const std::uint8_t account = account_of(message);
+    const std::uint8_t tag = Config::tells_message ? message : account;
     ledgers_[account].offer();
-    const Refusal refusal = queue == Queue::urgent ? urgent_.take(size, account, now, ticket.in_queue)
-                                                   : ring_.take(size, account, now, ticket.in_queue);
+    const Refusal refusal = queue == Queue::urgent ? urgent_.take(size, tag, now, ticket.in_queue)
+                                                   : ring_.take(size, tag, now, ticket.in_queue);
     if (refusal != Refusal::none) return refused(refusal, account);
     ticket.data = ticket.in_queue.data;
     ticket.size = ticket.in_queue.size;
@@ -200,25 +203,30 @@ class Outbox {
 
   /// What to send next: urgent frames first, then the queue and the slots by turns. Contiguous whole frames, no more
   /// than `max_bytes` unless the first alone is longer; of size 0 where nothing is ready. Ended by `sent` or `aborted`;
-  /// until then every call gives the same run again. `finish(data, size)` is called once for each frame, in the order
-  /// of the wire, before the run is given: here a format with sequence numbers sets number and check.
+  /// until then every call gives the same run again. `finish(data, size, message)` is called once for each frame, in
+  /// the order of the wire, before the run is given: here a frame gets its sequence number. Where it gives a size, that
+  /// is the frame's from here on. `message`: what `reserve` was given, where Config::tells_message or an account for
+  /// each asks for it; else 0.
   template <class Finish>
   Run next(std::size_t max_bytes, Finish&& finish) {
     if (run_.size != 0) return run_;
-    const auto finish_tagged = [&](std::uint8_t* data, std::size_t size, std::uint8_t) { finish(data, size); };
+    // By reference: with `finish` itself GCC 12 makes 50 bytes more of it on a Cortex-M4, where there is nothing to do.
+    const auto finish_each = [&](std::uint8_t* data, std::size_t size, std::uint8_t message) {
+      return finish(data, size, message);
+    };
     source_ = from_urgent;
-    run_ = urgent_.next(max_bytes, Config::passes_unfinished, finish_tagged);
+    run_ = urgent_.next(max_bytes, Config::passes_unfinished, finish_each);
     if (run_.size == 0 && slots_turn_) take_from_slots(finish);
     if (run_.size == 0) {
       source_ = from_ring;
-      run_ = ring_.next(max_bytes, Config::passes_unfinished, finish_tagged);
+      run_ = ring_.next(max_bytes, Config::passes_unfinished, finish_each);
       slots_turn_ = run_.size != 0;
     }
     if (run_.size == 0) take_from_slots(finish);
     return run_;
   }
   Run next(std::size_t max_bytes) {
-    return next(max_bytes, [](std::uint8_t*, std::size_t) {});
+    return next(max_bytes, [](std::uint8_t*, std::size_t, std::uint8_t) {});
   }
 
   /// The run has left.
@@ -302,6 +310,11 @@ class Outbox {
     return 0;
   }
 
+  static constexpr std::uint8_t message_of_slot(std::size_t slot) {
+    if constexpr ((has_accounts || Config::tells_message) && slot_count != 0) return Slots::accounts[slot];
+    return 0;
+  }
+
   Grant<Outbox> refused(Refusal refusal, std::uint8_t account) {
     ledgers_[account].refuse(refusal);
     return Grant<Outbox>(refusal);
@@ -314,7 +327,11 @@ class Outbox {
       slot_ = static_cast<std::uint8_t>(slot_ + 1u < slot_count ? slot_ + 1u : 0u);
       run_ = latest_.next(slot_);
       if (run_.size == 0) continue;
-      finish(run_.data, run_.size);
+      if constexpr (std::is_void_v<decltype(finish(run_.data, run_.size, std::uint8_t{0}))>) {
+        finish(run_.data, run_.size, message_of_slot(slot_));
+      } else {
+        run_.size = finish(run_.data, run_.size, message_of_slot(slot_));
+      }
       source_ = from_slot;
       slots_turn_ = false;
       return;
@@ -324,8 +341,8 @@ class Outbox {
   WIREBOND_NOINLINE void end_run(bool has_left) {
     if (run_.size == 0) return;
     run_ = {};
-    const auto book_tagged = [&](std::uint8_t account) {
-      Ledger& ledger = ledgers_[account];
+    const auto book_tagged = [&](std::uint8_t tag) {
+      Ledger& ledger = ledgers_[account_of(tag)];
       has_left ? ledger.send() : ledger.abort();
     };
     if (slot_count != 0 && source_ == from_slot) {
@@ -340,7 +357,7 @@ class Outbox {
 
   template <class IsOld>
   void expire(IsOld&& is_old) {
-    const auto book = [&](std::uint8_t account) { ledgers_[account].expire(); };
+    const auto book = [&](std::uint8_t tag) { ledgers_[account_of(tag)].expire(); };
     urgent_.expire(is_old, book);
     ring_.expire(is_old, book);
     for (std::size_t slot = 0; slot < slot_count; ++slot) {
@@ -350,7 +367,7 @@ class Outbox {
 
   SendAccount account_at(std::uint8_t account) const {
     SendAccount read = ledgers_[account].read();
-    const auto is_counted = [=](std::uint8_t tag) { return tag == account; };
+    const auto is_counted = [=](std::uint8_t tag) { return account_of(tag) == account; };
     std::size_t queued = urgent_.finished(is_counted) + ring_.finished(is_counted);
     std::size_t unfinished = urgent_.unfinished(is_counted) + ring_.unfinished(is_counted);
     for (std::size_t slot = 0; slot < slot_count; ++slot) {

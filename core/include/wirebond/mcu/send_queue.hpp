@@ -4,6 +4,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
+#include <type_traits>
 
 #include "wirebond/bytes.hpp"
 #include "wirebond/mcu/atomics.hpp"
@@ -151,16 +153,17 @@ class SendQueue {
   /// The next finished frames that lie behind each other: as many as fit `max_bytes`, and the first of them in any
   /// case. They are the consumer's until `sent` or `aborted`; until then every call gives the same run again, so that a
   /// port that refused it can be asked once more. `finish(data, size, tag)` is called once for each frame, in the order
-  /// of the wire, before the run is given: here a format with sequence numbers sets number and check. `passes` false:
-  /// no frame passes an unfinished one.
+  /// of the wire, before the run is given: here a frame gets its sequence number. Where it gives a size, that is the
+  /// frame's from here on, 1 .. size; the frames behind it in the run move up. `passes` false: no frame passes an
+  /// unfinished one.
   template <class Finish>
   Run next(std::size_t max_bytes, bool passes, Finish&& finish) {
     if (run_frames_ == 0 && !choose_run(max_bytes, passes)) return {};
     Run run{ring_ + (begin_of(run_first_) & byte_mask_), 0, run_frames_};
     for (Position i = 0; i < run_frames_; ++i) {
       Entry& entry = entry_of(static_cast<Position>(run_first_ + i));
-      const std::size_t size = size_in(entry.place_.load(std::memory_order_relaxed));
-      if (!run_finished_) finish(run.data + run.size, size, tag_in(entry.state_.load(std::memory_order_relaxed)));
+      std::size_t size = size_in(entry.place_.load(std::memory_order_relaxed));
+      if (!run_finished_) size = finish_in(entry, run.data + run.size, size, finish);
       run.size += size;
     }
     run_finished_ = true;
@@ -319,6 +322,23 @@ class SendQueue {
     }
     run_finished_ = false;
     return true;
+  }
+
+  /// Finish the frame of this entry, which goes to `to`: where it lies, or nearer to the run's begin. Returns its size.
+  template <class Finish>
+  WIREBOND_INLINE std::size_t finish_in(Entry& entry, std::uint8_t* to, std::size_t size, Finish&& finish) {
+    const std::uint8_t tag = tag_in(entry.state_.load(std::memory_order_relaxed));
+    if constexpr (std::is_void_v<decltype(finish(to, size, tag))>) {
+      finish(to, size, tag);
+      return size;
+    } else {
+      const Position begin = position_of(load(entry.place_));
+      std::uint8_t* const frame = ring_ + (begin & byte_mask_);
+      const std::size_t finished = finish(frame, size, tag);
+      if (frame != to) std::memmove(to, frame, finished);
+      entry.place_.store(word_of(begin, static_cast<Position>(finished)), std::memory_order_relaxed);
+      return finished;
+    }
   }
 
   /// How many frames from `first` on are finished, lie behind each other, and are no more than `max_bytes`: one at

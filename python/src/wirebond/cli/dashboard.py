@@ -12,7 +12,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from wirebond.cli.output import values_text
+from wirebond.cli.output import sequence_parts, values_text
 from wirebond.codec import Message
 from wirebond.link import Link, LinkStats
 from wirebond.protocol.model import End
@@ -118,6 +118,8 @@ class Dashboard:
             f"{stats.late} late, {stats.held_back} held back, {stats.dropped_messages} not taken in time",
         )
         table.add_row("discarded", f"bytes: {discarded}")
+        if receive.sequence is not None:
+            table.add_row("numbers", ", ".join(sequence_parts(receive.sequence)) or "no frame is missing")
         table.add_row(
             "sent",
             f"{send.sent} frames of {send.offered} offered ({send.queued} queued, {send.replaced} replaced, "

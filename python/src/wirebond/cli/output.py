@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.segment import Segment
 
 from wirebond.cli.values import hex_of, to_json
-from wirebond.codec import Codec, Message, Stats
+from wirebond.codec import Codec, Message, SequenceStats, Stats
 from wirebond.protocol.decimals import decimal_text
 from wirebond.visible import visible
 
@@ -114,8 +114,22 @@ def stats_line(stats: Stats) -> str:
         parts.append(f"{stats.fill_bytes} fill")
     if stats.pending_bytes:
         parts.append(f"{stats.pending_bytes} pending")
+    if stats.sequence is not None:
+        parts += sequence_parts(stats.sequence)
     parts += [f"{count} discarded as {cause}" for cause, count in stats.discarded_bytes.items() if count]
     return ", ".join(parts)
+
+
+def sequence_parts(sequence: SequenceStats) -> list[str]:
+    """What the sequence numbers told; nothing where all is well."""
+    parts = []
+    if sequence.gaps:
+        parts.append(f"{sequence.gaps} missing by their numbers ({sequence.loss:.2%})")
+    if sequence.repeats:
+        parts.append(f"{sequence.repeats} repeated numbers")
+    if sequence.restarts:
+        parts.append(f"{sequence.restarts} restarts of the count")
+    return parts
 
 
 def title_of(message: Message) -> str:

@@ -267,6 +267,12 @@ def format_lines(plan: Plan) -> list[str]:
     ]
     if plan.no_id:
         lines.append(f"format.no_id = 0x{plan.no_id:X}U;")
+    if plan.sequence is not None:
+        lines.append(f"format.sequence_place = {plan.sequence};")
+        if plan.sequence_per_message:
+            lines.append("format.sequence_per_message = true;")
+        if plan.peer is not None:
+            lines.append(f"format.peer_place = {plan.peer};")
     if plan.own_forms != 1:
         lines.append(f"format.own_forms = {plan.own_forms};")
     if plan.skips_failed:
@@ -387,6 +393,7 @@ class SourceView:
     structs: tuple[str, ...]
     latest: tuple[str, ...]  # of these, those of `queue: latest`
     address: AddressView | None
+    counts_messages: bool  # each message has its own sequence numbers
 
 
 def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
@@ -408,6 +415,7 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
         latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
         address=address_view(protocol, end),
+        counts_messages=plan.sequence_per_message,
     )
 
 

@@ -63,6 +63,8 @@ def _part(part: Part) -> dict[str, Any]:
         entry["by_sender"] = [[end.value, value.hex()] for end, value in part.by_sender]
     if part.bits:
         entry["bits"] = [[run.name, run.role.value, run.shift, run.width, _run_value(run)] for run in part.bits]
+    if any(field.per_message for field in header_of(part)):
+        entry["per"] = "message"
     meanings = [meaning for field in header_of(part) if (meaning := _header_meaning(field.value))]
     if meanings:
         entry["header"] = meanings

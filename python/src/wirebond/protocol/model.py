@@ -346,6 +346,7 @@ class HeaderField:
     host_default: HeaderDefault = 0
     mcu_default: HeaderDefault = 0
     is_sequence: bool = False
+    per_message: bool = False  # of a sequence: each message has numbers of its own
     address: Address | None = None
     broadcast: tuple[HeaderDefault, ...] = ()  # addresses that mean every receiver
 

@@ -175,6 +175,8 @@ class Plan:
     address: int | None  # place in ``header`` of the field that says for whom a frame of this sender is
     broadcast: tuple[int, ...]  # values of that field, as bits on the wire, that mean every receiver
     peer: int | None  # place of the field that says who sent the frame
+    sequence: int | None  # place of the number that counts a sender's frames; None: a receiver has nothing to count by
+    sequence_per_message: bool  # it counts the frames of each message
     algorithms: tuple[Algorithm, ...]
     messages: tuple[MessageRow, ...]  # by rising id; of one id those that are only expected first
 
@@ -186,6 +188,8 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     no_id = NO_ID if any(mixes_ids(frame_format.parts, end) for end in (sender, End.HOST, End.MCU)) else 0
     header = header_fields(frame_format.parts)
     address = _place_of(header, Address.RECEIVER, Address.MCU if sender == End.HOST else None)
+    peer = _place_of(header, Address.SENDER, Address.MCU if sender == End.MCU else None)
+    sequence = next((place for place, field in enumerate(header) if field.is_sequence), None)
     rows = [
         MessageRow(
             m.id if m.has_id else no_id,
@@ -219,7 +223,9 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         header=header,
         address=address,
         broadcast=() if address is None else header[address].broadcast_bits,
-        peer=_place_of(header, Address.SENDER, Address.MCU if sender == End.MCU else None),
+        peer=peer,
+        sequence=sequence if sender is not None or peer is not None else None,  # two ends in one stream, told apart
+        sequence_per_message=sequence is not None and header[sequence].per_message,
         algorithms=tuple(_algorithms(frame_format.parts)),
         messages=tuple(sorted(rows, key=lambda row: (row.id, not row.only_expected))),
     )

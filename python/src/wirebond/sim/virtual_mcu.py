@@ -8,7 +8,7 @@ keeps the deadlines at ``mcu``.
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -59,6 +59,7 @@ class VirtualMcu:
         self._hello_due = model.service("hello") is not None
         self._waiting: deque[bytes] = deque()  # frames
         self._silent_until = self.start
+        self._numbers: Counter[str] = Counter()  # the next sequence number, by message, or of all
 
     def feed(self, data: bytes, t: float) -> bytes:
         for message in self._decoder.feed(data, t) if data else self._decoder.idle(t):
@@ -89,8 +90,7 @@ class VirtualMcu:
             assert message.every is not None
             self._due[name] = due + (math.floor((t - due) / message.every) + 1) * message.every
             for header in self._addressing.own:
-                values = self._made_up(message, t)
-                self._waiting.append(self.codec.encode(name, values, header=header, sender=End.MCU))
+                self._waiting.append(self._encoded(name, self._made_up(message, t), header))
         for watch in self._watches:
             if not watch.struck and t - watch.since >= watch.rule.after:
                 watch.struck = True
@@ -147,7 +147,7 @@ class VirtualMcu:
         values = self._made_up(reply, t)
         values |= {name: message.fields[name] for name in _carried_back(reply, request)}
         values |= self._service_values(message, t)
-        return [self.codec.encode(reply.name, values, header=header, sender=End.MCU)]
+        return [self._encoded(reply.name, values, header)]
 
     def _service_values(self, message: Message, t: float) -> dict[str, Any]:
         clock = self.codec.model.service("clock")
@@ -168,8 +168,20 @@ class VirtualMcu:
         name = service.message("message") if service is not None else None
         if name is None:
             return []
-        values = {"protocol_hash": self.codec.hash, "version": 1}
-        return [self.codec.encode(name, values, header=header, sender=End.MCU)]
+        return [self._encoded(name, {"protocol_hash": self.codec.hash, "version": 1}, header)]
+
+    # ---- sending
+
+    def _encoded(self, name: str, values: dict[str, Any], header: dict[str, Any]) -> bytes:
+        """A frame, which leaves behind all that were encoded before; with the next sequence number, if it has one.
+        Each address has numbers of its own."""
+        sequence = self.codec._sequence_of(End.MCU)
+        if sequence is None:
+            return self.codec.encode(name, values, header=header, sender=End.MCU)
+        counter = repr((header, name if sequence.per_message else ""))
+        number = self._numbers[counter]
+        self._numbers[counter] = (number + 1) % (1 << sequence.value.width)
+        return self.codec.encode(name, values, header={**header, sequence.name: number}, sender=End.MCU)
 
     # ---- made-up values
 

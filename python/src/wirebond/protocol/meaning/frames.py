@@ -138,7 +138,14 @@ class _FrameReader:
                 names.setdefault(name, place)
         for name, other in meeting(names):
             self._wrong(names[name], meeting_fault(name, other))
-        self._validate_addresses(plan.header_fields(tuple(found)), names)
+        fields = plan.header_fields(tuple(found))
+        self._validate_addresses(fields, names)
+        for second in [field for field in fields if field.is_sequence][1:]:
+            self._wrong(
+                names[second.name],
+                "a frame has one sequence number, which the link raises; make this one a `field`, which its sender "
+                "sets",
+            )
         return found
 
     def _validate_addresses(self, fields: tuple[HeaderField, ...], places: dict[str, Place]) -> None:
@@ -169,7 +176,7 @@ class _FrameReader:
             self._good = self._good and good
             return replace(part, header=header)
         if isinstance(syntax, SequencePart):
-            return replace(part, header=sequence_field(part.name, part.size, 0, part.order))
+            return replace(part, header=sequence_field(part.name, part.size, 0, syntax.per, part.order))
         if not isinstance(syntax, BitsPart):
             return part
         runs = []
@@ -181,7 +188,7 @@ class _FrameReader:
                 self._good = self._good and good
                 runs.append(replace(run, header=header))
             elif run.role == BitRole.SEQUENCE:
-                runs.append(replace(run, header=sequence_field(run.name, 0, run.width)))
+                runs.append(replace(run, header=sequence_field(run.name, 0, run.width, given.per)))
             else:
                 runs.append(run)
         return replace(part, bits=tuple(runs))
@@ -197,6 +204,8 @@ class _FrameReader:
     def _validate_run(self, run: Bits, syntax: BitRun, node: Mapping, place: Place) -> None:
         if (syntax.bits is None) == (syntax.type is None):
             self._wrong(place, f"`{run.name}` needs its number of bits: `bits: 4`, or a `type`, and not both")
+        if syntax.per is not None and run.role != BitRole.SEQUENCE:
+            self._wrong(node.key_place("per"), "`per` is for a run `sequence`; remove it")
         if run.role == BitRole.FIELD:
             return
         what = "a constant" if run.role == BitRole.CONSTANT else f"a run `{run.role}`"

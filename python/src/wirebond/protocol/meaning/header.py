@@ -38,8 +38,11 @@ def meaning_given(syntax: HeaderSyntax) -> list[str]:
     return [option for option in options if getattr(syntax, option) is not None]
 
 
-def sequence_field(name: str, size: int, bits: int, order: ByteOrder = ByteOrder.LITTLE) -> HeaderField:
-    return HeaderField(Field(name, FieldKind.UNSIGNED, size, order, bits=bits), is_sequence=True)
+def sequence_field(
+    name: str, size: int, bits: int, per: str | None, order: ByteOrder = ByteOrder.LITTLE
+) -> HeaderField:
+    value = Field(name, FieldKind.UNSIGNED, size, order, bits=bits)
+    return HeaderField(value, is_sequence=True, per_message=per == "message")
 
 
 class _HeaderReader(ValueReader):

@@ -253,11 +253,19 @@ class FieldPart(PartSyntax, HeaderSyntax):
     )
 
 
+CountedPer = Annotated[str, one_word("sender", "message")]
+_PER = (
+    "What it counts: the frames of a sender (`sender`, the default), or those of each message (`message`), which has "
+    "numbers of its own then."
+)
+
+
 class SequencePart(PartSyntax):
     """A number that rises by one from frame to frame."""
 
     noun = "a `sequence` part"
     sequence: PartType = Field(description="Its width; it rises by one from frame to frame.", examples=["u8"])
+    per: CountedPer | None = Field(None, description=_PER, examples=["message"])
 
 
 class BitRun(HeaderSyntax):
@@ -272,6 +280,7 @@ class BitRun(HeaderSyntax):
         None, description="Type of the number: u1 to u64, i2 to i64, s2 to s64; or write `bits`.", examples=["i5"]
     )
     constant: Register | None = Field(None, description="The value that it always has.", examples=["0x01"])
+    per: CountedPer | None = Field(None, description=f"Of a run `sequence`. {_PER}", examples=["message"])
 
 
 def _run(value: object) -> object:

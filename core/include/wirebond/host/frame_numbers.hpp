@@ -1,0 +1,67 @@
+// The sequence numbers that a host gives its frames as they leave: a sealed frame is opened, numbered and closed again.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "wirebond/host/runtime_source.hpp"
+#include "wirebond/numbering.hpp"
+
+namespace wirebond {
+
+/// Numbers begin with 0 when the link is made. One thread at a time.
+class FrameNumbers {
+ public:
+  /// The caller's, and outlives this object. `next` holds one counter, or one for each message of the protocol where
+  /// each has its own. `scratch` has room for `scratch_bytes(format)`.
+  struct Memory {
+    std::uint64_t* next = nullptr;
+    std::uint8_t* scratch = nullptr;
+  };
+  static std::size_t scratch_bytes(const FrameFormat& format) { return frame_lead(format) + max_wire_bytes(format); }
+
+  /// `source`: of the frames that this end sends.
+  FrameNumbers(const RuntimeSource& source, const Memory& memory) : source_(source), memory_(memory) {}
+
+  /// Give the sealed frame of `size` bytes its number, checks and stuffing anew; it has room for the format's largest
+  /// frame. Returns its size then. The same number is given until `keep`. O(size).
+  std::size_t give(std::uint8_t* frame, std::size_t size, std::int16_t message) {
+    const FrameFormat& format = source_.format();
+    const std::uint8_t* const inner = frame + opening_bytes(format);
+    const std::size_t inner_size = size - delimiter_bytes(format);
+    std::uint8_t* const opened = memory_.scratch + frame_lead(format);
+    std::size_t opened_size = inner_size;
+    if (format.stuffing == Stuffing::none) {
+      std::memcpy(opened, inner, inner_size);
+    } else {
+      const std::ptrdiff_t unstuffed = unstuff(format, inner, inner_size, opened);
+      if (unstuffed < 0) return size;  // not a frame of this format: it leaves as it is
+      opened_size = static_cast<std::size_t>(unstuffed);
+    }
+    is_given_ = false;
+    const std::size_t on_wire = close_numbered(source_, memory_.scratch, opened_size, [&] {
+      is_given_ = true;
+      return *counter_of(message);
+    });
+    std::memcpy(frame, memory_.scratch, on_wire);
+    return on_wire;
+  }
+
+  /// The frame that was given its number last has begun to leave.
+  void keep(std::int16_t message) {
+    if (is_given_) *counter_of(message) += 1;
+    is_given_ = false;
+  }
+
+ private:
+  std::uint64_t* counter_of(std::int16_t message) {
+    return memory_.next + (source_.format().sequence_per_message ? message : 0);
+  }
+
+  RuntimeSource source_;
+  Memory memory_;
+  bool is_given_ = false;  ///< the form of the last frame has a number
+};
+
+}  // namespace wirebond

@@ -1,0 +1,87 @@
+// A frame that waits for its sequence number: laid out, without its number, checks and stuffing. No queue, no counter.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "wirebond/encoder.hpp"
+#include "wirebond/format.hpp"
+#include "wirebond/stuffing.hpp"
+
+namespace wirebond {
+
+/// The form of a frame as `lay_out_frame` made it, or as it was unstuffed: the first whose constants it has.
+template <class Source>
+WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* frame, std::size_t size) {
+  const FrameFormat& format = source.format();
+  std::size_t found = 0;
+  detail::every<Source::is_constant, max_forms>(0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    const Form& form = format.forms[i];
+    found = i;
+    if (i + 1u == format.form_count) return false;  // nothing is left to be told apart
+    if (size < std::size_t{form.prefix} + form.suffix) return true;
+    const bool holds = detail::every<Source::is_constant, detail::part_counts<Source>.constants>(
+        0, form.constant_count, [&](std::size_t c) WIREBOND_INLINE_LAMBDA {
+          const Constant& constant = form.constants[c];
+          return (frame[constant.at.in(size)] & constant.mask) == constant.value;
+        });
+    return !holds;
+  });
+  return found;
+}
+
+/// Give the laid-out frame of `size` bytes that begins at buffer + frame_lead its number, where its form has one, and
+/// close it. Returns the size on the wire. `next()` gives the number; it is called only for a frame that has one.
+template <class Source, class Next>
+WIREBOND_INLINE std::size_t close_numbered(const Source& source, std::uint8_t* buffer, std::size_t size, Next&& next) {
+  const FrameFormat& format = source.format();
+  std::uint8_t* const frame = buffer + frame_lead(format);
+  const std::size_t taken = form_of(source, frame, size);
+  std::size_t on_wire = 0;
+  detail::every<Source::is_constant, max_forms>(0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    if (i != taken) return true;
+    const Form& form = format.forms[i];
+    const Number number = number_at(form, format.sequence_place);
+    if (number.present()) {
+      detail::clear_number(number, frame, size);
+      detail::write_number(number, frame, size, next());
+    }
+    const std::uint32_t id = form.id.present() ? detail::read_number(form.id, frame, size) : format.no_id;
+    on_wire = close_frame(source, buffer, size, id, i);
+    return false;
+  });
+  return on_wire;
+}
+
+/// Bytes that a laid-out frame of `size` bytes takes in a queue until `waiting_size` and `close_numbered` read it
+/// there: enough for its number, checks, stuffing and delimiters, and never more than `wire_bytes`. Where stuffing
+/// depends on the bytes, they are counted here, and the size is noted behind the frame.
+template <class Source>
+WIREBOND_INLINE std::size_t set_aside(const Source& source, std::uint8_t* buffer, std::size_t size,
+                                      std::size_t form_index) {
+  const FrameFormat& format = source.format();
+  if (format.stuffing != Stuffing::escape) return size + delimiter_bytes(format) + stuffing_overhead(format, size);
+  const Form& form = format.forms[form_index];
+  std::size_t added = size;  // what is sent as it is behind the others is moved while they are stuffed: no less will do
+  if (format.plain_back == 0) {
+    added = number_at(form, format.sequence_place).bytes +
+            escapes_needed(format.escapes, buffer + frame_lead(format) + format.plain_front, size - format.plain_front);
+    for (std::size_t i = 0; i < form.check_count; ++i)
+      added += form.checks[i].bytes * (form.checks[i].as_hex ? 2u : 1u);
+    if (added == 0) added = 1;  // room for the size, with a delimiter
+    if (added > size) added = size;
+  }
+  const std::size_t room = size + delimiter_bytes(format) + added;
+  store_bytes(buffer + room - 2, size, 2, ByteOrder::little);
+  return room;
+}
+
+/// The size of a laid-out frame for which `room` bytes were set aside.
+WIREBOND_INLINE std::size_t waiting_size(const FrameFormat& format, const std::uint8_t* buffer, std::size_t room) {
+  if (format.stuffing == Stuffing::escape) return load_bytes(buffer + room - 2, 2, ByteOrder::little);
+  const std::size_t size = room - delimiter_bytes(format);
+  if (format.stuffing == Stuffing::none) return size;
+  return size - 1 - (size - 1) / 255;  // COBS: 1 + size / 254 more
+}
+
+}  // namespace wirebond

@@ -1,0 +1,163 @@
+// What the sequence numbers of received frames tell: how many frames are missing. Numbers in, counts out; no byte.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "wirebond/examine.hpp"
+#include "wirebond/format.hpp"
+
+namespace wirebond {
+
+/// What the numbers of received frames told, modulo the counter. A number is compared with the one before it from the
+/// same peer. The first number of a peer only says where its count begins.
+template <class Counter>
+struct SequenceCounts {
+  Counter numbered = 0;  ///< frames whose number was looked at
+  Counter gaps = 0;      ///< frames that are missing: numbers that were left out
+  Counter repeats = 0;   ///< frames with the number of the frame before
+  Counter restarts = 0;  ///< jumps beyond half the range of numbers: the peer began again, and nothing is known missing
+
+  void add(const SequenceCounts& other) {
+    numbered += other.numbered;
+    gaps += other.gaps;
+    repeats += other.repeats;
+    restarts += other.restarts;
+  }
+};
+
+/// The newest number of one counter of a peer. `Value` holds every number of the field, whose bits are `mask`.
+/// Of a field with n bits, 2^(n-1) - 1 missing frames in a row are the most that can be told from a restart.
+template <class Value>
+class SequenceTrack {
+ public:
+  template <class Counter>
+  WIREBOND_INLINE void take(Value number, Value mask, SequenceCounts<Counter>& counts) {
+    const auto step = static_cast<Value>(static_cast<Value>(number - newest_) & mask);
+    newest_ = number;
+    counts.numbered += 1;
+    if (!has_begun_) {
+      has_begun_ = true;
+    } else if (step == 0) {
+      counts.repeats += 1;
+    } else if (step - 1 > mask / 2) {
+      counts.restarts += 1;
+    } else {
+      counts.gaps += static_cast<Counter>(step - 1);
+    }
+  }
+
+ private:
+  Value newest_ = 0;
+  bool has_begun_ = false;
+};
+
+/// Bits of the sequence number; 0: no form of the format has one.
+constexpr std::uint64_t sequence_mask(const FrameFormat& format) {
+  for (std::size_t i = 0; i < format.form_count; ++i) {
+    const Number number = number_at(format.forms[i], format.sequence_place);
+    if (number.present()) return number.mask;
+  }
+  return 0;
+}
+
+namespace detail {
+
+/// The header field of this place in a frame, whose format is a constant. False: its form has none.
+template <class Source, class Value>
+WIREBOND_INLINE bool read_at(const Frame& frame, std::uint8_t place, Value& value) {
+  constexpr Source source{};
+  return !every<true, max_forms>(0, source.format().form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    const Number number = number_at(source.format().forms[i], place);
+    if (!number.present() || frame.form != i) return true;
+    value = static_cast<Value>(read_wide(number, frame.bytes, frame.size));
+    return false;
+  });
+}
+
+template <class Source>
+constexpr bool has_sequence() {
+  if constexpr (folds<Source>(0)) {
+    return sequence_mask(Source{}.format()) != 0;
+  } else {
+    return false;
+  }
+}
+
+template <std::uint64_t Mask>
+using HoldsMask =
+    std::conditional_t<(Mask <= 0xFF), std::uint8_t,
+                       std::conditional_t<(Mask <= 0xFFFF), std::uint16_t,
+                                          std::conditional_t<(Mask <= 0xFFFFFFFF), std::uint32_t, std::uint64_t>>>;
+
+}  // namespace detail
+
+/// Counts what one end misses, where the format is a constant. It takes no memory and no instruction where frames have
+/// no sequence number.
+///
+/// Where frames name their sender (`address: sender`) the last `peers` of them are told apart; of more, the one that
+/// was silent longest is forgotten, and begins anew when it is heard again. Where each message has its own numbers,
+/// frames of no known message are not looked at.
+template <class Source, bool = detail::has_sequence<Source>()>
+class SequenceWatch {
+ public:
+  static constexpr SequenceCounts<std::uint32_t> sequence() { return {}; }
+
+ protected:
+  static constexpr void note(const Frame&) {}
+};
+
+template <class Source>
+class SequenceWatch<Source, true> {
+ public:
+  const SequenceCounts<std::uint32_t>& sequence() const { return counts_; }
+
+ protected:
+  WIREBOND_NOINLINE void note(const Frame& frame) {
+    constexpr FrameFormat format = Source{}.format();
+    if (format.sequence_per_message && frame.message < 0) return;
+    const std::size_t message = format.sequence_per_message ? static_cast<std::size_t>(frame.message) : 0;
+    Value number = 0;
+    if (!detail::read_at<Source>(frame, format.sequence_place, number)) return;
+    peer_of(frame).tracks[message].take(number, mask, counts_);
+  }
+
+ private:
+  using Value = detail::HoldsMask<sequence_mask(Source{}.format())>;
+  static constexpr auto mask = static_cast<Value>(sequence_mask(Source{}.format()));
+  static constexpr bool tells_peers = Source{}.format().peer_place != no_header_field;
+  static constexpr std::size_t peers = tells_peers ? 4 : 1;
+  static constexpr std::size_t track_count = Source{}.format().sequence_per_message ? Source::message_count : 1;
+
+  struct Peer {
+    std::uint64_t address = 0;
+    std::array<SequenceTrack<Value>, track_count> tracks{};
+  };
+  struct OnlyPeer {
+    std::array<SequenceTrack<Value>, track_count> tracks{};
+  };
+
+  auto& peer_of([[maybe_unused]] const Frame& frame) {
+    if constexpr (!tells_peers) {
+      return peers_[0];
+    } else {
+      std::uint64_t address = 0;
+      static_cast<void>(detail::read_at<Source>(frame, Source{}.format().peer_place, address));
+      std::size_t at = 0;
+      while (at + 1 < peers && at < heard_ && peers_[at].address != address) ++at;
+      Peer found = peers_[at];
+      if (at >= heard_ || found.address != address) found = Peer{address, {}};
+      if (at >= heard_) heard_ = static_cast<std::uint8_t>(at + 1);
+      for (; at > 0; --at) peers_[at] = peers_[at - 1];  // the one that was heard last stands first
+      return peers_[0] = found;
+    }
+  }
+
+  std::array<std::conditional_t<tells_peers, Peer, OnlyPeer>, peers> peers_{};
+  std::uint8_t heard_ = 0;
+  SequenceCounts<std::uint32_t> counts_{};
+};
+
+}  // namespace wirebond
