@@ -199,3 +199,16 @@ def test_a_typed_module_takes_and_carries_the_header(tmp_path: Path) -> None:
     assert received.header == {"servo": 3, "options": []}
     assert received == typed.Move(angle=0.5)  # the header is no value of the message
     assert typed.Move(angle=0.5).header == {}
+
+
+def test_a_received_header_that_breaks_a_rule_is_a_violation_of_its_message(codec: Codec) -> None:
+    """The handler of generated code does not get such a message; the frame itself is delivered."""
+    frame = bytearray(codec.encode("move", x=1))
+    frame[3:5] = b"\x7f\xff"  # 3276.7 K
+    frame[7] = 5  # `kind` has no name for it
+    frame[-1] = sum(frame[:-1]) & 0xFF
+    (message,) = codec.decoder("host").feed(bytes(frame))
+    temperature, kind = message.violations
+    assert temperature.startswith("header.temperature ")
+    assert kind.startswith("header.kind ")
+    assert codec.decoder("host").feed(codec.encode("move", x=1))[0].violations == []

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "headers_link.hpp"
+#include "peers_link.hpp"
 #include "scripted_port.hpp"
 
 using headers::Header;
@@ -310,4 +311,88 @@ TEST_CASE("a receiver without a link listens to an address in the same way") {
   CHECK(servo.moves.size() == 2);
   CHECK(receiver.foreign() == 2);
   CHECK(receiver.account().frames == 4);
+}
+
+// ---- frames that name both their receiver and their sender -------------------------------------------------------
+
+namespace {
+
+struct Asker {
+  void on(const peers::Pong& pong, const peers::Header& header) { pongs.emplace_back(pong.number, header.source); }
+  std::vector<std::pair<std::uint32_t, unsigned>> pongs;
+};
+
+/// A link at either end of `peers`, and what it sends.
+template <class Link, class Memory>
+struct Peer {
+  Peer() { exchange(); }
+
+  /// A poll, and what leaves by it.
+  Bytes exchange() {
+    link.poll(now_us += ms);
+    if (std::exchange(port.pended, false)) link.on_pended();
+    Bytes sent;
+    while (!port.run.empty()) {
+      const Bytes run = std::exchange(port.run, {});
+      sent.insert(sent.end(), run.begin(), run.end());
+      link.on_transmitted();
+    }
+    return sent;
+  }
+  Bytes take(const Bytes& bytes) {
+    port.arrive(bytes);
+    link.on_received();
+    return exchange();
+  }
+
+  std::uint32_t now_us = 0;
+  ScriptedPort port;
+  Asker handler;
+  Memory memory;
+  Link link{handler, port, memory};
+};
+
+using McuMemory = peers::McuBuffers<256, 256>;
+using HostMemory = peers::HostBuffers<256, 256>;
+using McuPeer = Peer<peers::McuLink<Asker, ScriptedPort, McuMemory>, McuMemory>;
+using HostPeer = Peer<peers::HostLink<Asker, ScriptedPort, HostMemory>, HostMemory>;
+
+}  // namespace
+
+TEST_CASE("each end listens for its own address, and a service answers whoever asked") {
+  McuPeer mcu;
+  HostPeer host, other;
+  REQUIRE(other.link.set_address(40));
+  CHECK(mcu.link.address() == 1);
+  CHECK(host.link.address() == 255);
+  CHECK(host.link.send(peers::Ping{1}) == Status::ok);
+  CHECK(other.link.send(peers::Ping{2}) == Status::ok);
+  Bytes answers = mcu.take(host.exchange());
+  const Bytes second = mcu.take(other.exchange());
+  answers.insert(answers.end(), second.begin(), second.end());
+  host.take(answers);
+  other.take(answers);
+  CHECK(host.handler.pongs == std::vector<std::pair<std::uint32_t, unsigned>>{{1, 1}});
+  CHECK(other.handler.pongs == std::vector<std::pair<std::uint32_t, unsigned>>{{2, 1}});
+  CHECK(host.link.counters().foreign == 1);
+  CHECK(other.link.counters().foreign == 1);
+}
+
+TEST_CASE("what an end sends carries the address that it was given, and an address that no field holds is refused") {
+  McuPeer mcu;
+  HostPeer host;
+  CHECK_FALSE(mcu.link.set_address(256));  // the receiver's field has 8 bits
+  CHECK(mcu.link.address() == 1);
+  REQUIRE(mcu.link.set_address(9));
+  peers::Header header = host.link.header();
+  CHECK(header.target == 1);
+  CHECK(header.source == 255);
+  header.target = 9;
+  CHECK(host.link.send(peers::Ping{3}, header) == Status::ok);
+  header.target = 0;
+  CHECK(host.link.send(peers::Ping{4}, header) == Status::ok);
+  CHECK(host.link.send(peers::Ping{5}) == Status::ok);  // for 1
+  host.take(mcu.take(host.exchange()));
+  CHECK(host.handler.pongs == std::vector<std::pair<std::uint32_t, unsigned>>{{3, 9}});
+  CHECK(mcu.link.counters().foreign == 1);
 }
