@@ -102,7 +102,7 @@ def test_header_values_choose_the_form_and_a_value_that_no_form_of_them_has_is_r
         codec.encode("move", x=1, header={"extra": 513})
 
 
-SERVO_BUS = ROOT / "tests" / "formats" / "servo_bus.yaml"
+SERVO_BUS = ROOT / "tests" / "formats" / "servo_options.yaml"
 
 
 @pytest.fixture(scope="module")
