@@ -89,8 +89,10 @@ def test_every_byte_lies_in_one_stretch_and_frames_carry_the_decoders_values(nam
         messages = decoder.feed(stream) + decoder.finish()
         assert [(f.offset, f.message) for f in explanation.frames] == [(m.offset, m.name) for m in messages]
         for frame, message in zip(explanation.frames, messages, strict=True):
+            assert frame.header == message.header
             if message.name != "unknown":
                 assert frame.values == message.fields
+                assert len(frame.faults) == len(message.violations), (frame.faults, message.violations)
 
 
 @pytest.mark.parametrize("path", VALUES, ids=lambda path: path.stem)

@@ -184,14 +184,14 @@ def test_a_virtual_mcu_of_one_address_is_silent_for_others(servo_bus: Codec) -> 
 
 def test_a_typed_module_takes_and_carries_the_header(tmp_path: Path) -> None:
     (module,) = generate_python(load(SERVO_BUS).model, tmp_path)
-    specification = importlib.util.spec_from_file_location("servo_bus", module)
+    specification = importlib.util.spec_from_file_location("servo_options", module)
     assert specification is not None and specification.loader is not None
     typed = importlib.util.module_from_spec(specification)
-    sys.modules["servo_bus"] = typed
+    sys.modules["servo_options"] = typed
     try:
         specification.loader.exec_module(typed)
     finally:
-        del sys.modules["servo_bus"]
+        del sys.modules["servo_options"]
     frame = typed.Move(angle=0.5).encode(header={"servo": 3})
     assert frame == load(SERVO_BUS).encode("move", angle=0.5, header={"servo": 3})
     (message,) = typed.codec.decoder("host").feed(frame)

@@ -124,7 +124,7 @@ nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& 
 
 nb::dict account_dict(const ByteAccount<std::uint64_t>& account, std::uint64_t bytes, std::uint64_t pending,
                       const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
-                      const FormatTable& format, const SequenceAccount& sequence) {
+                      const FormatTable& format, const SequenceAccount& sequence, const ForeignCounts& foreign) {
   nb::dict discarded;
   nb::dict rejected;
   for (std::size_t i = 0; i < cause_count; ++i) {
@@ -139,6 +139,8 @@ nb::dict account_dict(const ByteAccount<std::uint64_t>& account, std::uint64_t b
   out["bytes"] = bytes;
   out["frames"] = account.frames;
   out["unknown_frames"] = account.unknown_frames;
+  out["foreign_frames"] = foreign.frames;
+  out["foreign_bytes"] = foreign.bytes;
   out["frame_bytes"] = account.frame_bytes;
   out["fill_bytes"] = account.fill_bytes;
   out["pending_bytes"] = pending;
@@ -157,6 +159,15 @@ Decoder::Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<
       deframer_(format_->source(), workspace_.data(), static_cast<std::uint64_t>(std::ceil(idle_seconds * 1e6))),
       counts_(protocol_->messages().size(), 0),
       sequence_(format_) {}
+
+void Decoder::expect(std::int16_t message, int place, std::optional<std::uint64_t> address) {
+  deframer_.expect(message);
+  HostAddressing::Rules rules;
+  rules.sender_place = address ? place : -1;
+  rules.only_last_asked = true;
+  addressing_ = HostAddressing(format_->format(), rules);
+  if (address) addressing_.asks(message, *address);
+}
 
 double Decoder::seconds(nb::handle value) {
   const double time = PyFloat_AsDouble(value.ptr());
@@ -184,6 +195,7 @@ nb::list Decoder::collect(double time, Step step) {
   step([&](const Frame& frame) {
     if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
     sequence_.take(frame);
+    if (addressing_.is_foreign(frame)) return foreign_.add(frame);
     events.push_back(record(frame, time, *batch));
   });
   return to_list(batch, events);

@@ -5,10 +5,12 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "protocol.hpp"
 #include "sequence_book.hpp"
+#include "wirebond/host/addressing.hpp"
 #include "wirebond/stream_deframer.hpp"
 
 namespace wirebond::engine {
@@ -71,13 +73,24 @@ class Message {
 /// Messages of a batch as a Python list. Needs the GIL.
 nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events);
 
+/// Frames of these that are for another address: counted, and given to nobody.
+struct ForeignCounts {
+  std::uint64_t frames = 0;
+  std::uint64_t bytes = 0;
+
+  void add(const Frame& frame) {
+    frames += 1;
+    bytes += frame.wire_size;
+  }
+};
+
 using HostDeframer = StreamDeframer<RuntimeSource, std::uint64_t>;
 
 /// Statistics as a dict: bytes, frames, frame_bytes, unknown_frames, fill_bytes, pending_bytes, discarded_bytes and
 /// rejected_candidates by cause, messages by name, sequence.
 nb::dict account_dict(const ByteAccount<std::uint64_t>& account, std::uint64_t bytes, std::uint64_t pending,
                       const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
-                      const FormatTable& format, const SequenceAccount& sequence);
+                      const FormatTable& format, const SequenceAccount& sequence, const ForeignCounts& foreign = {});
 
 /// A format with its deframer. One thread at a time.
 class Decoder {
@@ -86,12 +99,13 @@ class Decoder {
           double idle_seconds);
 
   nb::list feed(nb::handle bytes, nb::handle time);
-  void expect(std::int16_t message) { deframer_.expect(message); }
+  /// `address`: of the header field at `place` of the format's list; replies from others are foreign then.
+  void expect(std::int16_t message, int place, std::optional<std::uint64_t> address);
   nb::list idle(nb::handle time);
   nb::list finish();
   nb::dict stats() const {
     return account_dict(deframer_.account(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_, *format_,
-                        sequence_.account());
+                        sequence_.account(), foreign_);
   }
 
  private:
@@ -106,6 +120,8 @@ class Decoder {
   HostDeframer deframer_;
   std::vector<std::uint64_t> counts_;  ///< by message
   SequenceBook sequence_;
+  HostAddressing addressing_;
+  ForeignCounts foreign_;
   double latest_ = 0;
 };
 

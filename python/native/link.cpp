@@ -1,6 +1,7 @@
 // A supervised link over a tty: thread, port and clock around a LinkCore. What a link does is decided in core.
 #include "link.hpp"
 
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -138,10 +139,12 @@ void Link::wake_if_late(std::uint64_t now_us) const {
 
 // ---- what programs call ----------------------------------------------------------------------------------------
 
-SendResult Link::send(std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number) {
+SendResult Link::send(std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number,
+                      std::uint64_t address) {
   const std::lock_guard lock(mutex_);
   const std::uint64_t now = monotonic_us();
-  const SendResult result = core_.outbox().send(message, data_of(frame), frame.size(), reply, takes_number, now);
+  const SendResult result =
+      core_.outbox().send(message, data_of(frame), frame.size(), reply, takes_number, now, address);
   if (result == SendResult::accepted) {
     write_some();
     wake_if_late(now);
@@ -149,19 +152,37 @@ SendResult Link::send(std::int16_t message, nb::bytes frame, std::int16_t reply,
   return result;
 }
 
-SendResult Link::repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, bool takes_number) {
+SendResult Link::repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, bool takes_number,
+                        std::uint64_t address) {
   const std::lock_guard lock(mutex_);
   const std::uint64_t now = monotonic_us();
   const SendResult result =
-      core_.outbox().repeat(message, data_of(frame), frame.size(), reply, takes_number, to_us(hold), now);
+      core_.outbox().repeat(message, data_of(frame), frame.size(), reply, takes_number, to_us(hold), now, address);
   write_some();
   wake_if_late(now);
   return result;
 }
 
-void Link::stop_repeating(std::int16_t message) {
+void Link::stop_repeating(std::int16_t message, std::optional<std::uint64_t> address) {
   const std::lock_guard lock(mutex_);
+  if (address) return core_.outbox().stop_repeating(message, *address);
   core_.outbox().stop_repeating(message);
+}
+
+bool Link::note_safe(nb::tuple safe) {
+  StopFrame frame = stop_frame(safe);
+  const std::lock_guard lock(mutex_);
+  return core_.note_safe(std::move(frame));
+}
+
+void Link::set_address(std::uint64_t address) {
+  const std::lock_guard lock(mutex_);
+  core_.link().addressing().set_address(address);
+}
+
+void Link::listen_to_all(bool all) {
+  const std::lock_guard lock(mutex_);
+  core_.link().addressing().listen_to_all(all);
 }
 
 bool Link::stop() {
@@ -382,18 +403,30 @@ void bind_link(nb::module_& m) {
           nb::arg("protocol"), nb::arg("receive"), nb::arg("path"), nb::arg("settings"))
       .def(
           "send",
-          [](LinkHandle& self, std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number) {
-            return answer_of((*self).send(message, frame, reply, takes_number));
-          },
-          nb::arg("message"), nb::arg("frame"), nb::arg("reply"), nb::arg("takes_number"))
+          [](LinkHandle& self, std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number,
+             std::uint64_t address) { return answer_of((*self).send(message, frame, reply, takes_number, address)); },
+          nb::arg("message"), nb::arg("frame"), nb::arg("reply"), nb::arg("takes_number"), nb::arg("address"))
       .def(
           "repeat",
           [](LinkHandle& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply,
-             bool takes_number) { return answer_of((*self).repeat(message, frame, hold, reply, takes_number)); },
-          nb::arg("message"), nb::arg("frame"), nb::arg("hold"), nb::arg("reply"), nb::arg("takes_number"))
+             bool takes_number, std::uint64_t address) {
+            return answer_of((*self).repeat(message, frame, hold, reply, takes_number, address));
+          },
+          nb::arg("message"), nb::arg("frame"), nb::arg("hold"), nb::arg("reply"), nb::arg("takes_number"),
+          nb::arg("address"))
       .def(
-          "stop_repeating", [](LinkHandle& self, std::int16_t message) { (*self).stop_repeating(message); },
-          nb::arg("message"))
+          "note_safe", [](LinkHandle& self, nb::tuple safe) { return (*self).note_safe(safe); }, nb::arg("safe"))
+      .def(
+          "set_address", [](LinkHandle& self, std::uint64_t address) { (*self).set_address(address); },
+          nb::arg("address"))
+      .def(
+          "listen_to_all", [](LinkHandle& self, bool all) { (*self).listen_to_all(all); }, nb::arg("all"))
+      .def(
+          "stop_repeating",
+          [](LinkHandle& self, std::int16_t message, std::optional<std::uint64_t> address) {
+            (*self).stop_repeating(message, address);
+          },
+          nb::arg("message"), nb::arg("address") = nb::none())
       .def("stop", [](LinkHandle& self) { return (*self).stop(); })
       .def("release_stop", [](LinkHandle& self) { (*self).release_stop(); })
       .def("is_stopped", [](LinkHandle& self) { return (*self).is_stopped(); })

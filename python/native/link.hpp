@@ -7,6 +7,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -33,9 +34,13 @@ class Link {
   Link(const Link&) = delete;
   Link& operator=(const Link&) = delete;
 
-  SendResult send(std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number);
-  SendResult repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, bool takes_number);
-  void stop_repeating(std::int16_t message);
+  SendResult send(std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number, std::uint64_t address);
+  SendResult repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, bool takes_number,
+                    std::uint64_t address);
+  void stop_repeating(std::int16_t message, std::optional<std::uint64_t> address);
+  bool note_safe(nb::tuple safe);
+  void set_address(std::uint64_t address);
+  void listen_to_all(bool all);
   /// False: the link has ended, and nothing was sent. While `close` still waits a stop leaves before all else.
   bool stop();
   void release_stop();

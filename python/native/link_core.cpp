@@ -1,12 +1,14 @@
 // A host's link with its memory, and what it received in batches for Python: no thread, no port, no clock.
 #include "link_core.hpp"
 
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 namespace wirebond::engine {
@@ -26,6 +28,12 @@ Value setting(const nb::dict& settings, const char* name) {
 }
 
 }  // namespace
+
+StopFrame stop_frame(nb::handle safe) {
+  return {nb::cast<std::int16_t>(safe[0]),  bytes_of(nb::cast<nb::bytes>(safe[1])),
+          nb::cast<std::int16_t>(safe[2]),  std::max<std::uint64_t>(to_us(nb::cast<double>(safe[3])), 1),
+          nb::cast<std::uint64_t>(safe[4]), nb::cast<bool>(safe[5])};
+}
 
 const char* name_of(HostLinkState state) {
   switch (state) {
@@ -51,10 +59,18 @@ LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_
   setup.largest_frame = setting<std::size_t>(settings, "largest_frame");
   for (nb::handle seconds : nb::list(settings["every"])) setup.every_us.push_back(to_us(nb::cast<double>(seconds)));
   for (nb::handle stop : nb::list(settings["stop"])) {
-    setup.stop.push_back({nb::cast<std::int16_t>(stop[0]), bytes_of(nb::cast<nb::bytes>(stop[1])),
-                          nb::cast<std::int16_t>(stop[2]),
-                          std::max<std::uint64_t>(to_us(nb::cast<double>(stop[3])), 1)});
+    setup.stop.push_back(stop_frame(stop));
   }
+  HostAddressing::Rules& rules = setup.addressing;
+  const nb::dict addressing = nb::borrow<nb::dict>(settings["addressing"]);
+  rules.receiver_place = setting<int>(addressing, "receiver_place");
+  rules.sender_place = setting<int>(addressing, "sender_place");
+  rules.own = setting<std::uint64_t>(addressing, "own");
+  rules.only_last_asked = setting<bool>(addressing, "only_last_asked");
+  for (nb::handle value : nb::list(addressing["broadcast"])) {
+    rules.broadcast.at(rules.broadcasts++) = nb::cast<std::uint64_t>(value);
+  }
+  setup.more_addresses = setting<std::size_t>(addressing, "more_addresses");
   for (nb::handle rule : nb::list(settings["deadlines"])) {
     setup.deadlines.push_back({nb::cast<std::int16_t>(rule[0]), nb::cast<std::uint32_t>(rule[1]),
                                nb::cast<std::uint8_t>(rule[2]),
@@ -69,8 +85,8 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
       workspace_(workspace_bytes(setup_.receive->source())),
       queue_bytes_(max_queued_bytes),
       // The queue keeps one place for each message's repeated value.
-      queue_frames_(new QueuedFrame[max_queued_frames + setup_.every_us.size()]),
-      values_(setup_.every_us.size()),
+      queue_frames_(new QueuedFrame[max_queued_frames + setup_.every_us.size() + setup_.more_addresses]),
+      values_(setup_.every_us.size() + setup_.more_addresses),
       leaving_(setup_.largest_frame),
       counts_(setup_.protocol->messages().size(), 0),
       sequence_(setup_.receive) {
@@ -78,9 +94,15 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
     if (setup_.every_us[i] != 0) values_[i].resize(setup_.largest_frame);
     leases_.emplace_back(setup_.every_us[i], values_[i].data(), values_[i].size());
   }
-  for (const StopFrame& stop : setup_.stop) {
-    safe_values_.emplace_back(stop.message, stop.frame.data(), stop.frame.size(), stop.reply, stop.every_us);
+  for (std::size_t i = setup_.every_us.size(); i < values_.size(); ++i) {
+    values_[i].resize(setup_.largest_frame);
+    leases_.emplace_back(0, values_[i].data(), values_[i].size());
   }
+  for (const StopFrame& stop : setup_.stop) {
+    safe_values_.emplace_back(stop.message, stop.address, stop.frame.data(), stop.frame.size(), stop.reply,
+                              stop.every_us, stop.is_in_stop);
+  }
+  safe_values_.resize(setup_.stop.size() + (setup_.stop.empty() ? 0 : setup_.more_addresses));
   const FrameFormat& sent = setup_.send->format();
   if (sequence_mask(sent) != 0) {
     next_numbers_.resize(sent.sequence_per_message ? setup_.protocol->messages().size() : 1);
@@ -97,11 +119,13 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
   memory.outbox.bytes = queue_bytes_.data();
   memory.outbox.byte_capacity = queue_bytes_.size();
   memory.outbox.frames = queue_frames_.get();
-  memory.outbox.frame_capacity = max_queued_frames + setup_.every_us.size();
+  memory.outbox.frame_capacity = max_queued_frames + leases_.size();
   memory.outbox.leases = leases_.data();
   memory.outbox.lease_count = leases_.size();
+  memory.outbox.message_count = setup_.every_us.size();
   memory.outbox.safe_values = safe_values_.data();
-  memory.outbox.safe_count = safe_values_.size();
+  memory.outbox.safe_count = setup_.stop.size();
+  memory.outbox.safe_capacity = safe_values_.size();
   memory.outbox.leaving = leaving_.data();
   memory.outbox.leaving_capacity = leaving_.size();
   memory.outbox.numbers = numbers_.get();
@@ -111,20 +135,24 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
   settings.idle_us = setup_.idle_us;
   settings.pause_us = setup_.pause_us;
   settings.max_age_us = setup_.max_age_us;
+  settings.addressing = setup_.addressing;
   link_ = std::make_unique<HostLink>(setup_.receive->source(), memory, settings, now_us);
 }
 
 void LinkCore::received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                         bool is_all) {
   Arrivals arrivals;
-  link_->received(bytes, size, before_us, after_us, is_all,
-                  [&](const Frame& frame, MayAct may_act) { keep(frame, may_act, before_us, arrivals); });
+  link_->received(bytes, size, before_us, after_us, is_all, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
+    keep(frame, may_act, is_foreign, before_us, arrivals);
+  });
   publish(std::move(arrivals));
 }
 
 void LinkCore::idle(std::uint64_t began_us) {
   Arrivals arrivals;
-  link_->idle(began_us, [&](const Frame& frame, MayAct may_act) { keep(frame, may_act, began_us, arrivals); });
+  link_->idle(began_us, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
+    keep(frame, may_act, is_foreign, began_us, arrivals);
+  });
   publish(std::move(arrivals));
 }
 
@@ -136,13 +164,24 @@ void LinkCore::port_up(std::uint64_t now_us) {
 
 void LinkCore::port_down(std::uint64_t now_us) {
   Arrivals arrivals;
-  link_->port_down(now_us, [&](const Frame& frame, MayAct may_act) { keep(frame, may_act, now_us, arrivals); });
+  link_->port_down(now_us, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
+    keep(frame, may_act, is_foreign, now_us, arrivals);
+  });
   publish(std::move(arrivals));
 }
 
-void LinkCore::keep(const Frame& frame, MayAct may_act, std::uint64_t when_us, Arrivals& arrivals) {
+bool LinkCore::note_safe(StopFrame safe) {
+  if (outbox().has_safe(safe.message, safe.address)) return true;
+  safe_frames_.push_back(std::move(safe.frame));
+  const std::vector<std::uint8_t>& frame = safe_frames_.back();
+  return outbox().add_safe(
+      SafeValue(safe.message, safe.address, frame.data(), frame.size(), safe.reply, safe.every_us, safe.is_in_stop));
+}
+
+void LinkCore::keep(const Frame& frame, MayAct may_act, bool is_foreign, std::uint64_t when_us, Arrivals& arrivals) {
   if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
   sequence_.take(frame);
+  if (is_foreign) return foreign_.add(frame);
   if (may_act != MayAct::yes && setup_.holds_back) return;
   if (arrivals.batch == nullptr) {
     arrivals.batch = std::make_shared<Batch>();
@@ -177,6 +216,7 @@ LinkAccount LinkCore::account() const {
   out.counts = counts_;
   out.sequence = sequence_.account();
   out.not_acted = link_->deadlines().not_acted();
+  out.foreign = foreign_;
   out.dropped_messages = dropped_messages_;
   out.reconnects = reconnects_;
   return out;
@@ -197,7 +237,7 @@ nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, cons
   send["overruled"] = account.send.overruled;
   send["aborted"] = account.send.aborted;
   nb::dict out = account_dict(account.receive, account.bytes, account.pending, protocol, account.counts, receive,
-                              account.sequence);
+                              account.sequence, account.foreign);
   out["send"] = send;
   out["dropped_messages"] = account.dropped_messages;
   out["late"] = account.not_acted.late;
@@ -229,23 +269,36 @@ void bind_link_core(nb::module_& m) {
       .def(
           "send",
           [](LinkCore& self, std::int16_t message, nb::bytes frame, std::int16_t reply, std::uint64_t now,
-             bool takes_number) {
+             bool takes_number, std::uint64_t address) {
             return answer_of(self.outbox().send(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(),
-                                                reply, takes_number, now));
+                                                reply, takes_number, now, address));
           },
-          nb::arg("message"), nb::arg("frame"), nb::arg("reply"), nb::arg("now"), nb::arg("takes_number") = true)
+          nb::arg("message"), nb::arg("frame"), nb::arg("reply"), nb::arg("now"), nb::arg("takes_number") = true,
+          nb::arg("address") = 0)
       .def(
           "repeat",
           [](LinkCore& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, std::uint64_t now,
-             bool takes_number) {
+             bool takes_number, std::uint64_t address) {
             return answer_of(self.outbox().repeat(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(),
-                                                  reply, takes_number, to_us(hold), now));
+                                                  reply, takes_number, to_us(hold), now, address));
           },
           nb::arg("message"), nb::arg("frame"), nb::arg("hold"), nb::arg("reply"), nb::arg("now"),
-          nb::arg("takes_number") = true)
+          nb::arg("takes_number") = true, nb::arg("address") = 0)
       .def(
-          "stop_repeating", [](LinkCore& self, std::int16_t message) { self.outbox().stop_repeating(message); },
-          nb::arg("message"))
+          "note_safe", [](LinkCore& self, nb::tuple safe) { return self.note_safe(stop_frame(safe)); }, nb::arg("safe"))
+      .def(
+          "set_address", [](LinkCore& self, std::uint64_t address) { self.link().addressing().set_address(address); },
+          nb::arg("address"))
+      .def(
+          "listen_to_all", [](LinkCore& self, bool all) { self.link().addressing().listen_to_all(all); },
+          nb::arg("all"))
+      .def(
+          "stop_repeating",
+          [](LinkCore& self, std::int16_t message, std::optional<std::uint64_t> address) {
+            if (address) return self.outbox().stop_repeating(message, *address);
+            self.outbox().stop_repeating(message);
+          },
+          nb::arg("message"), nb::arg("address") = nb::none())
       .def(
           "stop", [](LinkCore& self, std::uint64_t now) { self.outbox().stop(now); }, nb::arg("now"))
       .def("release_stop", [](LinkCore& self) { self.outbox().release_stop(); })

@@ -20,6 +20,8 @@ struct StopFrame {
   std::vector<std::uint8_t> frame;
   std::int16_t reply = -1;
   std::uint64_t every_us = 0;  ///< how often a stop repeats it
+  std::uint64_t address = 0;   ///< for whom it is, where frames say that
+  bool is_in_stop = true;      ///< see SafeValue
 };
 
 /// What a link takes from the protocol file and the port.
@@ -34,6 +36,8 @@ struct LinkSetup {
   std::size_t largest_frame = 0;        ///< bytes of the largest frame that the host sends
   std::vector<std::uint64_t> every_us;  ///< by message; 0: it has no rhythm
   std::vector<StopFrame> stop;          ///< empty: the file has none
+  HostAddressing::Rules addressing;
+  std::size_t more_addresses = 0;       ///< leases, and safe values, for addresses beside the first of each message
   std::vector<DeadlineRule> deadlines;  ///< of the host
   bool holds_back = true;               ///< what may not act is not given to the program either
 };
@@ -53,6 +57,7 @@ struct LinkAccount {
   std::vector<std::uint64_t> counts;  ///< delivered frames by message
   SequenceAccount sequence;
   NotActed<std::uint64_t> not_acted;
+  ForeignCounts foreign;
   std::uint64_t dropped_messages = 0;
   std::uint64_t reconnects = 0;
 };
@@ -75,6 +80,8 @@ class LinkCore {
   HostLink& link() { return *link_; }
   const HostLink& link() const { return *link_; }
   HostOutbox& outbox() { return link_->outbox(); }
+  /// A message of the stop goes to this address: from now on that has a safe value of its own. False: no room.
+  bool note_safe(StopFrame safe);
 
   void received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                 bool is_all);
@@ -92,7 +99,7 @@ class LinkCore {
   const FormatTable& receives() const { return *setup_.receive; }
 
  private:
-  void keep(const Frame& frame, MayAct may_act, std::uint64_t when_us, Arrivals& arrivals);
+  void keep(const Frame& frame, MayAct may_act, bool is_foreign, std::uint64_t when_us, Arrivals& arrivals);
   void publish(Arrivals&& arrivals);
 
   LinkSetup setup_;
@@ -102,6 +109,7 @@ class LinkCore {
   std::vector<std::vector<std::uint8_t>> values_;  ///< by message: the repeated value
   std::vector<Lease> leases_;
   std::vector<SafeValue> safe_values_;
+  std::deque<std::vector<std::uint8_t>> safe_frames_;  ///< of addresses that the file does not name
   std::vector<std::uint8_t> leaving_;
   std::vector<std::uint64_t> next_numbers_;  ///< one, or one for each message
   std::vector<std::uint8_t> numbering_;      ///< scratch
@@ -112,6 +120,7 @@ class LinkCore {
 
   std::vector<std::uint64_t> counts_;  ///< delivered frames by message
   SequenceBook sequence_;
+  ForeignCounts foreign_;
   std::deque<Arrivals> arrivals_;
   std::size_t waiting_messages_ = 0;
   std::uint64_t dropped_messages_ = 0;
@@ -125,6 +134,9 @@ void bind_link_core(nb::module_& m);
 /// The setup's part that is the same for both bindings.
 LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
                      nb::dict settings);
+
+/// One entry of the settings' `stop`: message, frame, reply, seconds between two, address, is_in_stop.
+StopFrame stop_frame(nb::handle safe);
 
 /// 0 to 3 in the order of SendResult.
 inline int answer_of(SendResult result) { return static_cast<int>(result); }

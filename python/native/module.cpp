@@ -1,5 +1,6 @@
 // The Python face of the engine: classes and functions only, no algorithm.
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 
@@ -45,6 +46,14 @@ nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::
   const std::vector<std::uint8_t> wire =
       seal_frame(format, protocol, index, encode_fields(message, values), given, form);
   return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
+}
+
+/// One for each header field of the format, by place.
+nb::list header_bits(const FormatTable& format, nb::dict header) {
+  const GivenHeader given = encode_header(format, header);
+  nb::list out;
+  for (std::size_t i = 0; i < format.header().size(); ++i) out.append(given.values[i]);
+  return out;
 }
 
 }  // namespace
@@ -93,12 +102,13 @@ NB_MODULE(_engine, m) {
              double idle_seconds) { new (self) Decoder(std::move(protocol), std::move(format), idle_seconds); },
           "protocol"_a, "format"_a, "idle_seconds"_a)
       .def("feed", &Decoder::feed, "bytes"_a.none(), "t"_a.none())
-      .def("expect", &Decoder::expect, "message"_a)
+      .def("expect", &Decoder::expect, "message"_a, "place"_a = -1, "address"_a = nb::none())
       .def("idle", &Decoder::idle, "t"_a.none())
       .def("finish", &Decoder::finish)
       .def("stats", &Decoder::stats);
 
   m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "header"_a, "form"_a = -1);
+  m.def("header_bits", &header_bits, "format"_a, "header"_a);
   m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
         "progress"_a.none());
   m.def(

@@ -400,7 +400,7 @@ def test_a_link_that_cannot_be_made_is_named(name: str, tmp_path: Path) -> None:
     assert result.stderr.startswith(f"wirebond: cannot make the link {tmp_path / name}: ")
 
 
-SERVO_BUS = str(ROOT / "tests" / "formats" / "servo_bus.yaml")
+SERVO_BUS = str(ROOT / "tests" / "formats" / "servo_options.yaml")
 
 
 class TestHeader:

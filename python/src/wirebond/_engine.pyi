@@ -75,8 +75,11 @@ class Decoder:
         :raises TypeError: no buffer, or no number.
         :raises UsageError: ``t`` is not finite.
         """
-    def expect(self, message: int) -> None:
-        """:param message: the index of the reply that is meant from here on; -1: of none."""
+    def expect(self, message: int, place: int = -1, address: int | None = None) -> None:
+        """:param message: the index of the reply that is meant from here on; -1: of none.
+        :param place: of the header field that says who sent it.
+        :param address: what that must be; None: anything.
+        """
     def idle(self, t: float) -> list[Message]:
         """A read that began at ``t`` found nothing.
 
@@ -92,14 +95,31 @@ class LinkCore:
 
     def __init__(self, protocol: ProtocolTable, receive: FormatTable, settings: dict[str, Any], now: int) -> None:
         """``settings`` is what ``wirebond.link.engine_settings`` gives."""
-    def send(self, message: int, frame: bytes, reply: int, now: int, takes_number: bool = True) -> int:
+    def send(
+        self, message: int, frame: bytes, reply: int, now: int, takes_number: bool = True, address: int = 0
+    ) -> int:
         """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception.
-        ``takes_number``: it gets its sequence number as it leaves, where frames have one.
+        ``takes_number``: it gets its sequence number as it leaves, where frames have one. ``address``: for whom it is.
         """
-    def repeat(self, message: int, frame: bytes, hold: float, reply: int, now: int, takes_number: bool = True) -> int:
+    def repeat(
+        self,
+        message: int,
+        frame: bytes,
+        hold: float,
+        reply: int,
+        now: int,
+        takes_number: bool = True,
+        address: int = 0,
+    ) -> int:
         """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
-    def stop_repeating(self, message: int) -> None:
-        """End the lease, without a last value."""
+    def note_safe(self, safe: tuple[int, bytes, int, float, int, bool]) -> bool:
+        """One more safe value, as an entry of the settings' ``stop``. False: there is no room."""
+    def set_address(self, address: int) -> None:
+        """The own address, as bits on the wire."""
+    def listen_to_all(self, all: bool) -> None:
+        """No frame is foreign any more; or some are again."""
+    def stop_repeating(self, message: int, address: int | None = None) -> None:
+        """End the lease of this address, or of every address, without a last value."""
     def stop(self, now: int) -> None:
         """The emergency stop: latched until ``release_stop``."""
     def release_stop(self) -> None:
@@ -148,12 +168,18 @@ class Link:
 
     def __init__(self, protocol: ProtocolTable, receive: FormatTable, path: str, settings: dict[str, Any]) -> None:
         """``settings`` is what ``wirebond.link.engine_settings`` gives."""
-    def send(self, message: int, frame: bytes, reply: int, takes_number: bool) -> int:
+    def send(self, message: int, frame: bytes, reply: int, takes_number: bool, address: int) -> int:
         """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""
-    def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool) -> int:
+    def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool, address: int) -> int:
         """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
-    def stop_repeating(self, message: int) -> None:
-        """End the lease, without a last value."""
+    def note_safe(self, safe: tuple[int, bytes, int, float, int, bool]) -> bool:
+        """One more safe value, as an entry of the settings' ``stop``. False: there is no room."""
+    def set_address(self, address: int) -> None:
+        """The own address, as bits on the wire."""
+    def listen_to_all(self, all: bool) -> None:
+        """No frame is foreign any more; or some are again."""
+    def stop_repeating(self, message: int, address: int | None = None) -> None:
+        """End the lease of this address, or of every address, without a last value."""
     def stop(self) -> bool:
         """The emergency stop: latched until ``release_stop``. False: the link has ended, and nothing was sent."""
     def release_stop(self) -> None:
@@ -208,6 +234,12 @@ def encode(
     :param header: values of header fields, where they differ from the defaults.
     :param form: of the frame, in the plan's order; -1: the first that the header allows and that can carry the message.
     :raises MessageError: a value is refused, or no form can carry the message.
+    """
+
+def header_bits(format: FormatTable, header: dict[str, Any]) -> list[int]:
+    """Bits on the wire of each header field of the format, with the sender's defaults where no value is given.
+
+    :raises MessageError: a wrong name or value.
     """
 
 def decode_columns(

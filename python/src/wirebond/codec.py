@@ -95,6 +95,9 @@ class Stats:
     :ivar bytes: all that were fed.
     :ivar frames: frames that were delivered.
     :ivar unknown_frames: of these, frames of no message that the protocol has.
+    :ivar foreign_frames: of these, frames for another address, and replies from an address that was not asked: they
+        were given to nobody.
+    :ivar foreign_bytes: bytes in such frames; they are in ``frame_bytes``, too.
     :ivar frame_bytes: bytes in delivered frames.
     :ivar fill_bytes: delimiters between frames.
     :ivar pending_bytes: bytes that are not settled yet.
@@ -108,6 +111,8 @@ class Stats:
     bytes: int
     frames: int
     unknown_frames: int
+    foreign_frames: int
+    foreign_bytes: int
     frame_bytes: int
     fill_bytes: int
     pending_bytes: int
@@ -125,6 +130,9 @@ class Stats:
         del out["sequence"]
         if self.sequence is not None:
             out["sequence"] = self.sequence.as_dict()
+        for key in ("foreign_frames", "foreign_bytes"):
+            if not out[key]:
+                del out[key]
         for key in ("discarded_bytes", "rejected_candidates"):
             out[key] = {cause: n for cause, n in out[key].items() if n}
         return out
@@ -153,18 +161,25 @@ class Decoder:
         """
         return self._engine.feed(data, t)
 
-    def expect(self, request: str | None) -> None:
+    def expect(self, request: str | None, *, header: Mapping[str, Any] | None = None) -> None:
         """Say what was asked: where several messages share an id (or have none), the reply to ``request`` is meant
         from here on, until the next call. Bytes that are pending are examined for it, too; where silence ends a frame,
         call ``idle`` first. A ``Link`` does this for what it sends.
 
         :param request: the message that goes out; None: no reply is expected.
+        :param header: its header values. Where the MCU answers with its own address (``address: mcu``), a reply from
+            another address than was asked is then foreign: it is counted, and not returned. None: every reply is.
+        :raises MessageError: ``header`` has a wrong name or value.
         :raises UsageError: the protocol has no such message, or it has no ``reply``.
         """
-        index = -1
+        index, place, address = -1, -1, None
         if request is not None:
             index = self._codec._index_of(self._codec._reply_to(request))
-        self._engine.expect(index)
+            asked = None if header is None else self._codec._address_of(header)
+            peer = plan_for(self._codec.model, End.MCU).peer
+            if asked is not None and peer is not None and asked not in self._codec._broadcasts:
+                place, address = peer, asked
+        self._engine.expect(index, place, address)
 
     def idle(self, t: float) -> list[Message]:
         """Say that a read found nothing. After the protocol's ``idle`` time an incomplete frame is given up and its
@@ -286,6 +301,9 @@ class Codec:
         self.model = model
         self._table = _engine.ProtocolTable(model)
         self._formats: dict[End | None, _engine.FormatTable] = {}
+        plan = plan_for(model, End.HOST)
+        self._address = plan.address  # place of the header field that says for whom a frame of the host is
+        self._broadcasts = plan.broadcast
         self._index = {message.name: i for i, message in enumerate(model.messages)}
 
     @property
@@ -418,6 +436,15 @@ class Codec:
         if sender not in self._formats:
             self._formats[sender] = _engine.FormatTable(plan_for(self.model, sender))
         return self._formats[sender]
+
+    def _address_of(self, header: Mapping[str, Any]) -> int | None:
+        """The bits of the address that a frame of the host with these header values is for; None: frames have none.
+
+        :raises MessageError: a wrong name or value.
+        """
+        if self._address is None:
+            return None
+        return _engine.header_bits(self._format_for(End.HOST), dict(header))[self._address]
 
     def _index_of(self, message: str) -> int:
         return self._index[message]

@@ -16,14 +16,15 @@ from typing import Any, Self
 from wirebond import _engine
 from wirebond.codec import Codec, Message, Stats, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, StoppedError, UsageError
-from wirebond.protocol.model import MAX_LATENCY, End, Recover
-from wirebond.protocol.plan import header_fields
+from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
+from wirebond.protocol.plan import header_fields, plan_for, told_by_request
 from wirebond.protocol.problems import no_message
 from wirebond.typed import TypedMessage, name_and_values
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
 MAX_HOLD = 60.0  # seconds: a longer lease would be none
 STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
+MORE_ADDRESSES = 255  # that a link has leases and safe values for, beside the first of each message
 _ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are heard meanwhile
 
 _DOWN, _FULL, _STOPPED = 1, 2, 3  # answers of the engine
@@ -85,6 +86,7 @@ class Link:
         paced: bool = True,
         hold_back: bool = True,
         adapter_latency: float | None = None,
+        listen: str = "own",
     ) -> None:
         model = codec.model
         settings = model.link
@@ -108,6 +110,14 @@ class Link:
             self.port,
             engine_settings(codec, speed, paced, hold_back, self.adapter_latency),
         )
+        self._has_safe: set[tuple[str, int]] = set()  # addresses of the stop's messages that have a safe value
+        self._address_field = own_address_field(codec)
+        self._own_address: int | str | None = None  # what `address` was set to
+        if listen not in ("own", "all"):
+            self._engine.close()
+            raise UsageError(f"listen is {listen!r}; expected 'own' or 'all'")
+        if listen == "all":
+            self._engine.listen_to_all(True)
         _note_open(self)
 
     # ---- sending
@@ -136,9 +146,11 @@ class Link:
         name, given = name_and_values(message, values, fields)
         self._check_sender(name)
         refuse_option_for_field("send", self.codec.model.message(name), {"header": header}, given)
-        frame = self.codec.encode(name, given, header=header)
+        whole = self._with_own_address(header)
+        frame = self.codec.encode(name, given, header=whole)
+        address = self._prepare(name, whole)
         reply = _reply_index(self.codec, name)
-        answer = self._engine.send(self.codec._index_of(name), frame, reply, self._takes_number(header))
+        answer = self._engine.send(self.codec._index_of(name), frame, reply, self._takes_number(header), address)
         self._raise_for(name, answer)
 
     def repeat(
@@ -148,6 +160,7 @@ class Link:
         /,
         *,
         hold: float = DEFAULT_HOLD,
+        header: Mapping[str, Any] | None = None,
         **fields: Any,
     ) -> None:
         """Repeat this value at the rhythm of the message's ``every``, for ``hold`` seconds after this call. Any thread.
@@ -156,10 +169,15 @@ class Link:
         waits of the message is dropped, and the message's safe value (that of ``emergency_stop``) goes before all
         else, once. A message without a safe value falls silent. So a program that hangs cannot keep a robot driving.
 
+        Where frames have addresses, each address has a lease of its own: a value for one servo does not replace that of
+        another, and the safe value goes to the address whose lease ends, with the other header values of the file's
+        stop. There are leases for 255 addresses beside the first one of each message.
+
         :param message: a message of the host by its name, or an object of a generated module.
         :param values: its fields by name, in SI units.
         :param fields: its fields as keywords; they go before those of ``values``.
         :param hold: seconds, more than 0 and at most 60.
+        :param header: the frame's own named fields, as for ``send``.
         :raises MessageError: a value is wrong, or the message is the MCU's to send.
         :raises UsageError: the message has no ``every``, or ``hold`` is out of its range; or the message has a field
             ``hold``, which belongs into ``values``.
@@ -173,22 +191,28 @@ class Link:
             )
         name, given = name_and_values(message, values, fields)
         self._check_sender(name)
-        options = {"hold": None if hold == DEFAULT_HOLD else hold}
+        options = {"hold": None if hold == DEFAULT_HOLD else hold, "header": header}
         refuse_option_for_field("repeat", self.codec.model.message(name), options, given)
-        frame = self.codec.encode(name, given)
+        whole = self._with_own_address(header)
+        frame = self.codec.encode(name, given, header=whole)
         if self.codec.model.message(name).every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; use send()")
+        address = self._prepare(name, whole)
         reply = _reply_index(self.codec, name)
-        self._raise_for(name, self._engine.repeat(self.codec._index_of(name), frame, hold, reply, True))
+        takes_number = self._takes_number(header)
+        answer = self._engine.repeat(self.codec._index_of(name), frame, hold, reply, takes_number, address)
+        self._raise_for(name, answer)
 
-    def stop_repeating(self, message: str) -> None:
+    def stop_repeating(self, message: str, *, header: Mapping[str, Any] | None = None) -> None:
         """End the message's lease at once, without a last value. Any thread.
 
         :param message: a message of the host, by its name.
-        :raises MessageError: the protocol has no such message, or it is the MCU's.
+        :param header: where frames have addresses: end the lease of this address alone. None: of every address.
+        :raises MessageError: the protocol has no such message, or it is the MCU's; or ``header`` has a wrong value.
         """
         self._check_sender(message)
-        self._engine.stop_repeating(self.codec._index_of(message))
+        address = None if header is None else self.codec._address_of(header)
+        self._engine.stop_repeating(self.codec._index_of(message), address)
 
     def emergency_stop(self) -> None:
         """Send the file's ``emergency_stop``, before all that waits, and go on until ``release_stop()``. Any thread.
@@ -197,6 +221,9 @@ class Link:
         stop is repeated at each message's ``every``, or every 50 ms where it has none. ``send`` and ``repeat`` of
         those messages raise ``StoppedError``. While the port is away the stop waits, and is the first to leave when
         it is back.
+
+        Where frames have addresses, each message also goes to every address that this link has sent it to, unless the
+        file's stop goes to all of them (``broadcast``).
 
         The latch lives in this object: another program, and the MCU, do not see it. While ``close`` waits in another
         thread, a stop still goes before all that is queued.
@@ -218,6 +245,51 @@ class Link:
     def stopped(self) -> bool:
         """Does an emergency stop hold its messages? From ``emergency_stop()`` to ``release_stop()``."""
         return self._engine.is_stopped()
+
+    # ---- addresses
+
+    @property
+    def address(self) -> int | str | None:
+        """The host's own address: frames for others are foreign, and it is sent where frames name their sender. None
+        where the protocol has no address of the host. Setting it holds from then on. Any thread.
+
+        :raises UsageError: set where the protocol has none, or to a value that its field cannot hold.
+        """
+        if self._address_field is None:
+            return None
+        return self._address_field[1] if self._own_address is None else self._own_address
+
+    @address.setter
+    def address(self, value: int | str) -> None:
+        if self._address_field is None:
+            raise UsageError(f"frames of {self.codec.name} have no address of the host")
+        field = self._address_field[0].value
+        known = dict(field.enum)
+        if not (value in known if isinstance(value, str) else isinstance(value, int) and 0 <= value < 1 << field.width):
+            limit = ", ".join(known) or f"0 to {(1 << field.width) - 1}"
+            raise UsageError(f"address is {value!r}; {field.name} takes {limit}")
+        self._own_address = value
+        self._engine.set_address(field.wire_bits(value))
+
+    def _with_own_address(self, header: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+        """With the own address, once it was set, where frames name their sender."""
+        sent = next((f for f in header_fields(self.codec.model.format.parts) if f.address == Address.SENDER), None)
+        if self._own_address is None or sent is None:
+            return header
+        return {sent.name: self._own_address, **(header or {})}
+
+    def _prepare(self, name: str, header: Mapping[str, Any] | None) -> int:
+        """The bits of the frame's address. A message of the stop gets a safe value for it."""
+        address = self.codec._address_of(header or {})
+        if address is None:
+            return 0
+        stop = next((stop for stop in self.codec.model.emergency_stop if stop.message == name), None)
+        if stop is None or (name, address) in self._has_safe or self.stopped:  # a stopped one will be refused
+            return address
+        if not self._engine.note_safe(safe_value(self.codec, stop, self._with_own_address(header) or {})):
+            raise QueueFullError(f"{name} went to {MORE_ADDRESSES} addresses already, and each has its safe value")
+        self._has_safe.add((name, address))
+        return address
 
     # ---- receiving
 
@@ -352,6 +424,7 @@ def open_link(
     paced: bool = True,
     hold_back: bool = True,
     adapter_latency: float | None = None,
+    listen: str = "own",
 ) -> Link:
     """Open a tty with the protocol file's settings.
 
@@ -366,12 +439,14 @@ def open_link(
     :param adapter_latency: seconds that the port may hold received bytes back, 0 to 1; they are added to ``idle``.
         Default: the file's ``adapter_latency``; without one 16 ms for a device behind USB, the time of 16 bytes for
         other ttys, and 0 for what is no device, such as a pty.
+    :param listen: ``"own"``: frames for other addresses, and replies from an address that was not asked, are counted as
+        foreign and not given to the program. ``"all"``: they are given, for programs that only show or record.
     :returns: a link that reads already; close it, or use it in a ``with`` block.
     :raises ProtocolFileError: the file cannot be used.
     :raises PortError: the port cannot be opened; the sentence says why and what to do.
     """
     codec = protocol if isinstance(protocol, Codec) else load(protocol)
-    return Link(codec, port, baud, paced=paced, hold_back=hold_back, adapter_latency=adapter_latency)
+    return Link(codec, port, baud, paced=paced, hold_back=hold_back, adapter_latency=adapter_latency, listen=listen)
 
 
 def _latency(codec: Codec, port: str, baud: int, given: float | None) -> float:
@@ -407,20 +482,64 @@ def engine_settings(
         "largest_frame": model.max_wire_bytes(),
         "send": codec._format_for(End.HOST),
         "every": [m.every if m.sent_by(End.HOST) and m.every is not None else 0.0 for m in model.messages],
-        "stop": [
-            (
-                codec._index_of(stop.message),
-                codec.encode(stop.message, dict(stop.values)),
-                _reply_index(codec, stop.message),
-                model.message(stop.message).every or STOP_EVERY,
-            )
-            for stop in model.emergency_stop
-        ],
+        "stop": [safe_value(codec, stop, None) for stop in model.emergency_stop],
+        "addressing": _addressing(codec),
         "deadlines": [
             (codec._index_of(d.message), round(d.after * 1e6), actions.index(d.then), d.recover == Recover.EXPLICIT)
             for d in model.deadlines
             if d.at == End.HOST
         ],
+    }
+
+
+def safe_value(
+    codec: Codec, stop: StopMessage, header: Mapping[str, Any] | None
+) -> tuple[int, bytes, int, float, int, bool]:
+    """What the engine takes for one message of the stop. ``header``: of a frame whose addresses shall have it, too;
+    None: what the file says. Only the addresses of that header are taken: with a flag such as "wait for the trigger"
+    it would be no stop."""
+    addresses = {f.name for f in header_fields(codec.model.format.parts) if f.address is not None}
+    given = {**dict(stop.header), **{n: v for n, v in (header or {}).items() if n in addresses}}
+    if header is not None and codec._address is not None:
+        receiver = plan_for(codec.model, End.HOST).header[codec._address]
+        given[receiver.name] = header.get(receiver.name, receiver.default(End.HOST))
+    covered = codec._address_of(dict(stop.header)) in codec._broadcasts
+    return (
+        codec._index_of(stop.message),
+        codec.encode(stop.message, dict(stop.values), header=given),
+        _reply_index(codec, stop.message),
+        codec.model.message(stop.message).every or STOP_EVERY,
+        codec._address_of(given) or 0,
+        header is None or not covered,
+    )
+
+
+def own_address_field(codec: Codec) -> tuple[HeaderField, int | str] | None:
+    """The field that holds the host's own address, and that address by default: what the MCU sends as the receiver,
+    else what the host sends as the sender."""
+    fields = header_fields(codec.model.format.parts)
+    receiver = next((f for f in fields if f.address == Address.RECEIVER), None)
+    sender = next((f for f in fields if f.address == Address.SENDER), None)
+    field, end = (receiver, End.MCU) if receiver is not None else (sender, End.HOST)
+    if field is None:
+        return None
+    default = field.default(end)
+    assert not isinstance(default, float), "an address is a whole number"
+    return field, default
+
+
+def _addressing(codec: Codec) -> dict[str, Any]:
+    """Which received frames are foreign: `HostAddressing::Rules`."""
+    asks, answers = plan_for(codec.model, End.HOST), plan_for(codec.model, End.MCU)
+    own = own_address_field(codec)
+    by_mcu = asks.address is not None and asks.header[asks.address].address == Address.MCU
+    return {
+        "receiver_place": -1 if answers.address is None else answers.address,
+        "sender_place": answers.peer if by_mcu and answers.peer is not None else -1,
+        "own": 0 if own is None else own[0].value.wire_bits(own[1]),
+        "only_last_asked": bool(told_by_request(codec.model.messages, End.MCU)),
+        "broadcast": list(asks.broadcast or answers.broadcast),
+        "more_addresses": 0 if asks.address is None else MORE_ADDRESSES,
     }
 
 

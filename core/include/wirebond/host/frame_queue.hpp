@@ -8,14 +8,16 @@
 
 namespace wirebond {
 
-/// One that waits. `size` 0 stands for a message's repeated value: its bytes are taken when its turn comes, so that
-/// the newest leaves.
+/// One that waits. `size` 0 stands for a repeated value: its bytes are taken when its turn comes, so that the newest
+/// leaves.
 struct QueuedFrame {
   std::uint32_t size = 0;
   std::int16_t message = -1;
   std::int16_t reply = -1;  ///< index of the message that answers it; -1: none
   std::uint64_t accepted_us = 0;
   bool takes_number = false;  ///< it gets its sequence number when it leaves
+  std::uint64_t address = 0;  ///< for whom it is, where frames say that
+  std::uint32_t lease = 0;    ///< of a repeated value: which one
 
   constexpr bool is_value() const { return size == 0; }
 };

@@ -10,7 +10,7 @@
 
 namespace wirebond {
 
-/// One message of the host that may be repeated. The caller fills in the first three and owns the memory.
+/// One message of the host that may be repeated, to one address where frames have them. The caller owns the memory.
 /// Time is in microseconds and does not wrap. One thread at a time.
 class Lease {
  public:
@@ -19,8 +19,22 @@ class Lease {
   Lease(std::uint64_t every_us, std::uint8_t* room, std::size_t capacity)
       : every_us_(every_us), room_(room), capacity_(capacity) {}
 
+  /// Whose value it is from now on. Only while it is idle.
+  void assign(std::int16_t message, std::uint64_t address, std::uint64_t every_us) {
+    message_ = message;
+    address_ = address;
+    every_us_ = every_us;
+  }
+
   bool can_repeat(std::size_t size) const { return every_us_ != 0 && size != 0 && size <= capacity_; }
   bool is_alive() const { return is_alive_; }
+  bool is_idle() const { return !is_alive_ && !waits; }
+  bool is_of(std::int16_t message, std::uint64_t address) const {
+    return !is_idle() && message_ == message && address_ == address;
+  }
+  std::int16_t message() const { return message_; }
+  std::uint64_t address() const { return address_; }
+  std::uint64_t every_us() const { return every_us_; }
 
   /// From now on, or on: this value, until `end_us`. `takes_number`: each repetition gets its own.
   void renew(const std::uint8_t* frame, std::size_t size, std::int16_t reply, bool takes_number, std::uint64_t end_us,
@@ -52,21 +66,33 @@ class Lease {
   std::size_t capacity_ = 0;
   std::size_t size_ = 0;
   std::uint64_t end_us_ = 0;
+  std::uint64_t address_ = 0;
   Periodic<std::uint64_t> rhythm_{1, 0};
+  std::int16_t message_ = -1;
   std::int16_t reply_ = -1;
   bool takes_number_ = false;
   bool is_alive_ = false;
 };
 
 /// One message of the file's `emergency_stop`, with the values that stop: also the safe value that ends its lease.
+/// Where frames have addresses there is one for each address that the message went to.
 class SafeValue {
  public:
   SafeValue() = default;
-  /// `frame` outlives this object. `every_us`: how often a stop repeats it, not 0.
-  SafeValue(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
-            std::uint64_t every_us)
-      : frame_(frame), size_(size), every_us_(every_us), message_(message), reply_(reply) {}
+  /// `frame` outlives this object. `every_us`: how often a stop repeats it, not 0. `is_in_stop`: a stop sends it; else
+  /// it only ends leases, because another one of its message reaches every address.
+  SafeValue(std::int16_t message, std::uint64_t address, const std::uint8_t* frame, std::size_t size,
+            std::int16_t reply, std::uint64_t every_us, bool is_in_stop)
+      : frame_(frame),
+        size_(size),
+        every_us_(every_us),
+        address_(address),
+        message_(message),
+        reply_(reply),
+        is_in_stop_(is_in_stop) {}
 
+  std::uint64_t address() const { return address_; }
+  bool is_in_stop() const { return is_in_stop_; }
   std::int16_t message() const { return message_; }
   const std::uint8_t* frame() const { return frame_; }
   std::size_t size() const { return size_; }
@@ -83,9 +109,11 @@ class SafeValue {
   const std::uint8_t* frame_ = nullptr;
   std::size_t size_ = 0;
   std::uint64_t every_us_ = 1;
+  std::uint64_t address_ = 0;
   Periodic<std::uint64_t> rhythm_{1, 0};
   std::int16_t message_ = -1;
   std::int16_t reply_ = -1;
+  bool is_in_stop_ = true;
 };
 
 }  // namespace wirebond

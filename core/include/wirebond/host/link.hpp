@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "wirebond/deadline.hpp"
+#include "wirebond/host/addressing.hpp"
 #include "wirebond/host/outbox.hpp"
 #include "wirebond/host/runtime_source.hpp"
 #include "wirebond/stream_deframer.hpp"
@@ -48,6 +49,7 @@ class HostLink {
     std::uint64_t idle_us = 20'000;  ///< silence that ends an incomplete frame, what the port may hold back included
     std::uint64_t pause_us = 0;      ///< where silence ends a frame: that silence, without it
     std::uint64_t max_age_us = 0;    ///< a frame that waited longer expires; 0: never
+    HostAddressing::Rules addressing;
   };
 
   /// Deadlines run from `now_us` on.
@@ -55,6 +57,7 @@ class HostLink {
       : deframer_(source, memory.workspace, settings.idle_us,
                   settings.pause_us != 0 ? settings.pause_us : settings.idle_us),
         outbox_(memory.outbox, settings.pacing, settings.max_age_us),
+        addressing_(source.format(), settings.addressing),
         deadlines_(memory.deadlines, now_us),
         deadline_count_(memory.deadlines.count),
         looked_us_(now_us) {}
@@ -64,8 +67,8 @@ class HostLink {
   // ---- what the driver brings
 
   /// A read that began at `before_us` and ended at `after_us` found these bytes; `is_all`: no more were there. For each
-  /// frame `sink(frame, may_act)` is called; its bytes live during the call. A frame may be as old as the last look
-  /// that left nothing behind: that decides whether it is late.
+  /// frame `sink(frame, may_act, is_foreign)` is called; its bytes live during the call. A foreign one acts on nothing.
+  /// A frame may be as old as the last look that left nothing behind: that decides whether it is late.
   template <class Sink>
   void received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                 bool is_all, Sink&& sink) {
@@ -94,6 +97,7 @@ class HostLink {
     is_up_ = false;
     deframer_.give_up(Taking<Sink>{*this, sink, now_us});
     deframer_.expect(-1);  // what was asked is not answered any more
+    addressing_.forget();
     outbox_.port_down();
   }
 
@@ -107,7 +111,10 @@ class HostLink {
   /// answer to expect: none can come before the first byte of its request leaves.
   Outgoing to_write(std::uint64_t now_us) {
     const Outgoing out = outbox_.to_write(now_us);
-    if (out.size != 0 && out.reply >= 0) deframer_.expect(out.reply);
+    if (out.size != 0 && out.reply >= 0) {
+      deframer_.expect(out.reply);
+      addressing_.asks(out.reply, out.address);
+    }
     return out;
   }
   void written(std::size_t size, std::uint64_t now_us) { outbox_.written(size, now_us); }
@@ -139,6 +146,9 @@ class HostLink {
   bool is_up() const { return is_up_; }
   const ByteDeframer& deframer() const { return deframer_; }
 
+  HostAddressing& addressing() { return addressing_; }
+  const HostAddressing& addressing() const { return addressing_; }
+
   Watch& deadlines() { return deadlines_; }
   const Watch& deadlines() const { return deadlines_; }
 
@@ -153,14 +163,16 @@ class HostLink {
     void operator()(const Frame& frame) const {
       link.last_frame_us_ = now_us;
       MayAct may_act = MayAct::yes;
+      if (link.addressing_.is_foreign(frame)) return sink(frame, may_act, true);
       if (frame.message >= 0) may_act = link.deadlines_.may_act(frame.message, link.looked_us_, now_us);
       if (frame.message >= 0 && may_act == MayAct::yes) link.deadlines_.seen(frame.message, link.looked_us_);
-      sink(frame, may_act);
+      sink(frame, may_act, false);
     }
   };
 
   ByteDeframer deframer_;
   HostOutbox outbox_;
+  HostAddressing addressing_;
   Watch deadlines_;
   std::size_t deadline_count_;
   std::uint64_t looked_us_;  ///< no byte that came before is still to be read

@@ -48,14 +48,16 @@ struct HostSendAccount {
 struct Outgoing {
   const std::uint8_t* bytes = nullptr;
   std::size_t size = 0;
-  std::int16_t reply = -1;  ///< where a frame begins with these bytes: index of the message that answers it
+  std::int16_t reply = -1;    ///< where a frame begins with these bytes: index of the message that answers it
+  std::uint64_t address = 0;  ///< for whom that frame is, where frames say that
 };
 
 /// Order: the frame under way to its end; then safe values, in the file's order; then the queue, in which each
 /// repeated value has one place. A safe value that has left goes behind the others: where stops fall due faster than
 /// the line carries them, each message still gets its turn.
 ///
-/// A stop, and the end of a lease with a safe value, drop all that waits of their messages. Neither is ever refused.
+/// A stop drops all that waits of its messages, and the end of a lease with a safe value all that waits of its message
+/// for its address. Neither is ever refused. Two values of one message that go to different addresses are two leases.
 ///
 /// Where frames have a sequence number they get it here, as they are handed over: so the numbers rise in the order of
 /// the wire, and what was refused, replaced, overruled or has expired leaves no gap. A frame whose sender gave the
@@ -63,8 +65,9 @@ struct Outgoing {
 /// thread at a time.
 class HostOutbox {
  public:
-  /// The caller's, and outlives this object. `leases` has one entry for each message of the protocol, by index.
-  /// `leaving` holds the largest frame.
+  /// The caller's, and outlives this object. `leases` has one entry for each message of the protocol, by index, and
+  /// behind these any number for further addresses. `safe_values` has room for `safe_capacity`; the first `safe_count`
+  /// are those of the file. `leaving` holds the largest frame.
   struct Memory {
     std::uint8_t* bytes = nullptr;
     std::size_t byte_capacity = 0;
@@ -72,8 +75,10 @@ class HostOutbox {
     std::size_t frame_capacity = 0;
     Lease* leases = nullptr;
     std::size_t lease_count = 0;
+    std::size_t message_count = 0;
     SafeValue* safe_values = nullptr;
     std::size_t safe_count = 0;
+    std::size_t safe_capacity = 0;
     std::uint8_t* leaving = nullptr;
     std::size_t leaving_capacity = 0;
     FrameNumbers* numbers = nullptr;  ///< null: frames have no sequence number
@@ -84,47 +89,63 @@ class HostOutbox {
       : queue_(memory.bytes, memory.byte_capacity, memory.frames, memory.frame_capacity),
         memory_(memory),
         pacing_(pacing),
-        max_age_us_(max_age_us) {}
+        max_age_us_(max_age_us),
+        safe_count_(memory.safe_count) {}
   HostOutbox(const HostOutbox&) = delete;
   HostOutbox& operator=(const HostOutbox&) = delete;
 
   // ---- what programs want
 
-  /// One frame of `message`, whole. `takes_number`: it gets a sequence number as it leaves, where its format has one.
-  /// O(size).
+  /// One frame of `message`, whole, for `address` where frames have one. `takes_number`: it gets a sequence number as
+  /// it leaves, where its format has one. O(size).
   SendResult send(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
-                  bool takes_number, std::uint64_t now_us) {
+                  bool takes_number, std::uint64_t now_us, std::uint64_t address = 0) {
     account_.offered += 1;
     if (is_stopped(message)) return refuse(account_.refused_stopped, SendResult::stopped);
     if (!is_up_ || is_closed_) return refuse(account_.refused_down, SendResult::down);
     expire(now_us);
     // One place is kept for the repeated value of each message: these are never refused.
     if (size == 0 || size > memory_.leaving_capacity || !queue_.has_room(size, memory_.lease_count) ||
-        !queue_.push({static_cast<std::uint32_t>(size), message, reply, now_us, takes_number}, frame)) {
+        !queue_.push({static_cast<std::uint32_t>(size), message, reply, now_us, takes_number, address, 0}, frame)) {
       return refuse(account_.refused_full, SendResult::full);
     }
     account_.accepted += 1;
     return SendResult::accepted;
   }
 
-  /// Repeat this value at the message's rhythm until `hold_us` from now. `full`: the message has no rhythm, or the
-  /// frame is larger than its memory.
+  /// Repeat this value at the message's rhythm until `hold_us` from now. `full`: the message has no rhythm, the frame
+  /// is larger than its memory, or there is no lease left for one more address.
   SendResult repeat(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
-                    bool takes_number, std::uint64_t hold_us, std::uint64_t now_us) {
+                    bool takes_number, std::uint64_t hold_us, std::uint64_t now_us, std::uint64_t address = 0) {
     if (is_stopped(message)) return SendResult::stopped;
     if (is_closed_) return SendResult::down;
-    Lease& lease = lease_of(message);
-    if (!lease.can_repeat(size)) return SendResult::full;
+    Lease* const found = lease_for(message, address);
+    if (found == nullptr || !found->can_repeat(size)) return SendResult::full;
+    Lease& lease = *found;
     lease.renew(frame, size, reply, takes_number, now_us + hold_us, now_us);
     poll(now_us);
     return SendResult::accepted;
   }
 
-  /// No more of it, without a last value; one that waits is dropped.
+  /// No more of it to any address, without a last value; what waits is dropped.
   void stop_repeating(std::int16_t message) {
-    Lease& lease = lease_of(message);
-    lease.end();
-    if (lease.waits) drop(message, true);
+    each_lease(message, [this](Lease& lease) { end_silently(lease); });
+  }
+  /// The same for one address.
+  void stop_repeating(std::int16_t message, std::uint64_t address) {
+    each_lease(message, [&](Lease& lease) {
+      if (lease.address() == address) end_silently(lease);
+    });
+  }
+
+  /// Has the message a safe value for this address?
+  bool has_safe(std::int16_t message, std::uint64_t address) const { return safe_of(message, address) != nullptr; }
+  /// One more message for the stop, or to end leases: see SafeValue. False: there is no room, or one of the file has
+  /// this address already.
+  bool add_safe(const SafeValue& safe) {
+    if (safe_count_ == memory_.safe_capacity || has_safe(safe.message(), safe.address())) return false;
+    memory_.safe_values[safe_count_++] = safe;
+    return true;
   }
 
   /// Drop all that waits of the stop's messages, end their leases, send the stop before all else, and again until
@@ -132,9 +153,12 @@ class HostOutbox {
   void stop(std::uint64_t now_us) {
     is_latched_ = true;
     if (waiting_safe() == nullptr) first_safe_ = 0;
-    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
+    for (std::size_t i = 0; i < safe_count_; ++i) {
       SafeValue& safe = memory_.safe_values[i];
-      overrule(safe);
+      drop([&](const QueuedFrame& frame) { return frame.message == safe.message(); });
+      each_lease(safe.message(), [](Lease& lease) { lease.end(); });
+      if (!safe.is_in_stop()) continue;
+      offer_safe(safe);
       safe.begin_repeating(now_us);
     }
   }
@@ -143,20 +167,25 @@ class HostOutbox {
   void release_stop() { is_latched_ = false; }
 
   bool is_stopped() const { return is_latched_; }
-  bool is_stopped(std::int16_t message) const { return is_latched_ && safe_of(message) != nullptr; }
+  bool is_stopped(std::int16_t message) const {
+    for (std::size_t i = 0; is_latched_ && i < safe_count_; ++i) {
+      if (memory_.safe_values[i].message() == message) return true;
+    }
+    return false;
+  }
 
   /// Nothing more is taken. Every lease ends, with its safe value where it has one.
   void close() {
     is_closed_ = true;
     for (std::size_t i = 0; i < memory_.lease_count; ++i) {
-      if (memory_.leases[i].is_alive()) end_lease(static_cast<std::int16_t>(i));
+      if (memory_.leases[i].is_alive()) end_lease(memory_.leases[i]);
     }
   }
 
   /// What still waits will never leave: it expires.
   void end() {
     port_down();
-    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
+    for (std::size_t i = 0; i < safe_count_; ++i) {
       account_.expired += memory_.safe_values[i].waits ? 1 : 0;
       memory_.safe_values[i].waits = false;
     }
@@ -170,14 +199,15 @@ class HostOutbox {
     for (std::size_t i = 0; i < memory_.lease_count; ++i) {
       Lease& lease = memory_.leases[i];
       if (lease.is_over(now_us)) {
-        end_lease(static_cast<std::int16_t>(i));
+        end_lease(lease);
       } else if (lease.is_due(now_us)) {
-        offer_value(static_cast<std::int16_t>(i), now_us);
+        offer_value(i, now_us);
       }
     }
     if (!is_latched_ || !is_up_ || is_closed_) return;
-    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
-      if (memory_.safe_values[i].is_due(now_us)) offer_safe(memory_.safe_values[i]);
+    for (std::size_t i = 0; i < safe_count_; ++i) {
+      SafeValue& safe = memory_.safe_values[i];
+      if (safe.is_in_stop() && safe.is_due(now_us)) offer_safe(safe);
     }
   }
 
@@ -190,8 +220,8 @@ class HostOutbox {
       if (memory_.leases[i].is_alive()) by(memory_.leases[i].next_us());
     }
     if (!is_up_) return due;
-    for (std::size_t i = 0; is_latched_ && !is_closed_ && i < memory_.safe_count; ++i) {
-      by(memory_.safe_values[i].next_us());
+    for (std::size_t i = 0; is_latched_ && !is_closed_ && i < safe_count_; ++i) {
+      if (memory_.safe_values[i].is_in_stop()) by(memory_.safe_values[i].next_us());
     }
     if (max_age_us_ != 0 && !queue_.is_empty() && !queue_.front().is_value()) {
       by(queue_.front().accepted_us + max_age_us_ + 1);
@@ -212,8 +242,9 @@ class HostOutbox {
     is_blocked_ = false;
     pacing_.forget();
     if (!is_latched_) return;
-    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
+    for (std::size_t i = 0; i < safe_count_; ++i) {
       SafeValue& safe = memory_.safe_values[i];
+      if (!safe.is_in_stop()) continue;
       if (!safe.waits) offer_safe(safe);
       safe.begin_repeating(now_us);
     }
@@ -240,7 +271,7 @@ class HostOutbox {
   /// What to hand to the port now. Call `written` before anything else.
   Outgoing to_write(std::uint64_t now_us) {
     if (!is_up_) return {};
-    if (written_ != 0) return {memory_.leaving + written_, leaving_size_ - written_, -1};
+    if (written_ != 0) return {memory_.leaving + written_, leaving_size_ - written_, -1, 0};
     expire(now_us);
     leaving_size_ = next_size();
     if (leaving_size_ == 0 || !pacing_.may_begin(leaving_size_, now_us)) return {};
@@ -273,7 +304,7 @@ class HostOutbox {
   HostSendAccount account() const {
     HostSendAccount account = account_;
     account.queued = queue_.size() + (written_ != 0 ? 1 : 0);
-    for (std::size_t i = 0; i < memory_.safe_count; ++i) account.queued += memory_.safe_values[i].waits ? 1 : 0;
+    for (std::size_t i = 0; i < safe_count_; ++i) account.queued += memory_.safe_values[i].waits ? 1 : 0;
     return account;
   }
 
@@ -283,33 +314,60 @@ class HostOutbox {
     return why;
   }
 
-  Lease& lease_of(std::int16_t message) { return memory_.leases[static_cast<std::size_t>(message)]; }
+  /// The lease of this value, or an idle one; null: none is left.
+  Lease* lease_for(std::int16_t message, std::uint64_t address) {
+    Lease* idle = nullptr;
+    for (std::size_t i = 0; i < memory_.lease_count; ++i) {
+      Lease& lease = memory_.leases[i];
+      if (lease.is_of(message, address)) return &lease;
+      // Those of the messages are kept for them.
+      const bool is_free = lease.is_idle() && (i >= memory_.message_count || i == static_cast<std::size_t>(message));
+      if (is_free && idle == nullptr) idle = &lease;
+    }
+    if (idle != nullptr) {
+      idle->assign(message, address, memory_.leases[static_cast<std::size_t>(message)].every_us());
+    }
+    return idle;
+  }
 
-  SafeValue* safe_of(std::int16_t message) const {
-    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
-      if (memory_.safe_values[i].message() == message) return &memory_.safe_values[i];
+  template <class Fn>
+  void each_lease(std::int16_t message, Fn&& fn) {
+    for (std::size_t i = 0; i < memory_.lease_count; ++i) {
+      Lease& lease = memory_.leases[i];
+      if (!lease.is_idle() && lease.message() == message) fn(lease);
+    }
+  }
+
+  SafeValue* safe_of(std::int16_t message, std::uint64_t address) const {
+    for (std::size_t i = 0; i < safe_count_; ++i) {
+      SafeValue& safe = memory_.safe_values[i];
+      if (safe.message() == message && safe.address() == address) return &safe;
     }
     return nullptr;
   }
 
   SafeValue* waiting_safe() const {
-    for (std::size_t i = 0; i < memory_.safe_count; ++i) {
-      SafeValue& safe = memory_.safe_values[(first_safe_ + i) % memory_.safe_count];
+    for (std::size_t i = 0; i < safe_count_; ++i) {
+      SafeValue& safe = memory_.safe_values[(first_safe_ + i) % safe_count_];
       if (safe.waits) return &safe;
     }
     return nullptr;
   }
 
-  void drop(std::int16_t message, bool only_value) {
-    account_.overruled += queue_.drop(
-        [&](const QueuedFrame& frame) { return frame.message == message && (frame.is_value() || !only_value); });
-    lease_of(message).waits = false;
+  /// What waits and matches is overruled.
+  template <class Matches>
+  void drop(Matches&& matches) {
+    account_.overruled += queue_.drop([&](const QueuedFrame& frame) {
+      if (!matches(frame)) return false;
+      if (frame.is_value()) memory_.leases[frame.lease].waits = false;
+      return true;
+    });
   }
 
-  void overrule(SafeValue& safe) {
-    lease_of(safe.message()).end();
-    drop(safe.message(), false);
-    offer_safe(safe);
+  void end_silently(Lease& lease) {
+    lease.end();
+    if (!lease.waits) return;
+    drop([&](const QueuedFrame& frame) { return frame.is_value() && &memory_.leases[frame.lease] == &lease; });
   }
 
   void offer_safe(SafeValue& safe) {
@@ -319,24 +377,29 @@ class HostOutbox {
     safe.waits = true;
   }
 
-  void end_lease(std::int16_t message) {
-    if (SafeValue* const safe = safe_of(message)) return overrule(*safe);
-    stop_repeating(message);
+  void end_lease(Lease& lease) {
+    SafeValue* const safe = safe_of(lease.message(), lease.address());
+    if (safe == nullptr) return end_silently(lease);
+    lease.end();
+    drop(
+        [&](const QueuedFrame& frame) { return frame.message == safe->message() && frame.address == safe->address(); });
+    offer_safe(*safe);
   }
 
-  void offer_value(std::int16_t message, std::uint64_t now_us) {
+  void offer_value(std::size_t index, std::uint64_t now_us) {
     account_.offered += 1;
     if (!is_up_) {
       account_.refused_down += 1;
       return;
     }
-    Lease& lease = lease_of(message);
+    Lease& lease = memory_.leases[index];
     account_.accepted += 1;
     if (lease.waits) {  // it leaves with the newest bytes, in the place that it has
       account_.replaced += 1;
       return;
     }
-    lease.waits = queue_.push({0, message, -1, now_us, false}, nullptr);
+    const auto place = static_cast<std::uint32_t>(index);
+    lease.waits = queue_.push({0, lease.message(), -1, now_us, false, lease.address(), place}, nullptr);
     if (!lease.waits) account_.accepted -= 1, account_.refused_full += 1;  // more places were taken than `send` leaves
   }
 
@@ -352,29 +415,29 @@ class HostOutbox {
     if (const SafeValue* const safe = waiting_safe()) return safe->size();
     if (queue_.is_empty()) return 0;
     const QueuedFrame& frame = queue_.front();
-    return frame.is_value() ? memory_.leases[static_cast<std::size_t>(frame.message)].size() : frame.size;
+    return frame.is_value() ? memory_.leases[frame.lease].size() : frame.size;
   }
 
   Outgoing copy_next() {
     if (const SafeValue* const safe = waiting_safe()) {
       std::memcpy(memory_.leaving, safe->frame(), safe->size());
-      return numbered(safe->message(), true, safe->reply());
+      return numbered(safe->message(), true, safe->reply(), safe->address());
     }
     const QueuedFrame& frame = queue_.front();
     if (!frame.is_value()) {
       queue_.copy_front(memory_.leaving);
-      return numbered(frame.message, frame.takes_number, frame.reply);
+      return numbered(frame.message, frame.takes_number, frame.reply, frame.address);
     }
-    const Lease& lease = lease_of(frame.message);
+    const Lease& lease = memory_.leases[frame.lease];
     std::memcpy(memory_.leaving, lease.frame(), lease.size());
-    return numbered(frame.message, lease.takes_number(), lease.reply());
+    return numbered(frame.message, lease.takes_number(), lease.reply(), lease.address());
   }
 
-  Outgoing numbered(std::int16_t message, bool takes_number, std::int16_t reply) {
+  Outgoing numbered(std::int16_t message, bool takes_number, std::int16_t reply, std::uint64_t address) {
     takes_number_ = takes_number && memory_.numbers != nullptr;
     leaving_message_ = message;
     if (takes_number_) leaving_size_ = memory_.numbers->give(memory_.leaving, leaving_size_, message);
-    return {memory_.leaving, leaving_size_, reply};
+    return {memory_.leaving, leaving_size_, reply, address};
   }
 
   /// What `copy_next` gave is under way.
@@ -386,7 +449,7 @@ class HostOutbox {
       first_safe_ = static_cast<std::size_t>(safe_under_way_ - memory_.safe_values) + 1;
       return;
     }
-    if (queue_.front().is_value()) lease_of(queue_.front().message).waits = false;
+    if (queue_.front().is_value()) memory_.leases[queue_.front().lease].waits = false;
     queue_.pop();
   }
 
@@ -394,6 +457,7 @@ class HostOutbox {
   Memory memory_;
   Pacing pacing_;
   std::uint64_t max_age_us_;
+  std::size_t safe_count_;
   HostSendAccount account_;
   std::size_t written_ = 0;  ///< of the frame under way; 0: none has begun
   std::size_t leaving_size_ = 0;

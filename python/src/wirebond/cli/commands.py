@@ -39,12 +39,21 @@ def encode_message(
         write(hex_of(frame) + "\n")
 
 
-def decode_bytes(path: Path, source: str | None, sender: str | None, hex_text: str | None, expect: str | None) -> int:
+def decode_bytes(
+    path: Path,
+    source: str | None,
+    sender: str | None,
+    hex_text: str | None,
+    expect: str | None,
+    header_words: list[str],
+) -> int:
     if (source is None) == (hex_text is None):
         raise UsageError('give bytes one way: --hex "AA 55 …", the path of a capture, or - for stdin')
     codec = load(path)
     decoder = codec.decoder(sender)
-    decoder.expect(expect)
+    if header_words and expect is None:
+        raise UsageError("--header here is that of the request; add --expect REQUEST")
+    decoder.expect(expect, header=parse_header(codec.model, header_words) or None)
     chunks = iter([parse_hex(hex_text)]) if hex_text is not None else _chunks(source or "-")
     try:
         for chunk in chunks:

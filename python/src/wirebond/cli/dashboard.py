@@ -115,6 +115,7 @@ class Dashboard:
         table.add_row(
             "received",
             f"{receive.bytes} bytes, {receive.frames} frames, {receive.unknown_frames} unknown, "
+            f"{receive.foreign_frames} foreign, "
             f"{stats.late} late, {stats.held_back} held back, {stats.dropped_messages} not taken in time",
         )
         table.add_row("discarded", f"bytes: {discarded}")

@@ -40,7 +40,7 @@ def _ctrl_c_ends() -> Iterator[None]:
 
 
 def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None, as_json: bool) -> None:
-    with open_link(path, port, baud, hold_back=False) as link:  # a viewer shows everything
+    with open_link(path, port, baud, hold_back=False, listen="all") as link:  # a viewer shows everything
         end = _end(seconds)
         with _ctrl_c_ends():
             if as_json or not console.is_terminal:

@@ -112,12 +112,13 @@ def decode(
     expect: Annotated[
         str | None, typer.Option(help="The request that these bytes answer, where replies share an id.")
     ] = None,
+    header: Header = None,
 ) -> None:
     """Print a JSON line for each message; the account of all bytes goes to stderr. Exit 1 if no frame came out."""
     from wirebond.cli.commands import decode_bytes
 
     raise_from_here()
-    raise typer.Exit(decode_bytes(file, path, sender, hex_text, expect))
+    raise typer.Exit(decode_bytes(file, path, sender, hex_text, expect, header or []))
 
 
 @app.command()

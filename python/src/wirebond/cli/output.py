@@ -110,6 +110,8 @@ def stats_line(stats: Stats) -> str:
     parts = [f"{stats.bytes} bytes: {stats.frames} frames ({stats.frame_bytes} bytes)"]
     if stats.unknown_frames:
         parts.append(f"{stats.unknown_frames} of them unknown")
+    if stats.foreign_frames:
+        parts.append(f"{stats.foreign_frames} of them foreign")
     if stats.fill_bytes:
         parts.append(f"{stats.fill_bytes} fill")
     if stats.pending_bytes:

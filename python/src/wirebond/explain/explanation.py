@@ -84,13 +84,13 @@ class _Stretches:
         begin = found.begin
         rows = rows_of(self._protocol, self._sender, verdict, verdict, found.content, begin)
         values: dict[str, Any] = {}
-        faults: list[str] = []
+        header, faults = header_values(verdict.parts, found.content.data, verdict.payload_size or 0)
         text = ""
         name = verdict.delivered_as
         if name != "unknown" and verdict.message is not None and verdict.payload is not None:
             readings = read_fields(verdict.message, verdict.payload_of(found.content.data))
             values = values_of(readings)
-            faults = faults_of(readings)
+            faults = faults_of(readings) + faults
             text = values_text(readings)
         wire = self._data[found.offset : found.offset + found.size]
         guesses: tuple[FittingGuess, ...] = ()
@@ -112,7 +112,7 @@ class _Stretches:
             self._applied(verdict),
             name,
             values,
-            header_values(verdict.parts, found.content.data, verdict.payload_size or 0),
+            header,
             tuple(faults),
             guesses,
         )

@@ -139,17 +139,23 @@ def header_text(header: HeaderField, number: int) -> str:
     return f"{text}: {whose.get(header.address, 'the address of the sender')}"
 
 
-def header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> dict[str, Any]:
-    """The header fields of a whole frame by name, as the Python API gives them."""
-    found = {}
+def header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> tuple[dict[str, Any], list[str]]:
+    """The header fields of a whole frame by name, as the Python API gives them, and the rules that they break."""
+    found: dict[str, Any] = {}
+    faults = []
+
+    def note(header: HeaderField, bits: int) -> None:
+        found[header.name], _, fault = read_value(header.value, bits)
+        faults.extend([f"header.{header.name}{fault}"] if fault else [])
+
     for part, (start, stop) in zip(parts, spans(parts, payload_size), strict=True):
         number = read_number(part, data[start:stop]) if header_of(part) else 0
         if part.header is not None:
-            found[part.header.name] = read_value(part.header.value, number)[0]
+            note(part.header, number)
         for run in part.bits:
             if run.header is not None:
-                found[run.header.name] = read_value(run.header.value, number >> run.shift & run.mask)[0]
-    return found
+                note(run.header, number >> run.shift & run.mask)
+    return found, faults
 
 
 def _sequence(context: Context) -> str:

@@ -43,10 +43,9 @@ def read_fields(message: Message, payload: bytes) -> list[Reading]:
     return found
 
 
-def read_number(field: Field, raw: int) -> tuple[Any, str]:
-    """One number by its bits, as a header field has them: its value, and in words."""
-    value, text, _ = _number(field, raw)
-    return value, text
+def read_number(field: Field, raw: int) -> tuple[Any, str, str]:
+    """One number by its bits, as a header field has them: its value, in words, and the rule that it breaks."""
+    return _number(field, raw)
 
 
 def values_of(readings: Iterable[Reading]) -> dict[str, Any]:

@@ -45,7 +45,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     types.read_all()
     messages = read_messages(root.get("messages"), types, problems)
     deadlines = references.read_deadlines(root.get("deadlines"), messages, problems)
-    emergency_stop = references.read_emergency_stop(root.get("emergency_stop"), messages, problems)
+    emergency_stop = references.read_emergency_stop(root.get("emergency_stop"), messages, draft, problems)
     services = references.read_services(root.get("services"), messages, problems)
     examples = read_examples(root.get("examples"), messages, draft, problems)
     if draft is None:

@@ -512,6 +512,7 @@ class StopMessage:
 
     message: str
     values: tuple[tuple[str, float | int | bool | str], ...]
+    header: tuple[tuple[str, HeaderDefault], ...] = ()  # of the frame, where it differs from the host's defaults
 
 
 ExampleScalar = float | int | bool | str | bytes

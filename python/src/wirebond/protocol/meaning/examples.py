@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping as Mapping_
 from fractions import Fraction
 
 from wirebond.protocol.meaning.draft import Draft
 from wirebond.protocol.meaning.field_values import fit_element, settled
+from wirebond.protocol.meaning.header import read_header_values
 from wirebond.protocol.meaning.messages import Messages, spoken
-from wirebond.protocol.model import End, Example, ExampleValue, Field, FieldKind, HeaderDefault, Message
-from wirebond.protocol.plan import header_fields
+from wirebond.protocol.model import End, Example, ExampleValue, Field, FieldKind, Message
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.grammar import ExampleSyntax
 from wirebond.protocol.text.syntax import readable
@@ -41,7 +40,7 @@ def read_examples(
         sender = _sender(syntax.sender, message, item, problems)
         given = item.get("fields")
         values = _values(syntax.fields, message.name, message.fields, given, item.value_place("fields"), problems)
-        header = {} if draft is None else _header(syntax.header, draft, item, problems)
+        header = {} if draft is None else read_header_values(syntax.header, draft.parts, item, problems)
         if sender is not None and values is not None and header is not None:
             found.append(Example(message.name, sender, tuple(values.items()), syntax.bytes, tuple(header.items())))
     return tuple(found)
@@ -58,27 +57,6 @@ def _sender(given: str | None, message: Message, node: Mapping, problems: Proble
         f"`{message.name}` comes from the {spoken(message.sender)}; remove `sender`",
     )
     return None
-
-
-def _header(
-    given: Mapping_[str, object], draft: Draft, node: Mapping, problems: Problems
-) -> dict[str, HeaderDefault] | None:
-    """The values as ``encode`` takes them; None after reporting what is wrong."""
-    known = {field.name: field.value for field in header_fields(draft.parts)}
-    places = node.get("header")
-    found: dict[str, HeaderDefault] = {}
-    for name, wanted in given.items():
-        assert isinstance(places, Mapping), "header fields were given"
-        if name not in known:
-            there = suggestion(name, known) if known else "it has no named fields"
-            problems.add(places.key_place(name), f"the frame's header has no field `{name}`; {there}")
-            continue
-        value, fault = _fitted(known[name], wanted)
-        if isinstance(value, float | int | str):
-            found[name] = value
-        else:
-            problems.add(places.value_place(name), fault)
-    return found if len(found) == len(given) else None
 
 
 def _values(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping as Mapping_
 from fractions import Fraction
 
 from wirebond.protocol.meaning.field_values import Given, fit_value, number_text
 from wirebond.protocol.meaning.fields import ValueReader
-from wirebond.protocol.model import Address, ByteOrder, Field, FieldKind, HeaderDefault, HeaderField
-from wirebond.protocol.problems import Place, Problems
+from wirebond.protocol.model import Address, ByteOrder, Field, FieldKind, HeaderDefault, HeaderField, Part
+from wirebond.protocol.plan import header_fields
+from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.field_types import wire_type
 from wirebond.protocol.text.frame_grammar import BitRun, FieldPart, HeaderSyntax
 from wirebond.protocol.text.scalars import EndDefaults, WireType
@@ -43,6 +45,31 @@ def sequence_field(
 ) -> HeaderField:
     value = Field(name, FieldKind.UNSIGNED, size, order, bits=bits)
     return HeaderField(value, is_sequence=True, per_message=per == "message")
+
+
+def read_header_values(
+    given: Mapping_[str, object], parts: tuple[Part, ...], node: Mapping, problems: Problems
+) -> dict[str, HeaderDefault] | None:
+    """Values of header fields as ``encode`` takes them, which stand under `header` of ``node``; None after reporting
+    what is wrong."""
+    known = {field.name: field.value for field in header_fields(parts)}
+    places = node.get("header")
+    found: dict[str, HeaderDefault] = {}
+    for name, wanted in given.items():
+        assert isinstance(places, Mapping), "header fields were given"
+        if name not in known:
+            there = suggestion(name, known) if known else "it has no named fields"
+            problems.add(places.key_place(name), f"the frame's header has no field `{name}`; {there}")
+        elif isinstance(wanted, dict):
+            problems.add(places.value_place(name), f"`{name}` is one value; write it without {{ and }}")
+        else:
+            assert isinstance(wanted, Fraction | bool | str | list), "the grammar gives no others"
+            value, fault = fit_value(known[name], wanted)
+            if fault:
+                problems.add(places.value_place(name), fault)
+            else:
+                found[name] = _single(value)
+    return found if len(found) == len(given) else None
 
 
 class _HeaderReader(ValueReader):

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from wirebond.protocol.meaning.draft import Draft
 from wirebond.protocol.meaning.field_values import fit_value, settled
+from wirebond.protocol.meaning.header import read_header_values
 from wirebond.protocol.meaning.messages import Entry, Messages, receiver_of, spoken
 from wirebond.protocol.model import Deadline, End, Field, FieldKind, Recover, Service, StopMessage
 from wirebond.protocol.names import action_fault, meeting, meeting_fault
@@ -74,10 +76,12 @@ def _validate_deadline(deadline: Deadline, node: Mapping, messages: Messages, pr
 _VALUELESS = (FieldKind.BYTES, FieldKind.PADDING)
 
 
-def read_emergency_stop(node: Node | None, messages: Messages, problems: Problems) -> tuple[StopMessage, ...]:
+def read_emergency_stop(
+    node: Node | None, messages: Messages, draft: Draft | None, problems: Problems
+) -> tuple[StopMessage, ...]:
     stops: list[StopMessage] = []
     for item in node.items if isinstance(node, Sequence) else (node,):
-        stop = _read_stop_message(item, messages, problems)
+        stop = _read_stop_message(item, messages, draft, problems)
         if stop is None or not isinstance(item, Mapping):
             continue
         if any(stop.message == other.message for other in stops):
@@ -89,7 +93,9 @@ def read_emergency_stop(node: Node | None, messages: Messages, problems: Problem
     return tuple(stops)
 
 
-def _read_stop_message(node: Node | None, messages: Messages, problems: Problems) -> StopMessage | None:
+def _read_stop_message(
+    node: Node | None, messages: Messages, draft: Draft | None, problems: Problems
+) -> StopMessage | None:
     syntax = readable(StopMessageSyntax, node) if isinstance(node, Mapping) else None
     if syntax is None or not isinstance(node, Mapping):
         return None
@@ -140,7 +146,8 @@ def _read_stop_message(node: Node | None, messages: Messages, problems: Problems
             values.append((name, value))
         else:
             problems.add(places[name].value_place(name), fault)
-    return StopMessage(syntax.message, tuple(values))
+    header = None if draft is None else read_header_values(syntax.header, draft.parts, node, problems)
+    return StopMessage(syntax.message, tuple(values), tuple((header or {}).items()))
 
 
 def _can_be_given(field: Field) -> bool:

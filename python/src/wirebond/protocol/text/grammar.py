@@ -164,6 +164,11 @@ class StopMessageSyntax(Syntax):
         description="Values of its fields, for those that are called `message` or `fields`.",
         examples=["{message: 0}"],
     )
+    header: dict[Name, ExampleValue] = Field(
+        default_factory=dict,
+        description="Values of the frame's own named fields, where they differ from their defaults.",
+        examples=["{servo: 0xFE}"],
+    )
 
 
 def _one_or_list(value: object) -> str:
