@@ -49,8 +49,8 @@ def test_a_link_and_pymavlink_hear_all_of_each_other() -> None:
             (pytest.approx(n / 1000), [0.25, -0.5, n / 1024], n % 256) for n in range(MANY)
         ]
         for n in range(MANY):
-            link.send("command_long", params=[n, 0, 0, 0, 0, 0, 0], command=400, target_system=1, target_component=1,
-                      header={"sequence": n % 256})  # fmt: skip
+            params = [n, 0, 0, 0, 0, 0, 0]
+            link.send("command_long", params=params, command=400, target_system=1, target_component=1)
             if n % 50 == 49:
                 heard = [vehicle.recv_match(type="COMMAND_LONG", blocking=True, timeout=PATIENCE) for _ in range(50)]
                 assert [(h.param1, h.command, h.get_srcSystem()) for h in heard] == [
