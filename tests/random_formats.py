@@ -77,6 +77,10 @@ class _FormatSource:
         self._magics: list[str] = []
         self._parts: list[Part] = []
         self._fields: list[tuple[str, int]] = []  # of the header, with their bits
+        self._plain: set[str] = set()  # of these, unsigned ones without a scale: they are compared with numbers
+        self._forms = 1  # how many the file has, at most
+        self._length_tells = False  # it is the same number in every form
+        self._trims = False
         self._conditions = 0
         self._seeded = False
 
@@ -199,14 +203,25 @@ class _FormatSource:
         if not wants_several and not self._chance(0.25 if self._has_end else 0.85):
             return []
         size = self._random.randint(1, 3)
-        kind = "any" if wants_several else self._random.choice(("one", "one", "any", "ends"))
-        if kind == "one":
+        kinds = ("one", "one", "one", "any", "any", "ends", "ends", "sender", "several", "size")
+        kind = "any" if wants_several else self._random.choice(kinds)
+        if kind == "one" or (kind == "size" and self._rule == "fixed"):
             return [Part("magic", self._bytes(size), size)]
         magics: list[str] = []
-        while len(set(magics)) < 2:
-            magics = [self._bytes(size) for _ in range(2)]
+        while len(set(magics)) < 3:
+            magics = [self._bytes(size) for _ in range(3)]
+        self._forms = 2
         if kind == "ends":
             return [Part("magic", f"{{host: {magics[0]}, mcu: {magics[1]}}}", size)]
+        if kind == "several":
+            self._forms = 3
+            return [Part("magic", f"{{host: {magics[0]}, mcu: {{any: [{magics[1]}, {magics[2]}]}}}}", size)]
+        if kind in ("sender", "size"):
+            limit = self._random.choice((0, 3, 16))
+            sizes, ends = (f"size <= {limit}", f"size > {limit}"), ("sender == host", "sender == mcu")
+            both = zip(magics, ends if kind == "sender" else sizes, strict=False)
+            return [Part("magic", one, size, [f"when: {when}"]) for one, when in both]
+        magics = magics[:2]
         self._magics = magics
         return [Part("magic", f"{{any: [{', '.join(magics)}]}}", size)]
 
@@ -270,12 +285,19 @@ class _FormatSource:
             if any(name == "sequence" for name, _ in self._fields):
                 return Part("reserved", str(size), size)
             self._fields.append(("sequence", 8 * size))
+            self._plain.add("sequence")
             return Part(kind, word, size, name="sequence")
         name = f"h{len(self._fields)}"
         letter, size = self._random.choice("uuuis"), self._random.choice((1, 1, 1, 2, 2, 3, 4, 4, 5, 6, 7, 8))
         self._fields.append((name, 8 * size))
         word = f"{letter}{8 * size}{self._random.choice(('', 'le', 'be')) if size > 1 else ''}"
-        return Part("field", name, size, [f"type: {word}", *self._meaning(letter, 8 * size)], name=name)
+        meaning = self._meaning(letter, 8 * size)
+        self._note_plain(name, letter, meaning)
+        return Part("field", name, size, [f"type: {word}", *meaning], name=name)
+
+    def _note_plain(self, name: str, letter: str, meaning: list[str]) -> None:
+        if letter == "u" and not any(option.startswith(("scale", "range")) for option in meaning):
+            self._plain.add(name)
 
     def _meaning(self, letter: str, bits: int) -> list[str]:
         """What a header field says about itself, beside its type."""
@@ -310,6 +332,7 @@ class _FormatSource:
         if self._length == "part" and counts == "payload" and self._chance(0.25):
             self._unit = self._random.choice((2, 4))
             options = f"type: {word}, unit: {self._unit}"
+        self._length_tells = self._length == "part" and counts == "payload"
         return Part("length", f"{{{options}}}", size)
 
     def _bits_part(self, runs: list[tuple[str, int, str]]) -> Part:
@@ -328,12 +351,14 @@ class _FormatSource:
             elif kind == "default":
                 self._fields.append((name, bits))
                 letter = self._random.choice("uuis") if bits > 1 else "u"
-                meaning = ", ".join(self._meaning(letter, bits))
-                runs.append((name, bits, f"{{type: {letter}{bits}, {meaning}}}"))
+                meaning = self._meaning(letter, bits)
+                self._note_plain(name, letter, meaning)
+                runs.append((name, bits, f"{{type: {letter}{bits}, {', '.join(meaning)}}}"))
             else:
                 is_first = kind == "sequence" and not any(known == "sequence" for known, _ in self._fields)
                 name = "sequence" if is_first else name
                 self._fields.append((name, bits))
+                self._plain.add(name)
                 runs.append((name, bits, str(bits)))
             left -= bits
         if left > 0:
@@ -349,36 +374,83 @@ class _FormatSource:
     def _add_conditional_parts(self, begin: int) -> None:
         """Parts that are there when a bit of an earlier field says so, or a magic."""
         for _ in range(self._random.choice((0, 0, 0, 1, 2))):
-            condition = self._condition()
+            names, condition = self._condition(behind_payload=False)
             if condition:
-                known = self._parts if condition.startswith("magic") else self._behind_field(condition.split()[0])
+                known = min((self._behind_field(name) for name in names), key=len, default=self._parts)
                 at = self._random.randint(max(begin, len(self._parts) - len(known)), len(self._parts))
                 part = self._plain_part(
                     self._random.choice(("reserved", "constant", "field") if len(self._fields) < 7 else ("reserved",))
                 )
-                part.options.append(f"when: {condition}")
+                part.options.append(f'when: "{condition}"')
                 if part.kind == "field":
+                    self._plain.discard(self._fields[-1][0])
                     self._fields.pop()  # nothing depends on a part that may not be there
+                    self._conditions += 1
                     part.value = part.name = f"c{self._conditions}"
                 self._parts.insert(at, part)
 
     def _behind_field(self, name: str) -> list[Part]:
         """The parts behind the one that holds this field of the header."""
         for index, part in enumerate(self._parts):
-            if part.name == name or any(
+            if name in (part.name, part.kind) or any(
                 option.startswith("fields:") and f"{name}: " in option for option in part.options
             ):
                 return self._parts[index + 1 :]
         return []
 
-    def _condition(self) -> str:
-        self._conditions += 1
-        if self._magics and self._chance(0.5):
-            return f"magic == {self._random.choice(self._magics)}"
-        if not self._fields or self._conditions > 2:
-            return ""
+    def _condition(self, *, behind_payload: bool) -> tuple[list[str], str]:
+        """A condition, and the parts of the header that it looks at; nothing where there would be too many forms."""
+        compared = [self._comparison(behind_payload) for _ in range(self._random.choice((1, 1, 1, 2)))]
+        times = 2 if len(compared) == 1 else 3
+        if not all(text for _, text in compared) or self._forms * times > 8:
+            return [], ""
+        self._forms *= times
+        names = [name for name, _ in compared if name]
+        text = " and ".join(text for _, text in compared)
+        return names, f"not ({text})" if self._chance(0.15) else text
+
+    def _comparison(self, behind_payload: bool) -> tuple[str, str]:
+        """The part that it looks at, where that must stand before, and the comparison; empty where there is none."""
+        kinds = ["field"] * 5 + ["magic"] * 3 * bool(self._magics)
+        if self._id in ("part", "bits") and self._rule != "fixed":
+            kinds.append("id")
+        if behind_payload and self._forms <= 2:
+            kinds.append("sender")
+            kinds += ["size", "size"] if self._length_tells and not self._trims else []
+        kind = self._random.choice(kinds)
+        if kind == "magic":
+            one = self._random.choice(self._magics)
+            return "", f"magic {self._random.choice((f'== {one}', f'!= {one}', f'in [{one}]'))}"
+        if kind == "sender":
+            return "", f"sender {self._random.choice(('==', '!='))} {self._random.choice(('host', 'mcu'))}"
+        if kind == "size":
+            limit = self._random.choice((0, 1, 4, 8, 20))
+            return "", f"size {self._random.choice((f'> {limit}', f'<= {limit}', f'== {limit}', f'in 1..{limit + 1}'))}"
+        if kind == "id":
+            return "id", self._number_comparison("id", min(self._id_bits, 8))
+        if not self._fields:
+            return "", ""
         name, bits = self._random.choice(self._fields)
-        return f"{name} & 0x{1 << self._random.randrange(bits):02X}"
+        if name not in self._plain or self._chance(0.4):
+            return name, f"{name} & 0x{1 << self._random.randrange(bits):02X}"
+        return name, self._number_comparison(name, bits)
+
+    def _number_comparison(self, name: str, bits: int) -> str:
+        most = 2**bits - 1
+        one, other = sorted(self._random.choice((0, 1, most, self._random.randint(0, most))) for _ in range(2))
+        mask = self._random.randint(1, most)
+        listed = f"[{one}, {other}]" if self._chance(0.5) else f"{one}..{other}"
+        return self._random.choice(
+            (
+                f"{name} == {one}",
+                f"{name} != {other}",
+                f"{name} in {listed}",
+                f"{name} not in {listed}",
+                f"{name} & 0x{mask:X}",
+                f"{name} & 0x{mask:X} == {one & mask}",
+                f"{name} >= {other}",
+            )
+        )
 
     def _payload(self) -> Part:
         if self._rule == "fixed":
@@ -398,9 +470,9 @@ class _FormatSource:
             else:
                 parts.append(self._plain_part(kind))
         self._fields = before  # conditions are on what stands before them
-        condition = self._condition() if self._chance(0.2) else ""
+        condition = self._condition(behind_payload=True)[1] if self._chance(0.3) else ""
         if condition:
-            parts.append(Part("reserved", "2", 2, [f"when: {condition}"]))
+            parts.append(Part("reserved", "2", 2, [f'when: "{condition}"']))
         self._random.shuffle(parts)
         return parts
 
@@ -453,8 +525,8 @@ class _FormatSource:
             self._seeded = True
         part = Part("check", f"{{{', '.join(options)}}}", width, name=name)
         if self._chance(0.05) and not header:
-            condition = self._condition()
-            part.options += [f"when: {condition}"] if condition else []
+            condition = self._condition(behind_payload=at > self._payload_index())[1]
+            part.options += [f'when: "{condition}"'] if condition else []
         self._parts.insert(at, part)
 
     # ---- messages

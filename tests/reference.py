@@ -5,6 +5,7 @@ It shares no code with the engine: no plan, no tables, no state between calls. T
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from dataclasses import dataclass, field, replace
@@ -16,6 +17,8 @@ from wirebond.protocol.model import (
     BitRole,
     ByteOrder,
     CheckKind,
+    Comparison,
+    Condition,
     End,
     Escapes,
     Field,
@@ -27,6 +30,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Protocol,
     Stuffing,
+    Subject,
 )
 
 CONSTANTS = (PartKind.CONSTANT, PartKind.TAIL)
@@ -130,13 +134,19 @@ def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> R
 
 
 def _may_start(protocol: Protocol, byte: int, sender: End | None) -> bool:
-    """Is this byte the first of a frame, as far as its constants tell?"""
-    first = protocol.format.parts[0]
-    if first.kind == PartKind.MAGIC:
-        return any(magic[0] == byte for magic in _magics(first, sender))
-    if first.kind in CONSTANTS:
-        return first.value[0] == byte
-    return _fixed_bits_hold(first, bytes([byte]))
+    """Is this byte the first of a frame, as far as its constants tell? A part that need not be there may be missing."""
+    parts = [
+        part
+        for part in protocol.format.parts
+        if part.condition is None or _truth(part.condition, _Header(sender=sender), None) is not False
+    ]
+    if any(part.kind == PartKind.MAGIC for part in protocol.format.parts):
+        return any(value[0] == byte for part in parts if part.kind == PartKind.MAGIC for value in _magics(part, sender))
+    for part in parts:
+        starts = part.value[0] == byte if part.kind in CONSTANTS else _fixed_bits_hold(part, bytes([byte]))
+        if starts or part.condition is None:
+            return starts
+    return True
 
 
 def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
@@ -246,15 +256,56 @@ def _longest_frame(protocol: Protocol) -> int:
 
 
 def _longest(parts: tuple[Part, ...]) -> int:
-    """So many bytes these parts have at most, whichever of them are there."""
-    exclusive: dict[bytes, int] = {}
-    always = 0
-    for part in parts:
-        if part.condition is not None and part.condition.magic:
-            exclusive[part.condition.magic] = exclusive.get(part.condition.magic, 0) + part.size
-        else:
-            always += part.size
-    return always + max(exclusive.values(), default=0)
+    """The most bytes that these parts have together, whichever of them are there: every header is tried that could
+    make a difference."""
+    conditions = [part.condition for part in parts if part.condition is not None]
+    compared = list(dict.fromkeys(c for condition in conditions for c in condition.comparisons))
+    magics = [value for part in parts if part.kind == PartKind.MAGIC for value in _magics(part, None)] or [b""]
+    names = list(
+        dict.fromkeys((c.subject, c.name) for c in compared if c.subject not in (Subject.MAGIC, Subject.SENDER))
+    )
+    longest = 0
+    for sender, magic in itertools.product((End.HOST, End.MCU), magics):
+        for values in itertools.product(
+            *(_telling_values([c for c in compared if (c.subject, c.name) == n], _most(parts, *n)) for n in names)
+        ):
+            known = dict(zip(names, values, strict=True))
+            header = _Header(sender=sender, magic=magic)
+            size = 0
+            for part in parts:
+                if part.condition is not None and _truth(part.condition, header, frozenset(), known) is not True:
+                    continue
+                size += part.size
+                for name in (part.name, *(run.name for run in part.bits)):
+                    header.numbers[name] = known.get((Subject.FIELD, name), 0)
+                if part.kind == PartKind.ID or any(run.role == BitRole.ID for run in part.bits):
+                    header.id = known.get((Subject.ID, ""), 0)
+            longest = max(longest, size)
+    return longest
+
+
+def _most(parts: tuple[Part, ...], subject: Subject, name: str) -> int:
+    """The greatest value of what is compared."""
+    if subject == Subject.SIZE:
+        return 0xFFFF
+    wholes = [part.size for part in parts if (part.kind == PartKind.ID if subject == Subject.ID else part.name == name)]
+    role = BitRole.ID if subject == Subject.ID else None
+    runs = [run.mask for part in parts for run in part.bits if (run.role == role if role else run.name == name)]
+    return max([*(256**size - 1 for size in wholes), *runs])
+
+
+def _telling_values(compared: list[Comparison], most: int) -> set[int]:
+    """Values of one number, up to its greatest, among which each answer to these comparisons occurs."""
+    bounds = {0} | {n for c in compared for low, high in c.ranges for n in (low - 1, low, high, high + 1) if n >= 0}
+    masks = [c.mask for c in compared if c.mask is not None]
+    found = set(bounds)
+    for size in range(1, len(masks) + 1):
+        for some in itertools.combinations(masks, size):
+            together = 0
+            for mask in some:
+                together |= mask
+            found |= {value | together for value in bounds} | {value & ~together for value in bounds}
+    return {value for value in found if value <= most}
 
 
 def _longest_on_wire(protocol: Protocol) -> int:
@@ -339,18 +390,53 @@ def _magics(part: Part, sender: End | None) -> list[bytes]:
 class _Header:
     """What the parts before the payload say."""
 
+    sender: End | None = None
     magic: bytes = b""
     numbers: dict[str, int] = field(default_factory=dict)
     id: int | None = None
     length: int | None = None
+    asked: set[Comparison] = field(default_factory=set)  # of the payload's size
 
-    def has(self, part: Part) -> bool:
-        condition = part.condition
-        if condition is None:
-            return True
-        if condition.magic:
-            return condition.magic == self.magic
-        return bool(self.numbers.get(condition.field, 0) >> condition.bit & 1)
+
+Known = dict[tuple[Subject, str], int]
+Sizes = frozenset[Comparison]  # of the payload: those comparisons that are taken to hold
+
+
+def _truth(condition: Condition, header: _Header, sizes: Sizes | None, known: Known | None = None) -> bool | None:
+    """Does it hold? None where that depends on what is not known. ``sizes``: None if nothing is known of the payload's
+    size; ``known``: numbers that are taken for granted. What is asked of ``sizes`` is noted in the header."""
+    if sizes is not None and known is None:
+        without = _truth(condition, header, None)
+        if without is not None:
+            return without
+    whole: bool | None = True
+    for term in condition.terms:
+        answer = _holds_now(term, header, sizes, known)
+        if answer is False:
+            return condition.negated
+        if answer is None:
+            whole = None
+    return None if whole is None else not condition.negated
+
+
+def _holds_now(term: Comparison | Condition, header: _Header, sizes: Sizes | None, known: Known | None) -> bool | None:
+    if isinstance(term, Condition):
+        return _truth(term, header, sizes, known)
+    if term.subject == Subject.SENDER:
+        ends = (End.HOST, End.MCU)
+        return None if header.sender not in ends else term.holds(ends.index(header.sender))
+    if term.subject == Subject.MAGIC:
+        return bool(header.magic) and term.holds(int.from_bytes(header.magic, "big"))
+    if term.subject == Subject.SIZE:
+        if known is not None:
+            return term.holds(known[Subject.SIZE, ""])
+        if sizes is None:
+            return None
+        header.asked.add(term)
+        return term in sizes
+    if term.subject == Subject.ID:
+        return header.id is not None and term.holds(header.id)
+    return term.name in header.numbers and term.holds(header.numbers[term.name])
 
 
 def _examine(
@@ -358,12 +444,53 @@ def _examine(
 ) -> tuple[int, int, str, dict[str, object]]:
     """Size, id, message name and header values of the frame at the start of ``data``; raises _Rejected or _Incomplete.
 
+    Where conditions ask for the sender or for the payload's size, each possible answer is tried: the first that gives a
+    frame counts, else the one that got furthest.
+    """
+    conditions = [part.condition for part in protocol.format.parts if part.condition is not None]
+    compared = dict.fromkeys(c for condition in conditions for c in condition.comparisons)
+    sized = [c for c in compared if c.subject == Subject.SIZE]
+    asks = any(c.subject == Subject.SENDER for c in compared)
+    senders = (sender,) if sender in (End.HOST, End.MCU) or not asks else (End.HOST, End.MCU)
+    sizes = sorted(_telling_values(sized, 0xFFFF))
+    furthest: _Rejected | None = None
+    waits = False
+    for end in senders:
+        for holding in dict.fromkeys(frozenset(c for c in sized if c.holds(n)) for n in sizes):
+            try:
+                return _examine_as(protocol, data, sender, block, end, holding)
+            except _Incomplete:
+                waits = True
+            except _Rejected as rejected:
+                reach = (rejected.extent, rejected.cause != "constant_mismatch")
+                if furthest is None or reach > (furthest.extent, furthest.cause != "constant_mismatch"):
+                    furthest = rejected
+    if waits:
+        raise _Incomplete
+    assert furthest is not None
+    raise furthest
+
+
+def _examine_as(
+    protocol: Protocol,
+    data: bytes,
+    sender: End | None,
+    block: bytes | None,
+    end: End | None,
+    holding: Sizes,
+) -> tuple[int, int, str, dict[str, object]]:
+    """As `_examine`, if ``end`` sent it and its payload has a size with which ``holding`` hold, and no others.
+
     ``block``: the frame ends where ``data`` does, and was this on the wire.
     """
     frame_format = protocol.format
     payload_at = next(i for i, p in enumerate(frame_format.parts) if p.kind == PartKind.PAYLOAD)
-    header, before = _read_header(frame_format.parts[:payload_at], data, sender)
-    after = [p for p in frame_format.parts[payload_at + 1 :] if header.has(p)]
+    header, before = _read_header(frame_format.parts[:payload_at], data, _Header(end), holding)
+    after = [
+        p
+        for p in frame_format.parts[payload_at + 1 :]
+        if p.condition is None or _truth(p.condition, header, holding) is True
+    ]
     parts = (*before, frame_format.parts[payload_at], *after)
     prefix, suffix = sum(p.size for p in before), sum(p.size for p in after)
 
@@ -371,6 +498,12 @@ def _examine(
     early_id = header.id is not None
     message_id = header.id
     message = _message(protocol, header.id, sender)
+    late_id = not early_id and any(
+        p.kind == PartKind.ID or any(run.role == BitRole.ID for run in p.bits) for p in after
+    )
+    trims = frame_format.parts[payload_at].trims_zeros
+    if not (late_id and trims) and not _sizes_hold(parts[len(before)], message, size, header, holding):
+        raise _Rejected("length_out_of_range", prefix)
     if (
         early_id
         and not frame_format.deliver_unknown
@@ -390,7 +523,7 @@ def _examine(
 
     total = prefix + size + suffix
     if block is not None and total != len(data):
-        raise _Rejected("length_out_of_range", 0)
+        raise _Rejected("length_out_of_range", len(data))
     if len(data) < total:
         raise _Incomplete
     data = data[:total]
@@ -411,6 +544,8 @@ def _examine(
         at += part.size
     if not early_id:
         message = _message(protocol, message_id, sender)
+        if late_id and trims and not _sizes_hold(parts[len(before)], message, size, header, holding):
+            raise _Rejected("length_out_of_range", total)
         if not frame_format.deliver_unknown and not _fits(frame_format.parts[payload_at], message, size, known_size):
             raise _Rejected("unknown_message", total)
 
@@ -431,13 +566,22 @@ def _examine(
     return total, message_id or 0, name, _header_values(parts, data, size)
 
 
+def _sizes_hold(payload: Part, message: Message | None, size: int, header: _Header, holding: Sizes) -> bool:
+    """Has the payload, with its zeros put back, a size as it was taken to have? The end of a frame that is found by its
+    delimiter or its silence says nothing about that."""
+    if payload.payload == PayloadRule.REST:
+        return True
+    whole = max(size, message.min_payload) if payload.trims_zeros and message is not None else size
+    return all(compared.holds(whole) == (compared in holding) for compared in header.asked)
+
+
 def _header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> dict[str, object]:
     """What the header fields of these parts mean, by name."""
     found: dict[str, object] = {}
     at = 0
     for part in parts:
         size = payload_size if part.kind == PartKind.PAYLOAD else part.size
-        number = int.from_bytes(data[at : at + size], _order(part.order))
+        number = int.from_bytes(data[at : at + size], "big" if part.kind == PartKind.MAGIC else _order(part.order))
         at += size
         if part.header is not None:
             found[part.header.name] = _meant_by(part.header.value, 8 * part.size, number)
@@ -464,13 +608,13 @@ def _meant_by(field: Field, width: int, bits: int) -> object:
     return value
 
 
-def _read_header(parts: tuple[Part, ...], data: bytes, sender: End | None) -> tuple[_Header, list[Part]]:
+def _read_header(parts: tuple[Part, ...], data: bytes, header: _Header, sizes: Sizes) -> tuple[_Header, list[Part]]:
     """Part by part: constants as soon as their bytes are there, then what the numbers say."""
-    header = _Header()
+    sender = header.sender
     present: list[Part] = []
     at = 0
     for part in parts:
-        if not header.has(part):
+        if part.condition is not None and _truth(part.condition, header, sizes) is not True:
             continue
         present.append(part)
         piece = data[at : at + part.size]
@@ -529,16 +673,17 @@ def _payload_size(
     if payload.payload == PayloadRule.REST:
         size = len(data) - prefix - suffix
         if not 0 <= size <= most:
-            raise _Rejected("length_out_of_range", 0)
+            raise _Rejected("length_out_of_range", len(data))
         return size, False
     if payload.payload == PayloadRule.BY_ID:
         message = _message(protocol, header.id, sender)
         if message is None:
             raise _Rejected("unknown_message", prefix)
         return message.max_payload, True
-    index = next(
-        i for i, p in enumerate(parts) if p.kind == PartKind.LENGTH or any(r.role == BitRole.LENGTH for r in p.bits)
-    )
+    holds_length = [p.kind == PartKind.LENGTH or any(r.role == BitRole.LENGTH for r in p.bits) for p in parts]
+    if True not in holds_length:
+        return 0, False
+    index = holds_length.index(True)
     length = parts[index]
     follows = sum(p.size for p in parts[index + 1 :])
     counted = {

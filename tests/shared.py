@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import wirebond
+from wirebond.protocol.apart import ends_look_alike
+from wirebond.protocol.model import Protocol
+from wirebond.protocol.plan import ids_collide
 
 ROOT = Path(__file__).resolve().parents[1]
 PROTOCOLS = ROOT / "protocols"
@@ -58,3 +61,8 @@ def account_closes(stats: wirebond.Stats) -> bool:
     """Every byte in exactly one bucket."""
     settled = stats.frame_bytes + stats.fill_bytes + sum(stats.discarded_bytes.values())
     return stats.bytes == settled + stats.pending_bytes
+
+
+def needs_sender(model: Protocol) -> bool:
+    """Must a decoder know whose bytes it gets?"""
+    return bool(ids_collide(model)) or ends_look_alike(model.format.parts)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from wirebond import Codec, MessageError, _engine
+from wirebond.protocol.forms import header_fields, some_value
 from wirebond.protocol.model import (
     End,
     Field,
@@ -18,8 +19,9 @@ from wirebond.protocol.model import (
     PartKind,
     PayloadRule,
     Protocol,
+    Subject,
 )
-from wirebond.protocol.plan import Form, header_fields, plan_for
+from wirebond.protocol.plan import Form, plan_for
 
 
 def random_values(message: Message, source: random.Random) -> dict[str, Any]:
@@ -131,13 +133,19 @@ def random_header(model: Protocol, form: Form, source: random.Random) -> dict[st
     found = {}
     for entry in form.header:
         field = fields[entry.place].value
-        for _ in range(50 if entry.fixed_mask else source.randrange(2)):
+        if entry.is_magic:
+            found |= {entry.name: entry.default} if source.random() < 0.5 else {}
+            continue
+        choices = tuple(held.choice for held in form.choices if held.choice.number == (Subject.FIELD, entry.name))
+        for _ in range(50 if choices else source.randrange(2)):
             value = _element(field, source)
             bits = header_bits(field, value)
-            if bits & entry.fixed_mask != entry.fixed_value and field.kind == FieldKind.UNSIGNED:
-                value = bits = bits & ~entry.fixed_mask | entry.fixed_value
+            if field.kind == FieldKind.UNSIGNED and not all(choice.holds(bits) for choice in choices):
+                fitting = some_value(choices, field.width, bits)
+                assert fitting is not None, "every form can be"
+                value = bits = fitting
             found[entry.name] = value
-            if bits & entry.fixed_mask == entry.fixed_value:
+            if all(choice.holds(bits) for choice in choices):
                 break
     return found
 

@@ -8,11 +8,10 @@ import random
 import pytest
 
 from tests import reference
-from tests.shared import PROTOCOLS, ROOT, account_closes
+from tests.shared import PROTOCOLS, ROOT, account_closes, needs_sender
 from tests.streams import chunks, hard_stream, random_frame, random_values
 from wirebond import Codec, load
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import ids_collide
 
 FORMATS = {path.stem: path for folder in (PROTOCOLS, ROOT / "tests" / "formats") for path in folder.glob("*.yaml")}
 FORMATS |= {f"contrib-{path.stem}": path for path in (PROTOCOLS / "contrib").glob("*.yaml")}
@@ -28,7 +27,7 @@ def stream_for(proto: Codec, source: random.Random) -> bytes:
 
 def can_be_told(proto: Codec, sender: End | None) -> bool:
     """Whether this end speaks; without an end, whether every id means one message."""
-    if sender is None and ids_collide(proto.model):
+    if sender is None and needs_sender(proto.model):
         return False
     return any(m.sent_by(sender) for m in proto.model.messages)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.shared import PROTOCOLS, ROOT, Rejected, Vector, accepted_vectors, codec, rejected_vectors
+from tests.shared import PROTOCOLS, ROOT, Rejected, Vector, accepted_vectors, codec, needs_sender, rejected_vectors
 from tests.streams import hard_stream, random_frame, random_values
 from wirebond import Codec, Message, load
 from wirebond.explain import Kind, explain, values
@@ -17,7 +17,7 @@ from wirebond.explain.stuffing import stuff
 from wirebond.explain.values import faults_of, read_fields, values_of
 from wirebond.protocol.model import End, FieldKind, PartKind
 from wirebond.protocol.model import Message as MessageModel
-from wirebond.protocol.plan import expecting, ids_collide
+from wirebond.protocol.plan import expecting
 
 NAMES = ["diffdrive", "enterprize", "pid_tuner", "pid_tuner_listing", "native"]
 FORMATS = {
@@ -38,7 +38,7 @@ def stream_for(proto: Codec, source: random.Random, pieces: int) -> bytes:
 
 def any_sender(proto: Codec) -> End | None:
     """None, both ends, where that can be told: else the MCU."""
-    return End.MCU if ids_collide(proto.model) else None
+    return End.MCU if needs_sender(proto.model) else None
 
 
 @pytest.mark.parametrize("sender", [None, End.HOST, End.MCU])

@@ -13,8 +13,8 @@ from tests.conformance.headers import answers, build_headers
 from tests.shared import PROTOCOLS, ROOT
 from tests.test_against_reference import FORMATS
 from wirebond import Codec, MessageError, load
+from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import End, HeaderField
-from wirebond.protocol.plan import header_fields
 
 EVERY_HEADER = ROOT / "python" / "tests" / "gen" / "every_header.yaml"
 FILES = {path.stem: path for path in [*FORMATS.values(), *PROTOCOLS.glob("*.yaml"), EVERY_HEADER]}

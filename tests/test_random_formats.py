@@ -17,12 +17,11 @@ from tests.conformance.build import BUILD
 from tests.conformance.fields import difference
 from tests.conformance.formats import Answer, Chunk, Job, build_formats, decode_all
 from tests.random_formats import random_protocol
-from tests.shared import account_closes
+from tests.shared import account_closes, needs_sender
 from tests.streams import Speaker, chunks, hard_pieces
 from wirebond import Codec, Message, MessageError, ProtocolFileError, Stats
 from wirebond.protocol import loads
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import ids_collide
 
 BATCH = 50  # formats in one program
 FOLDED = 25  # one in so many has a deframer of its own, as firmware has: that takes a second to compile
@@ -126,7 +125,7 @@ def verify_formats(seeds: range, messages: int, folder: Path, build: Path) -> No
     jobs, heard = [], []
     for row, drawn in enumerate(formats):
         source = random.Random(f"streams {drawn.seed}")
-        senders = [sender for sender in SENDERS if sender is not None or not ids_collide(drawn.codec.model)]
+        senders = [sender for sender in SENDERS if sender is not None or not needs_sender(drawn.codec.model)]
         for sender in senders:
             result, stream = listen(drawn, sender, source, -(-messages // len(senders)))
             if sender is not None:

@@ -19,21 +19,28 @@ std::string names_of(const std::vector<FieldTable>& fields) {
   return names;
 }
 
-/// The forms whose bits agree with the header values. `id_differs`: one of them was left out, for it has an id and the
-/// message has none, or the other way round.
-std::vector<std::size_t> allowed_forms(const FormatTable& format, std::uint32_t id, const GivenHeader& header, int form,
-                                       bool& id_differs) {
-  std::vector<std::size_t> found;
-  for (std::size_t i = 0; i < format.format().form_count; ++i) {
-    if (form >= 0 && i != static_cast<std::size_t>(form)) continue;
-    if (!agrees(format.format().forms[i], header.view())) continue;
-    if (carries_id(format.format(), format.format().forms[i], id)) {
-      found.push_back(i);
-    } else {
-      id_differs = true;
+/// What the forms of a frame say to a message and to header values.
+struct Answer {
+  std::vector<std::size_t> forms;  ///< those that nothing but the payload's size could keep from carrying it
+  bool agreed = false;             ///< the header values allow one
+  bool id_differs = false;         ///< one of those has an id and the message has none, or the other way round
+};
+
+Answer ask_forms(const FrameFormat& format, std::uint32_t id, std::size_t payload, const GivenHeader& header,
+                 int wanted) {
+  Answer answer;
+  for (std::size_t i = 0; i < format.form_count; ++i) {
+    const Form& form = format.forms[i];
+    if (wanted >= 0 && i != static_cast<std::size_t>(wanted)) continue;
+    if (!agrees(form, header.view())) continue;
+    answer.agreed = true;
+    if (format.no_id != 0 && form.id.present() == (id == format.no_id)) {
+      answer.id_differs = true;
+    } else if (carries_id(format, form, id) && !is_excluded(format, form, id, payload, header.values.data())) {
+      answer.forms.push_back(i);
     }
   }
-  return found;
+  return answer;
 }
 
 /// Why none of these forms can carry the payload.
@@ -55,13 +62,17 @@ std::string refusal(const FormatTable& format, const MessageTable& message, std:
 }
 
 [[noreturn]] void refuse_header(const FormatTable& format, const MessageTable& message, const GivenHeader& header,
-                                std::uint32_t id, bool id_differs) {
-  if (id_differs) {
+                                std::uint32_t id, std::size_t payload, const Answer& answer) {
+  if (answer.id_differs) {
     const bool has_id = id != format.format().no_id;
     throw_message_error(message.name + (has_id ? " has the id " + std::to_string(id) : " has no id") +
                         ", and a frame with these header values has " + (has_id ? "none" : "one") +
                         "; give header values that ask for " + (has_id ? "one" : "none") +
                         ", or take another `when` for the id in the protocol file");
+  }
+  if (answer.agreed) {
+    throw_message_error("no form of the frame carries " + message.name + " with " + std::to_string(payload) +
+                        " payload bytes and these header values; see the conditions (`when`) in the protocol file");
   }
   std::string names;
   for (std::size_t i = 0; i < format.header().size(); ++i) {
@@ -131,7 +142,8 @@ std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTa
   };
   if (form >= 0) {
     const Form& one = shape.forms[static_cast<std::size_t>(form)];
-    if (agrees(one, header.view()) && carries_id(shape, one, id) && carries(one, payload.size())) {
+    if (agrees(one, header.view()) && carries_id(shape, one, id) && carries(one, payload.size()) &&
+        !is_excluded(shape, one, id, payload.size(), header.values.data())) {
       seal_in(static_cast<std::size_t>(form));
     }
   } else {
@@ -142,10 +154,9 @@ std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTa
     return buffer;
   }
   const MessageTable& message = protocol.messages()[index];
-  bool id_differs = false;
-  const std::vector<std::size_t> forms = allowed_forms(format, id, header, form, id_differs);
-  if (forms.empty()) refuse_header(format, message, header, id, id_differs);
-  throw_message_error(refusal(format, message, payload.size(), forms));
+  const Answer answer = ask_forms(shape, id, payload.size(), header, form);
+  if (answer.forms.empty()) refuse_header(format, message, header, id, payload.size(), answer);
+  throw_message_error(refusal(format, message, payload.size(), answer.forms));
 }
 
 }  // namespace wirebond::engine

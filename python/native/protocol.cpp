@@ -46,6 +46,18 @@ Number read_number(nb::handle number) {
 /// A place in the list of header fields; None: there is no such field.
 std::uint8_t read_place(nb::handle place) { return place.is_none() ? no_header_field : nb::cast<std::uint8_t>(place); }
 
+constexpr std::pair<const char*, Subject> subjects[] = {
+    {"field", Subject::field}, {"id", Subject::id}, {"size", Subject::size}};
+
+Exclusion read_exclusion(nb::handle exclusion) {
+  return {meant_by(subjects, exclusion.attr("subject"), "subject of a condition"),
+          nb::cast<std::uint8_t>(exclusion.attr("place")),
+          nb::cast<bool>(exclusion.attr("on_receive")),
+          read_number(exclusion.attr("number")),
+          nb::cast<std::uint64_t>(exclusion.attr("low")),
+          nb::cast<std::uint64_t>(exclusion.attr("high"))};
+}
+
 Mark read_mark(nb::handle bytes) {
   const auto mark = nb::cast<nb::bytes>(bytes);
   const auto* const data = static_cast<const std::uint8_t*>(mark.data());
@@ -66,6 +78,8 @@ Form read_form(nb::handle plan) {
   form.trims_zeros = nb::cast<bool>(plan.attr("trims_zeros"));
   form.length = read_number(plan.attr("length"));
   form.id = read_number(plan.attr("id"));
+  form.id_mask = nb::cast<std::uint32_t>(plan.attr("id_mask"));
+  form.id_value = nb::cast<std::uint32_t>(plan.attr("id_value"));
   for (nb::handle constant : plan.attr("constants")) {
     form.constants.at(form.constant_count++) = {read_position(constant.attr("at")),
                                                 nb::cast<std::uint8_t>(constant.attr("mask")),
@@ -86,10 +100,12 @@ Form read_form(nb::handle plan) {
     rule.continues = nb::cast<std::int8_t>(check.attr("continues"));
   }
   for (nb::handle field : plan.attr("header")) {
-    form.header.at(form.header_count++) = {
-        read_number(field.attr("number")), nb::cast<std::uint64_t>(field.attr("default")),
-        nb::cast<std::uint8_t>(field.attr("place")), nb::cast<std::uint64_t>(field.attr("fixed_mask")),
-        nb::cast<std::uint64_t>(field.attr("fixed_value"))};
+    form.header.at(form.header_count++) = {read_number(field.attr("number")),
+                                           nb::cast<std::uint64_t>(field.attr("default")),
+                                           nb::cast<std::uint8_t>(field.attr("place")),
+                                           nb::cast<std::uint64_t>(field.attr("fixed_mask")),
+                                           nb::cast<std::uint64_t>(field.attr("fixed_value")),
+                                           nb::cast<bool>(field.attr("is_magic"))};
   }
   return form;
 }
@@ -175,7 +191,16 @@ FormatTable::FormatTable(nb::handle plan) {
   format_.peer_place = read_place(plan.attr("peer"));
   format_.own_forms = nb::cast<std::uint8_t>(plan.attr("own_forms"));
   format_.form_count = 0;
-  for (nb::handle form : plan.attr("forms")) format_.forms.at(format_.form_count++) = read_form(form);
+  std::size_t exclusions = 0;
+  for (nb::handle form : plan.attr("forms")) {
+    Form& one = format_.forms.at(format_.form_count++);
+    one = read_form(form);
+    one.first_exclusion = static_cast<std::uint8_t>(exclusions);
+    for (nb::handle exclusion : form.attr("exclusions")) {
+      format_.exclusions.at(exclusions++) = read_exclusion(exclusion);
+      ++one.exclusion_count;
+    }
+  }
   nb::list meanings;
   for (nb::handle field : plan.attr("header")) meanings.append(field.attr("value"));
   header_ = read_fields(meanings);

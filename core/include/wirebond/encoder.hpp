@@ -87,6 +87,7 @@ WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, s
   const Form& form = format.forms[form_index];
   std::uint8_t* const frame = buffer + frame_lead(format);
 
+  const std::size_t whole_payload = payload_size;
   std::size_t payload = payload_size;
   if (form.payload_size == PayloadSize::fixed) payload = form.fixed_payload;
   if (form.trims_zeros) {  // one byte stays, as receivers of such formats expect
@@ -98,6 +99,7 @@ WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, s
   const bool is_nothing = size == 0 && format.framing != Framing::bracketed && format.stuffing != Stuffing::cobs;
   if (payload_size > payload || payload > format.max_payload || on_wire > capacity || is_nothing) return false;
   if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return false;
+  if (is_excluded(format, form, id, whole_payload, header)) return false;
 
   std::memset(frame, 0, form.prefix);
   std::memset(frame + form.prefix + payload_size, 0, payload - payload_size + form.suffix);
@@ -110,7 +112,8 @@ WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, s
   detail::every<unroll, detail::part_counts<Source>.header_fields>(
       0, form.header_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
         const HeaderField& field = form.header[i];
-        detail::write_number(field.number, frame, size, header != nullptr ? header[field.place] : field.default_value);
+        const std::uint64_t value = header != nullptr ? header[field.place] : field.default_value;
+        detail::write_number(field.number, frame, size, value & ~field.fixed_mask);
         return true;
       });
   if (form.length.present()) {
@@ -151,8 +154,8 @@ WIREBOND_INLINE std::size_t close_frame(const Source& source, std::uint8_t* buff
 /// form takes those that it has; null: their defaults.
 /// Returns the size on the wire. 0: no frame was made, because
 /// - it does not fit `capacity`,
-/// - the form cannot carry it: its length cannot tell the payload's size, or one of form and message has an id and the
-///   other has none,
+/// - the form cannot carry it: its length cannot tell the payload's size, one of form and message has an id and the
+///   other has none, or a condition of the form says otherwise,
 /// - it would have no byte at all, which a receiver cannot tell from fill or from silence.
 /// Any thread or interrupt; no allocation.
 template <class Source>

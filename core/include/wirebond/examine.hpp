@@ -129,6 +129,11 @@ WIREBOND_INLINE bool id_comes_early(const Form& form) {
   return !form.id.at.from_end && form.id.at.offset + form.id.bytes <= static_cast<std::int32_t>(form.prefix);
 }
 
+/// The payload's size before its zeros were trimmed, as far as its message tells it.
+WIREBOND_INLINE std::size_t restored(const Form& form, const MessageShape& shape, std::size_t payload) {
+  return form.trims_zeros && payload < shape.min_payload ? shape.min_payload : payload;
+}
+
 /// What the id of a frame of this form means; where it has none, what a frame without one does.
 template <class Source>
 WIREBOND_INLINE MessageShape shape_of(const Source& source, const Form& form, std::uint32_t id) {
@@ -160,6 +165,18 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
     return !mismatch;
   });
   if (mismatch) return {Outcome::reject, Cause::constant_mismatch, 1};
+  // What tells the form from others and is no constant, also where a constant behind it must be waited for.
+  for (std::size_t i = 0; i < form.exclusion_count; ++i) {
+    const Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
+    if (exclusion.subject == Subject::size) continue;
+    const std::size_t end = static_cast<std::size_t>(exclusion.number.at.offset) + exclusion.number.bytes;
+    if (end > available) {
+      if (need == 0 || end < need) need = end;
+      continue;
+    }
+    const std::uint64_t value = read_wide(exclusion.number, candidate, 0);
+    if (exclusion.low <= value && value <= exclusion.high) return {Outcome::reject, Cause::constant_mismatch, 1};
+  }
   if (need != 0) return {Outcome::need_more, Cause::incomplete, need};
   if (available < form.prefix) return {Outcome::need_more, Cause::incomplete, form.prefix};
 
@@ -188,6 +205,10 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
       return {Outcome::reject, Cause::length_out_of_range, available};
     }
     payload = available - outside;
+  }
+  const bool size_tells = id_early || !form.id.present() || !form.trims_zeros;  // else examine_rest asks
+  if (size_tells && size_is_excluded(format, form, restored(form, head.shape, payload))) {
+    return {Outcome::reject, Cause::length_out_of_range, form.prefix};
   }
   if (id_early && !format.deliver_unknown && !fits(form, head.shape, payload)) {
     return {Outcome::reject, Cause::unknown_message, form.prefix};
@@ -239,6 +260,9 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
   if (!id_comes_early(form)) {
     head.id = form.id.present() ? read_number(form.id, candidate, size) : 0;
     head.shape = shape_of(source, form, head.id);
+    if (form.trims_zeros && size_is_excluded(source.format(), form, restored(form, head.shape, head.payload))) {
+      return {Outcome::reject, Cause::length_out_of_range, size};
+    }
     if (!source.format().deliver_unknown && !fits(form, head.shape, head.payload)) {
       return {Outcome::reject, Cause::unknown_message, size};
     }

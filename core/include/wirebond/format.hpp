@@ -75,6 +75,24 @@ struct HeaderField {
   std::uint8_t place = 0;           ///< in the list of all header fields of the format, which is the same for all forms
   std::uint64_t fixed_mask = 0;     ///< bits that tell this form from others: they are constants, too,
   std::uint64_t fixed_value = 0;    ///< of these values
+  bool is_magic = false;            ///< any form will do where no value was given
+};
+
+/// What a condition compares beside constants.
+enum class Subject : std::uint8_t {
+  field,  ///< a header field
+  id,
+  size,  ///< the payload's, before it is trimmed
+};
+
+/// A frame is not of the form if this number lies in [low, high].
+struct Exclusion {
+  Subject subject = Subject::field;
+  std::uint8_t place = 0;  ///< of a header field, in the list of all of them
+  bool on_receive = true;  ///< false: it only chooses the sender's form
+  Number number{};         ///< where a receiver finds it, and which of its bits count; absent for the size
+  std::uint64_t low = 0;
+  std::uint64_t high = 0;
 };
 
 /// Header values of a frame to send: bits as on the wire, by place. Points at as many as the format has header fields;
@@ -93,6 +111,7 @@ constexpr std::size_t max_forms = 8;
 constexpr std::size_t max_algorithms = 4;
 constexpr std::size_t max_header_fields = 16;
 constexpr std::size_t max_escapes = 6;
+constexpr std::size_t max_exclusions = 24;
 
 /// One shape that a frame can take: fixed bytes before the payload (`prefix`), the payload, fixed bytes after it
 /// (`suffix`). A format whose header varies (two magics, optional parts) has several forms, told apart by their
@@ -110,8 +129,12 @@ struct Form {
   std::uint16_t fixed_payload = 0;
   bool trims_zeros = false;  ///< zeros at the payload's end are not sent; the receiver puts them back
   std::uint8_t header_count = 0;
+  std::uint8_t first_exclusion = 0;  ///< in FrameFormat::exclusions
+  std::uint8_t exclusion_count = 0;
   Number length{};
   Number id{};
+  std::uint32_t id_mask = 0;   ///< bits of the id that tell this form from others: they are constants, too,
+  std::uint32_t id_value = 0;  ///< of these values
   std::array<Constant, max_constants> constants{};
   std::array<CheckRule, max_checks> checks{};
   std::array<HeaderField, max_header_fields> header{};
@@ -171,6 +194,7 @@ struct FrameFormat {
   std::array<Form, max_forms> forms{};
   std::array<CheckAlgorithm, max_algorithms> algorithms{};
   EscapeRule escapes{};
+  std::array<Exclusion, max_exclusions> exclusions{};  ///< of all forms
 };
 
 /// What the deframer must know of a message: nothing about its fields.
@@ -259,7 +283,8 @@ WIREBOND_INLINE constexpr bool carries_all(const FrameFormat& format, const Form
 
 /// Can a frame of this form carry message `id`? `no_id` is the message that frames without an id carry, and no others.
 WIREBOND_INLINE constexpr bool carries_id(const FrameFormat& format, const Form& form, std::uint32_t id) {
-  return form.id.present() ? format.no_id == 0 || id != format.no_id : id == format.no_id;
+  if (!form.id.present()) return id == format.no_id;
+  return (format.no_id == 0 || id != format.no_id) && (id & form.id_mask) == form.id_value;
 }
 
 /// Do these header values allow a frame of this form? It has every field that was given, and the bits that tell it from
@@ -268,8 +293,9 @@ WIREBOND_INLINE constexpr bool agrees(const Form& form, const HeaderValues& head
   std::uint32_t held = 0;
   for (std::size_t i = 0; i < form.header_count; ++i) {
     const HeaderField& field = form.header[i];
-    if ((header.values[field.place] & field.fixed_mask) != field.fixed_value) return false;
     held |= std::uint32_t{1} << field.place;
+    if (field.is_magic && (header.given >> field.place & 1u) == 0) continue;
+    if ((header.values[field.place] & field.fixed_mask) != field.fixed_value) return false;
   }
   return (header.given & ~held) == 0;
 }
@@ -280,6 +306,33 @@ WIREBOND_INLINE constexpr Number number_at(const Form& form, std::uint8_t place)
     if (form.header[i].place == place) return form.header[i].number;
   }
   return {};
+}
+
+/// Does an exclusion keep a sender from this form, for message `id` with `payload` bytes before trimming? `header` may
+/// be null: then the fields have their defaults, which the sender's own forms allow.
+WIREBOND_INLINE constexpr bool is_excluded(const FrameFormat& format, const Form& form, std::uint32_t id,
+                                           std::size_t payload, const std::uint64_t* header) {
+  for (std::size_t i = 0; i < form.exclusion_count; ++i) {
+    const Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
+    std::uint64_t value = payload;
+    if (exclusion.subject == Subject::id) value = id & exclusion.number.mask;
+    if (exclusion.subject == Subject::field) {
+      if (header == nullptr) continue;
+      value = header[exclusion.place] & exclusion.number.mask;
+    }
+    if (exclusion.low <= value && value <= exclusion.high) return true;
+  }
+  return false;
+}
+
+/// Does a payload of this size, with the zeros that were cut from its end, break a condition of the form?
+WIREBOND_INLINE constexpr bool size_is_excluded(const FrameFormat& format, const Form& form, std::size_t payload) {
+  for (std::size_t i = 0; i < form.exclusion_count; ++i) {
+    const Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
+    if (exclusion.subject != Subject::size || !exclusion.on_receive) continue;
+    if (exclusion.low <= payload && payload <= exclusion.high) return true;
+  }
+  return false;
 }
 
 /// Bytes before the payload, of the form that has most.
@@ -409,6 +462,7 @@ WIREBOND_INLINE bool with_own_form(const FrameFormat& format, std::uint32_t id, 
     const Form& form = format.forms[i];
     if (header.values != nullptr && !agrees(form, header)) return true;
     if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return true;
+    if (is_excluded(format, form, id, payload, header.values)) return true;
     fn(i);
     return false;
   });

@@ -12,6 +12,7 @@ from wirebond.errors import MessageError, UsageError
 from wirebond.log import LogLine, log_line
 from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
+from wirebond.protocol.apart import ends_look_alike
 from wirebond.protocol.model import End, HeaderField, Protocol
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import ids_collide, plan_for
@@ -476,6 +477,11 @@ class Codec:
                 raise UsageError(
                     f"in {self.name} the id 0x{first.id:02X} means {first.name} from {first.sender} and "
                     f"{second.name} from {second.sender}; say whose bytes these are: sender='mcu' or sender='host'"
+                )
+            if ends_look_alike(self.model.format.parts):
+                raise UsageError(
+                    f"in {self.name} frames of the two ends differ, and the same bytes can be a frame of either; "
+                    "say whose bytes these are: sender='mcu' or sender='host'"
                 )
             return None
         if sender not in (End.HOST, End.MCU):

@@ -16,8 +16,9 @@ from typing import Any, Self
 from wirebond import _engine
 from wirebond.codec import Codec, Message, Stats, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, StoppedError, UsageError
+from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
-from wirebond.protocol.plan import header_fields, plan_for, told_by_request
+from wirebond.protocol.plan import plan_for, told_by_request
 from wirebond.protocol.problems import no_message
 from wirebond.typed import TypedMessage, name_and_values
 

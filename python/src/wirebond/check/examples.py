@@ -12,8 +12,8 @@ from wirebond.check.places import Places
 from wirebond.check.wording import plural
 from wirebond.codec import Codec, Message
 from wirebond.errors import MessageError
+from wirebond.protocol.forms import header_fields, parts_of_forms
 from wirebond.protocol.model import Example, Part, PartKind, Protocol, Stuffing
-from wirebond.protocol.plan import header_fields, parts_of_forms
 from wirebond.protocol.problems import Place
 
 RULE = "example"

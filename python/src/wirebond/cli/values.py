@@ -8,8 +8,9 @@ import re
 from typing import Any
 
 from wirebond.errors import MessageError, UsageError
+from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import End, Field, FieldKind, Message, Protocol
-from wirebond.protocol.plan import header_fields, plan_for
+from wirebond.protocol.plan import plan_for
 from wirebond.visible import visible_json
 
 _TRUE = {"true", "yes", "on", "1"}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from wirebond.doc.messages import names_of, value_of
 from wirebond.doc.table import table
 from wirebond.protocol.decimals import decimal_text
+from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import Address, Field, HeaderDefault, HeaderField, Protocol
-from wirebond.protocol.plan import header_fields
 from wirebond.protocol.spelling import field_type
 
 _ADDRESSES = {

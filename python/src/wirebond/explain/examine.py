@@ -11,10 +11,10 @@ from functools import lru_cache
 
 from wirebond.checksum import checksum
 from wirebond.explain.constants import constants_of
+from wirebond.protocol.forms import Choice, FormParts, parts_of_forms
 from wirebond.protocol.model import (
     BitRole,
     ByteOrder,
-    Condition,
     End,
     FrameFormat,
     LengthCounts,
@@ -23,8 +23,10 @@ from wirebond.protocol.model import (
     PartKind,
     PayloadRule,
     Protocol,
+    Subject,
 )
-from wirebond.protocol.plan import FormParts, parts_of_forms, told_by_request
+from wirebond.protocol.plan import told_by_request
+from wirebond.protocol.spelling import choices_text
 
 CONSTANTS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 
@@ -53,6 +55,7 @@ class Question(StrEnum):
     """What a rule asks."""
 
     CONSTANT = "constant"
+    CONDITION = "condition"  # a `when` that the form stands for
     LENGTH = "length"
     MESSAGE = "message"
     SIZE = "size"
@@ -229,20 +232,32 @@ def forms(protocol: Protocol, sender: End | None) -> list[FormParts]:
     return _forms(_FormsOf(protocol.format, sender))
 
 
-def fixed_bits(part: Part, conditions: tuple[tuple[Condition, bool], ...]) -> tuple[int, int]:
+def fixed_bits(part: Part, choices: tuple[Choice, ...]) -> tuple[int, int]:
     """Mask and value of the bits of a number part that cannot vary in this form."""
     mask = value = 0
     for run in part.bits:
         if run.role == BitRole.CONSTANT:
             mask |= run.mask << run.shift
             value |= run.value << run.shift
-    for condition, truth in conditions:
-        runs = [(run.name, run.shift) for run in part.bits] or [(part.name, 0)]
-        for name, shift in runs:
-            if name == condition.field:
-                mask |= 1 << shift + condition.bit
-                value |= int(truth) << shift + condition.bit
+    for choice in choices:
+        shift, bits = _shift_of(part, choice), choice.fixed_bits
+        if shift is not None and bits is not None:
+            mask |= bits[0] << shift
+            value |= bits[1] << shift
     return mask, value
+
+
+def _shift_of(part: Part, choice: Choice) -> int | None:
+    """Where the number that a choice is about begins in this part; None where it is not in it."""
+    if choice.subject == Subject.ID and part.kind == PartKind.ID:
+        return 0
+    if choice.subject == Subject.FIELD and part.header is not None and part.header.name == choice.name:
+        return 0
+    for run in part.bits:
+        is_id = choice.subject == Subject.ID and run.role == BitRole.ID
+        if is_id or (choice.subject == Subject.FIELD and run.header is not None and run.header.name == choice.name):
+            return run.shift
+    return None
 
 
 def examine(protocol: Protocol, data: bytes, sender: End | None, *, block: bytes | None = None) -> Verdict:
@@ -315,8 +330,7 @@ class _Examination:
         at = payload_index(parts)
         before = spans(parts[:at], 0)
         prefix = before[-1][1] if before else 0
-        for index, (start, _) in enumerate(before):
-            self._constant(index, start, extent=1)
+        self._constants_and_choices(before)
         self._need(prefix)
         where = id_index(parts)
         # Without an id the one message there is says how long a payload is that has its message's size.
@@ -325,6 +339,9 @@ class _Examination:
             self._read_id(before)
         size = self._payload_size(prefix)
         self.payload = prefix, prefix + size
+        knows_size = early_id or where is None or not parts[at].trims_zeros
+        if knows_size:
+            self._size_choices(size, prefix)
         if early_id:
             self._message_fits(size, prefix)
         for index in self._checks(header=True):
@@ -337,6 +354,8 @@ class _Examination:
             self._constant(index, places[index][0], extent=total)
         if not early_id:
             self._read_id(places)
+            if not knows_size:
+                self._size_choices(size, total)
             self._message_fits(size, total)
         self._field_constants(prefix, size, total)
         for index in self._checks(header=False):
@@ -352,16 +371,60 @@ class _Examination:
 
     def _need(self, size: int) -> None:
         if len(self.data) < size:
-            have = len(self.data)
-            self.rules.append(Rule(Question.SIZE, None, False, f"at least {size} bytes", f"{have} bytes"))
-            if self.block is not None:
-                raise _Decided(Outcome.REFUSED, Cause.LENGTH_OUT_OF_RANGE, have)
-            raise _Decided(Outcome.INCOMPLETE, Cause.INCOMPLETE, size)
+            raise self._missing(size)
+
+    def _missing(self, size: int) -> _Decided:
+        have = len(self.data)
+        self.rules.append(Rule(Question.SIZE, None, False, f"at least {size} bytes", f"{have} bytes"))
+        if self.block is not None:
+            return _Decided(Outcome.REFUSED, Cause.LENGTH_OUT_OF_RANGE, have)
+        return _Decided(Outcome.INCOMPLETE, Cause.INCOMPLETE, size)
+
+    def _constants_and_choices(self, before: list[tuple[int, int]]) -> None:
+        """A choice is asked as soon as its number is there, also where a constant behind it is not."""
+        missing: _Decided | None = None
+        try:
+            for index, (start, _) in enumerate(before):
+                self._constant(index, start, extent=1)
+        except _Decided as decided:
+            if decided.cause == Cause.CONSTANT_MISMATCH:
+                raise
+            missing = decided
+        for choice in self.form.choices:
+            if choice.subject == Subject.SIZE or choice.fixed_bits is not None:
+                continue
+            index = next(i for i, part in enumerate(self.parts) if _shift_of(part, choice) is not None)
+            start, stop = before[index]
+            if stop > len(self.data):
+                if missing is None or stop < missing.size:
+                    missing = self._missing(stop)
+                continue
+            part = self.parts[index]
+            run = next((run for run in part.bits if run.shift == _shift_of(part, choice)), None)
+            number = read_number(part, self.data[start:stop])
+            value = number if run is None else number >> run.shift & run.mask
+            expected = choices_text((choice,))
+            self._rule(Question.CONDITION, index, choice.holds(value), expected, str(value), Cause.CONSTANT_MISMATCH, 1)
+        if missing is not None:
+            raise missing
+
+    def _size_choices(self, size: int, extent: int) -> None:
+        """Conditions on the payload's size; where the frame's end is found otherwise they only choose what is sent."""
+        payload = self.parts[payload_index(self.parts)]
+        if payload.payload == PayloadRule.REST:
+            return
+        if payload.trims_zeros and self.message is not None:
+            size = max(size, self.message.min_payload)
+        for choice in self.form.choices:
+            if choice.subject == Subject.SIZE:
+                expected, found = choices_text((choice,)), str(size)
+                holds = choice.holds(size)
+                self._rule(Question.CONDITION, None, holds, expected, found, Cause.LENGTH_OUT_OF_RANGE, extent)
 
     def _constant(self, index: int, start: int, extent: int) -> None:
         """Bytes, or bits, that cannot vary: each as soon as its byte is there."""
         part = self.parts[index]
-        mask, value = fixed_bits(part, self.form.bits)
+        mask, value = fixed_bits(part, self.form.choices)
         if part.kind in CONSTANTS:
             wanted, masks = part.value, b"\xff" * part.size
         elif mask:

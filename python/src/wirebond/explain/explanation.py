@@ -284,7 +284,8 @@ def _nameless(offset: int, wire: bytes) -> Row:
 
 def _rule_name(parts: tuple[Part, ...], rule: Rule) -> str:
     if rule.part is None:
-        return "id" if rule.question == Question.MESSAGE else "size"
+        names = {Question.MESSAGE: "id", Question.CONDITION: "payload size"}
+        return names.get(rule.question, "size")
     part = parts[rule.part]
     if rule.question == Question.FIELD:
         return "constant field"

@@ -19,9 +19,9 @@ from wirebond.explain.examine import (
     spans,
 )
 from wirebond.explain.values import read_number as read_value
+from wirebond.protocol.forms import header_of
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import Address, BitRole, End, HeaderField, LengthCounts, Message, Part, PartKind, Protocol
-from wirebond.protocol.plan import header_of
 from wirebond.protocol.spelling import range_text
 
 _COUNTED = {

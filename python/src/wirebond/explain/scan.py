@@ -91,7 +91,7 @@ def start_bytes(protocol: Protocol, sender: End | None) -> set[int]:
         if first.kind in CONSTANTS:
             starts.add(first.value[0])
             continue
-        mask, value = fixed_bits(first, form.bits)
+        mask, value = fixed_bits(first, form.choices)
         place = 8 * (first.size - 1) if first.order == ByteOrder.BIG else 0
         mask, value = mask >> max(place, 0) & 0xFF, value >> max(place, 0) & 0xFF
         starts |= {byte for byte in range(256) if byte & mask == value}

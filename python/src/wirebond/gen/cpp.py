@@ -29,7 +29,7 @@ from wirebond.gen.cpp_struct import (
 from wirebond.gen.folder import core_headers, render, write_files
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import Algorithm, BitRole, CheckKind, End, Message, PartKind, PayloadRule, Protocol, Queue
-from wirebond.protocol.plan import Framing, HeaderNumber, MessageRow, Number, Plan, Position, plan_for
+from wirebond.protocol.plan import Exclusion, Framing, HeaderNumber, MessageRow, Number, Plan, Position, plan_for
 
 
 def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
@@ -281,6 +281,7 @@ def format_lines(plan: Plan) -> list[str]:
         lines += [f"format.{name} = {size};"] if size else []
     for number, algorithm in enumerate(plan.algorithms):
         lines.append(f"format.algorithms[{number}] = {_algorithm(algorithm)};  // {comment_text(algorithm.name)}")
+    excluded = 0
     for number, form in enumerate(plan.forms):
         to = f"format.forms[{number}]"
         counts = {
@@ -293,7 +294,14 @@ def format_lines(plan: Plan) -> list[str]:
             "length_bias": form.length_bias,
             "fixed_payload": form.fixed_payload,
             "header_count": len(form.header),
+            "first_exclusion": excluded if form.exclusions else 0,
+            "exclusion_count": len(form.exclusions),
+            "id_mask": form.id_mask,
+            "id_value": form.id_value,
         }
+        for exclusion in form.exclusions:
+            lines.append(f"format.exclusions[{excluded}] = {_exclusion(exclusion)};")
+            excluded += 1
         lines.append(f"{to}.payload_size = wirebond::PayloadSize::{form.payload.value};")
         lines += [f"{to}.{name} = {value};" for name, value in counts.items() if value]
         if form.trims_zeros:
@@ -334,8 +342,15 @@ def _number(number: Number) -> str:
     return f"{{{_position(number.at)}, {number.bytes}, {order}, {number.shift}, 0x{number.mask:X}U}}"
 
 
+def _exclusion(exclusion: Exclusion) -> str:
+    number = "{}" if exclusion.number is None else _number(exclusion.number)
+    place, seen = exclusion.place, _bool(exclusion.on_receive)
+    return f"{{wirebond::Subject::{exclusion.subject}, {place}, {seen}, {number}, {exclusion.low}U, {exclusion.high}U}}"
+
+
 def _header_number(entry: HeaderNumber) -> str:
     fixed = f", 0x{entry.fixed_mask:X}U, 0x{entry.fixed_value:X}U" if entry.fixed_mask else ""
+    fixed += ", true" if entry.is_magic else ""
     return f"{_number(entry.number)}, 0x{entry.default:X}U, {entry.place}{fixed}"
 
 

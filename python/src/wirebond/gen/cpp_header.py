@@ -15,8 +15,8 @@ from wirebond.gen.cpp_struct import (
     type_blocks,
     validate_lines,
 )
+from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import Address, End, Field, FieldKind, HeaderField, Protocol
-from wirebond.protocol.plan import header_fields
 
 STRUCT = "Header"
 

@@ -14,7 +14,7 @@ from wirebond.gen.cpp import message_comment
 from wirebond.gen.cpp_field import comment_text, hex_literal, member_comment
 from wirebond.gen.folder import render, write_files
 from wirebond.gen.names import Scope, code_name, python_identifier, type_name
-from wirebond.protocol import plan
+from wirebond.protocol.forms import header_fields
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import Default, Field, FieldKind, HeaderField, Protocol
 
@@ -54,7 +54,7 @@ def module_name(protocol: Protocol) -> str:
 
 def python_module(protocol: Protocol, out: Path) -> str:
     """The text of the module when it lies in ``out``."""
-    header = plan.header_fields(protocol.format.parts)
+    header = header_fields(protocol.format.parts)
     writer = _Writer(has_header=bool(header))
     claimed = [writer.claim(type_name(m.name), "Message") for m in protocol.messages]  # before types of fields
     messages = [writer.struct(name, m.fields) for name, m in zip(claimed, protocol.messages, strict=True)]

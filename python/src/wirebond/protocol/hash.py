@@ -17,8 +17,21 @@ import hashlib
 import json
 from typing import Any
 
-from wirebond.protocol.model import Bits, End, Field, FieldKind, Message, Part, PartKind, Protocol
-from wirebond.protocol.plan import header_of, mixes_ids
+from wirebond.protocol.forms import header_of
+from wirebond.protocol.model import (
+    Bits,
+    Comparison,
+    Condition,
+    End,
+    Field,
+    FieldKind,
+    Message,
+    Part,
+    PartKind,
+    Protocol,
+    Subject,
+)
+from wirebond.protocol.plan import mixes_ids
 
 _CANONICAL_TEXT = 1  # its version: raised when it changes, so that old and new hashes do not meet by chance
 
@@ -57,7 +70,7 @@ def _part(part: Part) -> dict[str, Any]:
     if part.is_plain:
         entry["plain"] = True
     if part.condition is not None:
-        entry["when"] = [part.condition.field, part.condition.bit, part.condition.magic.hex()]
+        entry["when"] = _condition(part.condition)
     if part.alternatives or part.by_sender:
         entry["magics"] = [value.hex() for value in part.alternatives]
         entry["by_sender"] = [[end.value, value.hex()] for end, value in part.by_sender]
@@ -83,6 +96,24 @@ def _part(part: Part) -> dict[str, Any]:
         entry |= {"first": part.first, "last": part.last, "shift": part.shift}
         entry |= {"seeded": part.seeded, "as_hex": part.as_hex}
     return entry
+
+
+def _condition(condition: Condition) -> list[Any]:
+    """One bit of a field, or one magic, stands as it did when there was nothing else."""
+    first = condition.terms[0]
+    if len(condition.terms) == 1 and isinstance(first, Comparison) and not condition.negated:
+        if first.subject == Subject.MAGIC and len(first.ranges) == 1:
+            return ["", 0, first.ranges[0][0].to_bytes(first.size, "big").hex()]
+        mask = first.mask or 0
+        if first.subject == Subject.FIELD and mask.bit_count() == 1 and first.ranges == ((mask, mask),):
+            return [first.name, mask.bit_length() - 1, ""]
+    return ["not" if condition.negated else "and", [_term(term) for term in condition.terms]]
+
+
+def _term(term: Comparison | Condition) -> list[Any]:
+    if isinstance(term, Condition):
+        return _condition(term)
+    return [term.subject.value, term.name, term.mask, [list(bounds) for bounds in term.ranges]]
 
 
 def _run_value(run: Bits) -> int:

@@ -382,13 +382,48 @@ class Bits:
         return (1 << self.width) - 1
 
 
+class Subject(StrEnum):
+    """What a condition compares."""
+
+    FIELD = "field"  # of the header, as bits on the wire
+    ID = "id"
+    MAGIC = "magic"  # its bytes as a number, the first one highest
+    SENDER = "sender"  # SENDER_NUMBERS
+    SIZE = "size"  # payload bytes, before trimming and stuffing
+
+
+SENDER_NUMBERS = {End.HOST: 0, End.MCU: 1}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """``subject & mask`` lies in one of ``ranges``. It does not hold where the subject is not in the frame."""
+
+    subject: Subject
+    ranges: tuple[tuple[int, int], ...]  # rising and apart, both bounds included
+    name: str = ""  # of the header field
+    mask: int | None = None  # None: all bits
+    size: int = 0  # bytes of a magic
+
+    def holds(self, value: int) -> bool:
+        masked = value if self.mask is None else value & self.mask
+        return any(low <= masked <= high for low, high in self.ranges)
+
+
 @dataclass(frozen=True)
 class Condition:
-    """When a part is there: one bit of a header field is set, or the magic is a certain one."""
+    """When a part is there: all of ``terms`` hold; ``negated``: not all of them."""
 
-    field: str = ""  # name of a field of the header, or of a run of bits
-    bit: int = 0
-    magic: bytes = b""
+    terms: tuple[Comparison | Condition, ...]
+    negated: bool = False
+
+    @property
+    def comparisons(self) -> tuple[Comparison, ...]:
+        """All of them, those of conditions in it, too."""
+        found: list[Comparison] = []
+        for term in self.terms:
+            found += [term] if isinstance(term, Comparison) else term.comparisons
+        return tuple(found)
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,19 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from wirebond.protocol.forms import (
+    Choice,
+    FormParts,
+    complement,
+    header_fields,
+    own_forms,
+    parts_of_forms,
+)
 from wirebond.protocol.model import (
     Address,
     Algorithm,
     BitRole,
     ByteOrder,
-    Condition,
     End,
     Escapes,
     HeaderField,
@@ -26,6 +33,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Protocol,
     Stuffing,
+    Subject,
 )
 from wirebond.protocol.payload_rules import PayloadRules, payload_rules
 
@@ -35,6 +43,7 @@ MAX_ALGORITHMS = 4
 MAX_FORMS = 8
 MAX_HEADER_FIELDS = 16
 MAX_ESCAPES = 6
+MAX_EXCLUSIONS = 24
 NO_ID = 0xFFFFFFFF  # stands for "none" where some frames of a sender have an id and others not
 
 _CONSTANT_KINDS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
@@ -89,6 +98,30 @@ class HeaderNumber:
     place: int  # in ``Plan.header``
     fixed_mask: int = 0  # bits of the number that tell this form from others,
     fixed_value: int = 0  # and what they are in it
+    is_magic: bool = False  # any form will do where no magic is asked for
+
+
+@dataclass(frozen=True)
+class Exclusion:
+    """A frame is not of this form if a number lies from ``low`` to ``high``; of it ``number.mask`` selects the bits.
+
+    ``number`` is where a receiver finds it; None: the payload's size.
+    """
+
+    subject: Subject
+    place: int  # of a header field
+    number: Number | None
+    low: int
+    high: int
+    on_receive: bool  # False: it only chooses the sender's form
+
+
+@dataclass(frozen=True)
+class FormChoice:
+    """A choice of the form, with the place of its number; None: the payload's size."""
+
+    choice: Choice
+    number: Number | None
 
 
 @dataclass(frozen=True)
@@ -109,6 +142,10 @@ class Form:
     checks: tuple[CheckRule, ...]
     header_checks: int
     header: tuple[HeaderNumber, ...]
+    choices: tuple[FormChoice, ...] = ()
+    exclusions: tuple[Exclusion, ...] = ()
+    id_mask: int = 0  # bits of the id that tell this form from others,
+    id_value: int = 0  # and what they are in it
 
     @property
     def most_payload(self) -> int:
@@ -218,7 +255,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         ),
         max_payload=frame_format.max_payload,
         no_id=no_id,
-        own_forms=sum(_is_default(form, sender) for form in parts_of_forms(frame_format.parts, sender)),
+        own_forms=own_forms(frame_format.parts, sender),
         forms=forms(frame_format.parts, sender),
         header=header,
         address=address,
@@ -308,89 +345,6 @@ def ids_collide(protocol: Protocol) -> list[tuple[Message, Message]]:
     return pairs
 
 
-# ---- which forms there are: told apart by constants
-
-
-@dataclass(frozen=True)
-class FormParts:
-    """The parts of one form, with one magic, and what the header's bits must be for a frame to have it."""
-
-    parts: tuple[Part, ...]
-    bits: tuple[tuple[Condition, bool], ...]
-
-
-def parts_of_forms(parts: tuple[Part, ...], sender: End | None) -> list[FormParts]:
-    """Every form that a frame of this sender can take, the one that is sent by default first."""
-    conditions = list(dict.fromkeys(p.condition for p in parts if p.condition is not None and p.condition.field))
-    found = []
-    for magic in _magics(parts, sender):
-        for truths in itertools.product((False, True), repeat=len(conditions)):
-            held = {c for c, truth in zip(conditions, truths, strict=True) if truth}
-            present = tuple(
-                replace(p, value=magic) if p.kind == PartKind.MAGIC else p
-                for p in parts
-                if p.condition is None or p.condition in held or (p.condition.magic and p.condition.magic == magic)
-            )
-            known = {name for p in present for name in header_names(p)}
-            if any(c.field not in known for c in held):
-                continue
-            bits = tuple((c, c in held) for c in conditions if c.field in known)
-            form_parts = FormParts(_renumbered(parts, present), bits)
-            if form_parts not in found:
-                found.append(form_parts)
-    return sorted(found, key=lambda v: sum(_default_bit(v.parts, c, sender) != truth for c, truth in v.bits))
-
-
-def header_of(part: Part) -> list[HeaderField]:
-    """The header fields that this part holds."""
-    held = [part.header, *(run.header for run in part.bits)]
-    return [field for field in held if field is not None]
-
-
-def header_fields(parts: tuple[Part, ...]) -> tuple[HeaderField, ...]:
-    """All header fields of a format, whichever of them stand in one frame. A field's place in it is its number."""
-    return tuple(field for part in parts for field in header_of(part))
-
-
-def header_names(part: Part) -> list[str]:
-    """Names of the header fields that this part holds."""
-    return [field.name for field in header_of(part)]
-
-
-def _magics(parts: tuple[Part, ...], sender: End | None) -> list[bytes]:
-    magic = next((p for p in parts if p.kind == PartKind.MAGIC), None)
-    return [b""] if magic is None else magics(magic, sender)
-
-
-def magics(magic: Part, sender: End | None) -> list[bytes]:
-    """The values that a magic can have in frames of this sender, the one that is sent first."""
-    if magic.by_sender:
-        return list(dict.fromkeys(value for end, value in magic.by_sender if sender in (None, End.BOTH, end)))
-    return list(magic.alternatives or (magic.value,))
-
-
-def _is_default(form: FormParts, sender: End | None) -> bool:
-    """Has it the header's default values?"""
-    return all(_default_bit(form.parts, condition, sender) == truth for condition, truth in form.bits)
-
-
-def _default_bit(parts: tuple[Part, ...], condition: Condition, sender: End | None) -> bool:
-    field = next((field for field in header_fields(parts) if field.name == condition.field), None)
-    return field is not None and bool(field.default_bits(sender) >> condition.bit & 1)
-
-
-def _renumbered(parts: tuple[Part, ...], present: tuple[Part, ...]) -> tuple[Part, ...]:
-    """Checks name the parts that they cover by index: follow the parts that are left."""
-    kept = [i for i, part in enumerate(parts) if any(p.name == part.name for p in present)]
-
-    def place(index: int) -> int:
-        return sum(1 for i in kept if i < index)
-
-    return tuple(
-        replace(p, first=place(p.first), last=place(p.last + 1) - 1) if p.kind == PartKind.CHECK else p for p in present
-    )
-
-
 # ---- one form to offsets
 
 
@@ -419,9 +373,11 @@ def _form(form_parts: FormParts, algorithms: list[Algorithm], places: dict[str, 
     header: list[HeaderNumber] = []
 
     def held(field: HeaderField, number: Number) -> HeaderNumber:
-        fixed = [(1 << c.bit, truth << c.bit) for c, truth in form_parts.bits if c.field == field.name]
-        masks, values = (sum(column) for column in zip(*fixed, strict=True)) if fixed else (0, 0)
-        return HeaderNumber(field.name, number, field.default_bits(sender), places[field.name], masks, values)
+        mask = value = 0
+        for choice in form_parts.choices:
+            if choice.number == (Subject.FIELD, field.name) and (fixed := choice.fixed_bits) is not None:
+                mask, value = mask | fixed[0], value | fixed[1]
+        return HeaderNumber(field.name, number, field.default_bits(sender), places[field.name], mask, value)
 
     checks: list[tuple[bool, int, Part]] = []
     for index, part in enumerate(parts):
@@ -429,6 +385,11 @@ def _form(form_parts: FormParts, algorithms: list[Algorithm], places: dict[str, 
         place = before if index < payload_index else after
         if part.kind in _CONSTANT_KINDS:
             place.extend(Constant(Position(at.offset + i, at.from_end), byte) for i, byte in enumerate(part.value))
+            if part.header is not None:
+                mask, magic = (1 << 8 * part.size) - 1, int.from_bytes(part.value, "big")
+                number = Number(at, part.size, ByteOrder.BIG, 0, mask)
+                place_of = places[part.header.name]
+                header.append(HeaderNumber(part.header.name, number, magic, place_of, mask, magic, is_magic=True))
         elif part.kind == PartKind.LENGTH:
             length = _whole(at, part)
         elif part.kind == PartKind.ID:
@@ -450,11 +411,23 @@ def _form(form_parts: FormParts, algorithms: list[Algorithm], places: dict[str, 
                 header.append(held(run.header, number))
         if part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits):
             length_bias, length_unit = _length_rule(parts, index, prefix, suffix), part.length_unit
-    for condition, truth in form_parts.bits:
-        field = next(f for f in header if f.name == condition.field)
-        place = after if field.number.at.from_end else before
-        bit = Number(field.number.at, field.number.bytes, field.number.order, field.number.shift + condition.bit, 1)
-        place.extend(_bits_constant(bit, int(truth)))
+    choices: list[FormChoice] = []
+    exclusions: list[Exclusion] = []
+    id_mask = id_value = 0
+    for choice in form_parts.choices:
+        found = _number_of(choice, header, message_id)
+        choices.append(FormChoice(choice, found))
+        fixed = None if found is None else choice.fixed_bits
+        if found is not None and fixed is not None:
+            before.extend(_bits_constant(replace(found, mask=fixed[0]), fixed[1]))
+            if choice.subject == Subject.ID:
+                id_mask, id_value = id_mask | fixed[0], id_value | fixed[1]
+            continue
+        on_receive = found is not None or payload.payload != PayloadRule.REST
+        exclusions += [
+            Exclusion(choice.subject, places.get(choice.name, 0), found, low, high, on_receive)
+            for low, high in complement(choice.allowed, choice.mask)
+        ]
     before.sort(key=lambda constant: constant.at.offset)
     checks.sort(key=lambda entry: entry[:2])
 
@@ -502,7 +475,21 @@ def _form(form_parts: FormParts, algorithms: list[Algorithm], places: dict[str, 
         checks=tuple(rules),
         header_checks=sum(1 for late, _, _ in checks if not late),
         header=tuple(header),
+        choices=tuple(choices),
+        exclusions=tuple(exclusions),
+        id_mask=id_mask,
+        id_value=id_value,
     )
+
+
+def _number_of(choice: Choice, header: list[HeaderNumber], message_id: Number | None) -> Number | None:
+    """Where the bits of a choice stand; None: it is about the payload's size."""
+    if choice.subject == Subject.SIZE:
+        return None
+    if choice.subject == Subject.ID:
+        assert message_id is not None, "a choice is about what is there"
+        return replace(message_id, mask=choice.mask)
+    return replace(next(f for f in header if f.name == choice.name).number, mask=choice.mask)
 
 
 def _whole(at: Position, part: Part) -> Number:

@@ -6,12 +6,16 @@ Only what differs from the format's defaults is written.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 
+from wirebond.protocol.forms import Choice
 from wirebond.protocol.model import (
+    SENDER_NUMBERS,
     BitRole,
     Bits,
     ByteOrder,
+    Comparison,
     Condition,
     Field,
     FieldKind,
@@ -20,6 +24,7 @@ from wirebond.protocol.model import (
     Part,
     PartKind,
     PayloadRule,
+    Subject,
 )
 
 _LETTERS = {FieldKind.UNSIGNED: "u", FieldKind.SIGNED: "i", FieldKind.FLOAT: "f"}
@@ -54,9 +59,51 @@ def range_text(parts: tuple[Part, ...], first: int, last: int) -> str:
 
 def condition_text(condition: Condition) -> str:
     """``flags & 0x01`` or ``magic == 0xFD``, as behind ``when:``."""
-    if condition.magic:
-        return f"magic == {bytes_text(condition.magic)}"
-    return f"{condition.field} & 0x{1 << condition.bit:02X}"
+    if condition.negated and len(condition.terms) == 1 and isinstance(condition.terms[0], Comparison):
+        return _comparison_text(condition.terms[0], negated=True)
+    terms = condition.terms
+    text = " and ".join(_comparison_text(t) if isinstance(t, Comparison) else condition_text(t) for t in terms)
+    return f"not ({text})" if condition.negated else text
+
+
+def choices_text(choices: tuple[Choice, ...]) -> str:
+    """What must be so for a frame to have a form: ``flags & 0x01 and size in 256..65535``; empty for a form alone."""
+    return " and ".join(_choice_text(choice) for choice in choices)
+
+
+def _choice_text(choice: Choice) -> str:
+    mask = None if choice.mask != 1 and choice.mask & (choice.mask + 1) == 0 else choice.mask
+    comparison = Comparison(choice.subject, choice.allowed, choice.name, mask)
+    if choice.mask == 1 and choice.allowed == ((0, 0),):
+        return _comparison_text(replace(comparison, ranges=((1, 1),)), negated=True)
+    return _comparison_text(comparison)
+
+
+def _comparison_text(comparison: Comparison, *, negated: bool = False) -> str:
+    name = comparison.name or comparison.subject.value
+    ranges = comparison.ranges
+    if comparison.mask is not None:
+        name = f"{name} & 0x{comparison.mask:02X}"
+        if ranges == ((comparison.mask, comparison.mask),):
+            return f"not ({name})" if negated else name
+    if len(ranges) == 1 and ranges[0][0] == ranges[0][1]:
+        return f"{name} {'!=' if negated else '=='} {_value_text(comparison, ranges[0][0])}"
+    listed = [
+        _value_text(comparison, low)
+        if low == high
+        else f"{_value_text(comparison, low)}..{_value_text(comparison, high)}"
+        for low, high in ranges
+    ]
+    text = listed[0] if len(listed) == 1 else f"[{', '.join(listed)}]"
+    return f"{name} {'not in' if negated else 'in'} {text}"
+
+
+def _value_text(comparison: Comparison, value: int) -> str:
+    if comparison.subject == Subject.MAGIC:
+        return bytes_text(value.to_bytes(comparison.size, "big"))
+    if comparison.subject == Subject.SENDER:
+        return next(end.value for end, number in SENDER_NUMBERS.items() if number == value)
+    return str(value)
 
 
 def part_text(parts: tuple[Part, ...], index: int) -> str:
@@ -68,7 +115,8 @@ def part_text(parts: tuple[Part, ...], index: int) -> str:
     if part.kind != PartKind.FIELD and part.name.rstrip("_0123456789") != part.kind.value:
         options.append(f"name: {part.name}")
     if part.condition is not None:
-        options.append(f"when: {condition_text(part.condition)}")
+        condition = condition_text(part.condition)
+        options.append(f'when: "{condition}"' if "[" in condition else f"when: {condition}")
     text = ", ".join(options)
     return text if len(options) == 1 else f"{{{text}}}"
 
@@ -128,10 +176,14 @@ def _run(run: Bits) -> str:
 def _constant(parts: tuple[Part, ...], index: int) -> str:
     part = parts[index]
     if part.by_sender:
-        return "{" + ", ".join(f"{end.value}: {bytes_text(value)}" for end, value in part.by_sender) + "}"
-    if part.alternatives:
-        return "{any: [" + ", ".join(map(bytes_text, part.alternatives)) + "]}"
-    return bytes_text(part.value)
+        ends = dict.fromkeys(end for end, _ in part.by_sender)
+        listed = {end: [value for other, value in part.by_sender if other == end] for end in ends}
+        return "{" + ", ".join(f"{end.value}: {_any_of(values)}" for end, values in listed.items()) + "}"
+    return _any_of(list(part.alternatives or (part.value,)))
+
+
+def _any_of(magics: list[bytes]) -> str:
+    return bytes_text(magics[0]) if len(magics) == 1 else "{any: [" + ", ".join(map(bytes_text, magics)) + "]}"
 
 
 def _length(parts: tuple[Part, ...], index: int) -> str:

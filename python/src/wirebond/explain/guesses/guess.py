@@ -9,7 +9,17 @@ from functools import cached_property
 from wirebond.explain.examine import CONSTANTS, Question, Verdict, examine
 from wirebond.explain.stuffing import Impossible, unstuff
 from wirebond.explain.values import read_fields, values_text
-from wirebond.protocol.model import CheckKind, End, FrameFormat, Part, PartKind, Protocol
+from wirebond.protocol.model import (
+    CheckKind,
+    Comparison,
+    Condition,
+    End,
+    FrameFormat,
+    Part,
+    PartKind,
+    Protocol,
+    Subject,
+)
 from wirebond.protocol.spelling import part_text
 
 
@@ -144,9 +154,21 @@ def with_part(protocol: Protocol, parts: tuple[Part, ...], index: int, part: Par
 
 def _under(part: Part, old: bytes, new: bytes) -> Part:
     """A part that stands under the magic ``old`` stands under ``new`` instead: the form keeps its parts."""
-    if part.condition is None or not part.condition.magic or part.condition.magic != old:
-        return part
-    return replace(part, condition=replace(part.condition, magic=new))
+    return part if part.condition is None else replace(part, condition=_with_magic(part.condition, old, new))
+
+
+def _with_magic(condition: Condition, old: bytes, new: bytes) -> Condition:
+    terms: list[Comparison | Condition] = []
+    for term in condition.terms:
+        if isinstance(term, Condition):
+            terms.append(_with_magic(term, old, new))
+        elif term.subject == Subject.MAGIC:
+            number = int.from_bytes(new, "big")
+            holds = term.holds(int.from_bytes(old, "big"))
+            terms.append(replace(term, ranges=((number, number),) if holds else (), size=len(new)))
+        else:
+            terms.append(term)
+    return replace(condition, terms=tuple(terms))
 
 
 def spelled(protocol: Protocol, name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from wirebond.protocol.meaning.messages import Messages
+from wirebond.protocol.meaning.messages import Messages, spoken
 from wirebond.protocol.model import (
     BitRole,
     End,
@@ -18,9 +18,10 @@ from wirebond.protocol.model import (
     PartKind,
     PayloadRule,
     Stuffing,
+    Subject,
 )
 from wirebond.protocol.payload_rules import MAX_COUNTS, payload_rules
-from wirebond.protocol.plan import forms
+from wirebond.protocol.plan import Form, forms
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.text.yaml_tree import Mapping
 
@@ -121,6 +122,10 @@ def validate_sizes(
         untold = _size_untold(draft, message)
         if untold:
             problems.add(entry.place, f"`{entry.name}` has {message.max_payload} payload bytes; {untold}")
+        elif limit is None or message.max_payload <= limit:
+            uncarried = _uncarried(draft, message)
+            if uncarried:
+                problems.add(entry.place, uncarried)
         field = next((one for one in message.fields if _needs_size(one, draft.payload)), None)
         fields = entry.node.get("fields")
         if field is not None and isinstance(fields, Mapping):
@@ -170,6 +175,26 @@ def _size_untold(draft: Draft, message: Message) -> str:
         f"the frame's length counts by {form.length_unit} and cannot tell them; add "
         f"`{{type: padding, size: {form.length_unit - over}}}`"
     )
+
+
+def _uncarried(draft: Draft, message: Message) -> str:
+    """Why the frame's conditions leave no form for a size of this message; empty if they do."""
+    for end in (End.HOST, End.MCU):
+        if not message.sent_by(end):
+            continue
+        for size in (message.min_payload, message.max_payload):
+            if not any(_allows(form, message, size) for form in forms(draft.parts, end)):
+                return (
+                    f"no frame of the {spoken(end)} carries `{message.name}` with {size} payload bytes; let the "
+                    "conditions of the frame (`when`) leave a form for it"
+                )
+    return ""
+
+
+def _allows(form: Form, message: Message, size: int) -> bool:
+    """Do its conditions on the payload's size and on the id hold?"""
+    values = {Subject.SIZE: size, Subject.ID: message.id}
+    return all(held.choice.holds(values[held.choice.subject]) for held in form.choices if held.choice.subject in values)
 
 
 def _needs_size(field: Field, payload: Part) -> bool:

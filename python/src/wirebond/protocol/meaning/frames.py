@@ -5,15 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 from wirebond.protocol import algorithms, plan
+from wirebond.protocol.apart import alike
+from wirebond.protocol.forms import header_fields, header_names, parts_of_forms
+from wirebond.protocol.meaning.conditions import read_condition
 from wirebond.protocol.meaning.draft import Draft, Envelope
 from wirebond.protocol.meaning.envelope import read_envelope, stuffed_parts
 from wirebond.protocol.meaning.header import (
+    magic_field,
     meaning_given,
     read_header_part,
     read_header_run,
     run_type,
     sequence_field,
 )
+from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import (
     Address,
     Algorithm,
@@ -21,7 +26,6 @@ from wirebond.protocol.model import (
     Bits,
     ByteOrder,
     CheckKind,
-    Condition,
     End,
     FieldKind,
     HeaderField,
@@ -33,7 +37,7 @@ from wirebond.protocol.model import (
 )
 from wirebond.protocol.names import meeting, meeting_fault
 from wirebond.protocol.problems import Place, Problems, suggestion
-from wirebond.protocol.spelling import bytes_text
+from wirebond.protocol.spelling import bytes_text, choices_text
 from wirebond.protocol.text.frame_grammar import (
     BitRun,
     BitsPart,
@@ -101,6 +105,7 @@ class _FrameReader:
         ]
         nodes = [node for _, node in inner]
         parts = self._with_header(parts, inner)
+        parts = self._with_conditions(parts, inner)
         names = self._names(parts, inner)
         self._validate_places(parts, nodes, place, envelope)
         self._validate_bits(parts, nodes)
@@ -114,7 +119,7 @@ class _FrameReader:
         parts = [replace(part, name=name) for part, name in zip(parts, _unique(names), strict=True)]
         draft = Draft(tuple(parts), tuple(node.place for node in nodes), envelope)
         if self._good:
-            self._validate_conditions(parts, nodes, place)
+            self._validate_forms(parts, place)
         if self._good:
             self._validate_whole(draft, place)
         return draft if self._good else None
@@ -128,7 +133,7 @@ class _FrameReader:
         for part, (syntax, node) in zip(parts, inner, strict=True):
             whole = self._header_part(part, syntax, node)
             found.append(whole)
-            for name in plan.header_names(whole):
+            for name in header_names(whole):
                 place = self._run_node(node, name)[1] if whole.bits else node.value_place(whole.kind.value)
                 if name in names:
                     self._wrong(
@@ -138,7 +143,7 @@ class _FrameReader:
                 names.setdefault(name, place)
         for name, other in meeting(names):
             self._wrong(names[name], meeting_fault(name, other))
-        fields = plan.header_fields(tuple(found))
+        fields = header_fields(tuple(found))
         self._validate_addresses(fields, names)
         for second in [field for field in fields if field.is_sequence][1:]:
             self._wrong(
@@ -352,47 +357,81 @@ class _FrameReader:
                 if run.role == BitRole.CONSTANT and run.value > run.mask:
                     self._wrong(fields.key_place(run.name), f"{run.value} does not fit {run.width} bits; take less")
 
-    def _validate_conditions(self, parts: list[Part], nodes: list[Mapping], place: Place) -> None:
-        """What a condition names must stand in the header, and the frame may have only so many forms."""
-        widths = {field.name: field.value.width for field in plan.header_fields(tuple(parts))}
-        magics = {m for p in parts if p.kind == PartKind.MAGIC for m in plan.magics(p, None)}
-        places = {name: index for index, part in enumerate(parts) for name in plan.header_names(part)}
-        payload_index = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
-        for index, (part, node) in enumerate(zip(parts, nodes, strict=True)):
-            condition = part.condition
-            if condition is None:
+    def _with_conditions(self, parts: list[Part], inner: list[tuple[PartSyntax, Mapping]]) -> list[Part]:
+        """The parts with the conditions under which they are there."""
+        found = []
+        for index, (part, (syntax, node)) in enumerate(zip(parts, inner, strict=True)):
+            if syntax.when is None:
+                found.append(part)
                 continue
             at = node.value_place("when")
-            if part.kind in (PartKind.MAGIC, PartKind.PAYLOAD):
-                self._wrong(at, f"the {part.kind} is always there; remove `when`")
-            elif condition.magic and condition.magic not in magics:
-                self._wrong(at, "no magic of this frame has that value; take one of its list")
-            elif condition.field and condition.field not in widths:
-                self._wrong(at, f"the header has no field `{condition.field}`; {suggestion(condition.field, widths)}")
-            elif condition.field and condition.bit >= widths[condition.field]:
-                self._wrong(at, f"`{condition.field}` has {widths[condition.field]} bits; take a lower one")
-            elif condition.field and places[condition.field] > min(index, payload_index):
-                self._wrong(
-                    at,
-                    f"`{condition.field}` must stand in the header, before what it decides about; move it forward",
-                )
-        if not self._good:
-            return
-        for form_parts in plan.parts_of_forms(tuple(parts), None):
-            for kind, role in ((PartKind.ID, BitRole.ID), (PartKind.LENGTH, BitRole.LENGTH)):
+            if part.kind == PartKind.PAYLOAD:
+                self._wrong(at, "the payload is always there; remove `when`")
+            condition = read_condition(syntax.when, parts, index, at, self._wrong)
+            found.append(replace(part, condition=condition))
+        return self._with_magic(found, [node for _, node in inner])
+
+    def _with_magic(self, parts: list[Part], nodes: list[Mapping]) -> list[Part]:
+        """Where a frame begins with one of several magics, the magic is a header field."""
+        magic = magic_field(tuple(parts))
+        if magic is None:
+            return parts
+        for part, node in zip(parts, nodes, strict=True):
+            if magic.name in header_names(part):
+                self._wrong(node.place, "the magic is a header field under the name `magic` here; take another name")
+        return [replace(part, header=magic) if part.kind == PartKind.MAGIC else part for part in parts]
+
+    def _validate_forms(self, parts: list[Part], place: Place) -> None:
+        """Each end has forms, each of them is whole, a receiver can tell them apart, and there are not too many."""
+        whole = tuple(parts)
+        for form_parts in parts_of_forms(whole, None):
+            for kind, role in (
+                (PartKind.MAGIC, None),
+                (PartKind.ID, BitRole.ID),
+                (PartKind.LENGTH, BitRole.LENGTH),
+            ):
                 held = [p for p in form_parts.parts if p.kind == kind or any(r.role == role for r in p.bits)]
                 if len(held) > 1:
                     self._wrong(
                         place,
                         f"two parts with a {kind.value} can stand in one frame; let their `when:` exclude each other",
                     )
-        header = plan.header_fields(tuple(parts))
+        for end in (End.HOST, End.MCU):
+            if not parts_of_forms(whole, end):
+                self._wrong(
+                    place,
+                    f"frames of the {spoken(end)} have no magic; give them one, such as "
+                    f"`{{magic: 0xAA, when: sender == {end.value}}}`",
+                )
         for limit, found, what in (
-            (plan.MAX_FORMS, len(plan.parts_of_forms(tuple(parts), None)), "forms (by magics and conditions)"),
-            (plan.MAX_HEADER_FIELDS, len(header), "fields in its header"),
+            (plan.MAX_FORMS, len(parts_of_forms(whole, None)), "forms (by magics and conditions)"),
+            (plan.MAX_HEADER_FIELDS, len(header_fields(whole)), "fields in its header"),
         ):
             if found > limit:
                 self._wrong(place, f"the frame has {found} {what}; at most {limit} are possible")
+        if self._good:
+            self._validate_told_apart(whole, place)
+
+    def _validate_told_apart(self, parts: tuple[Part, ...], place: Place) -> None:
+        for end in (End.HOST, End.MCU):
+            forms = plan.forms(parts, end)
+            tested = sum(len(form.exclusions) for form in forms)
+            if tested > plan.MAX_EXCLUSIONS:
+                self._wrong(
+                    place,
+                    f"the conditions of this frame need {tested} comparisons of a receiver; at most "
+                    f"{plan.MAX_EXCLUSIONS} are possible: write fewer values, or ranges",
+                )
+                return
+            pair = alike(parts, end)
+            if pair is not None:
+                one, other = (choices_text(tuple(held.choice for held in form.choices)) for form in pair)
+                self._wrong(
+                    place,
+                    f"a receiver cannot tell a frame with `{one}` from one with `{other}`; let them differ in a byte "
+                    "before the payload, by a magic or a constant of their own",
+                )
+                return
 
     def _validate_places(self, parts: list[Part], nodes: list[Mapping], place: Place, envelope: Envelope) -> None:
         kinds = [part.kind for part in parts]
@@ -410,14 +449,20 @@ class _FrameReader:
             self._wrong(place, "the frame has no payload; add a part such as `- payload: by_length`")
             return
         payload_index = kinds.index(PartKind.PAYLOAD)
-        if PartKind.MAGIC in kinds[1:]:
-            index = kinds.index(PartKind.MAGIC, 1)
+        magics = [index for index, kind in enumerate(kinds) if kind == PartKind.MAGIC]
+        if magics != list(range(len(magics))):
+            index = next(index for number, index in enumerate(magics) if index != number)
             self._wrong(nodes[index].place, "a magic begins the frame; put it first, or write `constant` here")
         if PartKind.TAIL in kinds[:-1]:
             index = kinds.index(PartKind.TAIL)
             self._wrong(nodes[index].place, "a tail ends the frame; put it last, or write `constant` here")
+        if len({parts[index].size for index in magics}) > 1:
+            self._wrong(
+                nodes[magics[-1]].place,
+                "magics of one frame need the same number of bytes; fill up with a `constant` part",
+            )
         self._validate_payload_rule(parts, nodes, payload_index, envelope)
-        constants = sum(len(part.value) for part in parts)
+        constants = sum(len(part.value) for part in parts if part.condition is None)
         for limit, number, what in (
             (plan.MAX_CONSTANTS, constants, "bytes of magic, constants and tail"),
             (plan.MAX_CHECKS, kinds.count(PartKind.CHECK), "checks"),
@@ -538,13 +583,7 @@ def _holder(parts: list[Part], kind: PartKind, role: BitRole) -> int | None:
 
 
 def _lower(syntax: PartSyntax, order: ByteOrder) -> Part:
-    """A part by itself; a check's algorithm and range come later."""
-    part = _lower_unconditional(syntax, order)
-    when = syntax.when
-    return part if when is None else replace(part, condition=Condition(when.field, when.bit, when.magic))
-
-
-def _lower_unconditional(syntax: PartSyntax, order: ByteOrder) -> Part:
+    """A part by itself; its condition, and a check's algorithm and range, come later."""
     if isinstance(syntax, MagicPart):
         magic = syntax.magic
         if magic.by_end:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping as Mapping_
 from fractions import Fraction
 
+from wirebond.protocol.forms import header_fields, magics
 from wirebond.protocol.meaning.field_values import Given, fit_value, number_text
 from wirebond.protocol.meaning.fields import ValueReader
-from wirebond.protocol.model import Address, ByteOrder, Field, FieldKind, HeaderDefault, HeaderField, Part
-from wirebond.protocol.plan import header_fields
+from wirebond.protocol.model import Address, ByteOrder, End, Field, FieldKind, HeaderDefault, HeaderField, Part
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.field_types import wire_type
 from wirebond.protocol.text.frame_grammar import BitRun, FieldPart, HeaderSyntax
@@ -70,6 +70,16 @@ def read_header_values(
             else:
                 found[name] = _single(value)
     return found if len(found) == len(given) else None
+
+
+def magic_field(parts: tuple[Part, ...]) -> HeaderField | None:
+    """The magic as a header field, where frames of an end begin with one of several; its default is the first one."""
+    of_end = {end: magics(parts, end) for end in (End.HOST, End.MCU)}
+    if all(len(values) < 2 for values in of_end.values()):
+        return None
+    host, mcu = (int.from_bytes(values[0], "big") if values else 0 for values in of_end.values())
+    size = len(next(value for values in of_end.values() for value in values))
+    return HeaderField(Field("magic", FieldKind.UNSIGNED, size, ByteOrder.BIG), host, mcu)
 
 
 class _HeaderReader(ValueReader):

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Tag
 from pydantic_core import PydanticCustomError
 
 from wirebond.protocol.problems import quoted, suggestion
+from wirebond.protocol.text.conditions import When
 from wirebond.protocol.text.field_grammar import NumberSyntax
 from wirebond.protocol.text.field_types import ContainerType, HeaderType, RunType
 from wirebond.protocol.text.scalars import (
@@ -28,7 +29,6 @@ from wirebond.protocol.text.scalars import (
     PartType,
     Register,
     ReservedBytes,
-    When,
     describe,
     one_of_numbers,
     one_word,
@@ -130,7 +130,8 @@ class PartSyntax(Syntax):
 
     when: When | None = Field(
         None,
-        description="The part is there only if a bit of a header field is set, or the magic is this one.",
+        description="The part is there only if this holds, of header fields, `id`, `magic`, `sender` or `size` "
+        "(payload bytes).",
         examples=["flags & 0x01"],
     )
 
@@ -146,7 +147,7 @@ class MagicPart(PartSyntax):
     noun = "a `magic` part"
     magic: MagicValue = Field(
         description="1 to 4 bytes that begin every frame; {any: [...]}: one of several; "
-        "{host: ..., mcu: ...}: one for each direction.",
+        "{host: ..., mcu: ...}: other ones for each direction.",
         examples=["0xAA 0x55"],
     )
 
@@ -285,6 +286,11 @@ class BitRun(HeaderSyntax):
 
 def _run(value: object) -> object:
     """`length: 10` is short for `length: {bits: 10}`, and `turn: i5` for `turn: {type: i5}`."""
+    if isinstance(value, dict) and "counts" in value:
+        raise wrong(
+            "what a length counts is said of the whole part; write `counts` beside `fields`: "
+            "`- {bits: u16, fields: {id: 6, length: 10}, counts: rest}`"
+        )
     if isinstance(value, dict):
         return value
     return {"type" if isinstance(value, str) else "bits": value}

@@ -212,7 +212,7 @@ StopBits = Annotated[float, PlainValidator(one_of_numbers(1, 1.5, 2), json_schem
 _BYTE = re.compile(r"0x[0-9a-fA-F]{1,2}")
 
 
-def _hex_bytes(most: int) -> Callable[[object], bytes]:
+def hex_bytes(most: int) -> Callable[[object], bytes]:
     advice = "bytes are written 0x.., such as 0xAA" + (" 0x55" if most > 1 else "")
 
     def validate(value: object) -> bytes:
@@ -242,7 +242,7 @@ def _bytes_schema(most: int) -> Any:
 
 
 def _bytes_type(most: int) -> Any:
-    return PlainValidator(_hex_bytes(most), json_schema_input_type=_bytes_schema(most))
+    return PlainValidator(hex_bytes(most), json_schema_input_type=_bytes_schema(most))
 
 
 OneByte = Annotated[bytes, _bytes_type(1)]
@@ -426,87 +426,56 @@ def _part_range(value: object) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class Magic:
-    """``values``: any of these; ``by_end``: one for each sender instead."""
+    """``values``: any of these; ``by_end``: others for each sender instead, one pair for each value."""
 
     values: tuple[bytes, ...] = ()
     by_end: tuple[tuple[str, bytes], ...] = ()
 
 
-def _magic(value: object) -> Magic:
-    one = _hex_bytes(4)
+def _magics(value: object) -> tuple[bytes, ...]:
+    """One magic, or ``{any: [...]}``."""
+    one = hex_bytes(4)
     if isinstance(value, list):
         raise wrong(
             "a list is not a byte here; write `0xAA 0x55` for two bytes in a row, "
             "or `{any: [0xFE, 0xFD]}` for one of several magics"
         )
-    if isinstance(value, dict) and set(value) == {"any"}:
-        listed = value["any"]
-        if not isinstance(listed, list) or not 2 <= len(listed) <= 4:
-            raise wrong("`any` lists 2 to 4 magics; write `{any: [0xFE, 0xFD]}`")
-        values = tuple(one(entry) for entry in listed)
-        if len(set(values)) != len(values):
-            raise wrong("two of these magics are the same; remove one")
-        if len({len(entry) for entry in values}) != 1:
-            raise wrong("magics of one frame need the same number of bytes; fill up with a `constant` part")
-        return Magic(values)
-    if isinstance(value, dict):
-        if set(value) != {"host", "mcu"}:
-            raise wrong("this mapping is no magic; write bytes, `{any: [0xFE, 0xFD]}` or `{host: 0xAA, mcu: 0xBB}`")
-        by_end = tuple((str(end), one(value[end])) for end in ("host", "mcu"))
-        if len(by_end[0][1]) != len(by_end[1][1]):
-            raise wrong("both directions' magics need the same number of bytes")
-        return Magic(by_end=by_end)
-    return Magic((one(value),))
+    if not isinstance(value, dict):
+        return (one(value),)
+    if set(value) != {"any"}:
+        raise wrong("this mapping is no magic; write bytes, or `{any: [0xFE, 0xFD]}` for one of several")
+    listed = value["any"]
+    if not isinstance(listed, list) or not 2 <= len(listed) <= 4:
+        raise wrong("`any` lists 2 to 4 magics; write `{any: [0xFE, 0xFD]}`")
+    values = tuple(one(entry) for entry in listed)
+    if len(set(values)) != len(values):
+        raise wrong("two of these magics are the same; remove one")
+    if len({len(entry) for entry in values}) != 1:
+        raise wrong("magics of one frame need the same number of bytes; fill up with a `constant` part")
+    return values
+
+
+def _magic(value: object) -> Magic:
+    if not isinstance(value, dict) or set(value) == {"any"}:
+        return Magic(_magics(value))
+    if set(value) != {"host", "mcu"}:
+        raise wrong(
+            "this mapping is no magic; write bytes, `{any: [0xFE, 0xFD]}` or `{host: 0xAA, mcu: 0xBB}`; for `mcu` or "
+            "`host` several are possible, too: `{host: 0xAA, mcu: {any: [0xBB, 0xBC]}}`"
+        )
+    by_end = tuple((str(end), one) for end in ("host", "mcu") for one in _magics(value[end]))
+    if len({len(one) for _, one in by_end}) != 1:
+        raise wrong("both directions' magics need the same number of bytes")
+    return Magic(by_end=by_end)
 
 
 _MagicBytes: Any = _bytes_schema(4)
+_AnyMagic: Any = dict[Literal["any"], Annotated[list[_MagicBytes], Field(min_length=2, max_length=4)]]
 MagicValue = Annotated[
     Magic,
     PlainValidator(
         _magic,
-        json_schema_input_type=_MagicBytes
-        | dict[Literal["any"], Annotated[list[_MagicBytes], Field(min_length=2, max_length=4)]]
-        | dict[Literal["host", "mcu"], _MagicBytes],
-    ),
-]
-
-
-@dataclass(frozen=True)
-class WhenText:
-    """``flags & 0x01`` (field, bit number) or ``magic == 0xFD`` (bytes)."""
-
-    field: str
-    bit: int
-    magic: bytes
-
-
-_WHEN_BIT = re.compile(r"([A-Za-z][A-Za-z0-9_]*) *& *(0x[0-9A-Fa-f]{1,16}|[1-9][0-9]{0,18})")
-_WHEN_MAGIC = re.compile(r"magic *== *(.+)")
-
-
-def _when(value: object) -> WhenText:
-    advice = "write `flags & 0x01` (one bit of a field of the header) or `magic == 0xFD`"
-    if not isinstance(value, str):
-        raise wrong(f"{describe(value)} is not a condition; {advice}")
-    match = _WHEN_MAGIC.fullmatch(value)
-    if match:
-        return WhenText("", 0, _hex_bytes(4)(match[1]))
-    match = _WHEN_BIT.fullmatch(value)
-    if match is None:
-        raise wrong(f"{describe(value)} is not a condition; {advice}")
-    mask = int(match[2], 0)
-    if mask == 0 or mask & (mask - 1):
-        raise wrong(f"{match[2]} is not a single bit; {advice}")
-    return WhenText(match[1], mask.bit_length() - 1, b"")
-
-
-When = Annotated[
-    WhenText,
-    PlainValidator(
-        _when,
-        json_schema_input_type=Annotated[
-            str, Field(pattern=rf"^({_WHEN_BIT.pattern}|magic *== *{_bytes_pattern(4)})$")
-        ],
+        json_schema_input_type=_MagicBytes | _AnyMagic | dict[Literal["host", "mcu"], _MagicBytes | _AnyMagic],
     ),
 ]
 

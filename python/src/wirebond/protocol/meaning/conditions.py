@@ -1,0 +1,174 @@
+"""The conditions of a frame's parts: what their names and values mean, and where what they name may stand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from wirebond.protocol.forms import header_fields, header_of
+from wirebond.protocol.model import (
+    SENDER_NUMBERS,
+    BitRole,
+    Comparison,
+    Condition,
+    End,
+    FieldKind,
+    HeaderField,
+    Part,
+    PartKind,
+    PayloadRule,
+    Subject,
+)
+from wirebond.protocol.problems import Place, suggestion
+from wirebond.protocol.spelling import bytes_text
+from wirebond.protocol.text.conditions import ComparisonText, ConditionText, ValueText
+
+Wrong = Callable[[Place, str], None]
+_WORDS = {subject.value: subject for subject in Subject if subject != Subject.FIELD}
+_MOST = 2**64 - 1
+
+
+def read_condition(text: ConditionText, parts: list[Part], index: int, place: Place, wrong: Wrong) -> Condition | None:
+    """The condition of ``parts[index]``; None after saying what is wrong. ``parts`` have their header fields."""
+    try:
+        return _Reader(parts, index).condition(text)
+    except _Fault as fault:
+        wrong(place, str(fault))
+        return None
+
+
+class _Fault(Exception):  # noqa: N818  (a sentence for the file's author)
+    pass
+
+
+class _Reader:
+    def __init__(self, parts: list[Part], index: int) -> None:
+        self._parts = parts
+        self._part = parts[index]
+        self._index = index
+        self._fields = {field.name: field for field in header_fields(tuple(parts)) if not _is_magic(field, parts)}
+        self._payload = next((i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD), len(parts))
+
+    def condition(self, text: ConditionText) -> Condition:
+        terms = tuple(self.condition(t) if isinstance(t, ConditionText) else self._comparison(t) for t in text.terms)
+        return Condition(terms, text.negated)
+
+    def _comparison(self, text: ComparisonText) -> Comparison:
+        if text.name in self._fields:
+            return self._of_field(text, self._fields[text.name])
+        subject = _WORDS.get(text.name)
+        if subject == Subject.ID:
+            return self._of_id(text)
+        if subject is not None and text.mask is not None:
+            raise _Fault(f"`{text.name}` has no bits to select; compare it with `==` or `in`")
+        if subject == Subject.MAGIC:
+            return self._of_magic(text)
+        if subject == Subject.SENDER:
+            return self._of_sender(text)
+        if subject == Subject.SIZE:
+            return self._of_size(text)
+        known = dict.fromkeys([*self._fields, *_WORDS])
+        raise _Fault(f"the header has no field `{text.name}`; {suggestion(text.name, known)}")
+
+    def _of_field(self, text: ComparisonText, field: HeaderField) -> Comparison:
+        self._stands_before(next(i for i, part in enumerate(self._parts) if field in header_of(part)), field.name)
+        kind = "scaled" if field.value.is_scaled else "signed" if field.value.kind == FieldKind.SIGNED else ""
+        if kind and text.mask is None:
+            raise _Fault(f"`{field.name}` is {kind}; compare its bits, such as `{field.name} & 0x01`")
+        names = dict(field.value.enum)
+        ranges = self._ranges(text, field.value.width, names, f"`{field.name}`")
+        return Comparison(Subject.FIELD, ranges, field.name, text.mask)
+
+    def _of_id(self, text: ComparisonText) -> Comparison:
+        widths = []
+        for index, part in enumerate(self._parts):
+            runs = [run.width for run in part.bits if run.role == BitRole.ID]
+            found = [8 * part.size] if part.kind == PartKind.ID else runs
+            if found:
+                self._stands_before(index, "id")
+            widths += found
+        if not widths:
+            raise _Fault("the frame has no `id` part; add `- id: u8`, or name a field of the header")
+        return Comparison(Subject.ID, self._ranges(text, max(widths), {}, "the id"), mask=text.mask)
+
+    def _of_magic(self, text: ComparisonText) -> Comparison:
+        listed = [value for part in self._parts if part.kind == PartKind.MAGIC for value in _values(part)]
+        if self._part.kind == PartKind.MAGIC or not listed:
+            raise _Fault("there is no magic that could decide this; name a field of the header")
+        ranges = []
+        for low, high in text.ranges:
+            if low is not high or low.is_name or not all(word.startswith("0x") for word in low.words):
+                raise _Fault(f"a magic is written in bytes, such as `magic == {bytes_text(listed[0])}`")
+            numbers = [int(word, 16) for word in low.words]
+            if max(numbers) > 0xFF or bytes(numbers) not in listed:
+                raise _Fault("no magic of this frame has that value; take one of its list")
+            ranges.append((int.from_bytes(bytes(numbers), "big"),) * 2)
+        return Comparison(Subject.MAGIC, tuple(sorted(set(ranges))), size=len(listed[0]))
+
+    def _of_sender(self, text: ComparisonText) -> Comparison:
+        ranges = []
+        for low, high in text.ranges:
+            if low is not high or str(low) not in (End.HOST, End.MCU):
+                raise _Fault("the sender is `host` or `mcu`; write `sender == host`")
+            ranges.append((SENDER_NUMBERS[End(str(low))],) * 2)
+        return Comparison(Subject.SENDER, _merged(ranges))
+
+    def _of_size(self, text: ComparisonText) -> Comparison:
+        payload = self._parts[self._payload] if self._payload < len(self._parts) else None
+        if payload is not None and payload.payload == PayloadRule.FIXED:
+            raise _Fault(f"every payload has {payload.fixed_payload} bytes in this frame; remove this condition")
+        return Comparison(Subject.SIZE, self._ranges(text, 16, {}, "the payload's size"))
+
+    def _stands_before(self, index: int, name: str) -> None:
+        if index > min(self._index, self._payload) or index == self._index:
+            raise _Fault(f"`{name}` must stand in the header, before what it decides about; move it forward")
+
+    def _ranges(
+        self, text: ComparisonText, width: int, names: dict[str, int], what: str
+    ) -> tuple[tuple[int, int], ...]:
+        most = (1 << width) - 1
+        if text.mask is not None and text.mask > most:
+            raise _Fault(f"{what} has {width} bits; take a lower one")
+        ranges = []
+        for low, high in text.ranges:
+            start = _number(low, names, what)
+            stop = most if str(high) == str(_MOST) else _number(high, names, what)
+            for value, word in ((start, low), (stop, high)):
+                if value > most:
+                    raise _Fault(f"{what} has {width} bits, and {word} does not fit them; its greatest is {most}")
+                if text.mask is not None and low is high and value & ~text.mask:
+                    raise _Fault(f"{word} has bits that 0x{text.mask:02X} does not select, so that this never holds")
+            if start > stop:
+                raise _Fault(f"the range {low}..{high} is empty; write the smaller bound first")
+            ranges.append((start, stop))
+        return _merged(ranges)
+
+
+def _number(value: ValueText, names: dict[str, int], what: str) -> int:
+    if value.is_name:
+        if str(value) in names:
+            return names[str(value)]
+        if names:
+            raise _Fault(f"{what} has no value `{value}`; {suggestion(str(value), names)}")
+        raise _Fault(f"{what} has no named values; write a number where `{value}` stands")
+    if len(value.words) > 1:
+        raise _Fault(f"{what} is a number; write it as one, and not byte by byte: `{value}`")
+    return value.number
+
+
+def _values(part: Part) -> list[bytes]:
+    return [value for _, value in part.by_sender] or list(part.alternatives or (part.value,))
+
+
+def _is_magic(field: HeaderField, parts: list[Part]) -> bool:
+    return any(part.kind == PartKind.MAGIC and part.header is field for part in parts)
+
+
+def _merged(ranges: list[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
+    """Rising and apart."""
+    found: list[tuple[int, int]] = []
+    for low, high in sorted(ranges):
+        if found and low <= found[-1][1] + 1:
+            found[-1] = found[-1][0], max(found[-1][1], high)
+        else:
+            found.append((low, high))
+    return tuple(found)

@@ -1,0 +1,371 @@
+"""Conditions of every kind, at both ends: which form is sent, and that a frame that breaks a condition is refused."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from tests import reference
+from tests.conformance.build import build_decoder, decode
+from tests.shared import ROOT
+from tests.test_forms import CRC, printed_by_cpp, protocol
+from wirebond import Codec, MessageError, UsageError, load
+from wirebond.doc import markdown
+from wirebond.errors import ProtocolFileError
+from wirebond.explain import Kind, explain
+from wirebond.protocol import loads, protocol_hash
+from wirebond.protocol.forms import Choice as FormChoice
+from wirebond.protocol.forms import complement, some_value
+from wirebond.protocol.model import End, Protocol, Subject
+from wirebond.protocol.plan import plan_for
+from wirebond.protocol.spelling import condition_text
+
+FORMATS = ROOT / "tests" / "formats"
+
+
+def crc_modbus(data: bytes) -> bytes:
+    register = 0xFFFF
+    for byte in data:
+        register ^= byte
+        for _ in range(8):
+            register = register >> 1 ^ (0xA001 if register & 1 else 0)
+    return register.to_bytes(2, "little")
+
+
+def crc_xmodem(data: bytes) -> bytes:
+    register = 0
+    for byte in data:
+        register ^= byte << 8
+        for _ in range(8):
+            register = (register << 1 ^ (0x1021 if register & 0x8000 else 0)) & 0xFFFF
+    return register.to_bytes(2, "big")
+
+
+def vesc_packet(payload: bytes, start: int | None = None) -> bytes:
+    """As packet_send_packet of the controller's firmware makes it."""
+    start = start or (2 if len(payload) <= 255 else 3)
+    return bytes([start]) + len(payload).to_bytes(start - 1, "big") + payload + crc_xmodem(payload) + b"\x03"
+
+
+def found_by_all(model: Protocol, end: End, stream: bytes, folder: Path) -> list[tuple[str, bytes]]:
+    """Messages of a stream, which the engine, the generated C++ and the slow reference must find alike."""
+    decoder = Codec(model).decoder(end)
+    messages = decoder.feed(stream) + decoder.finish()
+    slow = reference.decode(model, stream, end)
+    assert [(m.name, m.raw, m.header) for m in messages] == [(f.name, f.wire, f.header) for f in slow.frames]
+    assert decoder.stats.as_dict()["discarded_bytes"] == dict(slow.discarded_bytes)
+    file = folder / "stream.bin"
+    file.write_bytes(stream)
+    generated = decode(build_decoder(model, end), file, chunk=3)
+    assert [f.wire for f in generated.frames] == [m.raw for m in messages]
+    for cause, count in decoder.stats.discarded_bytes.items():
+        assert generated.account[f"discarded.{cause}"] == count, cause
+    return [(m.name, m.raw) for m in messages]
+
+
+def test_the_start_byte_of_a_motor_controller_follows_from_the_size(tmp_path: Path) -> None:
+    codec = load(FORMATS / "vesc.yaml")
+    source = random.Random(1)
+    texts = ["".join(source.choices("abcdef", k=size)) for size in (0, 1, 253, 254, 255, 256, 500)]
+    frames = [codec.encode("print", text=text) for text in texts]
+    assert frames == [vesc_packet(b"\x15" + text.encode()) for text in texts]
+    assert [frame[0] for frame in frames] == [2, 2, 2, 2, 3, 3, 3]
+    assert found_by_all(codec.model, End.MCU, b"".join(frames), tmp_path) == [("print", frame) for frame in frames]
+    assert codec.encode("set_current", current=-1.5) == vesc_packet(b"\x06" + (-1500).to_bytes(4, "big", signed=True))
+    calls = [
+        f'[&] {{ Terminal m{{}}; static_cast<void>(m.command.assign("{"x" * size}", {size})); '
+        "return encode(m, out, sizeof out, size); }()"
+        for size in (10, 254, 255, 500)
+    ]
+    assert printed_by_cpp(codec.model, calls, tmp_path) == [
+        vesc_packet(b"\x14" + b"x" * size).hex() for size in (10, 254, 255, 500)
+    ]
+
+
+def test_a_frame_whose_size_breaks_the_condition_is_refused(tmp_path: Path) -> None:
+    codec = load(FORMATS / "vesc.yaml")
+    short, good = vesc_packet(b"\x15abc", start=3), codec.encode("print", text="good")
+    assert found_by_all(codec.model, End.MCU, short + good, tmp_path) == [("print", good)]
+    first = explain(codec.model, short + good, End.MCU).stretches[0]
+    assert first.kind == Kind.REFUSED
+    assert "payload size: expected size in 255..65535, found 3" in first.summary
+
+
+def test_a_drone_s_three_direction_bytes(tmp_path: Path) -> None:
+    codec = load(FORMATS / "msp.yaml")
+    assert codec.encode("get_attitude") == bytes.fromhex("24 4D 3C 00 6C 6C")
+    good = codec.encode("attitude", roll=1.5, pitch=-2.0, heading=90)
+    assert good == bytes.fromhex("24 4D 3E 06 6C 0F 00 EC FF 5A 00") + bytes([0x06 ^ 0x6C ^ 0x0F ^ 0xEC ^ 0xFF ^ 0x5A])
+    error = bytes.fromhex("24 4D 21 00 6C 6C")
+    assert found_by_all(codec.model, End.MCU, good + error, tmp_path) == [("attitude", good), ("unknown", error)]
+    messages = codec.decoder("mcu").feed(good + error)
+    assert [m.header for m in messages] == [{"magic": 0x244D3E}, {"magic": 0x244D21}]
+    refusal = codec.encode("attitude", roll=0, pitch=0, heading=0, header={"magic": 0x244D21})
+    assert refusal.startswith(b"$M!\x06\x6c")
+    with pytest.raises(MessageError, match="no form of the frame"):
+        codec.encode("get_attitude", header={"magic": 0x244D21})
+
+
+def test_the_second_version_of_the_drone_protocol(tmp_path: Path) -> None:
+    codec = load(FORMATS / "msp2.yaml")
+    hello = codec.encode("hello", text="Hello flying world", header={"flag": 0xA5})
+    assert hello.hex() == "24583ca5424212004" + "8656c6c6f20666c79696e6720776f726c6482"
+    assert found_by_all(codec.model, End.HOST, hello, tmp_path) == [("hello", hello)]
+
+
+def test_ranges_bits_and_sizes_choose_the_parts_at_both_ends(tmp_path: Path) -> None:
+    codec = load(FORMATS / "conditions.yaml")
+    frames = []
+    for kind in (0, 1, 2, 4, 5, 9, 10, 255):
+        for name, number in (("ask", 1), ("stop", 0x80)):
+            for size in (0, 4, 5, 8):
+                given = {"kind": kind, **({"hop": 7} if kind in (1, 5, 6, 7, 8, 9) and name == "ask" else {})}
+                data = bytes(range(size))
+                frame = codec.encode(name, data=data, header=given)
+                hop = b"\x07" if "hop" in given else b""
+                body = bytes([0xC5, kind, 0, 0, size, 0, number]) + hop + bytes(size > 4) + data
+                assert frame == body + crc_modbus(body), (kind, name, size)
+                frames.append((name, frame))
+    stream = b"".join(frame for _, frame in frames)
+    assert found_by_all(codec.model, End.HOST, stream, tmp_path) == frames
+    with pytest.raises(MessageError, match="no form of the frame"):
+        codec.encode("stop", data=b"", header={"kind": 1, "hop": 7})
+    calls = ["encode(Ask{}, out, sizeof out, size)"]
+    assert printed_by_cpp(codec.model, calls, tmp_path) == [codec.encode("ask", data=b"").hex()]
+
+
+def test_parts_that_only_one_end_sends(tmp_path: Path) -> None:
+    codec = load(FORMATS / "by_sender.yaml")
+    assert codec.encode("get", index=3)[:5] == bytes.fromhex("A0 01 01 01 03")
+    good = codec.encode("value", value=0)
+    busy = codec.encode("value", value=0, header={"state": "busy", "detail": 9})
+    assert good[:5] == bytes.fromhex("A0 02 04 01 00")
+    assert busy[:6] == bytes.fromhex("A0 02 04 01 01 09")
+    assert [codec.encode("beat", sender=end)[1] for end in ("host", "mcu")] == [1, 2]
+    assert found_by_all(codec.model, End.MCU, good + busy, tmp_path) == [("value", good), ("value", busy)]
+    (message,) = codec.decoder("mcu").feed(busy)
+    assert message.header == {"state": "busy", "detail": 9}
+    with pytest.raises(MessageError, match="no form of the frame"):
+        codec.encode("value", value=0, header={"detail": 9})
+
+
+def test_whose_bytes_these_are_must_be_said_where_the_ends_frames_look_alike() -> None:
+    model = protocol(
+        "either",
+        f"magic: 0xA0, length: u8, id: u8, {{reserved: 1, when: sender == mcu}}, payload: by_length, {CRC}",
+        "{get: {id: 1, sender: host}, value: {id: 2, sender: mcu}}",
+    )
+    with pytest.raises(UsageError, match="say whose bytes these are: sender='mcu' or sender='host'"):
+        Codec(model).decoder()
+    assert len(Codec(model).encode("value")) == len(Codec(model).encode("get")) + 1
+
+
+def test_with_rest_a_size_only_chooses_what_is_sent(tmp_path: Path) -> None:
+    """Both marks are taken with any size; senders use the second one for long payloads."""
+    model = protocol(
+        "by_rest",
+        "{delimiter: 0x00}, {cobs: [{constant: 0x01, when: size <= 2}, {constant: 0x02, when: size > 2}, id: u8, "
+        "payload: rest, check: crc-16/ibm-sdlc]}, {delimiter: 0x00}",
+        "{m: {id: 1, sender: host, fields: {data: {type: bytes, max: 8}}}}",
+    )
+    codec = Codec(model)
+    frames = [codec.encode("m", data=bytes(n)) for n in (0, 2, 3, 8)]
+    assert [codec.decoder("host").feed(frame)[0].name for frame in frames] == ["m"] * 4
+    assert found_by_all(model, End.HOST, b"".join(frames), tmp_path) == [("m", frame) for frame in frames]
+    other = protocol(
+        "only_mark",
+        "{delimiter: 0x00}, {cobs: [constant: 0x02, id: u8, payload: rest, check: crc-16/ibm-sdlc]}, {delimiter: 0x00}",
+        "{m: {id: 1, sender: host, fields: {data: {type: bytes, max: 8}}}}",
+    )
+    short = Codec(other).encode("m", data=b"\x05")
+    assert found_by_all(model, End.HOST, short, tmp_path) == [("m", short)]
+
+
+def test_a_size_counts_before_zeros_are_trimmed(tmp_path: Path) -> None:
+    model = protocol(
+        "trimmed",
+        "{magic: 0xA1, when: size <= 4}, {magic: 0xA2, when: size > 4}, length: u8, id: u8, "
+        f"{{payload: by_length, trim_zeros: true}}, {CRC}",
+        "{small: {id: 1, sender: host, fields: {a: {type: u32}}}, "
+        "large: {id: 2, sender: host, fields: {a: {type: u64}}}}",
+    )
+    codec = Codec(model)
+    frames = [codec.encode("small", a=1), codec.encode("large", a=1)]
+    assert [frame[:2] for frame in frames] == [b"\xa1\x01", b"\xa2\x01"]
+    swapped = b"\xa1" + frames[1][1:-2]
+    swapped += crc_modbus(swapped)
+    stream = frames[0] + swapped + frames[1]
+    assert found_by_all(model, End.HOST, stream, tmp_path) == [("small", frames[0]), ("large", frames[1])]
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_magic_that_is_asked_for_is_sent_or_refused(late: bool) -> None:
+    lengths = "{length: u8, when: magic == 0xA1}, {length: u16, when: magic == 0xA2}"
+    codec = Codec(
+        protocol(
+            "chosen",
+            f"magic: {{any: [0xA1, 0xA2]}}, {lengths}, id: u8, payload: by_length, {CRC}",
+            "{block: {id: 1, sender: mcu, fields: {data: {type: bytes, max: 400}}}}",
+        )
+    )
+    size = 300 if late else 3
+    wanted = codec.encode("block", data=bytes(size), header={"magic": 0xA2})
+    assert wanted[0] == 0xA2
+    (message,) = codec.decoder("mcu").feed(wanted)
+    assert message.header == {"magic": 0xA2}
+    if late:
+        with pytest.raises(MessageError, match="with this header the frame's length can tell at most 255"):
+            codec.encode("block", data=bytes(size), header={"magic": 0xA1})
+    with pytest.raises(MessageError, match="no form of the frame has the header fields magic"):
+        codec.encode("block", data=b"", header={"magic": 0xA3})
+
+
+HEAD = (
+    "magic: {any: [0xA1, 0xA2]}, length: u16, {field: kind, type: u8, enum: {ping: 1, read: 2}, default: ping}, "
+    "{field: flags, type: u16}, id: u8"
+)
+
+
+@pytest.mark.parametrize(
+    ("written", "shown"),
+    [
+        ("flags & 0x01", "flags & 0x01"),
+        ("kind == read", "kind == 2"),
+        ("kind != 0x02", "kind != 2"),
+        ("kind in [ping, 4..7, 5..9]", "kind in [1, 4..9]"),
+        ("kind not in 3..5", "kind not in 3..5"),
+        ("not (kind in [1, 2] and flags & 0x0300)", "not (kind in 1..2 and flags & 0x300)"),
+        ("flags & 0x0F == 3", "flags & 0x0F == 3"),
+        ("id > 0x7F and magic == 0xA1", "id in 128..255 and magic == 0xA1"),
+        ("size <= 8", "size in 0..8"),
+        ("magic in [0xA1, 0xA2] and sender == host", "magic in [0xA1, 0xA2] and sender == host"),
+    ],
+)
+def test_conditions_are_read_and_shown(written: str, shown: str) -> None:
+    model = loads(
+        f"wirebond: 1\nprotocol: c\nframe: [{HEAD}, {{constant: 0x77, when: '{written}'}}, payload: by_length, {CRC}]\n"
+        "messages: {m: {id: 1, sender: host}}\n"
+    )
+    part = next(part for part in model.format.parts if part.condition is not None)
+    assert part.condition is not None
+    assert condition_text(part.condition) == shown
+    assert shown in markdown(Codec(model))
+
+
+@pytest.mark.parametrize(
+    ("written", "sentence"),
+    [
+        ("kind ==", "a value is expected at its end"),
+        ("kind", "`kind` is compared with nothing"),
+        ("kind = 1", "'=' has no meaning here"),
+        ("kind == 1 or kind == 2", "`or` is not possible; write a list"),
+        ("not kind == 1", r"behind `not` stands a `\(`"),
+        ("kind in [1, 2", r"a `\]` is missing"),
+        ("(kind == 1", r"a `\)` is missing"),
+        ("kind in 7..3", "the range 7..3 is empty; write the smaller bound first"),
+        ("kind & 0", "a mask of 0 selects no bit"),
+        ("size < 0", "nothing is < 0"),
+        ("kinds == 1", "the header has no field `kinds`; did you mean `kind`"),
+        ("kind == pong", "`kind` has no value `pong`; did you mean `ping`"),
+        ("flags == ping", "`flags` has no named values; write a number"),
+        ("kind == 300", "`kind` has 8 bits, and 300 does not fit them"),
+        ("kind & 0x100", "`kind` has 8 bits; take a lower one"),
+        ("flags & 0x0F == 0x10", "0x10 has bits that 0x0F does not select"),
+        ("magic == 0xA3", "no magic of this frame has that value"),
+        ("magic == 161", "may mean two things"),
+        ("magic in 161..162", "a magic is written in bytes"),
+        ("magic & 1", "`magic` has no bits to select"),
+        ("sender == robot", "the sender is `host` or `mcu`"),
+        ("later == 1", "`later` must stand in the header, before what it decides about"),
+    ],
+)
+def test_a_wrong_condition_is_refused_with_a_sentence(written: str, sentence: str) -> None:
+    with pytest.raises(ProtocolFileError, match=sentence):
+        loads(
+            f"wirebond: 1\nprotocol: c\nframe: [{HEAD}, {{constant: 0x77, when: '{written}'}}, "
+            f"{{field: later, type: u8}}, payload: by_length, {CRC}]\nmessages: {{m: {{id: 1, sender: host}}}}\n"
+        )
+
+
+@pytest.mark.parametrize(
+    ("frame", "sentence"),
+    [
+        (
+            "magic: 0xA1, {reserved: 2, when: size > 4}, length: {type: u8, counts: rest}, id: u8",
+            "cannot tell a frame with",
+        ),
+        (
+            "{magic: 0xA1, when: size > 4}, {magic: 0xA2, when: size > 6}, length: u8, id: u8",
+            "two parts with a magic can",
+        ),
+        ("{magic: 0xA1, when: sender == host}, length: u8, id: u8", "frames of the MCU have no magic"),
+        ("{magic: 0xA1, when: id == 1}, length: u8, id: u8", "`id` must stand in the header, before what it decides"),
+        (
+            "{magic: 0xA1, when: size > 4}, {magic: 0xA2 0xA3, when: size <= 4}, length: u8, id: u8",
+            "the same number of",
+        ),
+        (
+            "magic: 0xA1, length: u8, {reserved: 1, when: id == 3}, {field: x, type: u8}",
+            "the frame has no `id` part; add",
+        ),
+    ],
+)
+def test_frames_that_no_receiver_could_read_are_refused(frame: str, sentence: str) -> None:
+    with pytest.raises(ProtocolFileError, match=sentence):
+        protocol("refused", f"{frame}, payload: by_length, {CRC}", "{m: {id: 1, sender: both}}")
+
+
+def test_a_message_that_the_conditions_leave_no_form_for_is_refused() -> None:
+    with pytest.raises(ProtocolFileError, match="no frame of the host carries `m` with 9 payload bytes; let the cond"):
+        protocol(
+            "refused",
+            f"{{magic: 0xA1, when: size <= 8}}, length: u8, id: u8, payload: by_length, {CRC}",
+            "{m: {id: 1, sender: both, fields: {data: {type: bytes, size: 9}}}}",
+        )
+
+
+def test_what_a_length_run_counts_is_said_beside_the_runs() -> None:
+    with pytest.raises(ProtocolFileError, match="write `counts` beside `fields`"):
+        protocol(
+            "refused",
+            "magic: 0xA1, {bits: u16, fields: {id: 6, length: {bits: 10, counts: rest}}}, "
+            f"payload: by_length, {CRC}",
+            "{m: {id: 1, sender: both}}",
+        )
+
+
+def test_hashes_of_one_bit_and_of_one_magic_stay() -> None:
+    """As they were before there were other conditions."""
+    model = load(FORMATS / "optional.yaml").model
+    assert f"0x{protocol_hash(model):016X}" == OPTIONAL_HASH
+
+
+OPTIONAL_HASH = "0x94EC3C9F03633576"
+
+
+def test_choices_are_solved_exactly() -> None:
+    """Against every number of six bits."""
+    source = random.Random(3)
+    for _ in range(300):
+        choices = []
+        for _ in range(source.randint(1, 3)):
+            mask = source.randrange(1, 64)
+            bounds = sorted(source.sample(range(mask + 1), min(mask + 1, 2)))
+            allowed = ((bounds[0], bounds[-1]),)
+            choices.append(
+                FormChoice(Subject.FIELD, "x", mask, complement(allowed, mask) if source.random() < 0.5 else allowed)
+            )
+        fitting = {n for n in range(64) if all(choice.holds(n) for choice in choices)}
+        found = some_value(tuple(choices), 6)
+        assert (found in fitting) if fitting else found is None
+        for choice in choices:
+            if choice.fixed_bits is not None:
+                mask, value = choice.fixed_bits
+                assert {n for n in range(64) if n & mask == value} == {n for n in range(64) if choice.holds(n)}
+
+
+def test_exclusive_conditions_make_no_forms_that_cannot_be() -> None:
+    model = load(FORMATS / "conditions.yaml").model
+    assert len(plan_for(model, End.HOST).forms) == 6
