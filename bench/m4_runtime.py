@@ -25,6 +25,7 @@ from bench.stack_depth import stack_depth
 from wirebond.gen import generate_cpp
 from wirebond.gen.cpp import struct_names
 from wirebond.gen.names import namespace
+from wirebond.protocol import loads
 from wirebond.protocol.model import End, Protocol
 
 CODEC = wirebond.load(PROTOCOL)
@@ -55,7 +56,14 @@ LARGE = Sizes(512, 16384, 512)  # so that every message of a count finds room
 
 
 def measure() -> list[Figure]:
-    return [*_instructions(), *measure_memory(), *measure_servo(), *measure_debug_builds(), *_masked()]
+    return [
+        *_instructions(),
+        *measure_finish(),
+        *measure_memory(),
+        *measure_servo(),
+        *measure_debug_builds(),
+        *_masked(),
+    ]
 
 
 def _figure(key: str, value: float, unit: str, goal: float | None = None) -> Figure:
@@ -112,6 +120,26 @@ def _instructions() -> list[Figure]:
         _figure("m4_sending_share", sending, "% (computed)"),
         _figure("m4_receiving_share", receiving, "% (computed)"),
     ]
+
+
+def measure_finish() -> list[Figure]:
+    """What the UART's interrupt does more for each frame that gets its sequence number there: number and checks."""
+    text = (ROOT / "protocols" / "enterprize.yaml").read_text(encoding="utf-8")
+    numbered = text.replace("protocol: enterprize", "protocol: numbered")
+    numbered = numbered.replace("  - payload: by_length\n", "  - sequence: u8\n  - payload: by_length\n")
+    plain, with_numbers = (_frame_cost(loads(t)) for t in (text, numbered))
+    return [_figure("m4_finish_instructions", with_numbers - plain, "instructions")]
+
+
+def _frame_cost(model: Protocol) -> float:
+    """Instructions of the UART's interrupt for each frame of the largest message that it hands to DMA."""
+    program, _ = runtime(model, "-O2", LARGE, counting=True)
+    message = max((m for m in model.messages if m.sent_by(End.MCU)), key=lambda m: m.max_payload)
+    frames_of_a_run = max(1, model.link.max_run_bytes // model.max_wire_bytes(message.max_payload))
+    program.call("poll")
+    assert program.call(f"send_{message.name}", 60 * frames_of_a_run) == 0, f"{message.name} is refused"
+    program.call("on_pended")  # the first run
+    return _difference(program, "on_transmitted_times", (5, 20)) / frames_of_a_run
 
 
 def _send_cost(program: Program, name: str) -> tuple[float, float]:
@@ -233,12 +261,12 @@ def _masked() -> list[Figure]:
 
 
 def runtime(
-    protocol: str, optimise: str, sizes: Sizes, processor: Processor = M4, *, counting: bool = False
+    protocol: str | Protocol, optimise: str, sizes: Sizes, processor: Processor = M4, *, counting: bool = False
 ) -> tuple[Program, Path]:
     """The program of bench/firmware/runtime.cpp for a protocol, and its call graph. ``counting``: with the functions
     that repeat."""
-    model = _model(protocol)
-    name = f"runtime_{protocol}_{processor.name}_{sizes.send}"
+    model = _model(protocol) if isinstance(protocol, str) else protocol
+    name = f"runtime_{model.name}_{processor.name}_{sizes.send}"
     folder = BUILD / name
     shutil.rmtree(folder, ignore_errors=True)
     generate_cpp(model, folder)

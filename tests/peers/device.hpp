@@ -155,7 +155,7 @@ class Device {
 
 #elif DEVICE_MAVLINK
 
-/// A vehicle: it counts its attitudes, and accepts every command. It raises its sequence number itself.
+/// A vehicle: it counts its attitudes, and accepts every command. The link raises the sequence number.
 template <class Port>
 class Device {
  public:
@@ -171,24 +171,16 @@ class Device {
     mavlink::Attitude attitude{};
     attitude.time_since_boot = static_cast<float>(count_);
     attitude.angles = {0.25F, -0.5F, 1.0F};
-    if (sent(attitude)) ++count_;
+    if (link_.send(attitude) == wirebond::Status::ok) ++count_;
   }
 
-  void on(const mavlink::CommandLong& command) { static_cast<void>(sent(mavlink::CommandAck{command.command, 0})); }
+  void on(const mavlink::CommandLong& command) {
+    static_cast<void>(link_.send(mavlink::CommandAck{command.command, 0}));
+  }
 
  private:
-  template <class Message>
-  bool sent(const Message& message) {
-    mavlink::Header header = link_.header();
-    header.sequence = sequence_;
-    if (link_.send(message, header) != wirebond::Status::ok) return false;
-    ++sequence_;
-    return true;
-  }
-
   std::uint32_t count_ = 0;
   std::uint32_t polls_ = 0;
-  std::uint8_t sequence_ = 0;
   Link link_;
 };
 

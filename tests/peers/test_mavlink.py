@@ -57,6 +57,9 @@ def test_a_link_and_pymavlink_hear_all_of_each_other() -> None:
                     (m, 400, 255) for m in range(n - 49, n + 1)
                 ]
         assert (vehicle.mav_loss, vehicle.packet_loss()) == (0, 0)
+        heard_of = link.stats.receive.sequence
+        assert heard_of is not None
+        assert (heard_of.numbered, heard_of.gaps, heard_of.repeats, heard_of.restarts) == (MANY, 0, 0, 0)
 
 
 def test_pymavlink_hears_every_message_of_a_firmware_and_its_commands_are_acknowledged(tmp_path: Path) -> None:

@@ -171,4 +171,14 @@ WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std
   return close_frame(source, buffer, size, id, form_index);
 }
 
+/// How a frame that is written ends: whole, or waiting for its number (numbering.hpp).
+struct Sealed {
+  template <class Source>
+  WIREBOND_INLINE static std::size_t end(const Source& source, std::uint8_t* buffer, std::size_t capacity,
+                                         std::uint32_t id, std::size_t payload_size, std::size_t form_index,
+                                         const std::uint64_t* header = nullptr) {
+    return seal(source, buffer, capacity, id, payload_size, form_index, header);
+  }
+};
+
 }  // namespace wirebond

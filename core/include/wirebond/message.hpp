@@ -27,7 +27,8 @@ enum class End : std::uint8_t { host, mcu, both };
 /// `capacity`: Message::Info::max_frame_bytes is always enough. On any other answer than `ok` size is 0 and what
 /// lies at `out` is no frame. `header`: nothing, for the defaults of the source's sender; or its Header. A value there
 /// that breaks its field's rule is `out_of_range`, and so are values that no form of the frame can carry.
-template <class Source, class Message, class... Given>
+/// `Ending`: `Waiting` for a queue that gives the frame its number later; `size` is then what it takes there.
+template <class Source, class Ending = Sealed, class Message, class... Given>
 WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, std::size_t capacity, std::size_t& size,
                                     const Given&... header) {
   constexpr Source source{};
@@ -35,7 +36,7 @@ WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, s
   if constexpr (detail::is_header<Source, Given...>) {
     detail::HeaderNumbers<Source> numbers;
     if (!write_header(header..., numbers.data())) return Status::out_of_range;
-    return encode_frame<Source>(message, out, capacity, size, numbers);
+    return encode_frame<Source, Ending>(message, out, capacity, size, numbers);
   } else {
     const std::size_t payload = payload_bytes(message);
     if (payload > Message::Info::max_payload_bytes) return Status::out_of_range;
@@ -44,7 +45,7 @@ WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, s
       if (wire_bytes(source.format(), payload, form) > capacity) {
         status = Status::too_small;
       } else if (write_payload(message, out + payload_lead(source, form))) {
-        size = seal(source, out, capacity, Message::Info::id, payload, form, header.data()...);
+        size = Ending::end(source, out, capacity, Message::Info::id, payload, form, header.data()...);
         if (size != 0) status = Status::ok;
       }
     };

@@ -10,7 +10,8 @@
 
 namespace wirebond {
 
-/// The form of a frame as `lay_out_frame` made it, or as it was unstuffed: the first whose constants it has.
+/// The form of a frame as `lay_out_frame` made it, or as it was unstuffed: the first whose constants it has, and none
+/// of whose exclusions holds. Bytes alone tell it: a condition on the payload's size is verified elsewhere.
 template <class Source>
 WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* frame, std::size_t size) {
   const FrameFormat& format = source.format();
@@ -20,11 +21,17 @@ WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* fr
     found = i;
     if (i + 1u == format.form_count) return false;  // nothing is left to be told apart
     if (size < std::size_t{form.prefix} + form.suffix) return true;
-    const bool holds = detail::every<Source::is_constant, detail::part_counts<Source>.constants>(
+    bool holds = detail::every<Source::is_constant, detail::part_counts<Source>.constants>(
         0, form.constant_count, [&](std::size_t c) WIREBOND_INLINE_LAMBDA {
           const Constant& constant = form.constants[c];
           return (frame[constant.at.in(size)] & constant.mask) == constant.value;
         });
+    for (std::size_t e = 0; holds && e < form.exclusion_count; ++e) {
+      const Exclusion& exclusion = format.exclusions[form.first_exclusion + e];
+      if (exclusion.subject == Subject::size || !exclusion.number.present()) continue;
+      const std::uint64_t value = detail::read_wide(exclusion.number, frame, size);
+      holds = value < exclusion.low || value > exclusion.high;
+    }
     return !holds;
   });
   return found;
@@ -75,6 +82,18 @@ WIREBOND_INLINE std::size_t set_aside(const Source& source, std::uint8_t* buffer
   store_bytes(buffer + room - 2, size, 2, ByteOrder::little);
   return room;
 }
+
+/// Instead of `Sealed`: the frame waits in a queue, which later closes it by `waiting_size` and `close_numbered`.
+struct Waiting {
+  template <class Source>
+  WIREBOND_INLINE static std::size_t end(const Source& source, std::uint8_t* buffer, std::size_t capacity,
+                                         std::uint32_t id, std::size_t payload_size, std::size_t form_index,
+                                         const std::uint64_t* header = nullptr) {
+    std::size_t size = 0;
+    if (!lay_out_frame(source, buffer, capacity, id, payload_size, form_index, header, size)) return 0;
+    return set_aside(source, buffer, size, form_index);
+  }
+};
 
 /// The size of a laid-out frame for which `room` bytes were set aside.
 WIREBOND_INLINE std::size_t waiting_size(const FrameFormat& format, const std::uint8_t* buffer, std::size_t room) {

@@ -7,6 +7,7 @@
 
 #include "wirebond/address.hpp"
 #include "wirebond/deadline.hpp"
+#include "wirebond/sequence.hpp"
 #include "wirebond/stream_deframer.hpp"
 #include "wirebond/violation.hpp"
 
@@ -18,9 +19,9 @@ namespace wirebond {
 ///
 /// Where frames say whom they are for, it hands out those for this end and broadcasts, as `Listening` says: at first
 /// for the file's default address. What is for others counts in `account()` like any frame, and in `foreign()`; it
-/// reaches no handler and no deadline.
+/// reaches no handler and no deadline. Where frames have a sequence number, `sequence()` says how many are missing.
 template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
-class Receiver : public Listening<Source> {
+class Receiver : public Listening<Source>, public SequenceWatch<Source> {
  public:
   /// `idle_us`: the silence after which an incomplete frame is given up.
   explicit Receiver(Counter idle_us = Source::idle_us) : deframer_(Source{}, workspace_.data(), idle_us) {}
@@ -94,6 +95,7 @@ class Receiver : public Listening<Source> {
     Handler& handler;
 
     WIREBOND_INLINE void operator()(const Frame& frame) const {
+      receiver.note(frame);
       if (!receiver.hears(frame)) return;
       static_cast<void>(Source::dispatch(frame, handler, receiver.violations_));
     }
@@ -109,6 +111,7 @@ class Receiver : public Listening<Source> {
     Counter kept_until;  ///< bytes that were there before those that came at `came_us`
 
     WIREBOND_INLINE void operator()(const Frame& frame) const {
+      receiver.note(frame);  // those for others, too: their sender counts all that it sends
       if (!receiver.hears(frame)) return;
       Counter since_us = came_us;
       if (frame.message >= 0) {

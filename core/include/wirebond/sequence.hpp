@@ -77,6 +77,16 @@ WIREBOND_INLINE bool read_at(const Frame& frame, std::uint8_t place, Value& valu
   });
 }
 
+/// How many counters a sender has: one, or one for each message of the protocol.
+template <class Source>
+constexpr std::size_t sequence_counters() {
+  if constexpr (Source{}.format().sequence_per_message) {
+    return Source::message_count;
+  } else {
+    return 1;
+  }
+}
+
 template <class Source>
 constexpr bool has_sequence() {
   if constexpr (folds<Source>(0)) {
@@ -129,7 +139,7 @@ class SequenceWatch<Source, true> {
   static constexpr auto mask = static_cast<Value>(sequence_mask(Source{}.format()));
   static constexpr bool tells_peers = Source{}.format().peer_place != no_header_field;
   static constexpr std::size_t peers = tells_peers ? 4 : 1;
-  static constexpr std::size_t track_count = Source{}.format().sequence_per_message ? Source::message_count : 1;
+  static constexpr std::size_t track_count = detail::sequence_counters<Source>();
 
   struct Peer {
     std::uint64_t address = 0;

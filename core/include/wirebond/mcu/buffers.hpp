@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "wirebond/mcu/outbox.hpp"
+#include "wirebond/mcu/sent_numbers.hpp"
 
 namespace wirebond {
 
@@ -25,6 +26,7 @@ struct Buffers {
     static constexpr std::size_t ring_frames = SendFrames;
     static constexpr std::size_t urgent_bytes = Protocol::urgent_bytes;
     static constexpr std::size_t urgent_frames = urgent_bytes == 0 ? 0 : 4;
+    static constexpr bool tells_message = SentNumbers<typename Protocol::Sends>::has_messages;
   };
 
   alignas(4) std::array<std::uint8_t, ReceiveBytes> receive;

@@ -85,6 +85,14 @@ typedef enum wirebond_addressee {
   WIREBOND_ADDRESSEE_ANOTHER  ///< another address: only who listens to all gets it
 } wirebond_addressee_t;
 
+/// What the sequence numbers of received frames told, modulo 2^32. A number is compared with the one before it.
+typedef struct wirebond_sequence_counts {
+  uint32_t numbered;  ///< frames whose number was looked at
+  uint32_t gaps;      ///< frames that are missing
+  uint32_t repeats;   ///< frames with the number of the frame before
+  uint32_t restarts;  ///< jumps beyond half the range of numbers: the other end began again
+} wirebond_sequence_counts_t;
+
 /// A frame of no known message. Pointers are valid during the call that hands it out.
 typedef struct wirebond_frame {
   const uint8_t* wire;  ///< as received, delimiters included

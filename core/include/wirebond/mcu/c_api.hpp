@@ -67,6 +67,10 @@ inline wirebond_violations_t to_c(const Violations& counts) {
           counts.clamped,    counts.wrong_count,  counts.rejected};
 }
 
+inline wirebond_sequence_counts_t to_c(const SequenceCounts<std::uint32_t>& counts) {
+  return {counts.numbered, counts.gaps, counts.repeats, counts.restarts};
+}
+
 inline wirebond_not_acted_t to_c(const NotActed<std::uint32_t>& counts) { return {counts.late, counts.held_back}; }
 
 /// Where a receiver's bytes went. `Account`: one of C's, of receivers or of links.

@@ -16,6 +16,7 @@
 #include "wirebond/mcu/receive_ring.hpp"
 #include "wirebond/mcu/schedule.hpp"
 #include "wirebond/mcu/send_pause.hpp"
+#include "wirebond/mcu/sent_numbers.hpp"
 #include "wirebond/mcu/services.hpp"
 #include "wirebond/mcu/subscription.hpp"
 #include "wirebond/message.hpp"
@@ -83,7 +84,8 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 /// (`ReceiveAccount::laps_unknown`).
 template <class Protocol, class Handler, class Port, class Memory>
 class Link : private SendPause<Protocol::pause_us>,
-             private detail::SenderAddress<typename Protocol::Sends, names_receiver<typename Protocol::Receives>> {
+             private detail::SenderAddress<typename Protocol::Sends, names_receiver<typename Protocol::Receives>>,
+             private SentNumbers<typename Protocol::Sends> {
  public:
   /// The silence of the peer after which the link is stale, and reception is begun again: a UART or its DMA may hang.
   static constexpr std::uint32_t timeout_us = 1'000'000;
@@ -106,7 +108,9 @@ class Link : private SendPause<Protocol::pause_us>,
   // ---- any task, any interrupt
 
   /// Queue one message. Never blocks; any other answer than `ok` means that nothing was queued. `given`: nothing, or
-  /// the frame's `Header`, best made by `header()`; a value there that breaks its field's rule is `out_of_range`.
+  /// the frame's `Header`, best made by `header()`; a value there that breaks its field's rule is `out_of_range`. The
+  /// link raises a sequence number, whatever the header says: the frame gets it as it is handed to DMA, so that numbers
+  /// rise in the order of the wire, and what was refused, replaced or has expired leaves no gap.
   template <class Message, class... Given>
   Status send(const Message& message, const Given&... given) {
     static_assert(Message::Info::sender == Protocol::end || Message::Info::sender == End::both,
@@ -133,7 +137,7 @@ class Link : private SendPause<Protocol::pause_us>,
       auto grant = outbox_.template reserve_for<Message>(room, stamp());
       if (!grant.ok()) return Status::queue_full;
       std::size_t size = 0;
-      const Status status = encode_frame<Sends>(message, grant.data(), grant.size(), size, given...);
+      const Status status = encode_frame<Sends, Ending>(message, grant.data(), grant.size(), size, given...);
       if (status != Status::ok) {
         grant.give_back(Refusal::range);
       } else {
@@ -226,6 +230,8 @@ class Link : private SendPause<Protocol::pause_us>,
   ReceiveAccount receive_account() const { return ring_.account(); }
   std::size_t unread() const { return ring_.unread(); }
   const Inlet& receiver() const { return receiver_; }  ///< its bytes and violations
+  /// What the other end's sequence numbers told: how many of its frames are missing. Zeros where it sends none.
+  SequenceCounts<std::uint32_t> sequence() const { return receiver_.sequence(); }
   SendAccount send_account() const { return outbox_.account(); }
 
   // ---- the UART's interrupt
@@ -294,6 +300,8 @@ class Link : private SendPause<Protocol::pause_us>,
   /// Does silence end a frame? Then a run is one frame, and the next one waits for the pause.
   static constexpr bool keeps_pause = Protocol::pause_us != 0;
 
+  using Numbers = SentNumbers<Sends>;
+  using Ending = std::conditional_t<Numbers::has_numbers, Waiting, Sealed>;
   using LineWord = wirebond::Handshake<typename Memory::Config::Atomics>;
   using Age = ReceiveAge<detail::HasClock<Port>::value>;
 
@@ -509,7 +517,14 @@ class Link : private SendPause<Protocol::pause_us>,
 
   Run next_run() {
     if constexpr (Protocol::max_age_ms != 0) outbox_.expire_older(stamp(), max_age_units);
-    return outbox_.next(keeps_pause ? 0 : Protocol::max_run_bytes);  // 0: one frame
+    constexpr std::size_t most = keeps_pause ? 0 : Protocol::max_run_bytes;  // 0: one frame
+    if constexpr (Numbers::has_numbers) {
+      return outbox_.next(most, [this](std::uint8_t* waiting, std::size_t room, std::uint8_t message) {
+        return this->close(waiting, room, message);
+      });
+    } else {
+      return outbox_.next(most);
+    }
   }
 
   /// The line is looking: hand the next run to the port, or rest.

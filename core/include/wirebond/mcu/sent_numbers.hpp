@@ -35,14 +35,8 @@ class SentNumbers<Sends, true> {
   }
 
  private:
-  static constexpr std::size_t counters = [] {
-    if constexpr (has_messages) {
-      static_assert(Sends::message_count <= 256, "numbers of each message: for 256 messages at most");
-      return Sends::message_count;
-    } else {
-      return std::size_t{1};
-    }
-  }();
+  static constexpr std::size_t counters = detail::sequence_counters<Sends>();
+  static_assert(counters <= 256, "`per: message` takes protocols of 256 messages at most");
 
   std::array<detail::HoldsMask<sequence_mask(Sends{}.format())>, counters> next_{};
 };

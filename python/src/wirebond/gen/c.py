@@ -27,7 +27,7 @@ from wirebond.gen.folder import core_headers, render, write_files
 from wirebond.gen.names import namespace
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import End, Message, Parity, Protocol, Stuffing
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.plan import Plan, plan_for
 
 
 def generate_c(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
@@ -71,7 +71,11 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
         message.name: _encoders(protocol, names, message, "with_header") if has_header else []
         for message in protocol.messages
     }
-    receivers = [_receiver_names(names, end, listens=names_receiver(protocol, end)) for end in (End.HOST, End.MCU)]
+    has_numbers = plan_for(protocol, End.HOST).sequence is not None
+    receivers = [
+        _receiver_names(names, end, listens=names_receiver(protocol, end), has_numbers=has_numbers)
+        for end in (End.HOST, End.MCU)
+    ]
     watches = [_deadlines(protocol, names, end) for end in (End.HOST, End.MCU)]
     actions = list(dict.fromkeys(deadline.then for deadline in protocol.deadlines))
     action_type = names.claim("action", suffix="_t")
@@ -245,6 +249,7 @@ class ReceiverView:
     requests: tuple[MessageView, ...]  # whose replies nothing but they tell apart
     watch: DeadlinesView | None
     listens: bool  # do frames say for whom they are?
+    has_numbers: bool  # have they a sequence number?
 
 
 _RECEIVER_FUNCTIONS = ("init", "feed", "idle", "expect", "watch", "account", "violations")
@@ -252,9 +257,19 @@ _ADDRESS_FUNCTIONS = ("set_address", "address", "listen_to_all", "addressee", "f
 _ADDRESS_BYTES = 24  # that a receiver takes more where frames say for whom they are
 
 
-def _receiver_names(names: Names, end: End, *, listens: bool) -> tuple[str, str, str]:
+def _sequence_bytes(protocol: Protocol, plan: Plan) -> int:
+    """That a receiver takes more where frames have a sequence number: `SequenceWatch` of wirebond/sequence.hpp."""
+    if plan.sequence is None:
+        return 0
+    number = next(size for size in (1, 2, 4, 8) if plan.header[plan.sequence].value.width <= 8 * size)
+    counters = len(protocol.messages) if plan.sequence_per_message else 1
+    return (1 if plan.peer is None else 4) * (16 + 2 * number * counters) + 24
+
+
+def _receiver_names(names: Names, end: End, *, listens: bool, has_numbers: bool) -> tuple[str, str, str]:
     prefix = names.claim("from", end.value)
-    for verb in (*_RECEIVER_FUNCTIONS, *(_ADDRESS_FUNCTIONS if listens else ())):
+    more = (*(_ADDRESS_FUNCTIONS if listens else ()), *(("sequence",) if has_numbers else ()))
+    for verb in (*_RECEIVER_FUNCTIONS, *more):
         names.claim("from", end.value, verb)
     return (
         names.claim("from", end.value, suffix="_t"),
@@ -274,9 +289,8 @@ def _receiver_view(
     type_name, handlers_type, prefix = names_of
     largest = protocol.max_wire_bytes()
     listens = names_receiver(protocol, end)
-    told_by_request = {
-        protocol.messages[row.index].name for row in plan_for(protocol, end).messages if row.only_expected
-    }
+    plan = plan_for(protocol, end)
+    told_by_request = {protocol.messages[row.index].name for row in plan.messages if row.only_expected}
     return ReceiverView(
         source="FromHost" if end == End.HOST else "FromMcu",
         sender="host" if end == End.HOST else "MCU",
@@ -286,9 +300,11 @@ def _receiver_view(
         prefix=prefix,
         workspace=2 * largest
         + (0 if protocol.format.stuffing == Stuffing.NONE else largest)
-        + (_ADDRESS_BYTES if listens else 0),
+        + (_ADDRESS_BYTES if listens else 0)
+        + _sequence_bytes(protocol, plan),
         messages=tuple(view for view in views if view.sender in (end, End.BOTH)),
         requests=tuple(view for view in views if view.reply in told_by_request),
         watch=next((w for w in watches if w is not None and w.end != end), None),
         listens=listens,
+        has_numbers=plan.sequence is not None,
     )

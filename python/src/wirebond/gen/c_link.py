@@ -10,6 +10,7 @@ from wirebond.gen.c_struct import MessageView
 from wirebond.gen.cpp_header import address_type, fields_of
 from wirebond.protocol.model import End, Protocol
 from wirebond.protocol.names import code_name
+from wirebond.protocol.plan import plan_for
 
 _POLL_SECONDS = 0.005  # the least frequent poll that the default receive ring is meant for
 _FUNCTIONS = (
@@ -45,7 +46,11 @@ def link_view(protocol: Protocol, names: Names, messages: list[MessageView]) -> 
     received = tuple(view for view in messages if view.sender in (End.HOST, End.BOTH))
     max_sent = max((protocol.max_wire_bytes(message.max_payload) for message in mine), default=1)
     has_header = bool(fields_of(protocol))
-    more = (*(("header",) if has_header else ()), *(_ADDRESS_FUNCTIONS if address_type(protocol) else ()))
+    more = (
+        *(("header",) if has_header else ()),
+        *(_ADDRESS_FUNCTIONS if address_type(protocol) else ()),
+        *(("sequence",) if plan_for(protocol, End.HOST).sequence is not None else ()),
+    )
     bytes_per_second = protocol.link.baud / protocol.link.bits_per_byte
     return LinkView(
         type_name=names.claim("link", suffix="_t"),
