@@ -12,6 +12,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from wirebond.whole_file import write_whole
+
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 LATEST = HERE / "latest.json"
@@ -53,8 +55,8 @@ def keep(figures: list[Figure]) -> None:
     for figure in figures:
         row = asdict(figure) | {"met": figure.met}
         kept[row.pop("key")] = {name: row[name] for name in ("value", "unit", "goal", "met", "command")}
-    LATEST.write_text(json.dumps(dict(sorted(kept.items())), indent=2) + "\n")
-    LATEST.with_name("latest_machine.json").write_text(json.dumps(machine(), indent=2) + "\n")
+    write_whole(LATEST, json.dumps(dict(sorted(kept.items())), indent=2) + "\n")
+    write_whole(LATEST.with_name("latest_machine.json"), json.dumps(machine(), indent=2) + "\n")
 
 
 def machine() -> dict[str, str]:

@@ -12,6 +12,7 @@
 #include "sequence_book.hpp"
 #include "wirebond/host/addressing.hpp"
 #include "wirebond/stream_deframer.hpp"
+#include "wirebond/unlisted.hpp"
 
 namespace wirebond::engine {
 
@@ -84,12 +85,12 @@ struct ForeignCounts {
   }
 };
 
-using HostDeframer = StreamDeframer<RuntimeSource, std::uint64_t>;
+using HostDeframer = StreamDeframer<RuntimeSource, std::uint64_t, HostAccount>;
 
 /// Statistics as a dict: bytes, frames, frame_bytes, unknown_frames, fill_bytes, pending_bytes, discarded_bytes and
-/// rejected_candidates by cause, messages by name, sequence.
-nb::dict account_dict(const ByteAccount<std::uint64_t>& account, std::uint64_t bytes, std::uint64_t pending,
-                      const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
+/// rejected_candidates by cause, messages by name, sequence; unlisted: how many by (id, bytes). `unlisted` may be null.
+nb::dict account_dict(const ByteAccount<std::uint64_t>& account, const UnlistedFrames* unlisted, std::uint64_t bytes,
+                      std::uint64_t pending, const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
                       const FormatTable& format, const SequenceAccount& sequence, const ForeignCounts& foreign = {});
 
 /// A format with its deframer. One thread at a time.
@@ -104,8 +105,9 @@ class Decoder {
   nb::list idle(nb::handle time);
   nb::list finish();
   nb::dict stats() const {
-    return account_dict(deframer_.account(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_, *format_,
-                        sequence_.account(), foreign_);
+    const HostAccount& account = deframer_.account();
+    return account_dict(account, &account.unlisted, deframer_.bytes(), deframer_.pending(), *protocol_, counts_,
+                        *format_, sequence_.account(), foreign_);
   }
 
  private:

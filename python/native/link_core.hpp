@@ -51,7 +51,7 @@ struct Arrivals {
 /// All that a link counts, at one moment.
 struct LinkAccount {
   HostSendAccount send;
-  ByteAccount<std::uint64_t> receive;
+  HostAccount receive;
   std::uint64_t bytes = 0;
   std::uint64_t pending = 0;
   std::vector<std::uint64_t> counts;  ///< delivered frames by message

@@ -56,6 +56,12 @@ struct WaitingHead {};
 template <class Source>
 struct WaitingHead<Source, false> : Source::FastPath::Head {};
 
+/// Has the account a place for frames of messages that the file does not list?
+template <class Account, class = void>
+struct TellsUnlisted : std::false_type {};
+template <class Account>
+struct TellsUnlisted<Account, std::void_t<decltype(Account::unlisted)>> : std::true_type {};
+
 }  // namespace detail
 
 /// The deframer proper works on a *window*: contiguous bytes, the first of them the first that is not settled yet.
@@ -81,7 +87,11 @@ class Deframer {
       }
       std::size_t at = 0;
       while (true) {
+        const Counter begin = settled_, frames_before = account_.frames;
         const bool waits = take_straight(window, size, at, sink);
+        if constexpr (tells_unlisted) {
+          if (account_.frames != frames_before) account_.unlisted.begins(begin);
+        }
         if (at == size || (waits && !give_up)) return at;
         const std::size_t settled = consume_by_rules(window + at, size - at, give_up, sink);
         at += settled;
@@ -113,6 +123,8 @@ class Deframer {
   const Source& source() const { return source_; }
 
  private:
+  static constexpr bool tells_unlisted = detail::TellsUnlisted<Account>::value;
+
   template <class Sink>
   std::size_t consume_by_rules(const std::uint8_t* window, std::size_t size, bool give_up, Sink& sink) {
     switch (source_.format().framing) {
@@ -139,6 +151,7 @@ class Deframer {
       const std::size_t available = size - at;
       if (available < needed_ && !give_up) break;  // examined before: this many bytes decide
       Frame frame;
+      if constexpr (tells_unlisted) frame.size = 0;
       Verdict verdict = examine(source_, window + at, available, nullptr, frame);
       if (verdict.outcome == Outcome::need_more) {
         if (!give_up) {
@@ -150,9 +163,16 @@ class Deframer {
       }
       needed_ = 0;
       if (verdict.outcome == Outcome::frame) {
+        if constexpr (tells_unlisted) account_.unlisted.begins(settled_);
         deliver(frame, window + at, verdict.bytes, sink);
         at += verdict.bytes;
       } else {
+        if constexpr (tells_unlisted) {  // a form without a constant would have one at every byte
+          const bool is_marked = source_.format().forms[0].prefix_constants != 0;
+          if (verdict.cause == Cause::unknown_message && frame.size != 0 && is_marked) {
+            account_.unlisted.failed(settled_, frame.id, frame.size);
+          }
+        }
         reject(verdict.cause, verdict.bytes);
         const std::size_t failed = failed_bytes(verdict);
         discard(failed);
@@ -441,7 +461,7 @@ class Deframer {
   }
 
   void reject(Cause cause, std::size_t extent) {
-    if constexpr (std::is_same_v<Account, ByteAccount<Counter>>) {
+    if constexpr (std::is_base_of_v<ByteAccount<Counter>, Account>) {
       account_.rejected_candidates[static_cast<std::size_t>(cause)] += 1;
     }
     blame(cause, extent);

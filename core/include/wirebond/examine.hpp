@@ -210,6 +210,8 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   if (size_tells && size_is_excluded(format, form, restored(form, head.shape, payload))) {
     return {Outcome::reject, Cause::length_out_of_range, form.prefix};
   }
+  head.payload = payload;
+  head.size = outside + payload;
   if (id_early && !format.deliver_unknown && !fits(form, head.shape, payload)) {
     return {Outcome::reject, Cause::unknown_message, form.prefix};
   }
@@ -222,8 +224,6 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
       });
   if (!header_holds) return {Outcome::reject, Cause::header_check_mismatch, form.prefix};
 
-  head.payload = payload;
-  head.size = outside + payload;
   if (whole && available != head.size) return {Outcome::reject, Cause::length_out_of_range, available};
   return {Outcome::frame, Cause::no_start, head.size};
 }
@@ -287,15 +287,27 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
 }
 
 /// The rules of one form over `available` bytes at `candidate`, in the order in which they can first be decided.
-/// `block`: what the candidate was before unstuffing; null: it is one of a stream, and nothing is stuffed.
+/// `block`: what the candidate was before unstuffing; null: it is one of a stream, and nothing is stuffed. Where the
+/// cause is unknown_message, `frame` has the id, and the size if the head told it.
 template <class Source>
 WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, const std::uint8_t* candidate,
                                      std::size_t available, const Received* block, Frame& frame) {
   const Form& form = source.format().forms[index];
   Head head;
   const Verdict verdict = examine_head(source, form, candidate, available, block != nullptr, head);
-  if (verdict.outcome != Outcome::frame) return verdict;
-  return examine_rest(source, form, index, candidate, available, block, head, frame);
+  if (verdict.outcome != Outcome::frame) {
+    if (verdict.cause == Cause::unknown_message) {
+      frame.id = head.id;
+      frame.size = head.size;
+    }
+    return verdict;
+  }
+  const Verdict whole = examine_rest(source, form, index, candidate, available, block, head, frame);
+  if (whole.cause == Cause::unknown_message) {
+    frame.id = head.id;
+    frame.size = head.size;
+  }
+  return whole;
 }
 
 }  // namespace detail

@@ -107,6 +107,9 @@ class Stats:
     :ivar messages: how many were delivered, by message; those that came.
     :ivar sequence: what the frames' sequence numbers told; None where frames have none. None as well where a decoder
         takes the bytes of both ends and frames do not say who sent them.
+    :ivar unlisted_frames: frames that were discarded as ``unknown_message``, and are a peer's messages all the same: at
+        the end of each another frame began. Where a start is marked by a constant; ``decode_columns`` counts none.
+    :ivar unlisted: of these, how many by id and bytes of the frame, 64 kinds at most: ``{(30, 28): 7}``.
     """
 
     bytes: int
@@ -121,6 +124,8 @@ class Stats:
     rejected_candidates: dict[str, int]
     messages: dict[str, int]
     sequence: SequenceStats | None = None
+    unlisted_frames: int = 0
+    unlisted: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON.
@@ -136,6 +141,7 @@ class Stats:
                 del out[key]
         for key in ("discarded_bytes", "rejected_candidates"):
             out[key] = {cause: n for cause, n in out[key].items() if n}
+        out["unlisted"] = [{"id": id, "bytes": size, "frames": n} for (id, size), n in self.unlisted.items()]
         return out
 
 
@@ -476,7 +482,8 @@ class Codec:
                 first, second = collisions[0]
                 raise UsageError(
                     f"in {self.name} the id 0x{first.id:02X} means {first.name} from {first.sender} and "
-                    f"{second.name} from {second.sender}; say whose bytes these are: sender='mcu' or sender='host'"
+                    f"{second.name} from {second.sender}; say whose bytes these are: `--sender mcu`, or in Python "
+                    "sender='mcu'"
                 )
             if ends_look_alike(self.model.format.parts):
                 raise UsageError(

@@ -10,6 +10,7 @@
 #include "wirebond/host/outbox.hpp"
 #include "wirebond/host/runtime_source.hpp"
 #include "wirebond/stream_deframer.hpp"
+#include "wirebond/unlisted.hpp"
 
 namespace wirebond {
 
@@ -31,7 +32,7 @@ enum class HostLinkState : std::uint8_t {
 /// Time is in microseconds and does not wrap. One thread at a time; the driver has the lock.
 class HostLink {
  public:
-  using ByteDeframer = StreamDeframer<RuntimeSource, std::uint64_t>;
+  using ByteDeframer = StreamDeframer<RuntimeSource, std::uint64_t, HostAccount>;
   using Watch = BasicDeadlines<DeadlineSpans<std::uint64_t>, std::uint64_t>;
 
   /// Silence of the peer after which the link is stale.
@@ -73,7 +74,9 @@ class HostLink {
   void received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                 bool is_all, Sink&& sink) {
     last_byte_us_ = after_us;
+    const std::uint64_t unlisted = deframer_.account().unlisted.frames();
     deframer_.feed(bytes, size, looked_us_, after_us, Taking<Sink>{*this, sink, after_us});
+    if (deframer_.account().unlisted.frames() != unlisted) last_frame_us_ = after_us;  // the peer speaks
     if (is_all) looked_us_ = before_us;
   }
 

@@ -22,6 +22,7 @@
 #include "wirebond/message.hpp"
 #include "wirebond/receiver.hpp"
 #include "wirebond/status.hpp"
+#include "wirebond/unlisted.hpp"
 
 namespace wirebond {
 
@@ -93,7 +94,9 @@ class Link : private SendPause<Protocol::pause_us>,
   using Sends = typename Protocol::Sends;
   using Receives = typename Protocol::Receives;
   using Address = detail::AddressOf<Sends>;  ///< an unsigned integer, where frames have an `address`
-  using Inlet = Receiver<Receives, std::uint32_t, ByteCounts<std::uint32_t>>;
+  using Counts =
+      std::conditional_t<counts_unlisted(Receives{}.format()), UnlistedByteCounts, ByteCounts<std::uint32_t>>;
+  using Inlet = Receiver<Receives, std::uint32_t, Counts>;
 
   Link(Handler& handler, Port& port, Memory& memory)
       : handler_(handler),
@@ -426,7 +429,7 @@ class Link : private SendPause<Protocol::pause_us>,
     if (!ring_.look([this] { return port_.receive_position(); }))
       return;  // on another core, the UART's interrupt restarts
     Inbox inbox{*this};
-    const std::uint32_t frames = receiver_.account().frames;
+    const std::uint32_t frames = heard_frames();
     const ReceiveRing::Count read = ring_.position();
     if (is_late && !detail::tells_every_lap(port_, 0)) {
       ring_.drop_unread();
@@ -446,10 +449,17 @@ class Link : private SendPause<Protocol::pause_us>,
       ring_.consumed(bytes.size);
     }
     if (ring_.position() != read) line_moved_us_ = now_us;
-    if (receiver_.account().frames != frames) {
+    if (heard_frames() != frames) {
       heard_us_ = now_us;
       change(LinkState::up);
     }
+  }
+
+  /// Frames that say that the peer speaks: also those of messages that the file does not list.
+  std::uint32_t heard_frames() const {
+    std::uint32_t frames = receiver_.account().frames;
+    if constexpr (std::is_same_v<Counts, UnlistedByteCounts>) frames += receiver_.account().unlisted.frames();
+    return frames;
   }
 
   void strike(std::uint32_t at_us, std::uint32_t now_us) {

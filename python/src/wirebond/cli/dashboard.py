@@ -12,7 +12,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from wirebond.cli.output import sequence_parts, values_text
+from wirebond.cli.output import sequence_parts, unlisted_text, values_text
 from wirebond.codec import Message
 from wirebond.link import Link, LinkStats
 from wirebond.protocol.model import End
@@ -112,6 +112,8 @@ class Dashboard:
         discarded = ", ".join(f"{n} {cause}" for cause, n in receive.discarded_bytes.items() if n) or "none"
         table.add_row("", "")
         table.add_row("line use", f"receive {received:.1%}  send {sent:.1%}  of {self._link.baud} baud")
+        if receive.unlisted_frames:
+            table.add_row("not in the file", f"{receive.unlisted_frames} frames ({unlisted_text(receive)})")
         table.add_row(
             "received",
             f"{receive.bytes} bytes, {receive.frames} frames, {receive.unknown_frames} unknown, "

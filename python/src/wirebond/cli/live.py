@@ -165,6 +165,6 @@ def simulate(path: Path, link: Path | None, seconds: float | None, addresses: li
     with symlinked(port.path, link) as name:
         console.print(name, soft_wrap=True)
         errors.print(f"virtual MCU for {codec.name} on {name}; Ctrl-C ends", style="dim")
-        with _ctrl_c_ends():
+        with ended_by_signals(), _ctrl_c_ends():
             run(mcu, port, _end(seconds), lambda event: errors.print(escape(event)))
     port.close()

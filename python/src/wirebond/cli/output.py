@@ -16,6 +16,8 @@ from wirebond.codec import Codec, Message, SequenceStats, Stats
 from wirebond.protocol.decimals import decimal_text
 from wirebond.visible import visible
 
+_MOST_KINDS = 8  # of unlisted frames that a line names
+
 
 class ReaderGone(Exception):  # noqa: N818 it is no error: `head` has seen enough
     """The reader of stdout has gone. What has an account gives it, and the command ends with exit code 0."""
@@ -112,6 +114,8 @@ def stats_line(stats: Stats) -> str:
         parts.append(f"{stats.unknown_frames} of them unknown")
     if stats.foreign_frames:
         parts.append(f"{stats.foreign_frames} of them foreign")
+    if stats.unlisted_frames:
+        parts.append(f"{stats.unlisted_frames} not in the file ({unlisted_text(stats)})")
     if stats.fill_bytes:
         parts.append(f"{stats.fill_bytes} fill")
     if stats.pending_bytes:
@@ -138,6 +142,13 @@ def title_of(message: Message) -> str:
     """The message's name, and behind it the frame's own fields: ``state [servo 3]``."""
     header = values_text(message.header, between=", ")
     return f"{message.name} [{header}]" if header else message.name
+
+
+def unlisted_text(stats: Stats) -> str:
+    """``id 30, 28 bytes: 7``, the commonest first."""
+    kinds = sorted(stats.unlisted.items(), key=lambda kind: -kind[1])
+    shown = [f"id {id}, {size} bytes: {count}" for (id, size), count in kinds[:_MOST_KINDS]]
+    return "; ".join(shown) + ("; ..." if len(kinds) > _MOST_KINDS else "")
 
 
 def values_text(fields: dict[str, Any], between: str = "  ") -> str:

@@ -41,6 +41,7 @@ class _Family:
 
 _FAMILIES = (
     _Family(0.25, format.unknown_message),
+    _Family(0.25, format.unlisted_seed),
     _Family(0.30, format.other_sender),
     _Family(0.30, format.other_protocols),
     _Family(0.30, check.as_peers_check),

@@ -71,7 +71,12 @@ def symlinked(target: str, link: Path | None) -> Iterator[str]:
         yield target
         return
     if link.is_symlink():
-        link.unlink()
+        if link.exists():
+            raise UsageError(
+                f"{link} leads to {link.readlink()}, which another program serves; end that one, name another link, or "
+                "remove this one"
+            )
+        link.unlink()  # left behind by a simulation that was killed
     try:
         link.symlink_to(target)
     except OSError as error:

@@ -16,7 +16,18 @@ from wirebond.explain.guesses.guess import (
     with_part,
 )
 from wirebond.protocol.meaning.messages import receiver_of, spoken
-from wirebond.protocol.model import ByteOrder, End, LengthCounts, Message, Part, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model import (
+    ByteOrder,
+    End,
+    Field,
+    FieldKind,
+    LengthCounts,
+    Message,
+    Part,
+    PartKind,
+    PayloadRule,
+    Protocol,
+)
 from wirebond.protocol.spelling import bytes_text
 
 _COUNTS = {
@@ -88,6 +99,32 @@ def unknown_message(case: Case) -> Guesses:
 
     for protocol in protocols:
         yield Guess(protocol, case.block, case.sender, what, remedy)
+
+
+def unlisted_seed(case: Case) -> Guesses:
+    """A message that the file does not have, under a check that counts each message's own seed."""
+    verdict = case.verdict
+    if verdict is None or verdict.id is None or verdict.message is not None:
+        return
+    if not any(part.seeded for part in case.parts):
+        return
+    sender = case.sender or End.BOTH
+    payload = Field("payload", FieldKind.BYTES, 0, max_size=case.protocol.format.max_payload)
+    number = id_text(case.parts, verdict.id)
+    for seed in range(256):
+        message = Message(_UNLISTED, verdict.id, sender, (payload,), seed=seed)
+        known = replace(case.protocol, messages=(*case.protocol.messages, message))
+        what = f"everything holds if this is a message that the file does not list: id {number}, {len(case.data)} bytes"
+        yield Guess(
+            known,
+            case.block,
+            case.sender,
+            f"{what}: seed {seed} fits",
+            f"add a message with `id: {number}` and `seed: {seed}` to the file",
+        )
+
+
+_UNLISTED = "unlisted"
 
 
 def _id(case: Case, verdict: Verdict) -> str:

@@ -1,0 +1,65 @@
+// A peer whose messages the file does not list: the link is up all the same, and acts on none of them.
+#include <doctest/doctest.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "diffdrive_link.hpp"
+#include "scripted_port.hpp"
+#include "seeded_link.hpp"
+#include "wirebond/mcu/link.hpp"
+
+namespace {
+
+struct Counting {
+  void on(const seeded::Order&) { orders += 1; }
+  unsigned orders = 0;
+};
+
+/// A message of another id, with a check that counts a seed which this file does not have.
+const Bytes other{0xFD, 0x03, 0x1E, 0x11, 0x22, 0x33, 0xAB, 0xCD};
+
+}  // namespace
+
+TEST_CASE("frames of messages that the file does not list keep a link up") {
+  Counting counting;
+  ScriptedPort port;
+  seeded::McuBuffers<256, 256> buffers;
+  seeded::McuLink link{counting, port, buffers};
+  std::uint32_t now_us = 0;
+  link.poll(now_us);
+  const auto pass_100_ms = [&] {
+    for (int i = 0; i < 10; ++i) link.poll(now_us += 10 * ms);
+  };
+  for (int i = 0; i < 30; ++i) {
+    port.arrive(other);
+    pass_100_ms();
+  }
+  CHECK(link.state() == wirebond::LinkState::up);
+  CHECK(counting.orders == 0);
+  CHECK(link.receiver().account().frames == 0);
+  CHECK(link.receiver().account().unlisted.frames() == 29);  // of the last nothing shows yet that it ended
+  for (int i = 0; i < 11; ++i) pass_100_ms();
+  CHECK(link.state() == wirebond::LinkState::stale);
+}
+
+TEST_CASE("noise with the start byte in it does not") {
+  Counting counting;
+  ScriptedPort port;
+  seeded::McuBuffers<256, 256> buffers;
+  seeded::McuLink link{counting, port, buffers};
+  std::uint32_t now_us = 0;
+  link.poll(now_us);
+  for (int i = 0; i < 300; ++i) {
+    port.arrive({0xFD, 0x03, 0x1E, 0x11, 0x22, 0x33, 0xAB});
+    link.poll(now_us += 10 * ms);
+  }
+  CHECK(link.state() == wirebond::LinkState::stale);
+  CHECK(link.receiver().account().unlisted.frames() == 0);
+}
+
+TEST_CASE("a format without seeds has no counter for them") {
+  using Source = seeded::FromHost;
+  static_assert(wirebond::counts_unlisted(Source{}.format()));
+  static_assert(!wirebond::counts_unlisted(diffdrive::FromHost{}.format()));
+}

@@ -1,0 +1,115 @@
+"""Messages that the file does not list, where nothing lets them be delivered as unknown: they are told, not noise."""
+
+from __future__ import annotations
+
+import json
+import random
+import time
+from collections import Counter
+from contextlib import closing
+
+import pytest
+
+import wirebond
+from wirebond.cli.output import stats_line
+from wirebond.codec import Codec
+from wirebond.explain import explain
+from wirebond.protocol import loads
+from wirebond.sim.pty_port import PtyPort
+
+HEAD = "wirebond: 1\nprotocol: listed\n"
+CHECK = "check: {type: crc-16/mcrf4xx, seed: message}"
+SEEDED = f"frame: [magic: 0xFD, length: u8, sequence: u8, id: u8, payload: by_length, {CHECK}]\n"
+WEAK = "frame: [magic: 0xA5 0x5A, length: u8, id: u8, payload: by_length, check: xor8]\nunknown: reject\n"
+LISTED = "  state: {id: 2, sender: mcu, seed: 50, fields: {x: {type: u32}, y: {type: u32}}}\n"
+OTHERS = """  attitude: {id: 30, sender: mcu, seed: 39, fields: {a: {type: bytes, max: 60}}}
+  status: {id: 1, sender: mcu, seed: 124, fields: {a: {type: bytes, max: 60}}}
+"""
+
+
+def pair(frame: str) -> tuple[Codec, Codec]:
+    """What the peer speaks, and what the file lists."""
+    bound = "max_payload: 60\n"
+    if "seed" not in frame:
+        listed, others = LISTED.replace("seed: 50, ", ""), OTHERS.replace("seed: 39, ", "").replace("seed: 124, ", "")
+    else:
+        listed, others = LISTED, OTHERS
+    text = HEAD + frame + bound + "messages:\n"
+    return Codec(loads(text + listed + others)), Codec(loads(text + listed))
+
+
+def spoken(peer: Codec, number: int, seed: int) -> tuple[list[bytes], Counter[tuple[int, int]]]:
+    """Frames of all messages, and the kinds of those that the file does not list, but for a last one."""
+    source = random.Random(seed)
+    frames, kinds = [], Counter[tuple[int, int]]()
+    for _ in range(number):
+        name = source.choice(["state", "attitude", "status"])
+        if name == "state":
+            frames.append(peer.encode(name, x=source.getrandbits(32), y=source.getrandbits(32)))
+        else:
+            frames.append(peer.encode(name, a=source.randbytes(source.choice([4, 22]))))
+            kinds[peer.model.message(name).id, len(frames[-1])] += 1
+    frames.append(peer.encode("state", x=1, y=2))
+    return frames, kinds
+
+
+@pytest.mark.parametrize("frame", [SEEDED, WEAK], ids=["seeded", "weak"])
+@pytest.mark.parametrize("size", [1, 7, 100_000])
+def test_their_ids_sizes_and_counts_are_told_whatever_the_pieces(frame: str, size: int) -> None:
+    peer, codec = pair(frame)
+    frames, kinds = spoken(peer, 400, seed=3)
+    stream = b"".join(frames)
+    decoder = codec.decoder("mcu")
+    got = [m for at in range(0, len(stream), size) for m in decoder.feed(stream[at : at + size])]
+    got += decoder.finish()
+    stats = decoder.stats
+    listed = [raw for raw in frames if raw[3] == 2]
+    assert [m.raw for m in got] == listed  # guarantee 1: what lies among them is still found
+    assert stats.unlisted == dict(kinds)
+    assert stats.unlisted_frames == sum(kinds.values())
+    discarded = sum(stats.discarded_bytes.values())
+    assert stats.bytes == stats.frame_bytes + stats.fill_bytes + stats.pending_bytes + discarded
+    assert discarded == sum(size * count for (_, size), count in kinds.items())
+    assert "not in the file (id " in stats_line(stats)
+    assert json.loads(json.dumps(stats.as_dict()))["unlisted"][0].keys() == {"id", "bytes", "frames"}
+
+
+def test_a_frame_within_a_false_start_is_found_and_the_false_start_is_not_told() -> None:
+    _, codec = pair(WEAK)
+    good = codec.encode("state", x=7, y=8)
+    false_start = bytes.fromhex("a5 5a 20 63")  # 32 bytes of message 99, which never come
+    decoder = codec.decoder("mcu")
+    got = decoder.feed(false_start + good * 5)
+    assert [m.name for m in got] == ["state"] * 5
+    assert decoder.stats.unlisted_frames == 0
+
+
+def test_noise_is_hardly_ever_told() -> None:
+    _, codec = pair(WEAK)
+    decoder = codec.decoder("mcu")
+    decoder.feed(random.Random(4).randbytes(2_000_000))
+    assert decoder.stats.unlisted_frames < 3
+
+
+def test_a_peer_that_sends_nothing_else_keeps_the_link_up() -> None:
+    peer, codec = pair(SEEDED)
+    frame = peer.encode("attitude", a=bytes(22))
+    with closing(PtyPort()) as port, wirebond.open(codec, port.path) as link:
+        end = time.monotonic() + 1.6
+        while time.monotonic() < end:
+            port.write(frame)
+            link.receive(0.05)
+        assert link.state == "up"
+        kinds = link.stats.receive.unlisted
+        assert set(kinds) == {(30, len(frame))}
+        time.sleep(1.3)
+        assert link.state == "stale"
+
+
+def test_explain_tries_the_seeds() -> None:
+    peer, codec = pair(SEEDED)
+    frame = peer.encode("status", a=bytes(range(25)))
+    [stretch] = explain(codec.model, frame, None).stretches
+    text = " ".join(f"{guess.what} {guess.remedy}" for guess in stretch.guesses)
+    assert f"id 0x01, {len(frame)} bytes: seed 124 fits" in text
+    assert "`id: 0x01` and `seed: 124`" in text
