@@ -11,6 +11,7 @@ import pytest
 from tests.contrib.cases import CONTRIB, random_case
 from tests.contrib.oracles import ORACLES
 from tests.contrib.oracles.mavlink import pack
+from tests.contrib.oracles.msp import pack as pack_msp
 from tests.shared import account_closes
 from wirebond import Codec, Message, load
 from wirebond.protocol.model import End
@@ -123,3 +124,16 @@ def test_a_dynamixel_status_with_errors_is_unknown_and_its_id_is_the_flags() -> 
     codec = load(CONTRIB / "dynamixel_1.yaml")
     (message,) = decoded(codec, bytes.fromhex("FF FF 01 02 24 D8"), End.MCU)  # overload and overheating
     assert (message.name, message.id, message.header) == ("unknown", 0x24, {"servo": 1})
+
+
+def test_msp_of_version_1_is_read_and_an_error_reply_tells_the_request() -> None:
+    codec, oracle = load(CONTRIB / "msp.yaml"), ORACLES["msp"]
+    source = random.Random("msp")
+    for _ in range(300):
+        case, values = random_case(codec, oracle, source)
+        if case.message == "set_air_speed":
+            continue  # its id has two bytes
+        (message,) = decoded(codec, pack_msp(case, version_1=True), case.sender)
+        assert (message.name, message.fields, message.violations) == (case.message, values, [])
+    (message,) = decoded(codec, b"$M!\x00\x6c\x6c", End.MCU)
+    assert (message.name, message.id, message.header) == ("unknown", 108, {"magic": 0x244D21})

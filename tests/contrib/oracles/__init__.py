@@ -12,6 +12,7 @@ from tests.contrib.oracles.ibus import Ibus
 from tests.contrib.oracles.lx16a import Lx16a
 from tests.contrib.oracles.mavlink import Mavlink
 from tests.contrib.oracles.modbus_rtu import ModbusRtu
+from tests.contrib.oracles.msp import Msp
 from tests.contrib.oracles.nmea import Nmea
 from tests.contrib.oracles.ping_sonar import PingSonar
 from tests.contrib.oracles.robomaster_referee import RobomasterReferee
@@ -36,6 +37,7 @@ ORACLES: dict[str, Oracle] = {
     "lx16a": Lx16a(),
     "mavlink": Mavlink(),
     "modbus_rtu": ModbusRtu(),
+    "msp": Msp(),
     "nmea": Nmea(),
     "ping_sonar": PingSonar(),
     "robomaster_referee": RobomasterReferee(),

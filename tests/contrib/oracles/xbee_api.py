@@ -1,4 +1,4 @@
-"""XBee API frames against Digi's own digi-xbee."""
+"""XBee API frames of both modes against Digi's own digi-xbee."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from digi.xbee.exception import InvalidPacketException
 from digi.xbee.models.address import XBee16BitAddress, XBee64BitAddress
 from digi.xbee.models.status import DiscoveryStatus, ModemStatus, TransmitStatus
 from digi.xbee.packets import common, factory
+from digi.xbee.packets.base import XBeeAPIPacket
 
 from tests.contrib.oracle import Case, Oracle
 from wirebond.protocol.model import End, Message
@@ -18,6 +19,9 @@ _DELIVERY = [status.code for status in TransmitStatus if status != TransmitStatu
 
 
 class XbeeApi(Oracle):
+    def __init__(self, escaped: bool = False) -> None:
+        self._escaped = escaped
+
     def values(self, message: Message, source: random.Random) -> dict[str, Any]:
         values = super().values(message, source)
         if "command" in values:
@@ -43,14 +47,15 @@ class XbeeApi(Oracle):
             packet = common.TransmitStatusPacket(wire[0], _narrow(wire[1]), wire[2], delivery, discovery)
         else:
             packet = common.ReceivePacket(_wide(wire[0]), _narrow(wire[1]), *wire[2:])
-        return bytes(packet.output())
+        return bytes(packet.output(self._escaped))
 
     def decode(self, frame: bytes, sender: End) -> Case | None:
         try:
-            packet = factory.build_frame(bytearray(frame))
+            plain = XBeeAPIPacket.unescape_data(frame) if self._escaped else bytearray(frame)
+            packet = factory.build_frame(plain)
         except (InvalidPacketException, ValueError, IndexError):
             return None
-        if bytes(packet.output()) != frame:
+        if bytes(packet.output(self._escaped)) != frame:
             return None
         if isinstance(packet, common.ATCommPacket):
             wire = [packet.frame_id, packet.command.encode(), bytes(packet.parameter or b"")]
