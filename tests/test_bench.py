@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from bench import collateral, columns, m4_cost, m4_runtime, send_queue, work_per_byte
 from bench.peers.work import Flat
 
@@ -55,6 +56,13 @@ def test_a_link_on_a_cortex_m4_takes_little_memory_and_its_stack_has_a_bound() -
     assert goals == {"m4_flash_bytes": 6656, "m4_ram_bytes": 448}
     for figure in figures:
         assert figure.met, f"{figure.key}: {figure.value:.0f} {figure.unit}"
+
+
+@pytest.mark.parametrize("name", ["native", "enterprize"])
+def test_no_table_of_the_frame_format_lies_in_flash(name: str) -> None:
+    """It has room for the largest format that there can be, several kilobytes: all of it folds into the code."""
+    program, _ = m4_runtime.runtime(name, "-Os", m4_runtime.OTHERS)
+    assert not [symbol for symbol in program.symbols if "format_from" in symbol]
 
 
 def test_a_servo_on_a_cortex_m4_answers_what_is_for_it_alone_and_takes_little_memory() -> None:

@@ -270,7 +270,7 @@ class Deframer {
   WIREBOND_INLINE std::size_t consume_delimited(const std::uint8_t* window, std::size_t size, bool give_up,
                                                 Sink&& sink) {
     const FrameFormat& format = source_.format();
-    const Mark& mark = format.closing;
+    const Mark mark = format.closing;  // a copy: a reference would keep the whole format in flash
     const std::size_t longest = max_wire_bytes(format);
     std::size_t at = 0;
     while (at < size) {
@@ -362,7 +362,9 @@ class Deframer {
       if (start == size) break;
 
       const std::size_t available = size - at < longest ? size - at : longest;
-      const detail::BlockEnd end = detail::find_block_end(format, window + at, at == 0 ? searched_ : 0, available);
+      const bool doubles = format.stuffing == Stuffing::escape && format.escapes.escape == format.opening.first;
+      const detail::BlockEnd end = detail::find_block_end(format.opening, format.closing, doubles, window + at,
+                                                          at == 0 ? searched_ : 0, available);
       searched_ = 0;
       Verdict verdict{Outcome::reject, Cause::incomplete, end.at};
       Frame frame{};  // GCC 12 does not see that a frame's verdict comes with its fields

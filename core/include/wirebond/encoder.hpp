@@ -49,7 +49,8 @@ template <class Source>
 WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::size_t index, std::uint8_t* frame,
                                  std::size_t size, std::uint32_t id, std::uint64_t* registers) {
   const CheckRule& rule = form.checks[index];
-  const auto covered_by = [&](std::size_t i) { return i < form.header_checks ? form.prefix : size; };
+  const auto covered_by = [&](std::size_t i)
+                              WIREBOND_INLINE_LAMBDA { return i < form.header_checks ? form.prefix : size; };
   const std::size_t covered = covered_by(index);
   std::size_t from = rule.from.in(covered);
   std::uint64_t reg = begin_of(source, rule.algorithm);

@@ -11,7 +11,7 @@
 namespace wirebond::detail {
 
 /// The first place from `from` on where `mark` stands whole; `size` where none does.
-inline std::size_t find_mark(const Mark& mark, const std::uint8_t* bytes, std::size_t from, std::size_t size) {
+inline std::size_t find_mark(Mark mark, const std::uint8_t* bytes, std::size_t from, std::size_t size) {
   while (from + mark.size <= size) {
     const void* const found = std::memchr(bytes + from, mark.first, size + 1 - mark.size - from);
     if (found == nullptr) break;
@@ -34,26 +34,22 @@ struct BlockEnd {
   std::size_t at;
 };
 
-WIREBOND_INLINE bool begins_long_mark(const FrameFormat& format, std::uint8_t byte) {
-  return (format.closing.size == 2 && byte == format.closing.first) ||
-         (format.opening.size == 2 && byte == format.opening.first);
-}
+WIREBOND_INLINE bool begins_long_mark(Mark mark, std::uint8_t byte) { return mark.size == 2 && byte == mark.first; }
 
 /// `size` bytes at `block`; `from`: the place that an earlier search of the same block ended at, or 0.
-/// Where the delimiters' first byte is doubled among the data, a pair is told from a delimiter by counting from the
-/// block's start.
-inline BlockEnd find_block_end(const FrameFormat& format, const std::uint8_t* block, std::size_t from,
+/// `doubles`: the delimiters' first byte is doubled among the data. Then a pair is told from a delimiter by counting
+/// from the block's start.
+inline BlockEnd find_block_end(Mark opening, Mark closing, bool doubles, const std::uint8_t* block, std::size_t from,
                                std::size_t size) {
-  const bool doubles = format.stuffing == Stuffing::escape && format.escapes.escape == format.opening.first;
-  std::size_t at = from > format.opening.size ? from : format.opening.size;
+  std::size_t at = from > opening.size ? from : opening.size;
   while (at < size) {
-    if (format.closing.stands_at(block + at, size - at)) return {BlockEnd::closing, at};
-    if (format.opening.stands_at(block + at, size - at)) return {BlockEnd::opening, at};
-    if (doubles && block[at] == format.escapes.escape) {
+    if (closing.stands_at(block + at, size - at)) return {BlockEnd::closing, at};
+    if (opening.stands_at(block + at, size - at)) return {BlockEnd::opening, at};
+    if (doubles && block[at] == opening.first) {
       if (at + 1 == size) break;
-      if (block[at + 1] != format.escapes.escape) return {BlockEnd::no_pair, at + 2};
+      if (block[at + 1] != opening.first) return {BlockEnd::no_pair, at + 2};
       ++at;
-    } else if (at + 1 == size && begins_long_mark(format, block[at])) {
+    } else if (at + 1 == size && (begins_long_mark(closing, block[at]) || begins_long_mark(opening, block[at]))) {
       break;  // the next byte tells
     }
     ++at;
