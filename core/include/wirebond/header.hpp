@@ -43,10 +43,16 @@ inline constexpr bool has_header = !std::is_same_v<HeaderOf<Source>, NoHeader>;
 
 namespace detail {
 
-/// How many header fields the source's frames have, in all forms together.
+/// How many header fields the protocol has: where the source is generated those of the other end's frames, too, which
+/// its Header has as well.
+template <class Source, class = void>
+inline constexpr std::size_t named_header_fields = 0;
+template <class Source>
+inline constexpr std::size_t named_header_fields<Source, std::void_t<decltype(Source::header_defaults)>> =
+    Source::header_defaults.size();
 template <class Source>
 constexpr std::size_t count_header_fields() {
-  std::size_t count = 0;
+  std::size_t count = named_header_fields<Source>;
   for (std::size_t i = 0; i < Source{}.format().form_count; ++i) {
     const Form& form = Source{}.format().forms[i];
     for (std::size_t f = 0; f < form.header_count; ++f) {
@@ -61,6 +67,7 @@ using HeaderNumbers = std::array<std::uint64_t, count_header_fields<Source>()>;
 template <class Source>
 constexpr HeaderNumbers<Source> make_default_numbers() {
   HeaderNumbers<Source> numbers{};
+  if constexpr (named_header_fields<Source> != 0) return Source::header_defaults;
   for (std::size_t i = 0; i < Source{}.format().form_count; ++i) {
     const Form& form = Source{}.format().forms[i];
     for (std::size_t f = 0; f < form.header_count; ++f) numbers[form.header[f].place] = form.header[f].default_value;

@@ -407,6 +407,7 @@ class SourceView:
     rules: tuple[RulesView, ...]
     structs: tuple[str, ...]
     latest: tuple[str, ...]  # of these, those of `queue: latest`
+    header_defaults: tuple[str, ...]  # on the wire, of all header fields, also those of the other end's frames alone
     address: AddressView | None
     counts_messages: bool  # each message has its own sequence numbers
 
@@ -429,6 +430,7 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         rules=_rules_views(protocol, plan),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
         latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
+        header_defaults=tuple(f"{field.default_bits(end)}U" for field in plan.header),
         address=address_view(protocol, end),
         counts_messages=plan.sequence_per_message,
     )
