@@ -19,6 +19,7 @@ from tests.contrib.oracles.robomaster_referee import RobomasterReferee
 from tests.contrib.oracles.rtcm3 import Rtcm3
 from tests.contrib.oracles.sbf import Sbf
 from tests.contrib.oracles.sbus import Sbus
+from tests.contrib.oracles.sensirion_shdlc import SensirionShdlc
 from tests.contrib.oracles.slip import Slip
 from tests.contrib.oracles.sphero import Sphero
 from tests.contrib.oracles.tfmini import Tfmini
@@ -44,6 +45,7 @@ ORACLES: dict[str, Oracle] = {
     "rtcm3": Rtcm3(),
     "sbf": Sbf(),
     "sbus": Sbus(),
+    "sensirion_shdlc": SensirionShdlc(),
     "slip": Slip(),
     "sphero": Sphero(),
     "tfmini": Tfmini(),
