@@ -47,6 +47,17 @@ struct Verdict {
   std::size_t bytes = 0;
 };
 
+/// Shall an MCU's link count frames of messages that the file does not list (unlisted.hpp)? Where checks count a seed
+/// of each message, a peer's other messages are all refused by their id, however strong the check is. Where the check
+/// is merely weak, the flash is not spent.
+constexpr bool counts_unlisted(const FrameFormat& format) {
+  const Form& form = format.forms[0];
+  bool is_seeded = false;
+  for (std::size_t i = 0; i < form.check_count; ++i) is_seeded = is_seeded || form.checks[i].seeded;
+  return is_seeded && format.framing == Framing::by_start && form.prefix_constants != 0 && form.id.present() &&
+         form.payload_size != PayloadSize::by_id;
+}
+
 namespace detail {
 
 /// `bytes` bytes as hex digits of either case. False where one is no digit.
@@ -104,6 +115,16 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Form& form, std::si
   }
   if (Source::is_constant && rule.bytes <= 4) return static_cast<std::uint32_t>(expected ^ found) == 0;
   return expected == found;
+}
+
+/// Is the size told of a candidate that fails by its id alone? Firmware that does not count them computes none.
+template <class Source>
+constexpr bool tells_unlisted_size() {
+  if constexpr (folds<Source>(0)) {
+    return counts_unlisted(Source{}.format());
+  } else {
+    return true;
+  }
 }
 
 /// What the bytes before the payload tell.
@@ -210,8 +231,10 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   if (size_tells && size_is_excluded(format, form, restored(form, head.shape, payload))) {
     return {Outcome::reject, Cause::length_out_of_range, form.prefix};
   }
-  head.payload = payload;
-  head.size = outside + payload;
+  if constexpr (tells_unlisted_size<Source>()) {
+    head.payload = payload;
+    head.size = outside + payload;
+  }
   if (id_early && !format.deliver_unknown && !fits(form, head.shape, payload)) {
     return {Outcome::reject, Cause::unknown_message, form.prefix};
   }
@@ -224,6 +247,8 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
       });
   if (!header_holds) return {Outcome::reject, Cause::header_check_mismatch, form.prefix};
 
+  head.payload = payload;
+  head.size = outside + payload;
   if (whole && available != head.size) return {Outcome::reject, Cause::length_out_of_range, available};
   return {Outcome::frame, Cause::no_start, head.size};
 }
@@ -296,16 +321,20 @@ WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, co
   Head head;
   const Verdict verdict = examine_head(source, form, candidate, available, block != nullptr, head);
   if (verdict.outcome != Outcome::frame) {
-    if (verdict.cause == Cause::unknown_message) {
-      frame.id = head.id;
-      frame.size = head.size;
+    if constexpr (tells_unlisted_size<Source>()) {
+      if (verdict.cause == Cause::unknown_message) {
+        frame.id = head.id;
+        frame.size = head.size;
+      }
     }
     return verdict;
   }
   const Verdict whole = examine_rest(source, form, index, candidate, available, block, head, frame);
-  if (whole.cause == Cause::unknown_message) {
-    frame.id = head.id;
-    frame.size = head.size;
+  if constexpr (tells_unlisted_size<Source>()) {
+    if (whole.cause == Cause::unknown_message) {
+      frame.id = head.id;
+      frame.size = head.size;
+    }
   }
   return whole;
 }

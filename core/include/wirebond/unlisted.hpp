@@ -107,16 +107,6 @@ struct UnlistedByteCounts : ByteCounts<std::uint32_t> {
   UnlistedCount unlisted;
 };
 
-/// Shall an MCU's link count them? Where checks count a seed of each message, a peer's other messages are all refused
-/// by their id, however strong the check is. Where the check is merely weak, the flash is not spent.
-constexpr bool counts_unlisted(const FrameFormat& format) {
-  const Form& form = format.forms[0];
-  bool is_seeded = false;
-  for (std::size_t i = 0; i < form.check_count; ++i) is_seeded = is_seeded || form.checks[i].seeded;
-  return is_seeded && format.framing == Framing::by_start && form.prefix_constants != 0 && form.id.present() &&
-         form.payload_size != PayloadSize::by_id;
-}
-
 /// What a host's deframer counts.
 struct HostAccount : ByteAccount<std::uint64_t> {
   UnlistedFrames unlisted;
