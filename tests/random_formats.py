@@ -60,12 +60,17 @@ class _FormatSource:
             "hdlc",
             "escaped",
             "doubled",
+            "alone",
+            "hex",
             "lines",
             "brackets",
             "silence",
+            "sized",
+            "inserted",
         ]
         self._framing = source.choice(framings)
-        self._has_end = self._framing != "start"
+        self._is_sized = self._framing in ("sized", "inserted")
+        self._has_end = self._framing != "start" and not self._is_sized
         self._rule = "rest" if self._has_end and source.random() < 0.7 else self._sized_rule()
         self._id = source.choice(["part"] * 8 + ["bits", "bits", "late", "late", "magic", "none"])
         if self._rule == "by_id" and self._id in ("late", "none"):
@@ -73,6 +78,9 @@ class _FormatSource:
         self._id_bits = 0
         self._mixes_ids = False
         self._length = source.choice(("part", "part", "part", "bits", "magic"))
+        if self._is_sized:  # every part is always there
+            self._id = "part" if self._id == "magic" else self._id
+            self._length = "part" if self._length == "magic" else self._length
         self._unit = 1
         self._magics: list[str] = []
         self._parts: list[Part] = []
@@ -113,6 +121,8 @@ class _FormatSource:
         texts = [part.text for part in self._parts]
         opens = self._chance(0.7)
         self._looks_again = self._framing == "start"
+        if self._is_sized:
+            return self._sized_items(texts)
         if self._framing == "start":
             return texts
         if self._framing == "silence":
@@ -129,6 +139,18 @@ class _FormatSource:
         inner = f"[{', '.join(texts[front:stop])}]"
         if self._framing == "escaped":
             opening, group, closing = self._escaped(inner)
+        elif self._framing == "alone":
+            self._looks_again = True
+            opening, group, closing = self._doubled_alone(inner)
+        elif self._framing == "hex":
+            opening, closing = (
+                [f"delimiter: {self._random.choice(('0x3A', '0x0A'))}"] if opens else [],
+                "delimiter: 0x0A",
+            )
+            if opens and self._chance(0.5):
+                closing = "delimiter: 0x0D 0x0A"
+            self._looks_again = bool(opening) and opening[0] != closing
+            group = f"hex: {inner}"
         elif self._framing == "doubled":
             self._looks_again = True
             first, one, other = (f"0x{byte:02X}" for byte in self._random.sample(range(256), 3))
@@ -138,6 +160,34 @@ class _FormatSource:
             opening, group = [f"delimiter: {byte}"] if opens else [], f"{self._framing}: {inner}"
             closing = f"delimiter: {byte}"
         return [*opening, *texts[:front], group, *texts[stop:], closing]
+
+    def _doubled_alone(self, inner: str) -> tuple[list[str], str, str]:
+        """One byte opens a frame, whose first byte must not look like the rest of a delimiter."""
+        first = self._parts[0]
+        taken = [int(word, 16) for word in re.findall(r"0x[0-9A-F]{2}", first.value)] if first.kind == "magic" else []
+        double, end, begin = self._random.sample([byte for byte in range(256) if byte not in taken], 3)
+        opening = [f"delimiter: 0x{double:02X}"]
+        if not taken:
+            opening.append(f"{{constant: 0x{begin:02X}, name: begin}}")
+        return opening, f"doubled: {inner}", f"delimiter: 0x{double:02X} 0x{end:02X}"
+
+    def _sized_items(self, texts: list[str]) -> list[str]:
+        """Behind the magic the parts are stuffed, from one of them on and up to one of them; a length tells the end."""
+        front, back = self._plain_parts() if self._chance(0.6) else (0, 0)
+        front, stop = max(front, 1), len(texts) - back
+        inner = f"[{', '.join(texts[front:stop])}]"
+        if self._framing == "inserted":
+            *after, byte = self._random.sample(range(256), self._random.randint(3, 5))
+            rule = f"after: {' '.join(f'0x{one:02X}' for one in after)}, byte: 0x{byte:02X}"
+            return [*texts[:front], f"inserted: {{{rule}, parts: {inner}}}", *texts[stop:]]
+        starts = {int(word, 16) for word in re.findall(r"0x[0-9A-F]{2}", self._parts[0].value)}
+        while True:
+            escape, xor, *also = self._random.sample(range(1, 256), 2 + self._random.randint(0, 2))
+            if escape not in starts and not {byte ^ xor for byte in (*starts, escape, *also)} & starts:
+                break
+        more = f"also: {' '.join(f'0x{byte:02X}' for byte in also)}, " if also else ""
+        rule = f"escape: 0x{escape:02X}, xor: 0x{xor:02X}, {more}parts: {inner}"
+        return [*texts[:front], f"escaped: {{{rule}}}", *texts[stop:]]
 
     def _plain_parts(self) -> tuple[int, int]:
         """How many parts before and behind the stuffed ones are sent as they are: such parts are always there, and
@@ -200,10 +250,12 @@ class _FormatSource:
 
     def _magic(self) -> list[Part]:
         wants_several = "magic" in (self._id, self._length if self._rule == "by_length" else "")
-        if not wants_several and not self._chance(0.25 if self._has_end else 0.85):
+        if not wants_several and not self._is_sized and not self._chance(0.25 if self._has_end else 0.85):
             return []
-        size = self._random.randint(1, 3)
+        size = 1 if self._framing == "sized" else self._random.randint(1, 3)
         kinds = ("one", "one", "one", "any", "any", "ends", "ends", "sender", "several", "size")
+        if self._is_sized:
+            kinds = ("one", "any", "ends")
         kind = "any" if wants_several else self._random.choice(kinds)
         if kind == "one" or (kind == "size" and self._rule == "fixed"):
             return [Part("magic", self._bytes(size), size)]

@@ -60,7 +60,10 @@ class _Rejected(Exception):  # noqa: N818  (an outcome, not an error)
 
 
 class _Incomplete(Exception):  # noqa: N818
-    pass
+    """``size``: of the whole frame, where that is known."""
+
+    def __init__(self, size: int = 0) -> None:
+        self.size = size
 
 
 def decode(protocol: Protocol, stream: bytes, sender: End | None = None, request: str | None = None) -> Result:
@@ -113,7 +116,8 @@ def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> R
         failed = 1
         if _may_start(protocol, stream[at], sender):
             try:
-                size, message_id, name, header_values = _examine(protocol, stream[at:], sender, None)
+                examined = _examine_sized if protocol.format.is_sized else _examine_plain
+                size, message_id, name, header_values = examined(protocol, stream[at:], sender)
             except _Rejected as outcome:
                 cause, extent = outcome.cause, outcome.extent
             except _Incomplete:
@@ -131,6 +135,99 @@ def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> R
             result.discarded_bytes[blame if place < blame_end else "no_start"] += 1
         at += failed
     return result
+
+
+def _examine_plain(protocol: Protocol, data: bytes, sender: End | None) -> tuple[int, int, str, dict[str, object]]:
+    return _examine(protocol, data, sender, None)
+
+
+def _examine_sized(protocol: Protocol, data: bytes, sender: End | None) -> tuple[int, int, str, dict[str, object]]:
+    """The same for a stuffed frame that its length ends. Sizes and extents are those on the wire."""
+    parts = protocol.format.parts
+    payload_at = next(i for i, p in enumerate(parts) if p.kind == PartKind.PAYLOAD)
+    prefix = sum(part.size for part in parts[:payload_at])
+    back = sum(part.size for part in parts[max(i for i, p in enumerate(parts) if not p.is_plain) + 1 :])
+    head = _undone(protocol, data, prefix, None)
+    try:
+        _examine(protocol, head.data, sender, None)
+        size = prefix  # there is nothing behind the header
+    except _Rejected as outcome:
+        raise _Rejected(outcome.cause, head.used if outcome.extent > 1 else outcome.extent) from None
+    except _Incomplete as waits:
+        size = waits.size
+    if head.is_bad:
+        raise _Rejected("bad_stuffing", head.used + 1)
+    if not head.is_complete:
+        raise _Incomplete
+    if protocol.format.length_on_wire:
+        wire, end = size, size - back
+        if len(data) < wire:
+            raise _Incomplete
+        if head.used > end:
+            raise _Rejected("length_out_of_range", wire)
+        inner = _undone(protocol, data[:end], None, None)
+        if inner.is_bad or not inner.is_complete:
+            raise _Rejected("bad_stuffing", inner.used + 1 if inner.is_bad else wire)
+        content = inner.data + data[end:wire]
+    else:
+        whole = _undone(protocol, data, size, size - back)
+        if whole.is_bad:
+            raise _Rejected("bad_stuffing", whole.used + 1)
+        if not whole.is_complete:
+            raise _Incomplete
+        content, wire = whole.data, whole.used
+    try:
+        _, message_id, name, header = _examine(protocol, content, sender, data[:wire])
+    except _Rejected as outcome:
+        raise _Rejected(outcome.cause, wire) from None
+    except _Incomplete:
+        raise _Rejected("length_out_of_range", wire) from None
+    return wire, message_id, name, header
+
+
+@dataclass(frozen=True)
+class _Undone:
+    """What the first ``used`` bytes were before stuffing. ``is_bad``: the byte behind them is none that a sender makes;
+    ``is_complete``: they are all that was asked for, and no half of a pair is left."""
+
+    data: bytes
+    used: int
+    is_bad: bool
+    is_complete: bool
+
+
+def _undone(protocol: Protocol, wire: bytes, count: int | None, stuffed_end: int | None) -> _Undone:
+    """The first ``count`` bytes of the frame; None: all. Those from ``stuffed_end`` on were not stuffed."""
+    frame_format = protocol.format
+    front = sum(part.size for part in frame_format.parts[: [p.is_plain for p in frame_format.parts].index(False)])
+    magic = frame_format.parts[0]
+    starts = {value[0] for value in _magics(magic, None)} if frame_format.escapes is not None else set()
+    out = bytearray()
+    at = 0
+    owes = False
+    while at < len(wire) and (len(out) != count or owes):
+        if owes:
+            assert frame_format.insertion is not None
+            if wire[at] != frame_format.insertion.byte:
+                return _Undone(bytes(out), at, True, False)
+            at, owes = at + 1, False
+            continue
+        stuffed = front <= len(out) and (stuffed_end is None or len(out) < stuffed_end)
+        byte, size = wire[at], 1
+        if stuffed and frame_format.escapes is not None:
+            if byte in starts:
+                return _Undone(bytes(out), at, True, False)
+            if byte == frame_format.escapes.escape:
+                if at + 1 == len(wire):
+                    return _Undone(bytes(out), at, False, False)
+                if wire[at + 1] in starts:
+                    return _Undone(bytes(out), at + 1, True, False)
+                byte, size = wire[at + 1] ^ frame_format.escapes.exclusive_or, 2
+        out.append(byte)
+        at += size
+        if stuffed and frame_format.insertion is not None:
+            owes = bytes(out[front:]).endswith(frame_format.insertion.after)
+    return _Undone(bytes(out), at, False, not owes and count in (None, len(out)))
 
 
 def _may_start(protocol: Protocol, byte: int, sender: End | None) -> bool:
@@ -198,7 +295,7 @@ def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> 
                 if outcome == "incomplete" and len(candidate) == longest and len(opening) + len(content) == longest:
                     outcome = "length_out_of_range"
                 if outcome:
-                    end -= len(closing) if outcome != "bad_stuffing" else 0
+                    end -= len(closing) if outcome != "bad_stuffing" else len(opening) % 2  # its last two bytes
                     raise _Rejected(outcome, 0)
                 message_id, name, header = _examine_block(protocol, content, sender)
             except _Rejected as rejected:
@@ -223,13 +320,18 @@ def _bracketed_content(protocol: Protocol, candidate: bytes, opening: bytes, clo
     if escapes is not None and escapes.escape == opening[0]:
         doubled = opening[0]
     at = len(opening)
+    alone = doubled is not None and len(opening) == 1
+    if alone and len(candidate) > 1 and candidate[1] in closing:
+        return b"", "bad_stuffing"  # a doubled byte, or a closing delimiter
     while at < len(candidate):
         content = candidate[len(opening) : at]
         if candidate[at : at + len(closing)] == closing:
             return content, ""
-        if candidate[at : at + len(opening)] == opening:
+        if not alone and candidate[at : at + len(opening)] == opening:
             return content, "incomplete"
         if candidate[at] == doubled and at + 1 < len(candidate):
+            if candidate[at + 1] != doubled and alone:
+                return content, "incomplete"  # another frame opens here
             if candidate[at + 1] != doubled:
                 return content, "bad_stuffing"  # two bytes of no meaning, where the delimiter would be
             at += 1
@@ -315,7 +417,9 @@ def _longest_on_wire(protocol: Protocol) -> int:
 
 
 def _overhead(protocol: Protocol, size: int) -> int:
-    return {Stuffing.NONE: 0, Stuffing.COBS: 1 + size // 254, Stuffing.ESCAPE: size}[protocol.format.stuffing]
+    if protocol.format.insertion is not None:
+        return size // len(protocol.format.insertion.after)
+    return {Stuffing.NONE: 0, Stuffing.COBS: 1 + size // 254}.get(protocol.format.stuffing, size)
 
 
 def _examine_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[int, str, dict[str, object]]:
@@ -343,7 +447,10 @@ def _unstuffed(protocol: Protocol, block: bytes) -> bytes | None:
         return None
     middle = block[front : len(block) - back]
     escapes = protocol.format.escapes
-    content = unescape(escapes, middle) if escapes is not None else uncobs(middle)
+    if protocol.format.stuffing == Stuffing.HEX:
+        content = bytes.fromhex(middle.decode()) if re.fullmatch(rb"([0-9A-Fa-f]{2})*", middle) else None
+    else:
+        content = unescape(escapes, middle) if escapes is not None else uncobs(middle)
     return None if content is None else block[:front] + content + block[len(block) - back :]
 
 
@@ -454,19 +561,19 @@ def _examine(
     senders = (sender,) if sender in (End.HOST, End.MCU) or not asks else (End.HOST, End.MCU)
     sizes = sorted(_telling_values(sized, 0xFFFF))
     furthest: _Rejected | None = None
-    waits = False
+    waits: _Incomplete | None = None  # the one that needs least
     for end in senders:
         for holding in dict.fromkeys(frozenset(c for c in sized if c.holds(n)) for n in sizes):
             try:
                 return _examine_as(protocol, data, sender, block, end, holding)
-            except _Incomplete:
-                waits = True
+            except _Incomplete as found:
+                waits = found if waits is None or found.size < waits.size else waits
             except _Rejected as rejected:
                 reach = (rejected.extent, rejected.cause != "constant_mismatch")
                 if furthest is None or reach > (furthest.extent, furthest.cause != "constant_mismatch"):
                     furthest = rejected
-    if waits:
-        raise _Incomplete
+    if waits is not None:
+        raise waits
     assert furthest is not None
     raise furthest
 
@@ -494,7 +601,7 @@ def _examine_as(
     parts = (*before, frame_format.parts[payload_at], *after)
     prefix, suffix = sum(p.size for p in before), sum(p.size for p in after)
 
-    size, known_size = _payload_size(protocol, parts, header, data, prefix, suffix, sender)
+    size, known_size = _payload_size(protocol, parts, header, data, prefix, suffix, sender, block is not None)
     early_id = header.id is not None
     message_id = header.id
     message = _message(protocol, header.id, sender)
@@ -507,6 +614,7 @@ def _examine_as(
     if (
         early_id
         and not frame_format.deliver_unknown
+        and (block is not None or not frame_format.length_on_wire)
         and not _fits(frame_format.parts[payload_at], message, size, known_size)
     ):
         raise _Rejected("unknown_message", prefix)
@@ -525,7 +633,7 @@ def _examine_as(
     if block is not None and total != len(data):
         raise _Rejected("length_out_of_range", len(data))
     if len(data) < total:
-        raise _Incomplete
+        raise _Incomplete(total)
     data = data[:total]
 
     at = prefix + size
@@ -664,6 +772,7 @@ def _payload_size(
     prefix: int,
     suffix: int,
     sender: End | None,
+    is_whole: bool,
 ) -> tuple[int, bool]:
     """Payload bytes, and whether the format itself fixes them."""
     payload = next(p for p in parts if p.kind == PartKind.PAYLOAD)
@@ -694,8 +803,14 @@ def _payload_size(
     }[length.counts]
     assert header.length is not None
     size = header.length * length.length_unit - counted - length.length_offset
+    if protocol.format.length_on_wire:
+        most += _overhead(protocol, _longest_frame(protocol))
     if not 0 <= size <= most:
         raise _Rejected("length_out_of_range", prefix)
+    if protocol.format.length_on_wire and is_whole:
+        size = len(data) - prefix - suffix
+        if not 0 <= size <= protocol.format.max_payload:
+            raise _Rejected("length_out_of_range", 0)
     return size, False
 
 

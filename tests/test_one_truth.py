@@ -16,14 +16,14 @@ from wirebond.protocol import loads, plan
 from wirebond.protocol.model import End, cobs_overhead
 
 CORE = ROOT / "core" / "include"
-LIMITS = ("constants", "checks", "forms", "algorithms", "header_fields", "escapes", "exclusions")
+LIMITS = ("constants", "checks", "forms", "algorithms", "header_fields", "escapes", "exclusions", "insertion")
 PROGRAM = """
 #include <cstdio>
 #include "wirebond/format.hpp"
 int main() {
-  std::printf("%zu %zu %zu %zu %zu %zu %zu\\n", wirebond::max_constants, wirebond::max_checks, wirebond::max_forms,
+  std::printf("%zu %zu %zu %zu %zu %zu %zu %zu\\n", wirebond::max_constants, wirebond::max_checks, wirebond::max_forms,
               wirebond::max_algorithms, wirebond::max_header_fields, wirebond::max_escapes,
-              wirebond::max_exclusions);
+              wirebond::max_exclusions, wirebond::max_insertion);
   for (std::size_t size = 0; size < 3000; ++size) std::printf("%zu ", wirebond::cobs_overhead(size));
 }
 """

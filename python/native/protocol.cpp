@@ -24,9 +24,13 @@ constexpr std::pair<const char*, CheckKind> check_kinds[] = {{"crc", CheckKind::
 constexpr std::pair<const char*, Framing> framings[] = {{"by_start", Framing::by_start},
                                                         {"delimited", Framing::delimited},
                                                         {"bracketed", Framing::bracketed},
-                                                        {"silence", Framing::silence}};
-constexpr std::pair<const char*, Stuffing> stuffings[] = {
-    {"none", Stuffing::none}, {"cobs", Stuffing::cobs}, {"escape", Stuffing::escape}};
+                                                        {"silence", Framing::silence},
+                                                        {"sized", Framing::sized}};
+constexpr std::pair<const char*, Stuffing> stuffings[] = {{"none", Stuffing::none},
+                                                          {"cobs", Stuffing::cobs},
+                                                          {"escape", Stuffing::escape},
+                                                          {"hex", Stuffing::hex},
+                                                          {"insertion", Stuffing::insertion}};
 
 Position read_position(nb::handle position) {
   return {nb::cast<std::int16_t>(position.attr("offset")), nb::cast<bool>(position.attr("from_end"))};
@@ -173,6 +177,7 @@ FormatTable::FormatTable(nb::handle plan) {
   const nb::object escapes = plan.attr("escapes");
   if (!escapes.is_none()) {
     format_.escapes.escape = nb::cast<std::uint8_t>(escapes.attr("escape"));
+    format_.escapes.starts = nb::cast<std::uint8_t>(plan.attr("starts"));
     format_.escapes.exclusive_or = nb::cast<std::uint8_t>(escapes.attr("exclusive_or"));
     for (nb::handle pair : escapes.attr("pairs")) {
       const std::size_t i = format_.escapes.count++;
@@ -181,6 +186,14 @@ FormatTable::FormatTable(nb::handle plan) {
     }
   }
   format_.deliver_unknown = nb::cast<bool>(plan.attr("deliver_unknown"));
+  const nb::object insertion = plan.attr("insertion");
+  if (!insertion.is_none()) {
+    for (nb::handle byte : nb::object(insertion.attr("after"))) {
+      format_.insertion.after.at(format_.insertion.size++) = nb::cast<std::uint8_t>(byte);
+    }
+    format_.insertion.byte = nb::cast<std::uint8_t>(insertion.attr("byte"));
+  }
+  format_.length_on_wire = nb::cast<bool>(plan.attr("length_on_wire"));
   format_.skips_failed = nb::cast<bool>(plan.attr("skips_failed"));
   format_.plain_front = nb::cast<std::uint8_t>(plan.attr("plain_front"));
   format_.plain_back = nb::cast<std::uint8_t>(plan.attr("plain_back"));

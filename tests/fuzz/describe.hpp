@@ -47,8 +47,8 @@ inline void print_form(const wirebond::Form& form) {
 }
 
 inline void print_format(const wirebond::FrameFormat& format) {
-  static constexpr const char* framings[] = {"by_start", "delimited", "bracketed", "silence"};
-  static constexpr const char* stuffings[] = {"none", "cobs", "escape"};
+  static constexpr const char* framings[] = {"by_start", "delimited", "bracketed", "silence", "sized"};
+  static constexpr const char* stuffings[] = {"none", "cobs", "escape", "hex", "insertion"};
   std::fprintf(
       stderr,
       "format: %s, stuffing %s, delimiters %02X %02X, %02X %02X%s, escape %02X xor %02X, max_payload %u, unknown %s\n",

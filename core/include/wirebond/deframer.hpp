@@ -9,6 +9,7 @@
 #include "wirebond/examine.hpp"
 #include "wirebond/format.hpp"
 #include "wirebond/marks.hpp"
+#include "wirebond/sized.hpp"
 #include "wirebond/stuffing.hpp"
 
 namespace wirebond {
@@ -152,7 +153,9 @@ class Deframer {
       if (available < needed_ && !give_up) break;  // examined before: this many bytes decide
       Frame frame;
       if constexpr (tells_unlisted) frame.size = 0;
-      Verdict verdict = examine(source_, window + at, available, nullptr, frame);
+      Verdict verdict = source_.format().framing == Framing::sized
+                            ? examine_sized(source_, window + at, available, scratch_, frame)
+                            : examine(source_, window + at, available, nullptr, frame);
       if (verdict.outcome == Outcome::need_more) {
         if (!give_up) {
           needed_ = static_cast<detail::Extent<Source>>(verdict.bytes);
@@ -178,7 +181,9 @@ class Deframer {
         discard(failed);
         at += failed;
       }
-      if constexpr (!Source::is_constant) break;  // the next one may be good again: the straight way
+      if constexpr (!Source::is_constant) {
+        if (source_.format().framing == Framing::by_start) break;  // the next one may be good again: the straight way
+      }
     }
     return at;
   }

@@ -44,6 +44,14 @@ WIREBOND_INLINE std::size_t enclose(const FrameFormat& format, std::uint8_t* buf
   return opening + size + write_mark(format.closing, buffer + opening + size);
 }
 
+/// The length of a frame with `payload` bytes, those that stuffing added included where it counts them. False: the
+/// length cannot tell them.
+WIREBOND_INLINE bool write_length(const Form& form, std::uint8_t* frame, std::size_t size, std::size_t payload) {
+  const std::int64_t counted = static_cast<std::int64_t>(payload) - form.length_bias;
+  write_number(form.length, frame, size, static_cast<std::uint64_t>(counted / form.length_unit));
+  return counted <= form.length.most();
+}
+
 /// Write a check's value: over what `rule` says of `frame`, or of the bytes as they are sent.
 template <class Source>
 WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::size_t index, std::uint8_t* frame,
@@ -117,10 +125,7 @@ WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, s
         detail::write_number(field.number, frame, size, value & ~field.fixed_mask);
         return true;
       });
-  if (form.length.present()) {
-    const std::int64_t counted = static_cast<std::int64_t>(payload) - form.length_bias;
-    detail::write_number(form.length, frame, size, static_cast<std::uint64_t>(counted / form.length_unit));
-  }
+  if (form.length.present() && !format.length_on_wire) detail::write_length(form, frame, size, payload);
   if (form.id.present()) detail::write_number(form.id, frame, size, id);
   return true;
 }
@@ -146,6 +151,10 @@ WIREBOND_INLINE std::size_t close_frame(const Source& source, std::uint8_t* buff
   };
   write_checks(false, frame, size);
   const std::size_t between = stuff_in_place(format, frame, size);
+  if (format.length_on_wire) {
+    detail::clear_number(form.length, frame, size);  // a frame that is closed again has the one of before
+    if (!detail::write_length(form, frame, size, between - form.prefix - form.suffix)) return 0;
+  }
   write_checks(true, buffer + opening_bytes(format), between);
   return detail::enclose(format, buffer, between);
 }

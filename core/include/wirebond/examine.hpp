@@ -6,6 +6,7 @@
 
 #include "wirebond/format.hpp"
 #include "wirebond/payload_rules.hpp"
+#include "wirebond/stuffing.hpp"
 
 namespace wirebond {
 
@@ -64,11 +65,7 @@ namespace detail {
 inline bool read_hex(const std::uint8_t* digits, unsigned bytes, std::uint64_t& value) {
   value = 0;
   for (unsigned i = 0; i < 2 * bytes; ++i) {
-    const std::uint8_t c = digits[i];
-    const int digit = c >= '0' && c <= '9'   ? c - '0'
-                      : c >= 'A' && c <= 'F' ? c - 'A' + 10
-                      : c >= 'a' && c <= 'f' ? c - 'a' + 10
-                                             : -1;
+    const int digit = hex_digit(digits[i]);
     if (digit < 0) return false;
     value = (value << 4) | static_cast<std::uint64_t>(digit);
   }
@@ -214,10 +211,16 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   if (form.payload_size == PayloadSize::by_length) {
     const std::int64_t size =
         static_cast<std::int64_t>(read_number(form.length, candidate, 0)) * form.length_unit + form.length_bias;
-    if (size < 0 || size > format.max_payload) {
-      return {Outcome::reject, Cause::length_out_of_range, form.prefix};
-    }
+    std::int64_t most = format.max_payload;
+    if (format.length_on_wire) most += static_cast<std::int64_t>(stuffing_overhead(format, max_frame_bytes(format)));
+    if (size < 0 || size > most) return {Outcome::reject, Cause::length_out_of_range, form.prefix};
     payload = static_cast<std::size_t>(size);
+    if (format.length_on_wire && whole) {  // known now that nothing is stuffed any more
+      if (available < outside || available - outside > format.max_payload) {
+        return {Outcome::reject, Cause::length_out_of_range, available};
+      }
+      payload = available - outside;
+    }
   } else if (form.payload_size == PayloadSize::by_id) {
     if (!head.shape.known()) return {Outcome::reject, Cause::unknown_message, form.prefix};
     payload = head.shape.max_payload;
@@ -235,7 +238,8 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
     head.payload = payload;
     head.size = outside + payload;
   }
-  if (id_early && !format.deliver_unknown && !fits(form, head.shape, payload)) {
+  const bool is_known = whole || !format.length_on_wire;  // the payload's size
+  if (id_early && !format.deliver_unknown && is_known && !fits(form, head.shape, payload)) {
     return {Outcome::reject, Cause::unknown_message, form.prefix};
   }
 

@@ -112,6 +112,7 @@ constexpr std::size_t max_algorithms = 4;
 constexpr std::size_t max_header_fields = 16;
 constexpr std::size_t max_escapes = 6;
 constexpr std::size_t max_exclusions = 24;
+constexpr std::size_t max_insertion = 4;
 
 /// One shape that a frame can take: fixed bytes before the payload (`prefix`), the payload, fixed bytes after it
 /// (`suffix`). A format whose header varies (two magics, optional parts) has several forms, told apart by their
@@ -145,6 +146,7 @@ enum class Framing : std::uint8_t {
   delimited,  ///< a frame lies between two equal delimiters and cannot contain one; neighbours may share one
   bracketed,  ///< it lies between an opening and a closing delimiter that differ
   silence,    ///< a frame is what lies between two silences of the line
+  sized,      ///< a frame is found by its first constant, and stuffed; its length tells where it ends
 };
 
 /// A delimiter of one or two bytes.
@@ -158,7 +160,13 @@ struct Mark {
   }
 };
 
-enum class Stuffing : std::uint8_t { none, cobs, escape };
+enum class Stuffing : std::uint8_t {
+  none,
+  cobs,
+  escape,
+  hex,        ///< each byte is sent as two hex digits
+  insertion,  ///< a byte is sent behind each place where a certain sequence stands
+};
 
 /// A byte that must not appear is sent as `escape` and a code: its value xor `exclusive_or` or, where that is 0, the
 /// code beside it in the table (SLIP). A receiver with `exclusive_or` takes any escaped byte (HDLC). Where the escape
@@ -169,6 +177,15 @@ struct EscapeRule {
   std::uint8_t count = 0;
   std::array<std::uint8_t, max_escapes> plain{};
   std::array<std::uint8_t, max_escapes> code{};
+  std::uint8_t starts = 0;  ///< the first so many of `plain` begin frames found by their start; none stands within one
+};
+
+/// Behind the bytes `after`, wherever they stand among the stuffed ones, `byte` is sent (Dynamixel 2.0: 0xFD behind
+/// FF FF FD). The sequence does not begin as it ends, so that two of them never overlap.
+struct InsertionRule {
+  std::uint8_t size = 0;
+  std::uint8_t byte = 0;
+  std::array<std::uint8_t, max_insertion> after{};
 };
 
 struct FrameFormat {
@@ -182,6 +199,7 @@ struct FrameFormat {
   std::uint8_t algorithm_count = 0;
   bool deliver_unknown = false;  ///< unknown ids and other payload sizes are frames, not false starts
   bool skips_failed = false;     ///< a candidate that failed behind its header is not looked through again
+  bool length_on_wire = false;   ///< sized: the length counts the bytes as they are sent, after stuffing
   std::uint8_t plain_front = 0;  ///< this many bytes before the stuffed ones are sent as they are
   std::uint8_t plain_back = 0;   ///< and this many behind them
   std::uint8_t sequence_place = no_header_field;  ///< the header field that counts a sender's frames
@@ -195,6 +213,7 @@ struct FrameFormat {
   std::array<CheckAlgorithm, max_algorithms> algorithms{};
   EscapeRule escapes{};
   std::array<Exclusion, max_exclusions> exclusions{};  ///< of all forms
+  InsertionRule insertion{};
 };
 
 /// What the deframer must know of a message: nothing about its fields.
@@ -224,7 +243,14 @@ WIREBOND_INLINE constexpr std::size_t cobs_overhead(std::size_t size) { return 1
 
 /// Bytes that stuffing adds to a frame of `size` bytes at most.
 WIREBOND_INLINE constexpr std::size_t stuffing_overhead(const FrameFormat& format, std::size_t size) {
-  return format.stuffing == Stuffing::cobs ? cobs_overhead(size) : format.stuffing == Stuffing::escape ? size : 0;
+  switch (format.stuffing) {
+    case Stuffing::cobs: return cobs_overhead(size);
+    case Stuffing::escape:
+    case Stuffing::hex: return size;
+    case Stuffing::insertion: return size / format.insertion.size;
+    case Stuffing::none: break;
+  }
+  return 0;
 }
 
 WIREBOND_INLINE constexpr bool has_marks(const FrameFormat& format) {

@@ -41,13 +41,21 @@ WIREBOND_INLINE bool begins_long_mark(Mark mark, std::uint8_t byte) { return mar
 /// from the block's start.
 inline BlockEnd find_block_end(Mark opening, Mark closing, bool doubles, const std::uint8_t* block, std::size_t from,
                                std::size_t size) {
+  // An opening delimiter of the doubled byte alone: the byte behind it tells it from a pair and from the closing one.
+  const bool opens_alone = doubles && opening.size == 1;
+  if (opens_alone) {
+    if (size < 2) return {BlockEnd::open, 1};
+    if (block[1] == opening.first || block[1] == closing.second) return {BlockEnd::no_pair, 2};
+  }
   std::size_t at = from > opening.size ? from : opening.size;
   while (at < size) {
     if (closing.stands_at(block + at, size - at)) return {BlockEnd::closing, at};
-    if (opening.stands_at(block + at, size - at)) return {BlockEnd::opening, at};
+    if (!opens_alone && opening.stands_at(block + at, size - at)) return {BlockEnd::opening, at};
     if (doubles && block[at] == opening.first) {
       if (at + 1 == size) break;
-      if (block[at + 1] != opening.first) return {BlockEnd::no_pair, at + 2};
+      if (block[at + 1] != opening.first) {
+        return opens_alone ? BlockEnd{BlockEnd::opening, at} : BlockEnd{BlockEnd::no_pair, at + 2};
+      }
       ++at;
     } else if (at + 1 == size && (begins_long_mark(closing, block[at]) || begins_long_mark(opening, block[at]))) {
       break;  // the next byte tells

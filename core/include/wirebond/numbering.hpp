@@ -100,6 +100,8 @@ WIREBOND_INLINE std::size_t waiting_size(const FrameFormat& format, const std::u
   if (format.stuffing == Stuffing::escape) return load_bytes(buffer + room - 2, 2, ByteOrder::little);
   const std::size_t size = room - delimiter_bytes(format);
   if (format.stuffing == Stuffing::none) return size;
+  if (format.stuffing == Stuffing::hex) return size / 2;
+  if (format.stuffing == Stuffing::insertion) return size - size / (format.insertion.size + 1u);
   return size - 1 - (size - 1) / 255;  // COBS: 1 + size / 254 more
 }
 

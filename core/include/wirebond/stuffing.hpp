@@ -105,6 +105,69 @@ inline std::ptrdiff_t unescape(const EscapeRule& rule, const std::uint8_t* from,
   return static_cast<std::ptrdiff_t>(out);
 }
 
+/// The digits of `size` bytes at `buffer`, which has room for as many more. Returns the number of digits.
+inline std::size_t hex_in_place(std::uint8_t* buffer, std::size_t size) {
+  for (std::size_t i = size; i-- > 0;) {  // from the end, so that nothing is overwritten unread
+    const std::uint8_t byte = buffer[i];
+    buffer[2 * i] = static_cast<std::uint8_t>("0123456789ABCDEF"[byte >> 4]);
+    buffer[2 * i + 1] = static_cast<std::uint8_t>("0123456789ABCDEF"[byte & 0xF]);
+  }
+  return 2 * size;
+}
+
+/// The value of a hex digit of either case; -1: it is none.
+inline int hex_digit(std::uint8_t c) {
+  return c >= '0' && c <= '9'   ? c - '0'
+         : c >= 'A' && c <= 'F' ? c - 'A' + 10
+         : c >= 'a' && c <= 'f' ? c - 'a' + 10
+                                : -1;
+}
+
+/// Undo it. Returns the size, or -1 where a digit is missing or none, or the result does not fit.
+inline std::ptrdiff_t unhex(const std::uint8_t* from, std::size_t size, std::uint8_t* to, std::size_t capacity) {
+  if (size % 2 != 0 || size / 2 > capacity) return -1;
+  for (std::size_t i = 0; i < size / 2; ++i) {
+    const int high = hex_digit(from[2 * i]);
+    const int low = hex_digit(from[2 * i + 1]);
+    if (high < 0 || low < 0) return -1;
+    to[i] = static_cast<std::uint8_t>(high << 4 | low);
+  }
+  return static_cast<std::ptrdiff_t>(size / 2);
+}
+
+/// Do the `size` bytes at `bytes` end with the rule's sequence?
+inline bool ends_with(const InsertionRule& rule, const std::uint8_t* bytes, std::size_t size) {
+  if (size < rule.size) return false;
+  for (std::size_t i = 0; i < rule.size; ++i) {
+    if (bytes[size - rule.size + i] != rule.after[i]) return false;
+  }
+  return true;
+}
+
+/// Insert what the rule asks for into `size` bytes at `buffer`, which has room. Returns the new size.
+inline std::size_t insert_in_place(const InsertionRule& rule, std::uint8_t* buffer, std::size_t size) {
+  std::size_t stuffed = size;
+  for (std::size_t i = 1; i <= size; ++i) stuffed += ends_with(rule, buffer, i) ? 1 : 0;
+  std::size_t to = stuffed;
+  for (std::size_t from = size; from != to; --from) {  // until all that is left stays where it is
+    if (ends_with(rule, buffer, from)) buffer[--to] = rule.byte;
+    buffer[--to] = buffer[from - 1];
+  }
+  return stuffed;
+}
+
+/// Undo it. Returns the size, or -1 where the inserted byte is missing, or the result does not fit.
+inline std::ptrdiff_t uninsert(const InsertionRule& rule, const std::uint8_t* from, std::size_t size, std::uint8_t* to,
+                               std::size_t capacity) {
+  std::size_t out = 0;
+  for (std::size_t i = 0; i < size; ++i) {
+    if (out == capacity) return -1;
+    to[out++] = from[i];
+    if (ends_with(rule, to, out) && (++i == size || from[i] != rule.byte)) return -1;
+  }
+  return static_cast<std::ptrdiff_t>(out);
+}
+
 /// Stuff the frame of `size` bytes at `frame` but for what is sent as it is. Room: stuffing_overhead more bytes, under
 /// COBS the first of them before the frame. Returns the stuffed size; under COBS the result begins at frame - 1.
 WIREBOND_INLINE std::size_t stuff_in_place(const FrameFormat& format, std::uint8_t* frame, std::size_t size) {
@@ -120,6 +183,10 @@ WIREBOND_INLINE std::size_t stuff_in_place(const FrameFormat& format, std::uint8
   if (format.stuffing == Stuffing::cobs) {
     if (front != 0) std::memmove(frame - code, frame, front);
     stuffed = cobs_encode_in_place(begin - code, inner);
+  } else if (format.stuffing == Stuffing::hex) {
+    stuffed = hex_in_place(begin, inner);
+  } else if (format.stuffing == Stuffing::insertion) {
+    stuffed = insert_in_place(format.insertion, begin, inner);
   } else {
     stuffed = escape_in_place(format.escapes, begin, inner);
   }
@@ -136,8 +203,10 @@ WIREBOND_INLINE std::ptrdiff_t unstuff(const FrameFormat& format, const std::uin
   if (size < front + back) return -1;
   const std::size_t inner = size - front - back;
   const std::size_t room = max_wire_bytes(format) - front - back;
-  const std::ptrdiff_t result = format.stuffing == Stuffing::cobs
-                                    ? cobs_decode(block + front, inner, to + front, room)
+  const std::ptrdiff_t result = format.stuffing == Stuffing::cobs  ? cobs_decode(block + front, inner, to + front, room)
+                                : format.stuffing == Stuffing::hex ? unhex(block + front, inner, to + front, room)
+                                : format.stuffing == Stuffing::insertion
+                                    ? uninsert(format.insertion, block + front, inner, to + front, room)
                                     : unescape(format.escapes, block + front, inner, to + front, room);
   if (result < 0) return -1;
   if (front != 0) std::memcpy(to, block, front);

@@ -24,8 +24,8 @@ class FastPath {
 
   FastPath(const FrameFormat& format, const std::array<FastCrc, max_algorithms>& crcs) {
     const Form& form = format.forms[0];
-    const bool applies = format.form_count == 1 && form.exclusion_count == 0 && read_head(format, form) &&
-                         read_checks(format, form, crcs);
+    const bool applies = format.form_count == 1 && form.exclusion_count == 0 && format.framing != Framing::sized &&
+                         read_head(format, form) && read_checks(format, form, crcs);
     least_ = !applies ? SIZE_MAX : outside_ > sizeof(std::uint64_t) ? outside_ : sizeof(std::uint64_t);
     if (applies && format.framing == Framing::by_start) {
       least_by_start_ = form.prefix > sizeof(std::uint32_t) ? form.prefix : sizeof(std::uint32_t);

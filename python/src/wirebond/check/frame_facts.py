@@ -77,6 +77,8 @@ def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
         size += cobs_overhead(size)
     elif frame_format.escapes is not None:
         size = math.ceil(size * (1 + len(frame_format.escapes.pairs) / 256))
+    elif frame_format.stuffing == Stuffing.HEX:
+        size *= 2
     if frame_format.ends_by_silence:
         size += math.ceil(protocol.pause_seconds * protocol.link.baud / protocol.link.bits_per_byte)
     return size + len(frame_format.opening or b"") + len(frame_format.delimiter or b"")

@@ -88,6 +88,7 @@ def _bytes_until_delivery(codec: Codec, sender: End, false_header: bytes, good: 
     decoder = codec.decoder(sender)
     decoder.feed(false_header)
     most = max(form.prefix + form.suffix for form in forms(codec.model, sender)) + codec.model.format.max_payload
+    most += codec.model.format.overhead(most)
     stream = good * (2 + most // len(good))
     for fed in range(1, len(stream) + 1):
         if decoder.feed(stream[fed - 1 : fed]):

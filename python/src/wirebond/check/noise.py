@@ -86,14 +86,15 @@ def measure_noise(codec: Codec, sender: End, size: int, seed: int) -> Noise:
 def expected_rate(protocol: Protocol, sender: End) -> float | None:
     """False frames for each random byte: the chance that constants, id, size and checks all fit.
 
-    None for escapes, delimiters around bytes that are not stuffed, silence, and checks in hex digits.
+    None for escapes, hex digits and insertions, delimiters around bytes that are not stuffed, silence, and checks in
+    hex digits.
     """
     frame_format = protocol.format
     possible = forms(protocol, sender)
     if frame_format.ends_by_silence or any(rule.as_hex for form in possible for rule in form.checks):
         return None
     messages = [message for message in protocol.messages if message.sent_by(sender)]
-    if frame_format.delimiter is None:
+    if frame_format.delimiter is None and not frame_format.is_sized:
         return sum(_constants_and_checks(form) * _id_and_size(protocol, form, messages) for form in possible)
     if frame_format.stuffing != Stuffing.COBS or frame_format.opening != frame_format.delimiter:
         return None

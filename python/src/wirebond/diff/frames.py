@@ -25,7 +25,7 @@ def frame_changes(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator
 
 def _around(old: FrameFormat, new: FrameFormat, routes: list[Sides]) -> Iterator[Change]:
     """Delimiters, stuffing, silence; then what a receiver takes for a frame."""
-    envelopes = [(f.delimiter, f.opening, f.stuffing, f.escapes, f.ends_by_silence) for f in (old, new)]
+    envelopes = [(f.delimiter, f.opening, f.stuffing, f.escapes, f.insertion, f.ends_by_silence) for f in (old, new)]
     if envelopes[0] != envelopes[1]:
         effects = []
         for sides in routes:
@@ -45,18 +45,22 @@ def _around(old: FrameFormat, new: FrameFormat, routes: list[Sides]) -> Iterator
 
 def _envelope(plan: Plan) -> tuple[object, ...]:
     """What must agree. A receiver does without the delimiter before a frame where it is the same as the one behind."""
-    return plan.framing, plan.opening, plan.closing, plan.stuffing, plan.escapes, plan.plain_front, plan.plain_back
+    stuffing = plan.stuffing, plan.escapes, plan.insertion, plan.length_on_wire
+    return plan.framing, plan.opening, plan.closing, *stuffing, plan.plain_front, plan.plain_back
 
 
 def _envelope_text(frame_format: FrameFormat) -> str:
     if frame_format.ends_by_silence:
         return "frames that end by silence"
-    if frame_format.delimiter is None:
-        return "frames without delimiters"
-    opening = "" if frame_format.opening is None else f"{bytes_text(frame_format.opening)} … "
     stuffing = "" if frame_format.stuffing == "none" else f", stuffed by {frame_format.stuffing}"
     if frame_format.escapes is not None:
         stuffing += f" {frame_format.escapes.escape:#04x}"
+    if frame_format.insertion is not None:
+        rule = frame_format.insertion
+        stuffing += f" of {rule.byte:#04x} behind {bytes_text(rule.after)}"
+    if frame_format.delimiter is None:
+        return f"frames without delimiters{stuffing}"
+    opening = "" if frame_format.opening is None else f"{bytes_text(frame_format.opening)} … "
     return f"frames in {opening}{bytes_text(frame_format.delimiter)}{stuffing}"
 
 

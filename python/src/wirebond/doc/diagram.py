@@ -7,7 +7,12 @@ from itertools import takewhile
 from wirebond.explain.examine import hex_of
 from wirebond.protocol.model import FrameFormat, Part, PartKind, PayloadRule, Stuffing
 
-_STUFFINGS = {Stuffing.COBS: "COBS", Stuffing.ESCAPE: "escapes"}
+_STUFFINGS = {
+    Stuffing.COBS: "COBS",
+    Stuffing.ESCAPE: "escapes",
+    Stuffing.HEX: "hex digits",
+    Stuffing.INSERTION: "insertion",
+}
 
 
 def diagram(frame_format: FrameFormat, longest_payload: int) -> list[str]:
@@ -45,7 +50,7 @@ def _around(frame_format: FrameFormat) -> str:
     if frame_format.ends_by_silence:
         return f"silence  {inside}  silence"
     if frame_format.delimiter is None:
-        return ""
+        return inside if frame_format.is_sized else ""
     opening = "" if frame_format.opening is None else f"{hex_of(frame_format.opening)}  "
     return f"{opening}{inside}  {hex_of(frame_format.delimiter)}"
 

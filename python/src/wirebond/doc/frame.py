@@ -116,6 +116,15 @@ def _stuffing(frame_format: FrameFormat) -> list[str]:
     where, checks = _stuffed_parts(frame_format), _checks_and_stuffing(frame_format)
     if frame_format.stuffing == Stuffing.COBS:
         return ["", f"{where} the frame is stuffed with {_COBS[0]}", *_COBS[1:], checks]
+    if frame_format.stuffing == Stuffing.HEX:
+        return [
+            "",
+            f"{where} each byte is sent as two hex digits, the high one first, in upper case. {checks} A receiver "
+            "takes digits of either case.",
+        ]
+    if frame_format.insertion is not None:
+        after, byte = hex_of(frame_format.insertion.after), frame_format.insertion.byte
+        return ["", f"{where} a byte `{byte:02X}` is sent behind each `{after}`. {checks}{_sized(frame_format)}"]
     if frame_format.escapes is None:
         return []
     rule = frame_format.escapes
@@ -130,10 +139,17 @@ def _stuffing(frame_format: FrameFormat) -> list[str]:
         return [
             "",
             f"{where} each byte {named} is sent as two: the escape `{rule.escape:02X}`, then the byte xor "
-            f"`{rule.exclusive_or:02X}`. {checks}",
+            f"`{rule.exclusive_or:02X}`. {checks}{_sized(frame_format)}",
         ]
     rows = [(f"`{byte:02X}`", f"`{rule.escape:02X} {code:02X}`") for byte, code in rule.pairs]
     return ["", f"{where} these bytes are sent as two. {checks}", "", *table(("byte", "sent as"), rows)]
+
+
+def _sized(frame_format: FrameFormat) -> str:
+    """What the length counts, where it ends a stuffed frame."""
+    if not frame_format.is_sized:
+        return ""
+    return f" The length counts the bytes {'as they are sent' if frame_format.length_on_wire else 'before that'}."
 
 
 def _stuffed_parts(frame_format: FrameFormat) -> str:

@@ -172,6 +172,10 @@ def spans(parts: tuple[Part, ...], payload_size: int) -> list[tuple[int, int]]:
     return found
 
 
+def _outside(parts: tuple[Part, ...]) -> int:
+    return sum(part.size for part in parts)
+
+
 def counted_beside_payload(parts: tuple[Part, ...], index: int) -> int:
     """Bytes that the length part at ``index`` counts besides the payload, its offset included."""
     part = parts[index]
@@ -342,7 +346,7 @@ class _Examination:
         knows_size = early_id or where is None or not parts[at].trims_zeros
         if knows_size:
             self._size_choices(size, prefix)
-        if early_id:
+        if early_id and (self.block is not None or not self.protocol.format.length_on_wire):
             self._message_fits(size, prefix)
         for index in self._checks(header=True):
             self._check(index, before, Cause.HEADER_CHECK_MISMATCH, prefix)
@@ -489,9 +493,18 @@ class _Examination:
         beside = counted_beside_payload(parts, index)
         size = number * part.length_unit - beside
         expected = f"{max(0, beside)} to {(most + beside) // part.length_unit}"
+        if self.protocol.format.length_on_wire:  # it counts what stuffing adds, too
+            most += self.protocol.format.overhead(most + max(_outside(form.parts) for form in self._all_forms()))
         holds = 0 <= size <= most
         self._rule(Question.LENGTH, index, holds, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix)
+        if self.protocol.format.length_on_wire and self.block is not None:  # known now that nothing is stuffed any more
+            size, most = have - outside, self.protocol.format.max_payload
+            expected, found = f"{outside} to {outside + most} bytes", f"{have} bytes"
+            self._rule(Question.SIZE, None, 0 <= size <= most, expected, found, Cause.LENGTH_OUT_OF_RANGE, have)
         return size
+
+    def _all_forms(self) -> list[FormParts]:
+        return forms(self.protocol, self.sender)
 
     def _known_message(self, extent: int) -> None:
         index = id_index(self.parts)

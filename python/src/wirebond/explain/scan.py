@@ -19,7 +19,8 @@ from wirebond.explain.examine import (
     hex_of,
     payload_index,
 )
-from wirebond.explain.stuffing import Impossible, Unstuffed, overhead, plain, unstuff
+from wirebond.explain.sized import examine_sized
+from wirebond.explain.stuffing import Impossible, Unstuffed, plain, unstuff
 from wirebond.protocol.model import ByteOrder, End, PayloadRule, Protocol
 
 
@@ -118,17 +119,13 @@ def _by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
     while at < len(stream):
         failed = 1
         if stream[at] in starts:
-            data = stream[at : at + longest]
-            verdict = examine(protocol, data, sender)
-            if verdict.is_frame:
-                content = plain(stream[at : at + verdict.extent])
-                result.frames.append(Found(at, verdict.extent, verdict, content, at))
-                at += verdict.extent
+            examined = _examine_start(protocol, stream, sender, at, longest)
+            if isinstance(examined, Found):
+                result.frames.append(examined)
+                at += examined.size
                 continue
-            left = len(stream) - at
-            extent = left if verdict.outcome == Outcome.INCOMPLETE else verdict.extent
-            candidate = Candidate(at, extent, verdict.cause, at, None, verdict, plain(data))
-            result.rejected[verdict.cause] += 1
+            candidate, extent = examined, examined.extent
+            result.rejected[candidate.cause] += 1
             if blame is None or at + extent > max(blame.offset + blame.extent, at):
                 blame = candidate
             if protocol.format.is_strict and extent > header:
@@ -137,6 +134,23 @@ def _by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
             result.blamed[place] = blame if blame is not None and place < blame.offset + blame.extent else None
         at += failed
     return result
+
+
+def _examine_start(protocol: Protocol, stream: bytes, sender: End | None, at: int, longest: int) -> Found | Candidate:
+    left = len(stream) - at
+    if protocol.format.is_sized:
+        sized = examine_sized(protocol, stream[at : at + longest + protocol.format.overhead(longest)], sender)
+        if sized.outcome == Outcome.FRAME and sized.verdict is not None:
+            return Found(at, sized.extent, sized.verdict, sized.content, at)
+        extent = left if sized.outcome == Outcome.INCOMPLETE else sized.extent
+        end = at + extent if sized.verdict is None else None
+        return Candidate(at, extent, sized.cause, at, end, sized.verdict, sized.content, sized.reason)
+    data = stream[at : at + longest]
+    verdict = examine(protocol, data, sender)
+    if verdict.is_frame:
+        return Found(at, verdict.extent, verdict, plain(stream[at : at + verdict.extent]), at)
+    extent = left if verdict.outcome == Outcome.INCOMPLETE else verdict.extent
+    return Candidate(at, extent, verdict.cause, at, None, verdict, plain(data))
 
 
 def _between_delimiters(protocol: Protocol, stream: bytes, sender: End | None, delimiter: bytes) -> Scan:
@@ -196,12 +210,19 @@ def _examine_bracket(
     limit = min(len(stream), at + _longest_on_wire(protocol, sender))
     doubled = protocol.format.escapes.escape if protocol.format.escapes and protocol.format.escapes.doubles else None
     end = begin
-    while end < limit and not any(stream.startswith(mark, end, limit) for mark in (opening, closing)):
+    alone = doubled is not None and len(opening) == 1  # it opens a frame where the next byte makes no pair of it
+    if alone and begin < limit and stream[begin] in closing:
+        reason = f"at {at}: {stream[at]:02X} {stream[begin]:02X} does not open a frame"
+        return Candidate(at, 2, Cause.BAD_STUFFING, begin, begin + 1, reason=reason)
+    marks = (closing,) if alone else (opening, closing)
+    while end < limit and not any(stream.startswith(mark, end, limit) for mark in marks):
         if stream[end] == doubled and end + 1 < limit and stream[end + 1] != doubled:
+            if alone:
+                return _unended(protocol, stream, sender, at, begin, end, closing)
             reason = f"at {end}: {stream[end]:02X} {stream[end + 1]:02X} is neither a delimiter nor a doubled byte"
             return Candidate(at, end + 2 - at, Cause.BAD_STUFFING, begin, end + 2, reason=reason)
         end += 2 if stream[end] == doubled else 1
-    if end >= limit or stream.startswith(opening, end, limit):
+    if end >= limit or (not alone and stream.startswith(opening, end, limit)):
         return _unended(protocol, stream, sender, at, begin, min(end, limit), closing)
     examined = _examine_block(protocol, stream, sender, at, begin, end, len(closing))
     if isinstance(examined, Found):
@@ -225,7 +246,7 @@ def _between_silences(protocol: Protocol, stream: bytes, sender: End | None) -> 
 def _longest_on_wire(protocol: Protocol, sender: End | None) -> int:
     longest = longest_frame(protocol, sender)
     closing = protocol.format.delimiter or b""
-    return longest + overhead(protocol.format, longest) + len(protocol.format.opening or closing) + len(closing)
+    return longest + protocol.format.overhead(longest) + len(protocol.format.opening or closing) + len(closing)
 
 
 def _unended(
@@ -249,7 +270,7 @@ def _examine_block(
     frame_format = protocol.format
     block = stream[begin:end]
     longest = longest_frame(protocol, sender)
-    most = longest + overhead(frame_format, longest)
+    most = longest + frame_format.overhead(longest)
     extent = end - offset
     if len(block) > most:
         reason = f"{len(block)} bytes are more than the {most} that a frame can have"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-from wirebond.protocol.model import Escapes, FrameFormat, Stuffing, cobs_overhead
+from wirebond.protocol.model import Escapes, FrameFormat, Stuffing
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,6 @@ def stuff(frame_format: FrameFormat, data: bytes) -> bytes:
     front, back = plain_sizes(frame_format)
     stop = len(data) - back
     return data[:front] + _known(frame_format.stuffing)[1](frame_format, data[front:stop]) + data[stop:]
-
-
-def overhead(frame_format: FrameFormat, size: int) -> int:
-    """Most bytes that stuffing adds to ``size`` bytes."""
-    return _known(frame_format.stuffing)[2](size)
 
 
 def _uncobs(_: FrameFormat, block: bytes) -> Unstuffed | Impossible:
@@ -150,15 +145,55 @@ def _escape(frame_format: FrameFormat, data: bytes) -> bytes:
     return bytes(out)
 
 
-_Entry = tuple[
-    Callable[[FrameFormat, bytes], Unstuffed | Impossible], Callable[[FrameFormat, bytes], bytes], Callable[[int], int]
-]
+def _unhex(_: FrameFormat, block: bytes) -> Unstuffed | Impossible:
+    digits = b"0123456789ABCDEFabcdef"
+    wrong = next((at for at, byte in enumerate(block) if byte not in digits), None)
+    if wrong is not None:
+        return Impossible(wrong, f"{block[wrong]:02X} is no hex digit")
+    if len(block) % 2:
+        return Impossible(len(block), "the second hex digit of the last byte is missing")
+    places = tuple((at, at + 2) for at in range(0, len(block), 2))
+    return Unstuffed(block, bytes.fromhex(block.decode()), places, ())
 
-# One entry for each stuffing in the model: undo, do, most bytes added.
+
+def _hex(_: FrameFormat, data: bytes) -> bytes:
+    return data.hex().upper().encode()
+
+
+def _uninsert(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible:
+    rule = frame_format.insertion
+    assert rule is not None, "stuffing by insertion has its rule"
+    data = bytearray()
+    places: list[tuple[int, int]] = []
+    added: list[tuple[int, str]] = []
+    at = 0
+    while at < len(block):
+        data.append(block[at])
+        places.append((at, at + 1))
+        at += 1
+        if data.endswith(rule.after):
+            if at == len(block) or block[at] != rule.byte:
+                return Impossible(at, f"behind {rule.after.hex(' ').upper()} the inserted {rule.byte:02X} is missing")
+            added.append((at, f"inserted behind {rule.after.hex(' ').upper()}"))
+            at += 1
+    return Unstuffed(block, bytes(data), tuple(places), tuple(added))
+
+
+def _insert(frame_format: FrameFormat, data: bytes) -> bytes:
+    rule = frame_format.insertion
+    assert rule is not None, "stuffing by insertion has its rule"
+    return data.replace(rule.after, rule.after + bytes([rule.byte]))
+
+
+_Entry = tuple[Callable[[FrameFormat, bytes], Unstuffed | Impossible], Callable[[FrameFormat, bytes], bytes]]
+
+# One entry for each stuffing in the model: undo, do.
 _STUFFINGS: dict[Stuffing, _Entry] = {
-    Stuffing.NONE: (lambda _, block: plain(block), lambda _, data: data, lambda _: 0),
-    Stuffing.COBS: (_uncobs, _cobs, cobs_overhead),
-    Stuffing.ESCAPE: (_unescape, _escape, lambda size: size),
+    Stuffing.NONE: (lambda _, block: plain(block), lambda _, data: data),
+    Stuffing.COBS: (_uncobs, _cobs),
+    Stuffing.ESCAPE: (_unescape, _escape),
+    Stuffing.HEX: (_unhex, _hex),
+    Stuffing.INSERTION: (_uninsert, _insert),
 }
 
 

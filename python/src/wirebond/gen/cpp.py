@@ -259,6 +259,14 @@ def format_lines(plan: Plan) -> list[str]:
         for i, (plain, code) in enumerate(escapes.pairs):
             lines.append(f"format.escapes.plain[{i}] = 0x{plain:02X};")
             lines.append(f"format.escapes.code[{i}] = 0x{code:02X};")
+        lines += [f"format.escapes.starts = {plan.starts};"] if plan.starts else []
+    if plan.insertion is not None:
+        after = ", ".join(f"0x{byte:02X}" for byte in plan.insertion.after)
+        lines.append(
+            f"format.insertion = {{{len(plan.insertion.after)}, 0x{plan.insertion.byte:02X}, {{{{{after}}}}}}};"
+        )
+    if plan.length_on_wire:
+        lines.append("format.length_on_wire = true;")
     lines += [
         f"format.form_count = {len(plan.forms)};",
         f"format.algorithm_count = {len(plan.algorithms)};",

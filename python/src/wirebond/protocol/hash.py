@@ -45,7 +45,10 @@ def protocol_hash(protocol: Protocol) -> int:
 def _protocol(protocol: Protocol) -> dict[str, Any]:
     frame_format = protocol.format
     mixed = mixes_ids(frame_format.parts, End.HOST) or mixes_ids(frame_format.parts, End.MCU)
-    return {
+    insertion = frame_format.insertion
+    # What was added after the first release stands here only where it is used, so that other hashes stay.
+    added = {} if insertion is None else {"insertion": [insertion.after.hex(), insertion.byte]}
+    return added | {
         "form": _CANONICAL_TEXT,
         "delimiter": _mark(frame_format.delimiter),
         "opening": _mark(frame_format.opening),

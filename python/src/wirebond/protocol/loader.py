@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from wirebond.protocol.meaning import references
-from wirebond.protocol.meaning.draft import delivers_unknown, finish, skips_failed, validate_sizes
+from wirebond.protocol.meaning.draft import delivers_unknown, finish, skips_failed, validate_first_bytes, validate_sizes
 from wirebond.protocol.meaning.examples import read_examples
 from wirebond.protocol.meaning.frames import read_frame
 from wirebond.protocol.meaning.messages import read_messages, validate_ids
@@ -60,6 +60,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
         return None
     max_payload = validate_sizes(draft, messages, file.max_payload, problems, root.value_place("max_payload"))
     deliver_unknown = delivers_unknown(draft, file.unknown, problems, root.value_place("unknown"))
+    validate_first_bytes(draft, messages, problems)
     is_strict = skips_failed(draft, file.resync, problems, root.value_place("resync"))
     return Protocol(
         name=file.protocol,

@@ -465,6 +465,8 @@ class Stuffing(StrEnum):
     NONE = "none"
     COBS = "cobs"
     ESCAPE = "escape"  # by an escape byte: see ``Escapes``
+    HEX = "hex"  # each byte as two hex digits
+    INSERTION = "insertion"  # a byte behind each place where a sequence stands: see ``Insertion``
 
 
 @dataclass(frozen=True)
@@ -485,6 +487,14 @@ class Escapes:
 
 
 @dataclass(frozen=True)
+class Insertion:
+    """Behind the bytes ``after``, wherever they stand among the stuffed ones, ``byte`` is sent."""
+
+    after: bytes
+    byte: int
+
+
+@dataclass(frozen=True)
 class FrameFormat:
     """``delimiter`` is None for frames that are found by their magic and size, or ended by silence."""
 
@@ -495,11 +505,33 @@ class FrameFormat:
     stuffing: Stuffing = Stuffing.NONE
     opening: bytes | None = None  # delimiter before a frame; None: only its end is marked
     escapes: Escapes | None = None
+    insertion: Insertion | None = None
     ends_by_silence: bool = False
     is_strict: bool = False  # a candidate that failed behind its header is not looked through again
 
     def part(self, kind: PartKind) -> Part | None:
         return next((p for p in self.parts if p.kind == kind), None)
+
+    @property
+    def is_sized(self) -> bool:
+        """Is it stuffed, and ended by its length and no delimiter?"""
+        return self.delimiter is None and self.stuffing != Stuffing.NONE
+
+    @property
+    def length_on_wire(self) -> bool:
+        """Does the length count the bytes as they are sent? Where it ends a stuffed frame and stands beside them."""
+        return self.is_sized and any(
+            part.is_plain and (part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits))
+            for part in self.parts
+        )
+
+    def overhead(self, size: int) -> int:
+        """Bytes that stuffing adds to ``size`` bytes at most."""
+        if self.stuffing == Stuffing.COBS:
+            return cobs_overhead(size)
+        if self.stuffing == Stuffing.INSERTION and self.insertion is not None:
+            return size // len(self.insertion.after)
+        return 0 if self.stuffing == Stuffing.NONE else size
 
 
 PAUSE_MARGIN = 0.002  # seconds
@@ -617,10 +649,7 @@ class Protocol:
             payload = rule.fixed_payload
         beside = max(form.prefix + form.suffix for form in forms(self.format.parts, None))
         size = beside + (self.format.max_payload if payload is None else payload)
-        if self.format.stuffing == Stuffing.COBS:
-            size += cobs_overhead(size)
-        if self.format.stuffing == Stuffing.ESCAPE:
-            size *= 2
+        size += self.format.overhead(size)
         delimiter = self.format.delimiter or b""
         return size + len(self.format.opening or delimiter) + len(delimiter)
 

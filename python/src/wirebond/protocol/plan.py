@@ -25,7 +25,9 @@ from wirebond.protocol.model import (
     ByteOrder,
     End,
     Escapes,
+    FrameFormat,
     HeaderField,
+    Insertion,
     LengthCounts,
     Message,
     Part,
@@ -44,6 +46,7 @@ MAX_FORMS = 8
 MAX_HEADER_FIELDS = 16
 MAX_ESCAPES = 6
 MAX_EXCLUSIONS = 24
+MAX_INSERTION = 4
 NO_ID = 0xFFFFFFFF  # stands for "none" where some frames of a sender have an id and others not
 
 _CONSTANT_KINDS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
@@ -184,6 +187,7 @@ class Framing(StrEnum):
     DELIMITED = "delimited"  # between two equal delimiters
     BRACKETED = "bracketed"  # between an opening and a closing delimiter that differ
     SILENCE = "silence"  # between two silences of the line
+    SIZED = "sized"  # stuffed: by its first constant, and its length tells where it ends
 
 
 @dataclass(frozen=True)
@@ -200,6 +204,9 @@ class Plan:
     sends_opening: bool
     stuffing: Stuffing
     escapes: Escapes | None
+    starts: int  # the first so many bytes of ``escapes`` begin frames that their length ends
+    insertion: Insertion | None
+    length_on_wire: bool  # the length counts the bytes as they are sent, after stuffing
     deliver_unknown: bool
     skips_failed: bool
     plain_front: int  # bytes before the stuffed ones, sent as they are
@@ -247,6 +254,9 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         sends_opening=frame_format.opening is not None,
         stuffing=frame_format.stuffing,
         escapes=frame_format.escapes,
+        starts=_starts(frame_format) if frame_format.is_sized and frame_format.escapes is not None else 0,
+        insertion=frame_format.insertion,
+        length_on_wire=frame_format.length_on_wire,
         deliver_unknown=frame_format.deliver_unknown,
         skips_failed=frame_format.is_strict,
         plain_front=sum(part.size for part in itertools.takewhile(lambda part: part.is_plain, frame_format.parts)),
@@ -306,9 +316,16 @@ def _framing(protocol: Protocol) -> Framing:
     if frame_format.ends_by_silence:
         return Framing.SILENCE
     if frame_format.delimiter is None:
-        return Framing.BY_START
+        return Framing.SIZED if frame_format.is_sized else Framing.BY_START
     is_delimited = frame_format.opening in (None, frame_format.delimiter)
     return Framing.DELIMITED if is_delimited else Framing.BRACKETED
+
+
+def _starts(frame_format: FrameFormat) -> int:
+    """How many values the first byte of a frame has."""
+    magic = frame_format.parts[0]
+    values = [value for _, value in magic.by_sender] or magic.alternatives or (magic.value,)
+    return len({value[0] for value in values})
 
 
 def told_by_request(messages: tuple[Message, ...], sender: End | None) -> set[str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from wirebond.explain.examine import CONSTANTS, Question, Verdict, examine
+from wirebond.explain.sized import examine_sized
 from wirebond.explain.stuffing import Impossible, unstuff
 from wirebond.explain.values import read_fields, values_text
 from wirebond.protocol.model import (
@@ -83,6 +84,9 @@ Guesses = Iterator[Guess | None]
 def look(protocol: Protocol, block: bytes, sender: End | None) -> tuple[Verdict, bytes] | None:
     """The verdict on a block and its unstuffed bytes; None where the stuffing cannot be undone."""
     frame_format = protocol.format
+    if frame_format.is_sized:
+        sized = examine_sized(protocol, block, sender)
+        return None if sized.verdict is None else (sized.verdict, sized.content.data)
     if frame_format.delimiter is None and not frame_format.ends_by_silence:
         return examine(protocol, block, sender), block
     content = unstuff(frame_format, block)

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from wirebond.protocol.meaning.messages import Messages, spoken
 from wirebond.protocol.model import (
     BitRole,
+    ByteOrder,
     End,
     Escapes,
     Field,
     FieldKind,
     FrameFormat,
+    Insertion,
     Message,
     Part,
     PartKind,
@@ -36,7 +38,13 @@ class Envelope:
     opening: bytes | None = None
     stuffing: Stuffing = Stuffing.NONE
     escapes: Escapes | None = None
+    insertion: Insertion | None = None
     silence: float | None = None  # seconds
+
+    @property
+    def opens_alone(self) -> bool:
+        """Does the doubled byte alone open a frame, and the same byte with another close it?"""
+        return self.escapes is not None and self.escapes.doubles and self.opening is not None and len(self.opening) == 1
 
 
 @dataclass(frozen=True)
@@ -49,6 +57,16 @@ class Draft:
 
     def part(self, kind: PartKind) -> Part | None:
         return next((part for part in self.parts if part.kind == kind), None)
+
+    @property
+    def is_sized(self) -> bool:
+        """Is it stuffed, and ended by its length?"""
+        return self.envelope.delimiter is None and self.envelope.stuffing != Stuffing.NONE
+
+    @property
+    def forbidden_first(self) -> bytes:
+        """What the first byte of a frame may not be, where a doubled byte alone opens it."""
+        return (self.envelope.delimiter or b"") if self.envelope.opens_alone else b""
 
     @property
     def payload_index(self) -> int:
@@ -89,7 +107,17 @@ class Draft:
         if self.length_part is None:
             return None
         ends = (End.HOST, End.MCU) if sender == End.BOTH else (sender,)
-        return min(max(form.most_payload for form in forms(self.parts, end)) for end in ends)
+        longest = min(max(form.most_payload for form in forms(self.parts, end)) for end in ends)
+        if not (self.is_sized and self.length_part.is_plain):
+            return longest
+        form = forms(self.parts, None)[0]
+        outside = form.prefix + form.suffix
+        return next((p for p in range(longest, 0, -1) if p + self._overhead(outside + p) <= longest), 0)
+
+    def _overhead(self, size: int) -> int:
+        """Bytes that stuffing adds at most to a frame that its length ends."""
+        insertion = self.envelope.insertion
+        return size if insertion is None else size // len(insertion.after)
 
     @property
     def is_strong(self) -> bool:
@@ -261,11 +289,31 @@ def delivers_unknown(draft: Draft, unknown: str | None, problems: Problems, plac
     return draft.is_strong if unknown is None else unknown == "deliver"
 
 
+def validate_first_bytes(draft: Draft, messages: Messages, problems: Problems) -> None:
+    """Where a doubled byte alone opens a frame that begins with its id, no id may look like the rest of a delimiter."""
+    first, taken = draft.parts[0], draft.forbidden_first
+    if first.kind != PartKind.ID or not taken:
+        return
+    for entry in messages.values():
+        message = entry.complete
+        if message is None:
+            continue
+        begin = message.id >> (8 * (first.size - 1) if first.order == ByteOrder.BIG else 0) & 0xFF
+        if begin in taken:
+            problems.add(
+                entry.place,
+                f"the frame of `{entry.name}` would begin with 0x{begin:02X} behind the delimiter 0x{taken[0]:02X}, "
+                "which looks like a doubled byte or the end of a frame; take another id",
+            )
+
+
 def skips_failed(draft: Draft, resync: str, problems: Problems, place: Place) -> bool:
     envelope = draft.envelope
     brackets = envelope.opening is not None and envelope.opening != envelope.delimiter
     by_start = envelope.delimiter is None and envelope.silence is None
-    if resync == "strict" and not by_start and not brackets:
+    if resync == "strict" and by_start and envelope.stuffing != Stuffing.NONE:
+        problems.add(place, "a stuffed frame that its length ends is always looked through again; remove `resync`")
+    elif resync == "strict" and not by_start and not brackets:
         problems.add(place, "a failed frame ends at its delimiter or silence here, and is skipped; remove `resync`")
     return resync == "strict"
 
@@ -279,6 +327,7 @@ def finish(draft: Draft, max_payload: int, deliver_unknown: bool, is_strict: boo
         opening=draft.envelope.opening,
         stuffing=draft.envelope.stuffing,
         escapes=draft.envelope.escapes,
+        insertion=draft.envelope.insertion,
         ends_by_silence=draft.envelope.silence is not None,
         is_strict=is_strict,
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from wirebond.protocol import plan
 from wirebond.protocol.meaning.draft import Envelope
-from wirebond.protocol.model import Escapes, Stuffing
+from wirebond.protocol.model import Escapes, Insertion, Stuffing
 from wirebond.protocol.problems import Place
 from wirebond.protocol.spelling import bytes_text
 from wirebond.protocol.text.frame_grammar import (
@@ -15,6 +15,9 @@ from wirebond.protocol.text.frame_grammar import (
     DoubledPart,
     EscapedPart,
     HdlcPart,
+    HexPart,
+    InsertedPart,
+    MagicPart,
     PartSyntax,
     PayloadPart,
     SilencePart,
@@ -35,9 +38,7 @@ def read_envelope(outer: Outer, wrong: Wrong) -> Envelope:
     if silences:
         return _silence(outer, silences, bool(marks or stuffed), wrong)
     if not marks:
-        if stuffed:
-            wrong(stuffed[0][1].place, f"stuffing needs a delimiter before and behind it; {_advice(stuffed)}")
-        return Envelope()
+        return _sized(outer, stuffed, wrong) if stuffed else Envelope()
     places = [i for i, _, _ in marks]
     if places not in ([0, len(outer) - 1], [len(outer) - 1]) or len(outer) < 2:
         wrong(
@@ -50,9 +51,47 @@ def read_envelope(outer: Outer, wrong: Wrong) -> Envelope:
         wrong(stuffed[1][1].place, "a frame has one group of stuffed parts; put all parts into the first")
     elif stuffed:
         _validate_plain_parts(outer, wrong)
-    reader = _Delimited(marks, wrong)
+    reader = _Delimited(marks, bool(stuffed) and isinstance(stuffed[0][0], DoubledPart), wrong)
     kind, escapes = reader.stuffing(stuffed[0][0]) if stuffed else (Stuffing.NONE, None)
     return Envelope(reader.closing, reader.opening, kind, escapes)
+
+
+def _sized(outer: Outer, stuffed: Outer, wrong: Wrong) -> Envelope:
+    """No delimiter: the frame begins with its magic, and its length tells where it ends."""
+    syntax, node = stuffed[0]
+    if not isinstance(syntax, EscapedPart | InsertedPart):
+        wrong(node.place, f"stuffing needs a delimiter before and behind it; {_advice(stuffed)}")
+        return Envelope()
+    if len(stuffed) > 1:
+        wrong(stuffed[1][1].place, "a frame has one group of stuffed parts; put all parts into the first")
+    first, first_node = outer[0]
+    if not isinstance(first, MagicPart):
+        wrong(
+            first_node.place,
+            "without delimiters a stuffed frame begins with its magic, which is not stuffed; put `- magic: 0x7E` "
+            f"first, or {_advice(stuffed)}",
+        )
+        return Envelope()
+    _validate_plain_parts(outer, wrong)
+    for part, part_node in stuffed_parts(syntax, node) or []:
+        if part.when is not None:
+            wrong(
+                part_node.value_place("when"), "in a stuffed frame that its length ends every part is there; remove it"
+            )
+        if isinstance(part, MagicPart):
+            wrong(part_node.place, "a magic begins the frame; write `constant` here")
+    if isinstance(syntax, InsertedPart):
+        rule = syntax.inserted
+        return Envelope(stuffing=Stuffing.INSERTION, insertion=Insertion(rule.after, rule.byte[0]))
+    values = [value for _, value in first.magic.by_end] if first.magic.by_end else list(first.magic.values)
+    if len(values[0]) != 1:
+        wrong(
+            first_node.place,
+            "`escaped` frees a frame of its one first byte; write a magic of one byte, and what follows it as a "
+            "`constant`",
+        )
+    escapes = own_rule(syntax, [value[0] for value in values], node.place, wrong)
+    return Envelope(stuffing=Stuffing.ESCAPE, escapes=escapes)
 
 
 def _validate_plain_parts(outer: Outer, wrong: Wrong) -> None:
@@ -76,12 +115,13 @@ def _silence(outer: Outer, silences: list[tuple[int, SilencePart, Node]], others
 class _Delimited:
     """The delimiters, and whether a stuffing keeps them out of the frame."""
 
-    def __init__(self, marks: list[tuple[int, DelimiterPart, Node]], wrong: Wrong) -> None:
+    def __init__(self, marks: list[tuple[int, DelimiterPart, Node]], doubles: bool, wrong: Wrong) -> None:
         self._marks = marks
         self._wrong = wrong
         self._place = marks[0][2].place
         self.closing = marks[-1][1].delimiter
         self.opening = marks[0][1].delimiter if len(marks) == 2 else None
+        self._opens_alone = doubles and self.opening == self.closing[:1] and len(self.closing) == 2
         self._validate_marks()
 
     def _validate_marks(self) -> None:
@@ -93,7 +133,7 @@ class _Delimited:
                     "two that differ",
                 )
         opening, closing = self.opening, self.closing
-        if opening is None or opening == closing:
+        if opening is None or opening == closing or self._opens_alone:
             return
         if opening.startswith(closing) or closing.startswith(opening):
             self._wrong(self._place, "one of these delimiters begins with the other; take two that can be told apart")
@@ -101,6 +141,15 @@ class _Delimited:
     def stuffing(self, syntax: Syntax) -> tuple[Stuffing, Escapes | None]:
         if isinstance(syntax, DoubledPart):
             return Stuffing.ESCAPE, self._doubled()
+        if isinstance(syntax, HexPart):
+            self._validate_digits()
+            return Stuffing.HEX, None
+        if isinstance(syntax, InsertedPart):
+            self._wrong(
+                self._place,
+                "`inserted` stands in frames that begin with a magic and end by their length; remove the delimiters",
+            )
+            return Stuffing.NONE, None
         self._validate_sizes(syntax)
         if isinstance(syntax, CobsPart):
             return Stuffing.COBS, None
@@ -109,7 +158,16 @@ class _Delimited:
         if isinstance(syntax, HdlcPart):
             return Stuffing.ESCAPE, Escapes(0x7D, 0x20, ((0x7E, 0x5E), (0x7D, 0x5D)))
         assert isinstance(syntax, EscapedPart)
-        return Stuffing.ESCAPE, self._own_rule(syntax)
+        delimiters = [mark.delimiter[0] for _, mark, _ in reversed(self._marks)]
+        return Stuffing.ESCAPE, own_rule(syntax, delimiters, self._place, self._wrong)
+
+    def _validate_digits(self) -> None:
+        for _, mark, node in self._marks:
+            if isinstance(node, Mapping) and any(byte in b"0123456789ABCDEFabcdef" for byte in mark.delimiter):
+                self._wrong(
+                    node.value_place("delimiter"),
+                    "this delimiter is a hex digit, and would cut the frame; take another, such as 0x3A and 0x0D 0x0A",
+                )
 
     def _validate_sizes(self, syntax: Syntax) -> None:
         """The stuffings that free a frame of single bytes, some of them of one byte alone."""
@@ -131,32 +189,34 @@ class _Delimited:
 
     def _doubled(self) -> Escapes:
         opening = self.opening or b""
-        if len(opening) != 2 or len(self.closing) != 2 or opening[0] != self.closing[0] or opening == self.closing:
+        starts_alike = len(self.closing) == 2 and opening[:1] == self.closing[:1] and opening != self.closing
+        if not starts_alike:
             self._wrong(
                 self._place,
-                "`doubled` stands between two delimiters of two bytes that begin alike and end differently; write "
-                "`- delimiter: 0x10 0x02`, `- doubled: [...]`, `- delimiter: 0x10 0x03`",
+                "`doubled` stands between two delimiters that begin alike and end differently; write "
+                "`- delimiter: 0x10 0x02` (or 0x10 alone), `- doubled: [...]`, `- delimiter: 0x10 0x03`",
             )
-        elif opening[0] in (opening[1], self.closing[1]):
+        elif opening[0] in (*opening[1:], self.closing[1]):
             self._wrong(self._place, "a delimiter whose bytes are equal looks like a doubled byte; take another")
         byte = self.closing[0]
         return Escapes(byte, 0, ((byte, byte),))
 
-    def _own_rule(self, syntax: EscapedPart) -> Escapes:
-        rule = syntax.escaped
-        escape, xor = rule.escape[0], rule.xor[0]
-        delimiters = [mark.delimiter[0] for _, mark, _ in reversed(self._marks)]
-        plain = dict.fromkeys([*delimiters, escape, *(rule.also or b"")])
-        if len(plain) > plan.MAX_ESCAPES:
-            self._wrong(self._place, f"{len(plain)} bytes are stuffed; at most {plan.MAX_ESCAPES} are possible")
-        codes = {byte ^ xor for byte in plain}
-        if xor == 0 or escape in delimiters or codes & set(delimiters):
-            self._wrong(
-                self._place,
-                "this escape rule can put a delimiter on the line; take an escape byte that is no delimiter, and "
-                "an xor after which no stuffed byte is one",
-            )
-        return Escapes(escape, xor, tuple((byte, byte ^ xor) for byte in plain))
+
+def own_rule(syntax: EscapedPart, marks: list[int], place: Place, wrong: Wrong) -> Escapes:
+    """``marks``: the bytes that must not appear, because frames begin or end with them."""
+    rule = syntax.escaped
+    escape, xor = rule.escape[0], rule.xor[0]
+    plain = dict.fromkeys([*marks, escape, *(rule.also or b"")])
+    if len(plain) > plan.MAX_ESCAPES:
+        wrong(place, f"{len(plain)} bytes are stuffed; at most {plan.MAX_ESCAPES} are possible")
+    codes = {byte ^ xor for byte in plain}
+    if xor == 0 or escape in marks or codes & set(marks):
+        wrong(
+            place,
+            "this escape rule can put a delimiter on the line; take an escape byte that is no delimiter, and "
+            "an xor after which no stuffed byte is one",
+        )
+    return Escapes(escape, xor, tuple((byte, byte ^ xor) for byte in plain))
 
 
 _DELIMITERS: dict[type[Syntax], tuple[bytes, str]] = {
@@ -183,6 +243,12 @@ def stuffed_parts(syntax: Syntax, node: Node) -> list[tuple[PartSyntax, Mapping]
         items, parts = node.get("hdlc"), syntax.hdlc
     elif isinstance(syntax, DoubledPart):
         items, parts = node.get("doubled"), syntax.doubled
+    elif isinstance(syntax, HexPart):
+        items, parts = node.get("hex"), syntax.hex
+    elif isinstance(syntax, InsertedPart):
+        options = node.get("inserted")
+        items = options.get("parts") if isinstance(options, Mapping) else None
+        parts = syntax.inserted.parts
     else:
         return None
     assert isinstance(items, Sequence)

@@ -525,6 +525,8 @@ class _FrameReader:
             )
         self._validate_seeds(draft)
         self._validate_unstuffed_constants(draft)
+        self._validate_sized(draft)
+        self._validate_first(draft)
         length = draft.length_part
         if length is None:
             return
@@ -558,6 +560,44 @@ class _FrameReader:
                     f"this {part.kind} holds the delimiter {bytes_text(held)} and is not stuffed, so that "
                     "every frame is cut here; take another delimiter, or stuff this part",
                 )
+
+    def _validate_sized(self, draft: Draft) -> None:
+        """A stuffed frame that its length ends: what must be known before it is unstuffed."""
+        if not draft.is_sized:
+            return
+        for index, (part, place) in enumerate(zip(draft.parts, draft.places, strict=True)):
+            if part.on_wire and index < draft.payload_index:
+                self._wrong(place, "a check over the stuffed bytes stands behind them here; move it behind the payload")
+        length = draft.length_part
+        if length is None or not length.is_plain:
+            return
+        at = draft.parts.index(length)
+        if length.length_unit > 1:
+            self._wrong(
+                draft.places[at], "this length counts the bytes on the line, so it cannot count words; remove `unit`"
+            )
+        for part, place in zip(draft.parts, draft.places, strict=True):
+            if part.kind == PartKind.CHECK and not part.is_plain and part.first <= at <= part.last:
+                self._wrong(
+                    place,
+                    "this check is taken before stuffing and covers the length, which counts the stuffed bytes; begin "
+                    "its range behind the length, or move the check beside the stuffed parts",
+                )
+
+    def _validate_first(self, draft: Draft) -> None:
+        """Where a doubled byte alone opens a frame, the first byte behind it tells that it does."""
+        if not draft.envelope.opens_alone:
+            return
+        first, taken = draft.parts[0], draft.forbidden_first
+        if first.kind in _FIXED_BYTES and not any(value[0] in taken for value in (first.value, *first.alternatives)):
+            return
+        if first.kind == PartKind.ID:
+            return  # whose values are compared where the messages are known
+        self._wrong(
+            draft.places[0],
+            f"a delimiter of one byte opens this frame, so its first byte must never be {bytes_text(taken[:1])} or "
+            f"{bytes_text(taken[1:])}; let it begin with its id or a constant that is neither",
+        )
 
     def _validate_seeds(self, draft: Draft) -> None:
         """A check of the header alone is compared before the bytes behind the payload are there."""

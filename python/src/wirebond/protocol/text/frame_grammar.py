@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, PlainValidator, Tag
 from pydantic_core import PydanticCustomError
 
+from wirebond.protocol.plan import MAX_INSERTION
 from wirebond.protocol.problems import quoted, suggestion
 from wirebond.protocol.text.conditions import When
 from wirebond.protocol.text.field_grammar import NumberSyntax
@@ -327,7 +328,7 @@ class CheckPart(PartSyntax):
 _INNER = (
     "magic", "constant", "tail", "length", "id", "payload", "reserved", "field", "sequence", "bits", "check",
 )  # fmt: skip
-_OUTER = (*_INNER, "delimiter", "cobs", "slip", "hdlc", "doubled", "escaped", "silence")
+_OUTER = (*_INNER, "delimiter", "cobs", "slip", "hdlc", "doubled", "escaped", "hex", "inserted", "silence")
 
 
 def _part_key(value: object) -> str:
@@ -414,8 +415,8 @@ class DoubledPart(Syntax):
 
     noun = "a `doubled` part"
     doubled: InnerParts = Field(
-        description="The parts between delimiters of two bytes that begin alike (DLE STX, DLE ETX): this first byte "
-        "is sent twice where it stands among them.",
+        description="The parts between delimiters that begin alike (DLE STX, DLE ETX; or DLE alone, DLE ETX): this "
+        "first byte is sent twice where it stands among them.",
         examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
     )
 
@@ -440,6 +441,43 @@ class EscapedPart(Syntax):
 
     noun = "an `escaped` part"
     escaped: Escaped = Field(description="Escape rule of one's own, and the parts that it covers.")
+
+
+def _sequence(after: bytes) -> bytes:
+    if not 2 <= len(after) <= MAX_INSERTION:
+        raise wrong(f"the sequence has {len(after)} bytes; write 2 to {MAX_INSERTION}, such as 0xFF 0xFF 0xFD")
+    if any(after[:size] == after[-size:] for size in range(1, len(after))):
+        raise wrong("this sequence ends as it begins, so that two of them could overlap; take another")
+    return after
+
+
+class HexPart(Syntax):
+    """Parts that are sent as hex digits."""
+
+    noun = "a `hex` part"
+    hex: InnerParts = Field(
+        description="The parts between the delimiters, each byte sent as two hex digits, the high one first.",
+        examples=["[id: u8, payload: rest, check: sum8-negated]"],
+    )
+
+
+class Inserted(Syntax):
+    """A byte that is inserted behind a sequence."""
+
+    noun = "`inserted`"
+
+    after: Annotated[ConstantBytes, AfterValidator(_sequence)] = Field(
+        description="Two to four bytes; the first differs from the last.", examples=["0xFF 0xFF 0xFD"]
+    )
+    byte: OneByte = Field(description="What is sent behind them, wherever they stand.", examples=["0xFD"])
+    parts: InnerParts = Field(description="The parts that are stuffed.", examples=["[id: u8, payload: by_length]"])
+
+
+class InsertedPart(Syntax):
+    """Parts in which a byte is inserted behind a sequence."""
+
+    noun = "an `inserted` part"
+    inserted: Inserted = Field(description="The sequence, the byte behind it, and the parts that it covers.")
 
 
 class SilencePart(Syntax):
@@ -468,6 +506,8 @@ Part = Annotated[
     | Annotated[HdlcPart, Tag("part:hdlc")]
     | Annotated[DoubledPart, Tag("part:doubled")]
     | Annotated[EscapedPart, Tag("part:escaped")]
+    | Annotated[HexPart, Tag("part:hex")]
+    | Annotated[InsertedPart, Tag("part:inserted")]
     | Annotated[SilencePart, Tag("part:silence")]
     | Annotated[CobsPart, Tag("part:cobs")],
     Discriminator(_part_key),

@@ -1,0 +1,139 @@
+// One stuffed candidate that no delimiter ends: its length tells where it ends, among bytes that are stuffed or before
+// them. No state, no position in a stream.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "wirebond/examine.hpp"
+#include "wirebond/format.hpp"
+#include "wirebond/stuffing.hpp"
+
+namespace wirebond {
+
+namespace detail {
+
+/// Undoes a stuffing from the frame's first byte on, as far as it is asked to.
+class Unstuffer {
+ public:
+  enum Result { reached, waits, bad };
+
+  static constexpr std::size_t everything = static_cast<std::size_t>(-1);
+
+  /// `from`: the bytes as they came; `to` has room for what is asked for.
+  WIREBOND_INLINE Unstuffer(const FrameFormat& format, const std::uint8_t* from, std::uint8_t* to)
+      : format_(format), from_(from), to_(to) {}
+
+  /// Go on until `count` bytes are written. Those from `stuffed_end` on are sent as they are. `waits`: that needs more
+  /// than `available` bytes. `bad`: the next byte is none that a sender makes.
+  WIREBOND_INLINE Result run(std::size_t available, std::size_t count, std::size_t stuffed_end) {
+    for (;;) {
+      if (owes_) {
+        if (read_ == available) return waits;
+        if (from_[read_] != format_.insertion.byte) return bad;
+        ++read_;
+        owes_ = false;
+      }
+      if (written_ == count) return reached;
+      if (read_ == available) return waits;
+      std::uint8_t byte = from_[read_];
+      const bool is_stuffed = written_ >= format_.plain_front && written_ < stuffed_end;
+      if (is_stuffed && format_.stuffing == Stuffing::escape) {
+        const EscapeRule& rule = format_.escapes;
+        if (is_start(byte)) return bad;
+        if (byte == rule.escape) {
+          if (read_ + 1 == available) return waits;
+          ++read_;
+          if (is_start(from_[read_])) return bad;
+          byte = static_cast<std::uint8_t>(from_[read_] ^ rule.exclusive_or);
+        }
+      }
+      to_[written_++] = byte;
+      ++read_;
+      if (is_stuffed && format_.stuffing == Stuffing::insertion) {
+        owes_ = ends_with(format_.insertion, to_ + format_.plain_front, written_ - format_.plain_front);
+      }
+    }
+  }
+
+  std::size_t read() const { return read_; }
+  std::size_t written() const { return written_; }
+  bool owes() const { return owes_; }  ///< what is written ends with the sequence, and the inserted byte must follow
+
+ private:
+  WIREBOND_INLINE bool is_start(std::uint8_t byte) const {
+    for (std::size_t i = 0; i < format_.escapes.starts; ++i) {
+      if (byte == format_.escapes.plain[i]) return true;
+    }
+    return false;
+  }
+
+  const FrameFormat& format_;
+  const std::uint8_t* from_;
+  std::uint8_t* to_;
+  std::size_t read_ = 0;
+  std::size_t written_ = 0;
+  bool owes_ = false;
+};
+
+}  // namespace detail
+
+/// Examine the bytes at `candidate`, as `examine` does; sizes in the verdict are those on the wire. `scratch`: room for
+/// max_wire_bytes; the frame points into it. Any thread or interrupt; work is bounded by one pass over max_wire_bytes.
+template <class Source>
+WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* candidate, std::size_t available,
+                                      std::uint8_t* scratch, Frame& frame) {
+  using detail::Unstuffer;
+  const FrameFormat& format = source.format();
+  const std::size_t prefix = format.forms[0].prefix;  // that of all forms
+  const auto more = [](std::size_t size, std::size_t by) {
+    return Verdict{Outcome::need_more, Cause::incomplete, size + by};
+  };
+
+  // The head: which rules it breaks, and how long the frame is.
+  Unstuffer unstuffer(format, candidate, scratch);
+  Unstuffer::Result result = unstuffer.run(available, prefix, Unstuffer::everything);
+  Verdict verdict = examine(source, scratch, unstuffer.written(), nullptr, frame);
+  if (verdict.outcome == Outcome::reject) {
+    if (verdict.bytes > 1) verdict.bytes = unstuffer.read();
+    frame.size = 0;  // its size on the wire is not known
+    return verdict;
+  }
+  if (result == Unstuffer::bad) return {Outcome::reject, Cause::bad_stuffing, unstuffer.read() + 1};
+  if (result == Unstuffer::waits) {
+    const std::size_t missing = prefix - unstuffer.written();
+    return more(available, missing != 0 ? missing : 1);
+  }
+
+  std::size_t size = verdict.bytes;
+  std::size_t on_wire;
+  if (format.length_on_wire) {
+    on_wire = size;
+    if (available < on_wire) return more(on_wire, 0);
+    const std::size_t end = on_wire - format.plain_back;
+    if (unstuffer.read() > end) return {Outcome::reject, Cause::length_out_of_range, on_wire};
+    result = unstuffer.run(end, Unstuffer::everything, Unstuffer::everything);
+    if (result == Unstuffer::bad) return {Outcome::reject, Cause::bad_stuffing, unstuffer.read() + 1};
+    if (unstuffer.read() != end || unstuffer.owes()) return {Outcome::reject, Cause::bad_stuffing, on_wire};
+    std::memcpy(scratch + unstuffer.written(), candidate + end, format.plain_back);
+    size = unstuffer.written() + format.plain_back;
+  } else {
+    result = unstuffer.run(available, size, size - format.plain_back);
+    if (result == Unstuffer::bad) return {Outcome::reject, Cause::bad_stuffing, unstuffer.read() + 1};
+    if (result == Unstuffer::waits) {
+      const std::size_t missing = size - unstuffer.written();
+      return more(available, missing != 0 ? missing : 1);
+    }
+    on_wire = unstuffer.read();
+  }
+
+  const detail::Received received{candidate, on_wire};
+  verdict = examine(source, scratch, size, &received, frame);
+  if (verdict.outcome == Outcome::need_more) verdict = {Outcome::reject, Cause::length_out_of_range, size};
+  if (verdict.outcome != Outcome::frame) frame.size = on_wire;
+  verdict.bytes = on_wire;
+  return verdict;
+}
+
+}  // namespace wirebond
