@@ -97,8 +97,8 @@ SharedSource shared() {
 }
 
 std::size_t seal_shared(const SharedSource& source, std::uint8_t* out, std::size_t capacity, std::uint32_t id,
-                        std::size_t payload) {
-  return wirebond::seal(source, out, capacity, id, payload);
+                        std::size_t payload, std::size_t form) {
+  return wirebond::seal(source, out, capacity, id, payload, form);
 }
 
 std::size_t seal_with_header(const SharedSource& source, std::uint8_t* out, std::size_t capacity, std::uint32_t id,
@@ -131,9 +131,11 @@ std::vector<std::uint8_t> frame_of(const Message& message) {
     const SharedSource source = shared<Generated>();
     const std::size_t payload = payload_bytes(message);
     const bool fits = payload <= Message::Info::max_payload_bytes;
-    if (fits && write_payload(message, out.data() + wirebond::payload_lead(source))) {
-      size = seal_shared(source, out.data(), out.size(), Message::Info::id, payload);
-    }
+    const auto write = [&](std::size_t form) {
+      if (!write_payload(message, out.data() + wirebond::payload_lead(source, form))) return;
+      size = seal_shared(source, out.data(), out.size(), Message::Info::id, payload, form);
+    };
+    if (fits) wirebond::detail::with_own_form(source.format(), Message::Info::id, payload, write);
   }
   out.resize(size);
   return out;
