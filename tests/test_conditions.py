@@ -222,6 +222,20 @@ def test_a_magic_that_is_asked_for_is_sent_or_refused(late: bool) -> None:
         codec.encode("block", data=b"", header={"magic": 0xA3})
 
 
+def test_generated_code_sends_the_magic_that_its_header_asks_for(tmp_path: Path) -> None:
+    codec = load(FORMATS / "msp.yaml")
+    header = "Header header{wirebond::End::mcu}; "
+    calls = [
+        f"[&] {{ {header}{choice}return encode(Attitude{{}}, header, out, sizeof out, size); }}()"
+        for choice in ("", "header.magic = 0x244D21; ")
+    ]
+    values = {"roll": 0, "pitch": 0, "heading": 0}
+    assert printed_by_cpp(codec.model, calls, tmp_path) == [
+        codec.encode("attitude", values).hex(),
+        codec.encode("attitude", values, header={"magic": 0x244D21}).hex(),
+    ]
+
+
 HEAD = (
     "magic: {any: [0xA1, 0xA2]}, length: u16, {field: kind, type: u8, enum: {ping: 1, read: 2}, default: ping}, "
     "{field: flags, type: u16}, id: u8"
