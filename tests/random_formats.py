@@ -451,7 +451,10 @@ class _FormatSource:
         return []
 
     def _condition(self, *, behind_payload: bool) -> tuple[list[str], str]:
-        """A condition, and the parts of the header that it looks at; nothing where there would be too many forms."""
+        """A condition, and the parts of the header that it looks at; nothing where there would be too many forms, or
+        where every part is always there."""
+        if self._is_sized:
+            return [], ""
         compared = [self._comparison(behind_payload) for _ in range(self._random.choice((1, 1, 1, 2)))]
         times = 2 if len(compared) == 1 else 3
         if not all(text for _, text in compared) or self._forms * times > 8:
