@@ -33,8 +33,9 @@ class Vary(IntEnum):
     """What the frame allows to vary in size, each with what stands before it."""
 
     NOTHING = 0
-    COUNTED = 1  # by a field
-    TO_END = 2
+    TOLD = 1  # by counts alone, which tell where the payload ends
+    COUNTED = 2  # by a field, or by a byte that ends a text
+    TO_END = 3
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class FieldSource:
             self._padding,
         ]  # fmt: skip
         nested = [self._struct, self._group] if depth < 3 else []
-        if self._vary >= Vary.COUNTED and room > 4 and self._random.random() < 0.15:
+        if self._vary >= Vary.TOLD and room > 4 and self._random.random() < 0.15:
             return self._counted(room, depth, taken)
         if self._vary >= Vary.COUNTED and room > 1 and self._random.random() < 0.1:
             self._constants = False
@@ -358,7 +359,12 @@ class FieldSource:
             return Drawn(f"{{{element}, count: {count}, max: {most}{given}}}", size * most) if most else None
         most = self._random.randint(1, min(room, 3))
         before, self._constants = self._constants, False
-        fields, size = self._own_or_type(room // most, depth)
+        if self._vary == Vary.TOLD:  # a count tells how many elements there are, and not how long each is
+            vary, types, self._vary, self._types = self._vary, self._types, Vary.NOTHING, {}
+            inner, size = self._list(room // most, depth + 1)
+            fields, self._vary, self._types = f"{{{inner}}}", vary, types
+        else:
+            fields, size = self._own_or_type(room // most, depth)
         self._constants = before and "max:" not in fields and fields[0] == "{"
         return Drawn(f"{{group: {{count: {count}, max: {most}, fields: {fields}}}}}", size * most)
 

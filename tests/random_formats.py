@@ -587,7 +587,7 @@ class _FormatSource:
     # ---- messages
 
     def _messages(self) -> list[str]:
-        vary = Vary.NOTHING if self._rule == "by_id" or self._unit != 1 else Vary.COUNTED
+        vary = Vary.NOTHING if self._unit != 1 else Vary.TOLD if self._rule == "by_id" else Vary.COUNTED
         if self._rule in ("rest", "by_length") and self._unit == 1:
             vary = Vary.TO_END
         payload = self._parts[self._payload_index()]

@@ -11,7 +11,7 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from tests.reference_payload import constants_hold
+from tests.reference_payload import Broken, TooShort, constants_hold, counted_size
 from wirebond.protocol.model import (
     Algorithm,
     BitRole,
@@ -788,7 +788,14 @@ def _payload_size(
         message = _message(protocol, header.id, sender)
         if message is None:
             raise _Rejected("unknown_message", prefix)
-        return message.max_payload, True
+        if message.min_payload == message.max_payload:
+            return message.max_payload, True
+        try:
+            return counted_size(message.fields, data[prefix:]), True
+        except TooShort:
+            raise _Incomplete from None
+        except Broken:
+            raise _Rejected("length_out_of_range", prefix) from None
     holds_length = [p.kind == PartKind.LENGTH or any(r.role == BitRole.LENGTH for r in p.bits) for p in parts]
     if True not in holds_length:
         return 0, False

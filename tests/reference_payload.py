@@ -12,6 +12,35 @@ class Broken(Exception):  # noqa: N818  (an outcome, not an error)
     """The payload cannot be this message's."""
 
 
+class TooShort(Exception):  # noqa: N818  (an outcome, not an error)
+    """A count does not lie within these bytes."""
+
+
+def counted_size(fields: tuple[Field, ...], data: bytes, at: int = 0) -> int:
+    """Where these fields end that begin at ``at``, as the counts among them tell.
+
+    :raises TooShort: more bytes are needed to tell.
+    :raises Broken: a count is greater than the message allows.
+    """
+    places: dict[str, tuple[int, Field]] = {}
+    for field in fields:
+        if field.counted_by:
+            place, counting = places[field.counted_by]
+            if len(data) < place + counting.size:
+                raise TooShort
+            number = int.from_bytes(data[place : place + counting.size], _order(counting))
+            if number > (field.max_size if field.is_string else field.max_count):
+                raise Broken
+            at += number * (1 if field.is_string else field.element_min_bytes)
+        elif field.kind == FieldKind.STRUCT:
+            for _ in range(field.count or 1):
+                at = counted_size(field.fields, data, at)
+        else:
+            places[field.name] = at, field
+            at += field.min_wire_bytes
+    return at
+
+
 def constants_hold(fields: tuple[Field, ...], payload: bytes, trims_zeros: bool) -> bool:
     """Are the constants among these fields what they must be? Zeros that were trimmed are put back."""
     try:

@@ -224,6 +224,15 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   } else if (form.payload_size == PayloadSize::by_id) {
     if (!head.shape.known()) return {Outcome::reject, Cause::unknown_message, form.prefix};
     payload = head.shape.max_payload;
+    if constexpr (HasPayloadRules<Source>::value) {
+      if (head.shape.min_payload != head.shape.max_payload) {  // its counts tell
+        const ToldSize told = told_size(source.payload_rules(head.shape.index), candidate + form.prefix,
+                                        available - form.prefix, head.shape.min_payload);
+        if (told.need != 0) return {Outcome::need_more, Cause::incomplete, form.prefix + told.need};
+        if (!told.is_told) return {Outcome::reject, Cause::length_out_of_range, form.prefix};
+        payload = told.size;
+      }
+    }
   } else if (form.payload_size == PayloadSize::rest) {
     if (available < outside || available - outside > format.max_payload) {
       return {Outcome::reject, Cause::length_out_of_range, available};

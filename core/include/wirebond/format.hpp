@@ -48,7 +48,7 @@ struct Number {
 enum class PayloadSize : std::uint8_t {
   by_length,  ///< payload bytes = length number * unit + bias
   fixed,      ///< always `fixed_payload` bytes
-  by_id,      ///< the message's own size; where there is no id, of the one message or the expected one
+  by_id,      ///< the message's own size, or what its counts tell; without an id, of the one or the expected message
   rest,       ///< what lies between the delimiters
 };
 

@@ -1,5 +1,5 @@
-// Rules over a message's payload, as plain data: constants among its fields, and counts that say where they lie. A
-// format without such rules has none of this in its program.
+// Rules over a message's payload, as plain data: constants among its fields, and counts that say where they lie and how
+// long the payload is. A format without such rules has none of this in its program.
 #pragma once
 
 #include <cstddef>
@@ -55,6 +55,30 @@ struct HasPayloadRules<Source, std::void_t<decltype(std::declval<const Source&>(
 struct PayloadShifts {
   std::size_t behind[max_payload_counts + 1];
 };
+
+/// How many bytes a payload has, as its counts tell.
+struct ToldSize {
+  std::size_t size = 0;
+  std::size_t need = 0;  ///< not 0: so many bytes of the payload must be there to tell
+  bool is_told = false;  ///< false with `need` 0: a count is greater than the message allows
+};
+
+/// `available` bytes are there from `payload` on, of this payload or behind it. `least`: bytes where all counts are 0.
+inline ToldSize told_size(const PayloadRules& rules, const std::uint8_t* payload, std::size_t available,
+                          std::size_t least) {
+  PayloadShifts shifts;
+  shifts.behind[0] = 0;
+  for (std::size_t i = 0; i < rules.count_count; ++i) {
+    const PayloadCount& count = rules.counts[i];
+    const std::size_t end = count.at + shifts.behind[count.behind] + count.bytes;
+    if (available < end) return {0, end, false};
+    const std::uint64_t number =
+        (load_bytes(payload + end - count.bytes, count.bytes, count.order) >> count.shift) & count.mask;
+    if (number > count.most) return {};
+    shifts.behind[i + 1] = shifts.behind[i] + static_cast<std::size_t>(number) * count.unit;
+  }
+  return {least + shifts.behind[rules.count_count], 0, true};
+}
 
 /// What the counts of a whole payload say. False: one of them lies beyond it.
 inline bool read_counts(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size,

@@ -58,7 +58,7 @@ def test_parts_of_every_format_are_written_as_they_were_read(path: Path) -> None
     elif frame_format.delimiter is not None or frame_format.stuffing != Stuffing.NONE:
         return  # what stands around the parts is not a part
     text = path.read_text()
-    start, end = text.index("frame:"), min(text.find(key) % len(text) for key in ("unknown:", "messages:"))
+    start, end = text.index("frame:"), min(text.find(key) % len(text) for key in ("unknown:", "types:", "messages:"))
     again = loads(text[:start] + "frame:\n" + "".join(f"  - {part}\n" for part in written) + text[end:])
     assert again.format.parts == frame_format.parts
 

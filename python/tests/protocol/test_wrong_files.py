@@ -708,8 +708,11 @@ NESTED = [
 ]
 
 
+SHAPES_SIZE = 1 + 1 + 22 + 2 + 4 + 36 + 9 + 4
+
+
 def test_the_file_of_shapes_that_the_table_spoils_is_good() -> None:
-    assert loads(SHAPES).message("scan").max_payload == 1 + 1 + 22 + 2 + 4 + 36 + 9 + 4
+    assert loads(SHAPES).message("scan").max_payload == SHAPES_SIZE
 
 
 @pytest.mark.parametrize(("old", "new", "fragment"), NESTED)
@@ -725,7 +728,11 @@ def test_wrong_fields_within_fields_are_told_at_the_place(old: str, new: str, fr
 
 def test_a_message_varies_only_where_the_frame_tells_its_size() -> None:
     by_id = SHAPES.replace("length: u16, id: u8, payload: by_length", "id: u8, payload: by_id")
-    assert [line for line in problems_of(by_id) if "`points` varies in size, and with `payload: by_id`" in line]
+    assert [line for line in problems_of(by_id) if "`rest` reaches to the payload's end" in line]
+    counted = by_id.replace("      rest:", "      more: {type: u8}\n#")
+    assert loads(counted).message("scan").max_payload == SHAPES_SIZE - 4 + 1
+    ended = counted.replace("size: number, max: 9", "ends_with: 0x00, max: 9")
+    assert [line for line in problems_of(ended) if "`name` varies in size, and no count of the message tells" in line]
     fixed = SHAPES.replace("length: u16, id: u8, payload: by_length", "id: u8, payload: 90")
     assert [line for line in problems_of(fixed) if "`rest` reaches to the payload's end" in line]
 

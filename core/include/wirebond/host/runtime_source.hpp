@@ -35,7 +35,7 @@ class RuntimeTables {
     }
     for (std::size_t i = 0; i < row_count; ++i) {
       has_expected_ = has_expected_ || rows[i].only_expected;
-      has_rules_ = has_rules_ || rows[i].rules.constant_count != 0;
+      has_rules_ = has_rules_ || rows[i].rules.constant_count != 0 || rows[i].rules.count_count != 0;
       if (rows[i].id < low_ids_.size()) low_ids_[rows[i].id] = rows[i].shape;
     }
     // It asks for messages by their id alone, and looks at no payload.

@@ -16,6 +16,8 @@ from wirebond.protocol.model import (
     BitRole,
     ByteOrder,
     End,
+    Field,
+    FieldKind,
     FrameFormat,
     LengthCounts,
     Message,
@@ -483,7 +485,7 @@ class _Examination:
         if payload.payload == PayloadRule.BY_ID:
             self._known_message(prefix)
             assert self.message is not None
-            return self.message.max_payload
+            return self._counted_size(self.message, prefix)
         index = length_index(parts)
         if index is None:  # other forms have the length; this one carries nothing
             return 0
@@ -505,6 +507,35 @@ class _Examination:
 
     def _all_forms(self) -> list[FormParts]:
         return forms(self.protocol, self.sender)
+
+    def _counted_size(self, message: Message, prefix: int) -> int:
+        """The message's own size, or what its counts tell."""
+        if message.min_payload == message.max_payload:
+            return message.max_payload
+        return self._end_of(message.fields, prefix, prefix) - prefix
+
+    def _end_of(self, fields: tuple[Field, ...], at: int, prefix: int) -> int:
+        places: dict[str, tuple[int, Field]] = {}
+        where = payload_index(self.parts)
+        for one in fields:
+            if one.counted_by:
+                place, counting = places[one.counted_by]
+                self._need(place + counting.size)
+                data = self.data[place : place + counting.size]
+                number = int.from_bytes(data, "big" if counting.order == ByteOrder.BIG else "little")
+                most = one.max_size if one.is_string else one.max_count
+                expected = f"{counting.name} at most {most}"
+                self._rule(
+                    Question.LENGTH, where, number <= most, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix
+                )
+                at += number * (1 if one.is_string else one.element_min_bytes)
+            elif one.kind == FieldKind.STRUCT:
+                for _ in range(one.count or 1):
+                    at = self._end_of(one.fields, at, prefix)
+            else:
+                places[one.name] = at, one
+                at += one.min_wire_bytes
+        return at
 
     def _known_message(self, extent: int) -> None:
         index = id_index(self.parts)

@@ -242,7 +242,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
             m.max_payload,
             m.seed or 0,
             m.name in dependent,
-            _applied_rules(m),
+            _applied_rules(m, frame_format.parts),
         )
         for index, m in enumerate(protocol.messages)
         if m.sent_by(sender)
@@ -284,9 +284,12 @@ def _place_of(header: tuple[HeaderField, ...], *kinds: Address | None) -> int | 
     return next(found, None)
 
 
-def _applied_rules(message: Message) -> PayloadRules:
-    """A message without constants has no rule, whatever its counts tell."""
+def _applied_rules(message: Message, parts: tuple[Part, ...]) -> PayloadRules:
+    """Constants, with the counts that say where they lie; and all counts where nothing else tells the size."""
     rules = payload_rules(message)
+    by_itself = any(part.kind == PartKind.PAYLOAD and part.payload == PayloadRule.BY_ID for part in parts)
+    if by_itself and message.min_payload != message.max_payload:
+        return PayloadRules(rules.constants, rules.counts)
     return PayloadRules(rules.constants, rules.counts[: rules.needed_counts])
 
 

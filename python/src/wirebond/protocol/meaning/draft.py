@@ -154,11 +154,11 @@ def validate_sizes(
             uncarried = _uncarried(draft, message)
             if uncarried:
                 problems.add(entry.place, uncarried)
-        field = next((one for one in message.fields if _needs_size(one, draft.payload)), None)
+        field = next((one for one in message.fields if _needs_size(message.fields, one, draft.payload)), None)
         fields = entry.node.get("fields")
         if field is not None and isinstance(fields, Mapping):
             problems.add(fields.key_place(field.name), _varying(field, draft.payload))
-        _validate_rules(message, fields, problems)
+        _validate_rules(draft, message, fields, problems)
     if max_payload is None:
         return draft.payload.fixed_payload if rule == PayloadRule.FIXED else largest
     if rule == PayloadRule.FIXED and max_payload != draft.payload.fixed_payload:
@@ -175,14 +175,20 @@ def validate_sizes(
     return max_payload
 
 
-def _validate_rules(message: Message, fields: object, problems: Problems) -> None:
+def _validate_rules(draft: Draft, message: Message, fields: object, problems: Problems) -> None:
     """Constants stand where a receiver can find them."""
     rules = payload_rules(message)
     if not isinstance(fields, Mapping):
         return
     for name, fault in rules.faults:
         problems.add(fields.key_place(name), fault)
-    if not rules.faults and rules.needed_counts > MAX_COUNTS:
+    tell_size = draft.payload.payload == PayloadRule.BY_ID and rules.tells_size and len(rules.counts) > MAX_COUNTS
+    if tell_size:
+        problems.add(
+            fields.place,
+            f"{len(rules.counts)} fields vary in number here; with `payload: by_id` at most {MAX_COUNTS} can",
+        )
+    if not rules.faults and rules.needed_counts > MAX_COUNTS and not tell_size:
         problems.add(
             fields.place,
             f"a constant stands behind {rules.needed_counts} fields that vary in number; at most {MAX_COUNTS}: move it "
@@ -225,10 +231,11 @@ def _allows(form: Form, message: Message, size: int) -> bool:
     return all(held.choice.holds(values[held.choice.subject]) for held in form.choices if held.choice.subject in values)
 
 
-def _needs_size(field: Field, payload: Part) -> bool:
+def _needs_size(fields: tuple[Field, ...], field: Field, payload: Part) -> bool:
     """Can this field not be read without the payload's size, which the frame does not tell?"""
     if payload.payload == PayloadRule.BY_ID:
-        return field.is_variable
+        up_to_it = fields[: fields.index(field) + 1]
+        return field.is_variable and not payload_rules(Message("", 0, End.BOTH, up_to_it)).tells_size
     if payload.trims_zeros:  # of a text alone no zeros are missed
         return field.is_variable and not (field.kind == FieldKind.TEXT and field.reaches_end)
     return payload.payload == PayloadRule.FIXED and field.reaches_end
@@ -245,8 +252,8 @@ def _varying(field: Field, payload: Part) -> str:
             "for `max`, or take a frame with a length"
         )
     return (
-        f"`{field.name}` varies in size, and with `payload: by_id` every message has one size; take a frame with a "
-        "length"
+        f"`{field.name}` varies in size, and no count of the message tells how far; with `payload: by_id` let a field "
+        "count it (`count: number`), or take a frame with a length"
     )
 
 
