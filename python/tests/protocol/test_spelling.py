@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from wirebond.protocol import load, loads, spelling
-from wirebond.protocol.model import PartKind, Stuffing
+from wirebond.protocol.model import Part, PartKind, Stuffing
 from wirebond.protocol.spelling import field_type, part_text
 
 REST = "wirebond: 1\nprotocol: x\nmessages: {m: {id: 1, sender: host, fields: {a: {type: TYPE}}}}\nframe:\n"
@@ -49,6 +51,16 @@ FORMATS = Path(__file__).resolve().parents[3] / "tests" / "formats"
 LITTLE_ENDIAN = [path for path in sorted(FORMATS.glob("*.yaml")) if "byte_order: big\n" not in path.read_text()]
 
 
+def undescribed(parts: tuple[Part, ...]) -> list[Part]:
+    """Without the descriptions of header fields: they are for people, and a part's text leaves them out."""
+    return [
+        part
+        if part.header is None
+        else replace(part, header=replace(part.header, value=replace(part.header.value, description="")))
+        for part in parts
+    ]
+
+
 @pytest.mark.parametrize("path", LITTLE_ENDIAN, ids=lambda path: path.stem)
 def test_parts_of_every_format_are_written_as_they_were_read(path: Path) -> None:
     frame_format = load(path).format
@@ -58,9 +70,12 @@ def test_parts_of_every_format_are_written_as_they_were_read(path: Path) -> None
     elif frame_format.delimiter is not None or frame_format.stuffing != Stuffing.NONE:
         return  # what stands around the parts is not a part
     text = path.read_text()
-    start, end = text.index("frame:"), min(text.find(key) % len(text) for key in ("unknown:", "types:", "messages:"))
+    start = text.index("frame:")
+    next_key = re.compile(r"^\w+:", re.MULTILINE).search(text, start + 1)
+    assert next_key is not None
+    end = next_key.start()
     again = loads(text[:start] + "frame:\n" + "".join(f"  - {part}\n" for part in written) + text[end:])
-    assert again.format.parts == frame_format.parts
+    assert undescribed(again.format.parts) == undescribed(frame_format.parts)
 
 
 def test_what_is_the_default_is_not_written() -> None:
