@@ -109,7 +109,7 @@ def decode_blocks(protocol: Protocol, blocks: list[bytes], sender: End | None = 
 def _decode_by_start(protocol: Protocol, stream: bytes, sender: End | None) -> Result:
     result = Result()
     payload_at = next(i for i, p in enumerate(protocol.format.parts) if p.kind == PartKind.PAYLOAD)
-    header = _longest(protocol.format.parts[:payload_at])
+    header = _longest(protocol.format.parts[:payload_at], sender)
     blame_end, blame = 0, ""
     at = 0
     while at < len(stream):
@@ -251,7 +251,7 @@ def _decode_delimited(protocol: Protocol, stream: bytes, sender: End | None) -> 
     assert protocol.format.delimiter is not None
     delimiter = protocol.format.delimiter
     opens = protocol.format.opening is not None  # or delimiters only end frames
-    longest = _longest_on_wire(protocol)
+    longest = _longest_on_wire(protocol, sender)
     at = 0
     while at < len(stream):
         opening = len(delimiter) if stream.startswith(delimiter, at) else 0
@@ -282,7 +282,7 @@ def _decode_bracketed(protocol: Protocol, stream: bytes, sender: End | None) -> 
     result = Result()
     opening, closing = protocol.format.opening, protocol.format.delimiter
     assert opening is not None and closing is not None
-    longest = _longest_on_wire(protocol)
+    longest = _longest_on_wire(protocol, sender)
     blame_end, blame = 0, ""
     at = 0
     while at < len(stream):
@@ -352,27 +352,27 @@ def _decode_block(protocol: Protocol, block: bytes, sender: End | None) -> Resul
     return result
 
 
-def _longest_frame(protocol: Protocol) -> int:
-    """Of all forms of the frame the longest, before stuffing."""
-    return _longest(protocol.format.parts) + protocol.format.max_payload
+def _longest_frame(protocol: Protocol, sender: End | None) -> int:
+    """Of all forms of this sender's frames the longest, before stuffing."""
+    return _longest(protocol.format.parts, sender) + protocol.format.max_payload
 
 
-def _longest(parts: tuple[Part, ...]) -> int:
+def _longest(parts: tuple[Part, ...], sender: End | None) -> int:
     """The most bytes that these parts have together, whichever of them are there: every header is tried that could
     make a difference."""
     conditions = [part.condition for part in parts if part.condition is not None]
     compared = list(dict.fromkeys(c for condition in conditions for c in condition.comparisons))
-    magics = [value for part in parts if part.kind == PartKind.MAGIC for value in _magics(part, None)] or [b""]
+    magics = [value for part in parts if part.kind == PartKind.MAGIC for value in _magics(part, sender)] or [b""]
     names = list(
         dict.fromkeys((c.subject, c.name) for c in compared if c.subject not in (Subject.MAGIC, Subject.SENDER))
     )
     longest = 0
-    for sender, magic in itertools.product((End.HOST, End.MCU), magics):
+    for end, magic in itertools.product((End.HOST, End.MCU) if sender is None else (sender,), magics):
         for values in itertools.product(
             *(_telling_values([c for c in compared if (c.subject, c.name) == n], _most(parts, *n)) for n in names)
         ):
             known = dict(zip(names, values, strict=True))
-            header = _Header(sender=sender, magic=magic)
+            header = _Header(sender=end, magic=magic)
             size = 0
             for part in parts:
                 if part.condition is not None and _truth(part.condition, header, frozenset(), known) is not True:
@@ -410,8 +410,8 @@ def _telling_values(compared: list[Comparison], most: int) -> set[int]:
     return {value for value in found if value <= most}
 
 
-def _longest_on_wire(protocol: Protocol) -> int:
-    longest = _longest_frame(protocol)
+def _longest_on_wire(protocol: Protocol, sender: End | None) -> int:
+    longest = _longest_frame(protocol, sender)
     closing = protocol.format.delimiter or b""
     return longest + _overhead(protocol, longest) + len(protocol.format.opening or closing) + len(closing)
 
@@ -423,7 +423,7 @@ def _overhead(protocol: Protocol, size: int) -> int:
 
 
 def _examine_block(protocol: Protocol, block: bytes, sender: End | None) -> tuple[int, str, dict[str, object]]:
-    longest = _longest_frame(protocol)
+    longest = _longest_frame(protocol, sender)
     if len(block) > longest + _overhead(protocol, longest):
         raise _Rejected("length_out_of_range", 0)
     frame = _unstuffed(protocol, block)
@@ -811,7 +811,7 @@ def _payload_size(
     assert header.length is not None
     size = header.length * length.length_unit - counted - length.length_offset
     if protocol.format.length_on_wire:
-        most += _overhead(protocol, _longest_frame(protocol))
+        most += _overhead(protocol, _longest_frame(protocol, sender))
     if not 0 <= size <= most:
         raise _Rejected("length_out_of_range", prefix)
     if protocol.format.length_on_wire and is_whole:
