@@ -14,7 +14,7 @@ import pytest
 
 import wirebond
 from tests.emulated.build import HERE, build
-from tests.emulated.machine import PATIENCE, Machine
+from tests.emulated.machine import PATIENCE, STALLS, Machine
 from tests.shared import ROOT, codec
 
 FIRMWARE = ROOT / "firmware"
@@ -49,8 +49,8 @@ def test_echo_sends_back_what_came_on_two_links_at_once(optimise: str, at_once: 
     enterprize = codec("enterprize")
     with (
         Machine(program("echo", "enterprize", optimise=optimise)) as machine,
-        wirebond.open(enterprize, machine.ports[0]) as first,
-        wirebond.open(enterprize, machine.ports[1]) as second,
+        wirebond.open(enterprize, machine.ports[0], adapter_latency=STALLS) as first,
+        wirebond.open(enterprize, machine.ports[1], adapter_latency=STALLS) as second,
     ):
         came = [messages(first), messages(second)]
         for begin in range(0, len(commands), at_once):
@@ -71,7 +71,7 @@ def test_four_tasks_of_the_gimbal_send_at_1_khz_and_what_arrives_is_what_left(fr
     aim = {"main_target_yaw": 0.5, "main_target_pitch": -0.25, "l_target_yaw": 0.1, "l_target_pitch": 0.2}
     with (
         Machine(program("gimbal", "enterprize", f"FRAMES={frames}U")) as machine,
-        wirebond.open(codec("enterprize"), machine.ports[0]) as link,
+        wirebond.open(codec("enterprize"), machine.ports[0], adapter_latency=STALLS) as link,
     ):
         link.send("sentry_gimbal_cmd", r_target_yaw=0.0, r_target_pitch=0.0, l_shoot_mode=0, r_shoot_mode=0, **aim)
         arrived: list[dict[str, Any]] = []
@@ -99,7 +99,7 @@ def test_four_tasks_of_the_gimbal_send_at_1_khz_and_what_arrives_is_what_left(fr
 def test_balance_bot_stands_once_it_is_tuned_over_the_link() -> None:
     with (
         Machine(program("balance", "pid_tuner")) as machine,
-        wirebond.open(codec("pid_tuner"), machine.ports[0]) as link,
+        wirebond.open(codec("pid_tuner"), machine.ports[0], adapter_latency=STALLS) as link,
     ):
         assert answer(link, "motors") == {"left": 0.0, "right": 0.0}
         for gains in ({"idx": 0, "p": 10.0, "i": 0.1, "d": 0.3}, {"idx": 1, "p": 0.2, "i": 9.0, "d": 9.0}):
@@ -132,7 +132,7 @@ def events_until(machine: Machine, last: str) -> list[tuple[str, int]]:
 def test_rover_drives_on_command_and_silence_stops_it_on_time() -> None:
     with (
         Machine(program("rover", "diffdrive")) as machine,
-        wirebond.open(codec("diffdrive"), machine.ports[0]) as link,
+        wirebond.open(codec("diffdrive"), machine.ports[0], adapter_latency=STALLS) as link,
     ):
         # Silence counts from start-up, by the machine's clock; its poll may be some milliseconds late.
         (stop, stopped), (safe_mode, safe) = events_until(machine, "safe_mode")

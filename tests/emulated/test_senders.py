@@ -12,7 +12,7 @@ import pytest
 
 import wirebond
 from tests.emulated.build import HERE, build
-from tests.emulated.machine import PATIENCE, Machine
+from tests.emulated.machine import PATIENCE, STALLS, Machine
 from tests.shared import account_closes, codec
 
 SENDERS = 5  # four tasks and an interrupt
@@ -68,7 +68,10 @@ def talk(link: wirebond.Link, commands: int, expected: int) -> Iterator[wirebond
 )
 def test_what_four_tasks_and_an_interrupt_send_arrives_once_and_in_order(frames: int, commands: int) -> None:
     program = build(HERE / "programs" / "senders.cpp", "enterprize", definitions=[f"FRAMES={frames}U"])
-    with Machine(program) as machine, wirebond.open(codec("enterprize"), machine.ports[0]) as link:
+    with (
+        Machine(program) as machine,
+        wirebond.open(codec("enterprize"), machine.ports[0], adapter_latency=STALLS) as link,
+    ):
         arrived: Counter[int] = Counter()
         for message in talk(link, commands, SENDERS * frames):
             sender, count = sender_and_count(message)
