@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pymodbus.framer import FramerAscii
+
 from tests.contrib.oracle import Oracle
 from tests.contrib.oracles.crsf import Crsf
 from tests.contrib.oracles.cyphal_serial import CyphalSerial
 from tests.contrib.oracles.dynamixel_1 import Dynamixel1
+from tests.contrib.oracles.dynamixel_2 import Dynamixel2
 from tests.contrib.oracles.feetech import Feetech
 from tests.contrib.oracles.hdlc import Hdlc
 from tests.contrib.oracles.ibus import Ibus
@@ -23,6 +26,7 @@ from tests.contrib.oracles.sensirion_shdlc import SensirionShdlc
 from tests.contrib.oracles.slip import Slip
 from tests.contrib.oracles.sphero import Sphero
 from tests.contrib.oracles.tfmini import Tfmini
+from tests.contrib.oracles.tsip import Tsip
 from tests.contrib.oracles.ubx import Ubx
 from tests.contrib.oracles.vesc import Vesc
 from tests.contrib.oracles.xbee_api import XbeeApi
@@ -32,11 +36,13 @@ ORACLES: dict[str, Oracle] = {
     "crsf": Crsf(),
     "cyphal_serial": CyphalSerial(),
     "dynamixel_1": Dynamixel1(),
+    "dynamixel_2": Dynamixel2(),
     "feetech": Feetech(),
     "hdlc": Hdlc(),
     "ibus": Ibus(),
     "lx16a": Lx16a(),
     "mavlink": Mavlink(),
+    "modbus_ascii": ModbusRtu(FramerAscii),
     "modbus_rtu": ModbusRtu(),
     "msp": Msp(),
     "nmea": Nmea(),
@@ -49,7 +55,9 @@ ORACLES: dict[str, Oracle] = {
     "slip": Slip(),
     "sphero": Sphero(),
     "tfmini": Tfmini(),
+    "tsip": Tsip(),
     "ubx": Ubx(),
     "vesc": Vesc(),
     "xbee_api": XbeeApi(),
+    "xbee_api_2": XbeeApi(escaped=True),
 }
