@@ -126,9 +126,10 @@ class Observed {
                 Bytes(frame.payload, frame.payload + frame.payload_size),
                 Bytes(frame.bytes, frame.bytes + frame.size),
                 {}};
+    found.header.resize(wirebond::max_header_fields);
     for (std::size_t i = 0; i < format_.forms[frame.form].header_count; ++i) {
-      found.header.push_back(
-          wirebond::detail::read_wide(format_.forms[frame.form].header[i].number, frame.bytes, frame.size));
+      const wirebond::HeaderField& field = format_.forms[frame.form].header[i];
+      found.header[field.place] = wirebond::detail::read_wide(field.number, frame.bytes, frame.size);
     }
     EXPECT(found.offset >= settled_, "frames are delivered in order and do not overlap");
     settled_ = found.offset + found.wire.size();
@@ -235,12 +236,12 @@ Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebo
     if (counted < 0 || counted % form.length_unit != 0) return {};
     if (counted / form.length_unit > form.length.most()) return {};
   }
-  std::vector<std::uint64_t> header;
+  std::vector<std::uint64_t> header(wirebond::max_header_fields);
   for (std::size_t i = 0; i < form.header_count; ++i) {
     const std::uint64_t mask = form.header[i].number.mask;
     const std::uint64_t drawn =
         input.ConsumeBool() ? input.ConsumeIntegral<std::uint64_t>() & mask : form.header[i].default_value;
-    header.push_back(of_form(form, form.header[i].number, drawn, form.prefix + size + form.suffix));
+    header[form.header[i].place] = of_form(form, form.header[i].number, drawn, form.prefix + size + form.suffix);
   }
   const Bytes payload = input.ConsumeBytes<std::uint8_t>(size);
   const std::size_t room =

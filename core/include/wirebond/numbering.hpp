@@ -97,7 +97,8 @@ struct Waiting {
 
 /// The size of a laid-out frame for which `room` bytes were set aside.
 WIREBOND_INLINE std::size_t waiting_size(const FrameFormat& format, const std::uint8_t* buffer, std::size_t room) {
-  if (format.stuffing == Stuffing::escape) return load_bytes(buffer + room - 2, 2, ByteOrder::little);
+  if (format.stuffing == Stuffing::escape)
+    return static_cast<std::size_t>(load_bytes(buffer + room - 2, 2, ByteOrder::little));
   const std::size_t size = room - delimiter_bytes(format);
   if (format.stuffing == Stuffing::none) return size;
   if (format.stuffing == Stuffing::hex) return size / 2;

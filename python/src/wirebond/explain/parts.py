@@ -150,6 +150,8 @@ def header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> tu
 
     for part, (start, stop) in zip(parts, spans(parts, payload_size), strict=True):
         number = read_number(part, data[start:stop]) if header_of(part) else 0
+        if part.kind == PartKind.MAGIC:  # as a file writes it: the first byte is the highest
+            number = int.from_bytes(data[start:stop], "big")
         if part.header is not None:
             note(part.header, number)
         for run in part.bits:

@@ -87,7 +87,7 @@ def suggestion(name: str, allowed: Iterable[str]) -> str:
     hint = f"did you mean `{near}`?" if near else ""
     if not words:
         return "there is none"
-    if len(words) <= 20:
+    if len(words) <= 18:
         listing = f"{'possible' if len(words) > 1 else 'the only one'}: {', '.join(words)}"
         return f"{hint} ({listing})" if hint else listing
     return hint or f"there are {len(words)}, such as {', '.join(words[:6])}"

@@ -161,7 +161,7 @@ class StopMessageSyntax(Syntax):
     message: Name = Field(description="The message to send; its fields' values stand beside it.", examples=["velocity"])
     fields: dict[Name, OwnValue] = Field(
         default_factory=dict,
-        description="Values of its fields, for those that are called `message` or `fields`.",
+        description="Values of its fields, for those that are called `message`, `fields` or `header`.",
         examples=["{message: 0}"],
     )
     header: dict[Name, ExampleValue] = Field(
