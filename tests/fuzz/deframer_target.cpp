@@ -243,6 +243,9 @@ Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebo
         input.ConsumeBool() ? input.ConsumeIntegral<std::uint64_t>() & mask : form.header[i].default_value;
     header[form.header[i].place] = of_form(form, form.header[i].number, drawn, form.prefix + size + form.suffix);
   }
+  if (!wirebond::carries_id(format, form, row.id) || wirebond::is_excluded(format, form, row.id, size, header.data())) {
+    return {};  // a sender takes another form for these
+  }
   const Bytes payload = input.ConsumeBytes<std::uint8_t>(size);
   const std::size_t room =
       wirebond::max_wire_bytes(format) + wirebond::payload_lead(source, number) + wirebond::max_frame_bytes(format);
