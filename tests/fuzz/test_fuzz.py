@@ -41,8 +41,8 @@ FAULTS = [
         *(
             "loader",
             "protocol/meaning/draft.py",
-            "if message is None:\n            continue",
-            "if False:\n            continue",
+            "if message is None:\n            continue\n        limit_of, limit = _limit(",
+            "if False:\n            continue\n        limit_of, limit = _limit(",
         ),
         id="a message that is not there is asked for its size",
     ),
