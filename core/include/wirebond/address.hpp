@@ -129,7 +129,7 @@ class Listening<Source, true> {
   Address address() const { return address_.load(); }  ///< any context
 
   Addressee addressee() const { return addressee_; }  ///< of the frame that is being handed out
-  std::uint32_t foreign() const { return foreign_; }  ///< intact frames for others, which nobody got, modulo 2^32
+  std::uint32_t foreign() const { return foreign_; }  ///< intact frames for others, modulo 2^32
 
  protected:
   /// May this end act on the frame? One for another address is counted.

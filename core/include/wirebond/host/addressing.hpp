@@ -22,7 +22,7 @@ inline bool header_value(const FrameFormat& format, const Frame& frame, int plac
   return false;
 }
 
-/// Which intact frames are not for this end. They are delivered frames in every account, and reach nobody.
+/// Which intact frames are not for this end. They are delivered frames in every account, and reach no handler.
 ///
 /// Where frames name their receiver: those for another address that is no broadcast. Where an MCU answers with its own
 /// address: replies from an address that no request asked. A frame without the address concerns everybody.

@@ -24,7 +24,7 @@ class FrameNumbers {
   /// `source`: of the frames that this end sends.
   FrameNumbers(const RuntimeSource& source, const Memory& memory) : source_(source), memory_(memory) {}
 
-  /// Give the sealed frame of `size` bytes its number, checks and stuffing anew; it has room for the format's largest
+  /// Give the sealed frame of `size` bytes its number, checks and stuffing again; it has room for the format's largest
   /// frame. Returns its size then. The same number is given until `keep`. O(size).
   std::size_t give(std::uint8_t* frame, std::size_t size, std::int16_t message) {
     const FrameFormat& format = source_.format();
