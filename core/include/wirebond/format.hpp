@@ -177,7 +177,8 @@ struct EscapeRule {
   std::uint8_t count = 0;
   std::array<std::uint8_t, max_escapes> plain{};
   std::array<std::uint8_t, max_escapes> code{};
-  std::uint8_t starts = 0;  ///< the first so many of `plain` begin frames found by their start; none stands within one
+  std::uint8_t starts =
+      0;  ///< this many of the first `plain` begin frames found by their start; none stands within one
 };
 
 /// Behind the bytes `after`, wherever they stand among the stuffed ones, `byte` is sent (Dynamixel 2.0: 0xFD behind

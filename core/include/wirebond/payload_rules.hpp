@@ -59,7 +59,7 @@ struct PayloadShifts {
 /// How many bytes a payload has, as its counts tell.
 struct ToldSize {
   std::size_t size = 0;
-  std::size_t need = 0;  ///< not 0: so many bytes of the payload must be there to tell
+  std::size_t need = 0;  ///< not 0: this many payload bytes are needed to decide
   bool is_told = false;  ///< false with `need` 0: a count is greater than the message allows
 };
 

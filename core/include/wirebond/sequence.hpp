@@ -108,7 +108,7 @@ using HoldsMask =
 /// no sequence number.
 ///
 /// Where frames name their sender (`address: sender`) the last `peers` of them are told apart; of more, the one that
-/// was silent longest is forgotten, and begins anew when it is heard again. Where each message has its own numbers,
+/// was silent longest is forgotten, and starts over when it is heard again. Where each message has its own numbers,
 /// frames of no known message are not looked at.
 template <class Source, bool = detail::has_sequence<Source>()>
 class SequenceWatch {

@@ -53,7 +53,7 @@ class Pauses {
  public:
   explicit Pauses(Counter pause_us) : pause_us_(pause_us) {}
   Counter pause_us() const { return pause_us_; }
-  /// This many of the carried bytes came before a pause that nobody watched to its end; 0: none.
+  /// This many of the carried bytes came before a pause whose end was not watched; 0: none.
   std::size_t before_pause() const { return before_pause_; }
   void note_pause(std::size_t before) { before_pause_ = before; }
 
@@ -187,7 +187,7 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
   /// Where silence ends a frame: the line was silent until `came_us` at least, and until `now_us` at most.
   ///
   /// A silence that a look saw to its end (`came_us`) ends the frame, whatever it is. One that is only likely, because
-  /// nobody looked in time or because the port may hold bytes back, ends it if the bytes are a frame whole; else its
+  /// the look came late or because the port may hold bytes back, ends it if the bytes are a frame whole; else its
   /// place is kept, in case that what follows is a frame without them.
   template <class Sink>
   void pause(Counter came_us, Counter now_us, Sink& sink) {
