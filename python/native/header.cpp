@@ -147,7 +147,7 @@ std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTa
       seal_in(static_cast<std::size_t>(form));
     }
   } else {
-    detail::with_own_form(shape, id, payload.size(), seal_in, header.view());
+    detail::with_own_form(source, id, payload.size(), seal_in, header.view());
   }
   if (size != 0) {
     buffer.resize(size);

@@ -135,7 +135,7 @@ std::vector<std::uint8_t> frame_of(const Message& message) {
       if (!write_payload(message, out.data() + wirebond::payload_lead(source, form))) return;
       size = seal_shared(source, out.data(), out.size(), Message::Info::id, payload, form);
     };
-    if (fits) wirebond::detail::with_own_form(source.format(), Message::Info::id, payload, write);
+    if (fits) wirebond::detail::with_own_form(source, Message::Info::id, payload, write);
   }
   out.resize(size);
   return out;
@@ -159,7 +159,7 @@ std::vector<std::uint8_t> frame_of(const Message& message, const Header& header)
     };
     if (payload <= Message::Info::max_payload_bytes && write_header(header, numbers.data())) {
       const wirebond::HeaderValues values = wirebond::detail::values_of<Generated>(numbers);
-      wirebond::detail::with_own_form(source.format(), Message::Info::id, payload, write, values);
+      wirebond::detail::with_own_form(source, Message::Info::id, payload, write, values);
     }
   }
   out.resize(size);

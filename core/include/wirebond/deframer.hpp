@@ -128,12 +128,20 @@ class Deframer {
 
   template <class Sink>
   std::size_t consume_by_rules(const std::uint8_t* window, std::size_t size, bool give_up, Sink& sink) {
-    switch (source_.format().framing) {
-      case Framing::delimited: return consume_delimited(window, size, give_up, sink);
-      case Framing::bracketed: return consume_bracketed(window, size, give_up, sink);
-      case Framing::silence: return consume_silence(window, size, give_up, sink);
-      default: return consume_by_start(window, size, give_up, sink);
+    const Framing framing = source_.format().framing;
+    if constexpr (detail::may_be<Source>(Framing::delimited)) {
+      if (framing == Framing::delimited) return consume_delimited(window, size, give_up, sink);
     }
+    if constexpr (detail::may_be<Source>(Framing::bracketed)) {
+      if (framing == Framing::bracketed) return consume_bracketed(window, size, give_up, sink);
+    }
+    if constexpr (detail::may_be<Source>(Framing::silence)) {
+      if (framing == Framing::silence) return consume_silence(window, size, give_up, sink);
+    }
+    if constexpr (detail::may_be<Source>(Framing::by_start) || detail::may_be<Source>(Framing::sized)) {
+      return consume_by_start(window, size, give_up, sink);
+    }
+    return 0;
   }
 
   // ---- frames found by their start ------------------------------------------------------------------------------
@@ -152,10 +160,9 @@ class Deframer {
       const std::size_t available = size - at;
       if (available < needed_ && !give_up) break;  // examined before: this many bytes decide
       Frame frame;
+      if constexpr (detail::part_counts<Source>.forms > 1) frame = {};  // else GCC 12 warns of it at -Os
       if constexpr (tells_unlisted) frame.size = 0;
-      Verdict verdict = source_.format().framing == Framing::sized
-                            ? examine_sized(source_, window + at, available, scratch_, frame)
-                            : examine(source_, window + at, available, nullptr, frame);
+      Verdict verdict = examine_candidate(window + at, available, frame);
       if (verdict.outcome == Outcome::need_more) {
         if (!give_up) {
           needed_ = static_cast<detail::Extent<Source>>(verdict.bytes);
@@ -186,6 +193,15 @@ class Deframer {
       }
     }
     return at;
+  }
+
+  WIREBOND_INLINE Verdict examine_candidate(const std::uint8_t* candidate, std::size_t available, Frame& frame) {
+    if constexpr (detail::may_be<Source>(Framing::sized)) {
+      if (source_.format().framing == Framing::sized) {
+        return examine_sized(source_, candidate, available, scratch_, frame);
+      }
+    }
+    return examine(source_, candidate, available, nullptr, frame);
   }
 
   /// Frames as long as they follow each other without a fault; settles `at` bytes with them. True: the next one has a
@@ -250,16 +266,18 @@ class Deframer {
 
   /// Several forms, or one whose first byte is not wholly constant.
   bool may_start(std::uint8_t byte) const {
+    constexpr bool unroll = Source::is_constant;
+    constexpr detail::PartCounts most = detail::part_counts<Source>;
     const FrameFormat& format = source_.format();
-    for (std::size_t i = 0; i < format.form_count; ++i) {
+    const auto differs = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
       const Form& form = format.forms[i];
-      bool differs = false;
-      for (std::size_t j = 0; j < form.prefix_constants && form.constants[j].at.offset == 0; ++j) {
-        differs = differs || (byte & form.constants[j].mask) != form.constants[j].value;
-      }
-      if (!differs) return true;
-    }
-    return false;
+      return !detail::every<unroll, most.constants>(
+          0, form.prefix_constants, [&](std::size_t j) WIREBOND_INLINE_LAMBDA {
+            const Constant& constant = form.constants[j];
+            return constant.at.offset != 0 || (byte & constant.mask) == constant.value;
+          });
+    };
+    return !detail::every<unroll, most.forms>(0, format.form_count, differs);
   }
 
   /// Recover before trust: the next candidate may begin one byte later. With skips_failed a candidate whose size was
@@ -433,11 +451,13 @@ class Deframer {
     std::size_t unstuffed = size;
     const FrameFormat& format = source_.format();
     if (size > longest + stuffing_overhead(format, longest)) return {Outcome::reject, Cause::length_out_of_range, size};
-    if (format.stuffing != Stuffing::none) {
-      const std::ptrdiff_t result = unstuff(format, block, size, scratch_);
-      if (result < 0) return {Outcome::reject, Cause::bad_stuffing, size};
-      bytes = scratch_;
-      unstuffed = static_cast<std::size_t>(result);
+    if constexpr (detail::may_be_stuffed<Source>()) {
+      if (format.stuffing != Stuffing::none) {
+        const std::ptrdiff_t result = unstuff(format, block, size, scratch_);
+        if (result < 0) return {Outcome::reject, Cause::bad_stuffing, size};
+        bytes = scratch_;
+        unstuffed = static_cast<std::size_t>(result);
+      }
     }
     if constexpr (!Source::is_constant) {
       typename Source::FastPath::Head head;

@@ -108,7 +108,8 @@ WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, s
   const bool is_nothing = size == 0 && format.framing != Framing::bracketed && format.stuffing != Stuffing::cobs;
   if (payload_size > payload || payload > format.max_payload || on_wire > capacity || is_nothing) return false;
   if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return false;
-  if (is_excluded(format, form, id, whole_payload, header)) return false;
+  constexpr std::size_t exclusions = detail::part_counts<Source>.exclusions;
+  if (is_excluded<unroll, exclusions>(format, form, id, whole_payload, header)) return false;
 
   std::memset(frame, 0, form.prefix);
   std::memset(frame + form.prefix + payload_size, 0, payload - payload_size + form.suffix);
@@ -150,7 +151,8 @@ WIREBOND_INLINE std::size_t close_frame(const Source& source, std::uint8_t* buff
         });
   };
   write_checks(false, frame, size);
-  const std::size_t between = stuff_in_place(format, frame, size);
+  std::size_t between = size;
+  if constexpr (detail::may_be_stuffed<Source>()) between = stuff_in_place(format, frame, size);
   if (format.length_on_wire) {
     detail::clear_number(form.length, frame, size);  // a frame that is closed again has the one of before
     if (!detail::write_length(form, frame, size, between - form.prefix - form.suffix)) return 0;

@@ -184,16 +184,20 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   });
   if (mismatch) return {Outcome::reject, Cause::constant_mismatch, 1};
   // What tells the form from others and is no constant, also where a constant behind it must be waited for.
-  for (std::size_t i = 0; i < form.exclusion_count; ++i) {
+  const auto allows = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
-    if (exclusion.subject == Subject::size) continue;
+    if (exclusion.subject == Subject::size) return true;
     const std::size_t end = static_cast<std::size_t>(exclusion.number.at.offset) + exclusion.number.bytes;
     if (end > available) {
       if (need == 0 || end < need) need = end;
-      continue;
+      return true;
     }
     const std::uint64_t value = read_wide(exclusion.number, candidate, 0);
-    if (exclusion.low <= value && value <= exclusion.high) return {Outcome::reject, Cause::constant_mismatch, 1};
+    return value < exclusion.low || exclusion.high < value;
+  };
+  constexpr std::size_t exclusions = part_counts<Source>.exclusions;
+  if (!every<unroll, exclusions>(0, form.exclusion_count, allows)) {
+    return {Outcome::reject, Cause::constant_mismatch, 1};
   }
   if (need != 0) return {Outcome::need_more, Cause::incomplete, need};
   if (available < form.prefix) return {Outcome::need_more, Cause::incomplete, form.prefix};
@@ -240,7 +244,7 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
     payload = available - outside;
   }
   const bool size_tells = id_early || !form.id.present() || !form.trims_zeros;  // else examine_rest asks
-  if (size_tells && size_is_excluded(format, form, restored(form, head.shape, payload))) {
+  if (size_tells && size_is_excluded<unroll, exclusions>(format, form, restored(form, head.shape, payload))) {
     return {Outcome::reject, Cause::length_out_of_range, form.prefix};
   }
   if constexpr (tells_unlisted_size<Source>()) {
@@ -298,7 +302,9 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
   if (!id_comes_early(form)) {
     head.id = form.id.present() ? read_number(form.id, candidate, size) : 0;
     head.shape = shape_of(source, form, head.id);
-    if (form.trims_zeros && size_is_excluded(source.format(), form, restored(form, head.shape, head.payload))) {
+    constexpr std::size_t exclusions = part_counts<Source>.exclusions;
+    if (form.trims_zeros &&
+        size_is_excluded<unroll, exclusions>(source.format(), form, restored(form, head.shape, head.payload))) {
       return {Outcome::reject, Cause::length_out_of_range, size};
     }
     if (!source.format().deliver_unknown && !fits(form, head.shape, head.payload)) {
@@ -332,6 +338,9 @@ WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, co
                                      std::size_t available, const Received* block, Frame& frame) {
   const Form& form = source.format().forms[index];
   Head head;
+  if constexpr (Source::is_constant) {  // folds to nothing; GCC 12 does not see everywhere that they are written first
+    for (std::uint64_t& reg : head.registers) reg = 0;
+  }
   const Verdict verdict = examine_head(source, form, candidate, available, block != nullptr, head);
   if (verdict.outcome != Outcome::frame) {
     if constexpr (tells_unlisted_size<Source>()) {
@@ -367,16 +376,18 @@ WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candid
   // Several forms: the first that holds. A rejection is reported for the form that got furthest: one whose bits "there
   // or not" differ is not meant at all, so of two that blame as many bytes any other cause says more.
   Verdict best{Outcome::reject, Cause::constant_mismatch, 0};
-  for (std::size_t i = 0; i < format.form_count; ++i) {
+  const auto examine_next = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Verdict verdict = detail::examine_form(source, i, candidate, available, block, frame);
-    if (verdict.outcome == Outcome::frame) return verdict;
     const bool further =
         verdict.bytes > best.bytes || (verdict.bytes == best.bytes && best.cause == Cause::constant_mismatch);
-    const bool better = i == 0 || (verdict.outcome == Outcome::need_more
-                                       ? best.outcome != Outcome::need_more || verdict.bytes < best.bytes
-                                       : best.outcome != Outcome::need_more && further);
+    const bool better =
+        i == 0 || verdict.outcome == Outcome::frame ||
+        (verdict.outcome == Outcome::need_more ? best.outcome != Outcome::need_more || verdict.bytes < best.bytes
+                                               : best.outcome != Outcome::need_more && further);
     if (better) best = verdict;
-  }
+    return verdict.outcome != Outcome::frame;
+  };
+  detail::every<Source::is_constant, detail::part_counts<Source>.forms>(0, format.form_count, examine_next);
   return best;
 }
 

@@ -284,6 +284,29 @@ WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std:
   return frame + delimiter_bytes(format) + stuffing_overhead(format, frame);
 }
 
+namespace detail {
+
+template <class Fn, std::size_t... I>
+WIREBOND_INLINE constexpr bool every_unrolled(std::size_t begin, std::size_t end, Fn& fn, std::index_sequence<I...>) {
+  return ((I < begin || I >= end || fn(I)) && ...);
+}
+
+/// fn(i) for begin <= i < end until one is false. Unrolled where the format is a constant, so that every read of it
+/// folds.
+template <bool Unroll, std::size_t Capacity, class Fn>
+WIREBOND_INLINE constexpr bool every(std::size_t begin, std::size_t end, Fn&& fn) {
+  if constexpr (Unroll) {
+    return every_unrolled(begin, end, fn, std::make_index_sequence<Capacity>{});
+  } else {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!fn(i)) return false;
+    }
+    return true;
+  }
+}
+
+}  // namespace detail
+
 /// Can a frame of this form have a payload of this size? A length must be able to tell it; a form without the length
 /// that others have carries nothing.
 WIREBOND_INLINE constexpr bool carries(const Form& form, std::size_t payload) {
@@ -315,16 +338,17 @@ WIREBOND_INLINE constexpr bool carries_id(const FrameFormat& format, const Form&
 }
 
 /// Do these header values allow a frame of this form? It has every field that was given, and the bits that tell it from
-/// other forms are its own.
+/// other forms are its own. `Unroll`, `Most`: as for `every`.
+template <bool Unroll = false, std::size_t Most = max_header_fields>
 WIREBOND_INLINE constexpr bool agrees(const Form& form, const HeaderValues& header) {
   std::uint32_t held = 0;
-  for (std::size_t i = 0; i < form.header_count; ++i) {
+  const auto agrees_in = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const HeaderField& field = form.header[i];
     held |= std::uint32_t{1} << field.place;
-    if (field.is_magic && (header.given >> field.place & 1u) == 0) continue;
-    if ((header.values[field.place] & field.fixed_mask) != field.fixed_value) return false;
-  }
-  return (header.given & ~held) == 0;
+    if (field.is_magic && (header.given >> field.place & 1u) == 0) return true;
+    return (header.values[field.place] & field.fixed_mask) == field.fixed_value;
+  };
+  return detail::every<Unroll, Most>(0, form.header_count, agrees_in) && (header.given & ~held) == 0;
 }
 
 /// The number of the header field of this place; absent where the form lacks it.
@@ -336,30 +360,31 @@ WIREBOND_INLINE constexpr Number number_at(const Form& form, std::uint8_t place)
 }
 
 /// Does an exclusion keep a sender from this form, for message `id` with `payload` bytes before trimming? `header` may
-/// be null: then the fields have their defaults, which the sender's own forms allow.
+/// be null: then the fields have their defaults, which the sender's own forms allow. `Unroll`, `Most`: as for `every`.
+template <bool Unroll = false, std::size_t Most = max_exclusions>
 WIREBOND_INLINE constexpr bool is_excluded(const FrameFormat& format, const Form& form, std::uint32_t id,
                                            std::size_t payload, const std::uint64_t* header) {
-  for (std::size_t i = 0; i < form.exclusion_count; ++i) {
+  return !detail::every<Unroll, Most>(0, form.exclusion_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
     std::uint64_t value = payload;
     if (exclusion.subject == Subject::id) value = id & exclusion.number.mask;
     if (exclusion.subject == Subject::field) {
-      if (header == nullptr) continue;
+      if (header == nullptr) return true;
       value = header[exclusion.place] & exclusion.number.mask;
     }
-    if (exclusion.low <= value && value <= exclusion.high) return true;
-  }
-  return false;
+    return value < exclusion.low || exclusion.high < value;
+  });
 }
 
-/// Does a payload of this size, with the zeros that were cut from its end, break a condition of the form?
+/// Does a payload of this size, with the zeros that were cut from its end, break a condition of the form? `Unroll`,
+/// `Most`: as for `every`.
+template <bool Unroll = false, std::size_t Most = max_exclusions>
 WIREBOND_INLINE constexpr bool size_is_excluded(const FrameFormat& format, const Form& form, std::size_t payload) {
-  for (std::size_t i = 0; i < form.exclusion_count; ++i) {
+  return !detail::every<Unroll, Most>(0, form.exclusion_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
-    if (exclusion.subject != Subject::size || !exclusion.on_receive) continue;
-    if (exclusion.low <= payload && payload <= exclusion.high) return true;
-  }
-  return false;
+    if (exclusion.subject != Subject::size || !exclusion.on_receive) return true;
+    return payload < exclusion.low || exclusion.high < payload;
+  });
 }
 
 /// Bytes before the payload, of the form that has most.
@@ -400,30 +425,13 @@ WIREBOND_INLINE constexpr int one_start(const FrameFormat& format) {
 
 namespace detail {
 
-template <class Fn, std::size_t... I>
-WIREBOND_INLINE bool every_unrolled(std::size_t begin, std::size_t end, Fn& fn, std::index_sequence<I...>) {
-  return ((I < begin || I >= end || fn(I)) && ...);
-}
-
-/// fn(i) for begin <= i < end until one is false. Unrolled where the format is a constant, so that every read of it
-/// folds.
-template <bool Unroll, std::size_t Capacity, class Fn>
-WIREBOND_INLINE bool every(std::size_t begin, std::size_t end, Fn&& fn) {
-  if constexpr (Unroll) {
-    return every_unrolled(begin, end, fn, std::make_index_sequence<Capacity>{});
-  } else {
-    for (std::size_t i = begin; i < end; ++i) {
-      if (!fn(i)) return false;
-    }
-    return true;
-  }
-}
-
-/// The most parts of a kind that a form has.
+/// How many forms a format has, and the most parts of a kind that one of them has.
 struct PartCounts {
+  std::size_t forms = 0;
   std::size_t constants = 0;
   std::size_t header_fields = 0;
   std::size_t checks = 0;
+  std::size_t exclusions = 0;
 };
 
 /// Is the source's format known to the compiler? A source may ask for the algorithms of a constant and hold values that
@@ -437,20 +445,43 @@ constexpr bool folds(...) {
   return false;
 }
 
+/// May the source's frames be found so? Where the format folds, code for what it is not is not even compiled: a build
+/// that optimises little would keep it.
+template <class Source>
+constexpr bool may_be(Framing framing) {
+  if constexpr (folds<Source>(0)) {
+    return Source{}.format().framing == framing;
+  } else {
+    return true;
+  }
+}
+
+/// May they be stuffed?
+template <class Source>
+constexpr bool may_be_stuffed() {
+  if constexpr (folds<Source>(0)) {
+    return Source{}.format().stuffing != Stuffing::none;
+  } else {
+    return true;
+  }
+}
+
 template <class Source>
 constexpr PartCounts count_parts() {
   if constexpr (folds<Source>(0)) {
     PartCounts most;
+    most.forms = Source{}.format().form_count;
     const auto raise = [](std::size_t& count, std::size_t other) { count = count < other ? other : count; };
     for (std::size_t i = 0; i < Source{}.format().form_count; ++i) {
       const Form& form = Source{}.format().forms[i];
       raise(most.constants, form.constant_count);
       raise(most.header_fields, form.header_count);
       raise(most.checks, form.check_count);
+      raise(most.exclusions, form.exclusion_count);
     }
     return most;
   } else {
-    return {max_constants, max_header_fields, max_checks};
+    return {max_forms, max_constants, max_header_fields, max_checks, max_exclusions};
   }
 }
 
@@ -481,15 +512,18 @@ WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, s
 /// fn(index) for the form that a sender takes for message `id` with `payload` bytes: the first that the header values
 /// allow and that can carry both. False: there is none, and fn was not called. Unrolled, so that each call knows its
 /// form.
-template <class Fn>
-WIREBOND_INLINE bool with_own_form(const FrameFormat& format, std::uint32_t id, std::size_t payload, Fn&& fn,
+template <class Source, class Fn>
+WIREBOND_INLINE bool with_own_form(const Source& source, std::uint32_t id, std::size_t payload, Fn&& fn,
                                    HeaderValues header = {}) {
+  constexpr bool unroll = Source::is_constant;
+  constexpr PartCounts most = part_counts<Source>;
+  const FrameFormat& format = source.format();
   const std::size_t count = header.values == nullptr ? format.own_forms : format.form_count;
-  return !every<true, max_forms>(0, count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+  return !every<true, most.forms>(0, count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Form& form = format.forms[i];
-    if (header.values != nullptr && !agrees(form, header)) return true;
+    if (header.values != nullptr && !agrees<unroll, most.header_fields>(form, header)) return true;
     if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return true;
-    if (is_excluded(format, form, id, payload, header.values)) return true;
+    if (is_excluded<unroll, most.exclusions>(format, form, id, payload, header.values)) return true;
     fn(i);
     return false;
   });

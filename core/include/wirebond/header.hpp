@@ -82,7 +82,7 @@ inline constexpr HeaderNumbers<Source> default_numbers = make_default_numbers<So
 template <class Source, class Fn>
 WIREBOND_INLINE void each_header_field(const Frame& frame, Fn&& fn) {
   constexpr Source source{};
-  every<true, max_forms>(0, source.format().form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+  every<true, part_counts<Source>.forms>(0, source.format().form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     if (frame.form != i) return true;
     const Form& form = source.format().forms[i];
     every<true, part_counts<Source>.header_fields>(0, form.header_count, [&](std::size_t f) WIREBOND_INLINE_LAMBDA {

@@ -49,7 +49,7 @@ WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, s
         if (size != 0) status = Status::ok;
       }
     };
-    detail::with_own_form(source.format(), Message::Info::id, payload, write, detail::values_of<Source>(header)...);
+    detail::with_own_form(source, Message::Info::id, payload, write, detail::values_of<Source>(header)...);
     return status;
   }
 }
@@ -61,7 +61,7 @@ WIREBOND_INLINE std::size_t frame_room(std::size_t payload, const Numbers&... nu
   constexpr Source source{};
   std::size_t room = 0;
   const auto take = [&](std::size_t form) WIREBOND_INLINE_LAMBDA { room = wire_bytes(source.format(), payload, form); };
-  detail::with_own_form(source.format(), Message::Info::id, payload, take, detail::values_of<Source>(numbers)...);
+  detail::with_own_form(source, Message::Info::id, payload, take, detail::values_of<Source>(numbers)...);
   return room;
 }
 

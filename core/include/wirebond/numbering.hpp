@@ -16,24 +16,25 @@ template <class Source>
 WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* frame, std::size_t size) {
   const FrameFormat& format = source.format();
   std::size_t found = 0;
-  detail::every<Source::is_constant, max_forms>(0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    const Form& form = format.forms[i];
-    found = i;
-    if (i + 1u == format.form_count) return false;  // nothing is left to be told apart
-    if (size < std::size_t{form.prefix} + form.suffix) return true;
-    bool holds = detail::every<Source::is_constant, detail::part_counts<Source>.constants>(
-        0, form.constant_count, [&](std::size_t c) WIREBOND_INLINE_LAMBDA {
-          const Constant& constant = form.constants[c];
-          return (frame[constant.at.in(size)] & constant.mask) == constant.value;
-        });
-    for (std::size_t e = 0; holds && e < form.exclusion_count; ++e) {
-      const Exclusion& exclusion = format.exclusions[form.first_exclusion + e];
-      if (exclusion.subject == Subject::size || !exclusion.number.present()) continue;
-      const std::uint64_t value = detail::read_wide(exclusion.number, frame, size);
-      holds = value < exclusion.low || value > exclusion.high;
-    }
-    return !holds;
-  });
+  detail::every<Source::is_constant, detail::part_counts<Source>.forms>(
+      0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        const Form& form = format.forms[i];
+        found = i;
+        if (i + 1u == format.form_count) return false;  // nothing is left to be told apart
+        if (size < std::size_t{form.prefix} + form.suffix) return true;
+        bool holds = detail::every<Source::is_constant, detail::part_counts<Source>.constants>(
+            0, form.constant_count, [&](std::size_t c) WIREBOND_INLINE_LAMBDA {
+              const Constant& constant = form.constants[c];
+              return (frame[constant.at.in(size)] & constant.mask) == constant.value;
+            });
+        for (std::size_t e = 0; holds && e < form.exclusion_count; ++e) {
+          const Exclusion& exclusion = format.exclusions[form.first_exclusion + e];
+          if (exclusion.subject == Subject::size || !exclusion.number.present()) continue;
+          const std::uint64_t value = detail::read_wide(exclusion.number, frame, size);
+          holds = value < exclusion.low || value > exclusion.high;
+        }
+        return !holds;
+      });
   return found;
 }
 
@@ -45,18 +46,19 @@ WIREBOND_INLINE std::size_t close_numbered(const Source& source, std::uint8_t* b
   std::uint8_t* const frame = buffer + frame_lead(format);
   const std::size_t taken = form_of(source, frame, size);
   std::size_t on_wire = 0;
-  detail::every<Source::is_constant, max_forms>(0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    if (i != taken) return true;
-    const Form& form = format.forms[i];
-    const Number number = number_at(form, format.sequence_place);
-    if (number.present()) {
-      detail::clear_number(number, frame, size);
-      detail::write_number(number, frame, size, next());
-    }
-    const std::uint32_t id = form.id.present() ? detail::read_number(form.id, frame, size) : format.no_id;
-    on_wire = close_frame(source, buffer, size, id, i);
-    return false;
-  });
+  detail::every<Source::is_constant, detail::part_counts<Source>.forms>(
+      0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        if (i != taken) return true;
+        const Form& form = format.forms[i];
+        const Number number = number_at(form, format.sequence_place);
+        if (number.present()) {
+          detail::clear_number(number, frame, size);
+          detail::write_number(number, frame, size, next());
+        }
+        const std::uint32_t id = form.id.present() ? detail::read_number(form.id, frame, size) : format.no_id;
+        on_wire = close_frame(source, buffer, size, id, i);
+        return false;
+      });
   return on_wire;
 }
 

@@ -69,12 +69,13 @@ namespace detail {
 template <class Source, class Value>
 WIREBOND_INLINE bool read_at(const Frame& frame, std::uint8_t place, Value& value) {
   constexpr Source source{};
-  return !every<true, max_forms>(0, source.format().form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    const Number number = number_at(source.format().forms[i], place);
-    if (!number.present() || frame.form != i) return true;
-    value = static_cast<Value>(read_wide(number, frame.bytes, frame.size));
-    return false;
-  });
+  return !every<true, part_counts<Source>.forms>(
+      0, source.format().form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        const Number number = number_at(source.format().forms[i], place);
+        if (!number.present() || frame.form != i) return true;
+        value = static_cast<Value>(read_wide(number, frame.bytes, frame.size));
+        return false;
+      });
 }
 
 /// How many counters a sender has: one, or one for each message of the protocol.

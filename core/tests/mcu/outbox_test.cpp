@@ -178,7 +178,7 @@ TEST_CASE("frames are finished once, in the order of the wire, from all queues")
   CHECK(at.push<Alarm>(3));
   CHECK(at.push<Pose>(4));
   std::vector<int> finished;
-  const auto finish = [&](std::uint8_t* data, std::size_t) { finished.push_back(data[0]); };
+  const auto finish = [&](std::uint8_t* data, std::size_t, std::uint8_t) { finished.push_back(data[0]); };
   for (;;) {
     const Run run = at.outbox.next(100, finish);
     if (run.size == 0) break;

@@ -130,7 +130,8 @@ def _step_text(before: tuple[Part, ...], after: tuple[Part, ...], step: _Step) -
 
 
 def _with_step(old: Protocol, new: Protocol, step: _Step) -> Protocol | None:
-    """The old protocol with this one difference; None where what a check covers is not there then."""
+    """The old protocol with this one difference; None where no frame is left: what a check covers or where a frame
+    begins is not there then."""
     before, after = old.format.parts, new.format.parts
     named = [
         *((part, before) for part in before[: step.a]),
@@ -150,7 +151,10 @@ def _with_step(old: Protocol, new: Protocol, step: _Step) -> Protocol | None:
         parts.append(part)
     if sum(part.kind == PartKind.PAYLOAD for part in parts) != 1:
         return None
-    return replace(old, format=replace(old.format, parts=tuple(parts)))
+    made = replace(old.format, parts=tuple(parts))
+    if made.is_sized and made.parts[0].kind != PartKind.MAGIC:  # nothing would tell where a stuffed frame begins
+        return None
+    return replace(old, format=made)
 
 
 def _breaks(sent: Protocol, read: Protocol, sender: End) -> str:
