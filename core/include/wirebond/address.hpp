@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "wirebond/header.hpp"
+#include "wirebond/placed_number.hpp"
 
 namespace wirebond {
 

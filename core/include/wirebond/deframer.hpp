@@ -10,7 +10,9 @@
 #include "wirebond/format.hpp"
 #include "wirebond/marks.hpp"
 #include "wirebond/sized.hpp"
+#include "wirebond/source.hpp"
 #include "wirebond/stuffing.hpp"
+#include "wirebond/unroll.hpp"
 
 namespace wirebond {
 
@@ -284,7 +286,7 @@ class Deframer {
   /// known is skipped whole, lest something in its payload is taken for a frame.
   std::size_t failed_bytes(const Verdict& verdict) const {
     const FrameFormat& format = source_.format();
-    return format.skips_failed && verdict.bytes > longest_prefix(format) ? verdict.bytes : 1;
+    return format.skips_failed && verdict.bytes > detail::longest_prefix_of(source_) ? verdict.bytes : 1;
   }
 
   // ---- frames between delimiters --------------------------------------------------------------------------------
@@ -294,7 +296,7 @@ class Deframer {
                                                 Sink&& sink) {
     const FrameFormat& format = source_.format();
     const Mark mark = format.closing;  // a copy: a reference would keep the whole format in flash
-    const std::size_t longest = max_wire_bytes(format);
+    const std::size_t longest = detail::max_wire_of(source_);
     std::size_t at = 0;
     while (at < size) {
       const std::size_t opening = mark.stands_at(window + at, size - at) ? mark.size : 0;
@@ -373,7 +375,7 @@ class Deframer {
   WIREBOND_INLINE std::size_t consume_bracketed(const std::uint8_t* window, std::size_t size, bool give_up,
                                                 Sink&& sink) {
     const FrameFormat& format = source_.format();
-    const std::size_t longest = max_wire_bytes(format);
+    const std::size_t longest = detail::max_wire_of(source_);
     std::size_t at = 0;
     while (at < size) {
       const std::size_t start = detail::find_mark(format.opening, window, at, size);
@@ -425,7 +427,7 @@ class Deframer {
   /// `give_up` says that the line was silent behind the window: the window is one block.
   template <class Sink>
   WIREBOND_INLINE std::size_t consume_silence(const std::uint8_t* window, std::size_t size, bool give_up, Sink&& sink) {
-    const std::size_t longest = max_frame_bytes(source_.format());
+    const std::size_t longest = detail::max_frame_of(source_);
     if (overlong_ || size > longest) {
       if (!overlong_) reject(Cause::length_out_of_range, size);
       blame(Cause::length_out_of_range, size);
@@ -446,14 +448,14 @@ class Deframer {
   }
 
   WIREBOND_INLINE Verdict examine_block(const std::uint8_t* block, std::size_t size, Frame& frame) {
-    const std::size_t longest = max_frame_bytes(source_.format());
+    const std::size_t longest = detail::max_frame_of(source_);
     const std::uint8_t* bytes = block;
     std::size_t unstuffed = size;
     const FrameFormat& format = source_.format();
     if (size > longest + stuffing_overhead(format, longest)) return {Outcome::reject, Cause::length_out_of_range, size};
     if constexpr (detail::may_be_stuffed<Source>()) {
       if (format.stuffing != Stuffing::none) {
-        const std::ptrdiff_t result = unstuff(format, block, size, scratch_);
+        const std::ptrdiff_t result = unstuff(source_, block, size, scratch_);
         if (result < 0) return {Outcome::reject, Cause::bad_stuffing, size};
         bytes = scratch_;
         unstuffed = static_cast<std::size_t>(result);

@@ -6,7 +6,10 @@
 #include <cstring>
 
 #include "wirebond/format.hpp"
+#include "wirebond/placed_number.hpp"
+#include "wirebond/source.hpp"
 #include "wirebond/stuffing.hpp"
+#include "wirebond/unroll.hpp"
 
 namespace wirebond {
 
@@ -152,7 +155,7 @@ WIREBOND_INLINE std::size_t close_frame(const Source& source, std::uint8_t* buff
   };
   write_checks(false, frame, size);
   std::size_t between = size;
-  if constexpr (detail::may_be_stuffed<Source>()) between = stuff_in_place(format, frame, size);
+  if constexpr (detail::may_be_stuffed<Source>()) between = stuff_in_place(source, frame, size);
   if (format.length_on_wire) {
     detail::clear_number(form.length, frame, size);  // a frame that is closed again has the one of before
     if (!detail::write_length(form, frame, size, between - form.prefix - form.suffix)) return 0;

@@ -5,10 +5,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <utility>
 
 #include "wirebond/bytes.hpp"
 #include "wirebond/check.hpp"
+#include "wirebond/unroll.hpp"
 
 namespace wirebond {
 
@@ -284,29 +284,6 @@ WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std:
   return frame + delimiter_bytes(format) + stuffing_overhead(format, frame);
 }
 
-namespace detail {
-
-template <class Fn, std::size_t... I>
-WIREBOND_INLINE constexpr bool every_unrolled(std::size_t begin, std::size_t end, Fn& fn, std::index_sequence<I...>) {
-  return ((I < begin || I >= end || fn(I)) && ...);
-}
-
-/// fn(i) for begin <= i < end until one is false. Unrolled where the format is a constant, so that every read of it
-/// folds.
-template <bool Unroll, std::size_t Capacity, class Fn>
-WIREBOND_INLINE constexpr bool every(std::size_t begin, std::size_t end, Fn&& fn) {
-  if constexpr (Unroll) {
-    return every_unrolled(begin, end, fn, std::make_index_sequence<Capacity>{});
-  } else {
-    for (std::size_t i = begin; i < end; ++i) {
-      if (!fn(i)) return false;
-    }
-    return true;
-  }
-}
-
-}  // namespace detail
-
 /// Can a frame of this form have a payload of this size? A length must be able to tell it; a form without the length
 /// that others have carries nothing.
 WIREBOND_INLINE constexpr bool carries(const Form& form, std::size_t payload) {
@@ -403,175 +380,5 @@ WIREBOND_INLINE constexpr int one_start(const FrameFormat& format) {
                       form.constants[0].mask == 0xFF;
   return is_one ? form.constants[0].value : -1;
 }
-
-// A *source* says where the format comes from. The algorithms are templates over it:
-//
-//   struct Source {
-//     static constexpr bool is_constant;               // true: loops over parts unroll and fold
-//     const FrameFormat& format() const;
-//     MessageShape message(std::uint32_t id) const;
-//     void expect(std::int16_t index);  // message() answers so from here on, where several messages share an id
-//     std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t*, std::size_t) const;
-//     PayloadRules payload_rules(std::int16_t index) const;  // only where a message has some (payload_rules.hpp)
-//     // where it is no constant: the good case (host/fast_path.hpp), and what check_begin and check_end give
-//     using FastPath; const FastPath& fast_path() const;
-//     int start() const;  // one_start(format())
-//     bool ends_by_silence() const;  // framing is Framing::silence
-//     std::uint64_t check_begin_of(unsigned algorithm) const;
-//     std::uint64_t check_end_of(unsigned algorithm, std::uint64_t reg) const;
-//   };
-//
-// Generated code holds a constant source for each sender; runtime_source.hpp is the other one.
-
-namespace detail {
-
-/// How many forms a format has, and the most parts of a kind that one of them has.
-struct PartCounts {
-  std::size_t forms = 0;
-  std::size_t constants = 0;
-  std::size_t header_fields = 0;
-  std::size_t checks = 0;
-  std::size_t exclusions = 0;
-};
-
-/// Is the source's format known to the compiler? A source may ask for the algorithms of a constant and hold values that
-/// are read at run time, as tests do that compile once for many formats.
-template <class Source, std::size_t = Source{}.format().form_count>
-constexpr bool folds(int) {
-  return Source::is_constant;
-}
-template <class Source>
-constexpr bool folds(...) {
-  return false;
-}
-
-/// May the source's frames be found so? Where the format folds, code for what it is not is not even compiled: a build
-/// that optimises little would keep it.
-template <class Source>
-constexpr bool may_be(Framing framing) {
-  if constexpr (folds<Source>(0)) {
-    return Source{}.format().framing == framing;
-  } else {
-    return true;
-  }
-}
-
-/// May they be stuffed?
-template <class Source>
-constexpr bool may_be_stuffed() {
-  if constexpr (folds<Source>(0)) {
-    return Source{}.format().stuffing != Stuffing::none;
-  } else {
-    return true;
-  }
-}
-
-template <class Source>
-constexpr PartCounts count_parts() {
-  if constexpr (folds<Source>(0)) {
-    PartCounts most;
-    most.forms = Source{}.format().form_count;
-    const auto raise = [](std::size_t& count, std::size_t other) { count = count < other ? other : count; };
-    for (std::size_t i = 0; i < Source{}.format().form_count; ++i) {
-      const Form& form = Source{}.format().forms[i];
-      raise(most.constants, form.constant_count);
-      raise(most.header_fields, form.header_count);
-      raise(most.checks, form.check_count);
-      raise(most.exclusions, form.exclusion_count);
-    }
-    return most;
-  } else {
-    return {max_forms, max_constants, max_header_fields, max_checks, max_exclusions};
-  }
-}
-
-/// How often a loop over parts is unrolled: no compiler folds for nothing what a constant format does not have.
-template <class Source>
-inline constexpr PartCounts part_counts = count_parts<Source>();
-
-/// Register before the first byte.
-template <class Source>
-WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm) {
-  if constexpr (Source::is_constant) {
-    return check_begin(source.format().algorithms[algorithm]);
-  } else {
-    return source.check_begin_of(algorithm);
-  }
-}
-
-/// The check's value, out of the register after the last byte.
-template <class Source>
-WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, std::uint64_t reg) {
-  if constexpr (Source::is_constant) {
-    return check_end(source.format().algorithms[algorithm], reg);
-  } else {
-    return source.check_end_of(algorithm, reg);
-  }
-}
-
-/// fn(index) for the form that a sender takes for message `id` with `payload` bytes: the first that the header values
-/// allow and that can carry both. False: there is none, and fn was not called. Unrolled, so that each call knows its
-/// form.
-template <class Source, class Fn>
-WIREBOND_INLINE bool with_own_form(const Source& source, std::uint32_t id, std::size_t payload, Fn&& fn,
-                                   HeaderValues header = {}) {
-  constexpr bool unroll = Source::is_constant;
-  constexpr PartCounts most = part_counts<Source>;
-  const FrameFormat& format = source.format();
-  const std::size_t count = header.values == nullptr ? format.own_forms : format.form_count;
-  return !every<true, most.forms>(0, count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    const Form& form = format.forms[i];
-    if (header.values != nullptr && !agrees<unroll, most.header_fields>(form, header)) return true;
-    if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return true;
-    if (is_excluded<unroll, most.exclusions>(format, form, id, payload, header.values)) return true;
-    fn(i);
-    return false;
-  });
-}
-
-/// Make a number's bits zero and leave the others of its bytes.
-WIREBOND_INLINE void clear_number(const Number& number, std::uint8_t* frame, std::size_t frame_size) {
-  std::uint8_t* const at = frame + number.at.in(frame_size);
-  const std::uint64_t bits = number.mask << number.shift;
-  for (unsigned i = 0; i < number.bytes; ++i) {
-    const unsigned place = number.order == ByteOrder::little ? i : number.bytes - 1u - i;
-    at[i] = static_cast<std::uint8_t>(at[i] & ~static_cast<std::uint8_t>(bits >> (8 * place)));
-  }
-}
-
-/// Merge a number into bytes that are zero in its place.
-WIREBOND_INLINE void write_number(const Number& number, std::uint8_t* frame, std::size_t frame_size,
-                                  std::uint64_t value) {
-  std::uint8_t* const at = frame + number.at.in(frame_size);
-  const std::uint64_t bits = (value & number.mask) << number.shift;
-  for (unsigned i = 0; i < number.bytes; ++i) {
-    const unsigned place = number.order == ByteOrder::little ? i : number.bytes - 1u - i;
-    at[i] = static_cast<std::uint8_t>(at[i] | static_cast<std::uint8_t>(bits >> (8 * place)));
-  }
-}
-
-/// A number of up to 64 bits.
-WIREBOND_INLINE std::uint64_t read_wide(const Number& number, const std::uint8_t* frame, std::size_t frame_size) {
-  const std::uint8_t* const at = frame + number.at.in(frame_size);
-  std::uint64_t value = 0;
-  switch (number.bytes) {  // constant widths let the compiler use one load
-    case 1: value = at[0]; break;
-    case 2:
-      value = number.order == ByteOrder::little ? load<std::uint16_t>(at) : load<std::uint16_t, ByteOrder::big>(at);
-      break;
-    case 4:
-      value = number.order == ByteOrder::little ? load<std::uint32_t>(at) : load<std::uint32_t, ByteOrder::big>(at);
-      break;
-    default: value = load_bytes(at, number.bytes, number.order); break;
-  }
-  return (value >> number.shift) & number.mask;
-}
-
-/// A number of up to 32 bits, as an id and a length are.
-WIREBOND_INLINE std::uint32_t read_number(const Number& number, const std::uint8_t* frame, std::size_t frame_size) {
-  return static_cast<std::uint32_t>(read_wide(number, frame, frame_size));
-}
-
-}  // namespace detail
 
 }  // namespace wirebond

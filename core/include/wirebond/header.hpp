@@ -8,6 +8,9 @@
 
 #include "wirebond/examine.hpp"
 #include "wirebond/format.hpp"
+#include "wirebond/placed_number.hpp"
+#include "wirebond/source.hpp"
+#include "wirebond/unroll.hpp"
 
 namespace wirebond {
 

@@ -15,6 +15,7 @@
 #include "wirebond/format.hpp"
 #include "wirebond/handler.hpp"
 #include "wirebond/header.hpp"
+#include "wirebond/source.hpp"
 #include "wirebond/status.hpp"
 #include "wirebond/violation.hpp"
 

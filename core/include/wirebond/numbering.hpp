@@ -6,7 +6,10 @@
 
 #include "wirebond/encoder.hpp"
 #include "wirebond/format.hpp"
+#include "wirebond/placed_number.hpp"
+#include "wirebond/source.hpp"
 #include "wirebond/stuffing.hpp"
+#include "wirebond/unroll.hpp"
 
 namespace wirebond {
 
@@ -14,28 +17,39 @@ namespace wirebond {
 /// of whose exclusions holds. Bytes alone tell it: a condition on the payload's size is verified elsewhere.
 template <class Source>
 WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* frame, std::size_t size) {
+  constexpr bool unroll = Source::is_constant;
+  constexpr detail::PartCounts most = detail::part_counts<Source>;
   const FrameFormat& format = source.format();
   std::size_t found = 0;
-  detail::every<Source::is_constant, detail::part_counts<Source>.forms>(
-      0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        const Form& form = format.forms[i];
-        found = i;
-        if (i + 1u == format.form_count) return false;  // nothing is left to be told apart
-        if (size < std::size_t{form.prefix} + form.suffix) return true;
-        bool holds = detail::every<Source::is_constant, detail::part_counts<Source>.constants>(
-            0, form.constant_count, [&](std::size_t c) WIREBOND_INLINE_LAMBDA {
-              const Constant& constant = form.constants[c];
-              return (frame[constant.at.in(size)] & constant.mask) == constant.value;
-            });
-        for (std::size_t e = 0; holds && e < form.exclusion_count; ++e) {
-          const Exclusion& exclusion = format.exclusions[form.first_exclusion + e];
-          if (exclusion.subject == Subject::size || !exclusion.number.present()) continue;
-          const std::uint64_t value = detail::read_wide(exclusion.number, frame, size);
-          holds = value < exclusion.low || value > exclusion.high;
-        }
-        return !holds;
-      });
+  detail::every<unroll, most.forms>(0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    const Form& form = format.forms[i];
+    found = i;
+    if (i + 1u == format.form_count) return false;  // nothing is left to be told apart
+    if (size < std::size_t{form.prefix} + form.suffix) return true;
+    const auto stands = [&](std::size_t c) WIREBOND_INLINE_LAMBDA {
+      const Constant& constant = form.constants[c];
+      return (frame[constant.at.in(size)] & constant.mask) == constant.value;
+    };
+    const auto allows = [&](std::size_t e) WIREBOND_INLINE_LAMBDA {
+      const Exclusion& exclusion = format.exclusions[form.first_exclusion + e];
+      if (exclusion.subject == Subject::size || !exclusion.number.present()) return true;
+      const std::uint64_t value = detail::read_wide(exclusion.number, frame, size);
+      return value < exclusion.low || value > exclusion.high;
+    };
+    return !(detail::every<unroll, most.constants>(0, form.constant_count, stands) &&
+             detail::every<unroll, most.exclusions>(0, form.exclusion_count, allows));
+  });
   return found;
+}
+
+/// Where a frame of this form has its sequence number; absent where it has none.
+template <class Source>
+WIREBOND_INLINE Number sequence_number(const Source& source, std::size_t form_index) {
+  if constexpr (detail::folds<Source>(0)) {
+    return detail::field_numbers<Source, Source{}.format().sequence_place>[form_index];
+  } else {
+    return number_at(source.format().forms[form_index], source.format().sequence_place);
+  }
 }
 
 /// Give the laid-out frame of `size` bytes that begins at buffer + frame_lead its number, where its form has one, and
@@ -50,7 +64,7 @@ WIREBOND_INLINE std::size_t close_numbered(const Source& source, std::uint8_t* b
       0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
         if (i != taken) return true;
         const Form& form = format.forms[i];
-        const Number number = number_at(form, format.sequence_place);
+        const Number number = sequence_number(source, i);
         if (number.present()) {
           detail::clear_number(number, frame, size);
           detail::write_number(number, frame, size, next());
@@ -73,8 +87,9 @@ WIREBOND_INLINE std::size_t set_aside(const Source& source, std::uint8_t* buffer
   const Form& form = format.forms[form_index];
   std::size_t added = size;  // what is sent as it is behind the others is moved while they are stuffed: no less will do
   if (format.plain_back == 0) {
-    added = number_at(form, format.sequence_place).bytes +
-            escapes_needed(format.escapes, buffer + frame_lead(format) + format.plain_front, size - format.plain_front);
+    added = sequence_number(source, form_index).bytes + escapes_needed(detail::escapes_of(source),
+                                                                       buffer + frame_lead(format) + format.plain_front,
+                                                                       size - format.plain_front);
     for (std::size_t i = 0; i < form.check_count; ++i)
       added += form.checks[i].bytes * (form.checks[i].as_hex ? 2u : 1u);
     if (added == 0) added = 1;  // room for the size, with a delimiter

@@ -8,6 +8,9 @@
 
 #include "wirebond/examine.hpp"
 #include "wirebond/format.hpp"
+#include "wirebond/placed_number.hpp"
+#include "wirebond/source.hpp"
+#include "wirebond/unroll.hpp"
 
 namespace wirebond {
 
@@ -66,12 +69,12 @@ constexpr std::uint64_t sequence_mask(const FrameFormat& format) {
 namespace detail {
 
 /// The header field of this place in a frame, whose format is a constant. False: its form has none.
-template <class Source, class Value>
-WIREBOND_INLINE bool read_at(const Frame& frame, std::uint8_t place, Value& value) {
+template <class Source, std::size_t Place, class Value>
+WIREBOND_INLINE bool read_at(const Frame& frame, Value& value) {
   constexpr Source source{};
   return !every<true, part_counts<Source>.forms>(
       0, source.format().form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        const Number number = number_at(source.format().forms[i], place);
+        const Number number = field_numbers<Source, Place>[i];
         if (!number.present() || frame.form != i) return true;
         value = static_cast<Value>(read_wide(number, frame.bytes, frame.size));
         return false;
@@ -131,7 +134,7 @@ class SequenceWatch<Source, true> {
     if (format.sequence_per_message && frame.message < 0) return;
     const std::size_t message = format.sequence_per_message ? static_cast<std::size_t>(frame.message) : 0;
     Value number = 0;
-    if (!detail::read_at<Source>(frame, format.sequence_place, number)) return;
+    if (!detail::read_at<Source, format.sequence_place>(frame, number)) return;
     peer_of(frame).tracks[message].take(number, mask, counts_);
   }
 
@@ -155,7 +158,7 @@ class SequenceWatch<Source, true> {
       return peers_[0];
     } else {
       std::uint64_t address = 0;
-      static_cast<void>(detail::read_at<Source>(frame, Source{}.format().peer_place, address));
+      static_cast<void>(detail::read_at<Source, Source{}.format().peer_place>(frame, address));
       std::size_t at = 0;
       while (at + 1 < peers && at < heard_ && peers_[at].address != address) ++at;
       Peer found = peers_[at];

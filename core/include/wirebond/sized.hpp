@@ -8,6 +8,7 @@
 
 #include "wirebond/examine.hpp"
 #include "wirebond/format.hpp"
+#include "wirebond/source.hpp"
 #include "wirebond/stuffing.hpp"
 
 namespace wirebond {
@@ -15,6 +16,7 @@ namespace wirebond {
 namespace detail {
 
 /// Undoes a stuffing from the frame's first byte on, as far as it is asked to.
+template <class Source>
 class Unstuffer {
  public:
   enum Result { reached, waits, bad };
@@ -22,37 +24,39 @@ class Unstuffer {
   static constexpr std::size_t everything = static_cast<std::size_t>(-1);
 
   /// `from`: the bytes as they came; `to` has room for what is asked for.
-  WIREBOND_INLINE Unstuffer(const FrameFormat& format, const std::uint8_t* from, std::uint8_t* to)
-      : format_(format), from_(from), to_(to) {}
+  WIREBOND_INLINE Unstuffer(const Source& source, const std::uint8_t* from, std::uint8_t* to)
+      : source_(source), from_(from), to_(to) {}
 
   /// Go on until `count` bytes are written. Those from `stuffed_end` on are sent as they are. `waits`: that needs more
   /// than `available` bytes. `bad`: the next byte is none that a sender makes.
   WIREBOND_INLINE Result run(std::size_t available, std::size_t count, std::size_t stuffed_end) {
+    const FrameFormat& format = source_.format();
+    const EscapeRule& escapes = escapes_of(source_);
+    const InsertionRule& insertion = insertion_of(source_);
     for (;;) {
       if (owes_) {
         if (read_ == available) return waits;
-        if (from_[read_] != format_.insertion.byte) return bad;
+        if (from_[read_] != insertion.byte) return bad;
         ++read_;
         owes_ = false;
       }
       if (written_ == count) return reached;
       if (read_ == available) return waits;
       std::uint8_t byte = from_[read_];
-      const bool is_stuffed = written_ >= format_.plain_front && written_ < stuffed_end;
-      if (is_stuffed && format_.stuffing == Stuffing::escape) {
-        const EscapeRule& rule = format_.escapes;
+      const bool is_stuffed = written_ >= format.plain_front && written_ < stuffed_end;
+      if (is_stuffed && format.stuffing == Stuffing::escape) {
         if (is_start(byte)) return bad;
-        if (byte == rule.escape) {
+        if (byte == escapes.escape) {
           if (read_ + 1 == available) return waits;
           ++read_;
           if (is_start(from_[read_])) return bad;
-          byte = static_cast<std::uint8_t>(from_[read_] ^ rule.exclusive_or);
+          byte = static_cast<std::uint8_t>(from_[read_] ^ escapes.exclusive_or);
         }
       }
       to_[written_++] = byte;
       ++read_;
-      if (is_stuffed && format_.stuffing == Stuffing::insertion) {
-        owes_ = ends_with(format_.insertion, to_ + format_.plain_front, written_ - format_.plain_front);
+      if (is_stuffed && format.stuffing == Stuffing::insertion) {
+        owes_ = ends_with(insertion, to_ + format.plain_front, written_ - format.plain_front);
       }
     }
   }
@@ -63,13 +67,14 @@ class Unstuffer {
 
  private:
   WIREBOND_INLINE bool is_start(std::uint8_t byte) const {
-    for (std::size_t i = 0; i < format_.escapes.starts; ++i) {
-      if (byte == format_.escapes.plain[i]) return true;
+    const EscapeRule& escapes = escapes_of(source_);
+    for (std::size_t i = 0; i < escapes.starts; ++i) {
+      if (byte == escapes.plain[i]) return true;
     }
     return false;
   }
 
-  const FrameFormat& format_;
+  const Source& source_;
   const std::uint8_t* from_;
   std::uint8_t* to_;
   std::size_t read_ = 0;
@@ -84,7 +89,7 @@ class Unstuffer {
 template <class Source>
 WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* candidate, std::size_t available,
                                       std::uint8_t* scratch, Frame& frame) {
-  using detail::Unstuffer;
+  using Unstuffer = detail::Unstuffer<Source>;
   const FrameFormat& format = source.format();
   const std::size_t prefix = format.forms[0].prefix;  // that of all forms
   const auto more = [](std::size_t size, std::size_t by) {
@@ -92,8 +97,8 @@ WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* 
   };
 
   // The head: which rules it breaks, and how long the frame is.
-  Unstuffer unstuffer(format, candidate, scratch);
-  Unstuffer::Result result = unstuffer.run(available, prefix, Unstuffer::everything);
+  Unstuffer unstuffer(source, candidate, scratch);
+  typename Unstuffer::Result result = unstuffer.run(available, prefix, Unstuffer::everything);
   Verdict verdict = examine(source, scratch, unstuffer.written(), nullptr, frame);
   if (verdict.outcome == Outcome::reject) {
     if (verdict.bytes > 1) verdict.bytes = unstuffer.read();

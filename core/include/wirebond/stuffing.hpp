@@ -7,6 +7,7 @@
 
 #include "wirebond/bytes.hpp"
 #include "wirebond/format.hpp"
+#include "wirebond/source.hpp"
 
 namespace wirebond {
 
@@ -170,7 +171,9 @@ inline std::ptrdiff_t uninsert(const InsertionRule& rule, const std::uint8_t* fr
 
 /// Stuff the frame of `size` bytes at `frame` but for what is sent as it is. Room: stuffing_overhead more bytes, under
 /// COBS the first of them before the frame. Returns the stuffed size; under COBS the result begins at frame - 1.
-WIREBOND_INLINE std::size_t stuff_in_place(const FrameFormat& format, std::uint8_t* frame, std::size_t size) {
+template <class Source>
+WIREBOND_INLINE std::size_t stuff_in_place(const Source& source, std::uint8_t* frame, std::size_t size) {
+  const FrameFormat& format = source.format();
   if (format.stuffing == Stuffing::none) return size;
   const std::size_t front = format.plain_front;
   const std::size_t back = format.plain_back;
@@ -186,9 +189,9 @@ WIREBOND_INLINE std::size_t stuff_in_place(const FrameFormat& format, std::uint8
   } else if (format.stuffing == Stuffing::hex) {
     stuffed = hex_in_place(begin, inner);
   } else if (format.stuffing == Stuffing::insertion) {
-    stuffed = insert_in_place(format.insertion, begin, inner);
+    stuffed = insert_in_place(detail::insertion_of(source), begin, inner);
   } else {
-    stuffed = escape_in_place(format.escapes, begin, inner);
+    stuffed = escape_in_place(detail::escapes_of(source), begin, inner);
   }
   if (back != 0) std::memmove(begin - code + stuffed, kept, back);
   return front + stuffed + back;
@@ -196,18 +199,20 @@ WIREBOND_INLINE std::size_t stuff_in_place(const FrameFormat& format, std::uint8
 
 /// Undo it: `size` bytes of a block to `to`, which has room for max_wire_bytes. Returns the size, or -1 where these
 /// bytes are no possible result.
-WIREBOND_INLINE std::ptrdiff_t unstuff(const FrameFormat& format, const std::uint8_t* block, std::size_t size,
+template <class Source>
+WIREBOND_INLINE std::ptrdiff_t unstuff(const Source& source, const std::uint8_t* block, std::size_t size,
                                        std::uint8_t* to) {
+  const FrameFormat& format = source.format();
   const std::size_t front = format.plain_front;
   const std::size_t back = format.plain_back;
   if (size < front + back) return -1;
   const std::size_t inner = size - front - back;
-  const std::size_t room = max_wire_bytes(format) - front - back;
+  const std::size_t room = detail::max_wire_of(source) - front - back;
   const std::ptrdiff_t result = format.stuffing == Stuffing::cobs  ? cobs_decode(block + front, inner, to + front, room)
                                 : format.stuffing == Stuffing::hex ? unhex(block + front, inner, to + front, room)
                                 : format.stuffing == Stuffing::insertion
-                                    ? uninsert(format.insertion, block + front, inner, to + front, room)
-                                    : unescape(format.escapes, block + front, inner, to + front, room);
+                                    ? uninsert(detail::insertion_of(source), block + front, inner, to + front, room)
+                                    : unescape(detail::escapes_of(source), block + front, inner, to + front, room);
   if (result < 0) return -1;
   if (front != 0) std::memcpy(to, block, front);
   if (back != 0) std::memcpy(to + front + result, block + front + inner, back);

@@ -8,6 +8,7 @@
 
 #include "wirebond/examine.hpp"
 #include "wirebond/format.hpp"
+#include "wirebond/placed_number.hpp"
 
 namespace wirebond {
 

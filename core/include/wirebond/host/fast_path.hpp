@@ -9,6 +9,7 @@
 #include "wirebond/examine.hpp"
 #include "wirebond/format.hpp"
 #include "wirebond/host/fast_crc.hpp"
+#include "wirebond/placed_number.hpp"
 
 namespace wirebond {
 

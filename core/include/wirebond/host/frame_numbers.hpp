@@ -35,7 +35,7 @@ class FrameNumbers {
     if (format.stuffing == Stuffing::none) {
       std::memcpy(opened, inner, inner_size);
     } else {
-      const std::ptrdiff_t unstuffed = unstuff(format, inner, inner_size, opened);
+      const std::ptrdiff_t unstuffed = unstuff(source_, inner, inner_size, opened);
       if (unstuffed < 0) return size;  // not a frame of this format: it leaves as it is
       opened_size = static_cast<std::size_t>(unstuffed);
     }

@@ -1,0 +1,209 @@
+// Where the algorithms get a format from, and what they can leave out where it is a constant.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "wirebond/check.hpp"
+#include "wirebond/format.hpp"
+#include "wirebond/unroll.hpp"
+
+namespace wirebond {
+
+// A *source* says where the format comes from. The algorithms are templates over it:
+//
+//   struct Source {
+//     static constexpr bool is_constant;               // true: loops over parts unroll and fold
+//     const FrameFormat& format() const;
+//     MessageShape message(std::uint32_t id) const;
+//     void expect(std::int16_t index);  // message() answers so from here on, where several messages share an id
+//     std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t*, std::size_t) const;
+//     PayloadRules payload_rules(std::int16_t index) const;  // only where a message has some (payload_rules.hpp)
+//     // where it is no constant: the good case (host/fast_path.hpp), and what check_begin and check_end give
+//     using FastPath; const FastPath& fast_path() const;
+//     int start() const;  // one_start(format())
+//     bool ends_by_silence() const;  // framing is Framing::silence
+//     std::uint64_t check_begin_of(unsigned algorithm) const;
+//     std::uint64_t check_end_of(unsigned algorithm, std::uint64_t reg) const;
+//   };
+//
+// Generated code holds a constant source for each sender; runtime_source.hpp is the other one.
+
+namespace detail {
+
+/// Is the source's format known to the compiler? A source may ask for the algorithms of a constant and hold values that
+/// are read at run time, as tests do that compile once for many formats.
+template <class Source, std::size_t = Source{}.format().form_count>
+constexpr bool folds(int) {
+  return Source::is_constant;
+}
+template <class Source>
+constexpr bool folds(...) {
+  return false;
+}
+
+/// The format's rule for escapes, and that for insertions. Of a format that folds it is a constant of its own:
+/// functions that are given it by reference keep nothing else of the format in memory.
+template <class Source>
+inline constexpr EscapeRule constant_escapes = Source{}.format().escapes;
+template <class Source>
+inline constexpr InsertionRule constant_insertion = Source{}.format().insertion;
+template <class Source>
+WIREBOND_INLINE const EscapeRule& escapes_of(const Source& source) {
+  if constexpr (folds<Source>(0)) {
+    return constant_escapes<Source>;
+  } else {
+    return source.format().escapes;
+  }
+}
+template <class Source>
+WIREBOND_INLINE const InsertionRule& insertion_of(const Source& source) {
+  if constexpr (folds<Source>(0)) {
+    return constant_insertion<Source>;
+  } else {
+    return source.format().insertion;
+  }
+}
+
+/// How many forms a format has, and the most parts of a kind that one of them has.
+struct PartCounts {
+  std::size_t forms = 0;
+  std::size_t constants = 0;
+  std::size_t header_fields = 0;
+  std::size_t checks = 0;
+  std::size_t exclusions = 0;
+};
+
+/// May the source's frames be found so? Where the format folds, code for what it is not is not even compiled: a build
+/// that optimises little would keep it.
+template <class Source>
+constexpr bool may_be(Framing framing) {
+  if constexpr (folds<Source>(0)) {
+    return Source{}.format().framing == framing;
+  } else {
+    return true;
+  }
+}
+
+/// May they be stuffed?
+template <class Source>
+constexpr bool may_be_stuffed() {
+  if constexpr (folds<Source>(0)) {
+    return Source{}.format().stuffing != Stuffing::none;
+  } else {
+    return true;
+  }
+}
+
+template <class Source>
+constexpr PartCounts count_parts() {
+  if constexpr (folds<Source>(0)) {
+    PartCounts most;
+    most.forms = Source{}.format().form_count;
+    const auto raise = [](std::size_t& count, std::size_t other) { count = count < other ? other : count; };
+    for (std::size_t i = 0; i < Source{}.format().form_count; ++i) {
+      const Form& form = Source{}.format().forms[i];
+      raise(most.constants, form.constant_count);
+      raise(most.header_fields, form.header_count);
+      raise(most.checks, form.check_count);
+      raise(most.exclusions, form.exclusion_count);
+    }
+    return most;
+  } else {
+    return {max_forms, max_constants, max_header_fields, max_checks, max_exclusions};
+  }
+}
+
+/// How often a loop over parts is unrolled: no compiler folds for nothing what a constant format does not have.
+template <class Source>
+inline constexpr PartCounts part_counts = count_parts<Source>();
+
+/// Where the header field of place `Place` lies in each form of a format that folds: a few bytes in memory at most,
+/// where a look into the format could keep all of it there.
+template <class Source, std::size_t Place>
+constexpr std::array<Number, part_counts<Source>.forms> make_field_numbers() {
+  std::array<Number, part_counts<Source>.forms> numbers{};
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    numbers[i] = number_at(Source{}.format().forms[i], static_cast<std::uint8_t>(Place));
+  }
+  return numbers;
+}
+template <class Source, std::size_t Place>
+inline constexpr auto field_numbers = make_field_numbers<Source, Place>();
+
+// What runs through all forms of a format, computed by the compiler where the format folds.
+
+template <class Source>
+WIREBOND_INLINE std::size_t max_frame_of(const Source& source) {
+  if constexpr (folds<Source>(0)) {
+    constexpr std::size_t size = max_frame_bytes(Source{}.format());
+    return size;
+  } else {
+    return max_frame_bytes(source.format());
+  }
+}
+
+template <class Source>
+WIREBOND_INLINE std::size_t max_wire_of(const Source& source) {
+  if constexpr (folds<Source>(0)) {
+    constexpr std::size_t size = max_wire_bytes(Source{}.format());
+    return size;
+  } else {
+    return max_wire_bytes(source.format());
+  }
+}
+
+template <class Source>
+WIREBOND_INLINE std::size_t longest_prefix_of(const Source& source) {
+  if constexpr (folds<Source>(0)) {
+    constexpr std::size_t size = longest_prefix(Source{}.format());
+    return size;
+  } else {
+    return longest_prefix(source.format());
+  }
+}
+
+/// Register before the first byte.
+template <class Source>
+WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm) {
+  if constexpr (Source::is_constant) {
+    return check_begin(source.format().algorithms[algorithm]);
+  } else {
+    return source.check_begin_of(algorithm);
+  }
+}
+
+/// The check's value, out of the register after the last byte.
+template <class Source>
+WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, std::uint64_t reg) {
+  if constexpr (Source::is_constant) {
+    return check_end(source.format().algorithms[algorithm], reg);
+  } else {
+    return source.check_end_of(algorithm, reg);
+  }
+}
+
+/// fn(index) for the form that a sender takes for message `id` with `payload` bytes: the first that the header values
+/// allow and that can carry both. False: there is none, and fn was not called. Unrolled, so that each call knows its
+/// form.
+template <class Source, class Fn>
+WIREBOND_INLINE bool with_own_form(const Source& source, std::uint32_t id, std::size_t payload, Fn&& fn,
+                                   HeaderValues header = {}) {
+  constexpr bool unroll = Source::is_constant;
+  constexpr PartCounts most = part_counts<Source>;
+  const FrameFormat& format = source.format();
+  const std::size_t count = header.values == nullptr ? format.own_forms : format.form_count;
+  return !every<true, most.forms>(0, count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    const Form& form = format.forms[i];
+    if (header.values != nullptr && !agrees<unroll, most.header_fields>(form, header)) return true;
+    if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return true;
+    if (is_excluded<unroll, most.exclusions>(format, form, id, payload, header.values)) return true;
+    fn(i);
+    return false;
+  });
+}
+
+}  // namespace detail
+
+}  // namespace wirebond

@@ -1,0 +1,35 @@
+// Loops over the parts of a format: unrolled where the format is a constant, so that the compiler folds every read of
+// it.
+#pragma once
+
+#include <cstddef>
+#include <utility>
+
+#include "wirebond/bytes.hpp"
+
+namespace wirebond {
+
+namespace detail {
+
+template <class Fn, std::size_t... I>
+WIREBOND_INLINE constexpr bool every_unrolled(std::size_t begin, std::size_t end, Fn& fn, std::index_sequence<I...>) {
+  return ((I < begin || I >= end || fn(I)) && ...);
+}
+
+/// fn(i) for begin <= i < end until one is false. Unrolled where the format is a constant, so that every read of it
+/// folds.
+template <bool Unroll, std::size_t Capacity, class Fn>
+WIREBOND_INLINE constexpr bool every(std::size_t begin, std::size_t end, Fn&& fn) {
+  if constexpr (Unroll) {
+    return every_unrolled(begin, end, fn, std::make_index_sequence<Capacity>{});
+  } else {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!fn(i)) return false;
+    }
+    return true;
+  }
+}
+
+}  // namespace detail
+
+}  // namespace wirebond
