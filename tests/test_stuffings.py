@@ -4,6 +4,7 @@ ends. The bytes are those that the makers print; the files in tests/formats name
 from __future__ import annotations
 
 import random
+import time
 from typing import Any
 
 import pytest
@@ -239,3 +240,12 @@ def test_a_length_that_cannot_tell_the_stuffed_bytes_is_refused_by_the_loader() 
         else:
             with pytest.raises((ProtocolFileError, MessageError), match="the frame's length can tell"):
                 loads(text + messages)
+
+
+@pytest.mark.parametrize("width", ["u24", "u32"])
+def test_a_wide_length_of_stuffed_bytes_loads_at_once(width: str) -> None:
+    text = HEAD + f"  - magic: 0x55\n  - length: {width}\n"
+    text += "  - inserted: {after: 0x01 0x02, byte: 0x03, parts: [payload: by_length]}\n"
+    begin = time.monotonic()
+    loads(text + "messages:\n  m: {sender: host, fields: {x: {type: bytes, size: 4}}}\n")
+    assert time.monotonic() - begin < 2

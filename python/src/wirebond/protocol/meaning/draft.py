@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from wirebond.protocol.forms import MAX_SIZE
 from wirebond.protocol.meaning.messages import Messages, spoken
 from wirebond.protocol.model import (
     BitRole,
@@ -103,7 +104,8 @@ class Draft:
 
     def longest_by_length(self, sender: End | None = None) -> int | None:
         """The longest payload that a length can tell, of all forms that frames of this sender have; None without a
-        length. A message of both ends must fit the forms of each."""
+        length. A message of both ends must fit the forms of each. Where the length counts the bytes on the wire, at
+        most ``MAX_SIZE``."""
         if self.length_part is None:
             return None
         ends = (End.HOST, End.MCU) if sender == End.BOTH else (sender,)
@@ -112,7 +114,7 @@ class Draft:
             return longest
         form = forms(self.parts, None)[0]
         outside = form.prefix + form.suffix
-        return next((p for p in range(longest, 0, -1) if p + self._overhead(outside + p) <= longest), 0)
+        return next((p for p in range(min(longest, MAX_SIZE), 0, -1) if p + self._overhead(outside + p) <= longest), 0)
 
     def _overhead(self, size: int) -> int:
         """Bytes that stuffing adds at most to a frame that its length ends."""
@@ -260,7 +262,7 @@ def _varying(field: Field, payload: Part) -> str:
 def _limit(draft: Draft, sender: End, max_payload: int | None) -> tuple[str, int | None]:
     """The tightest bound on a message's payload, in words and in bytes."""
     bounds: list[tuple[int, Callable[[int], str]]] = [
-        (0xFFFF, lambda n: f"a payload has at most {n}"),
+        (MAX_SIZE, lambda n: f"a payload has at most {n}"),
     ]
     if draft.payload.payload == PayloadRule.FIXED:
         bounds.append(
