@@ -286,7 +286,7 @@ class Deframer {
   /// known is skipped whole, lest something in its payload is taken for a frame.
   std::size_t failed_bytes(const Verdict& verdict) const {
     const FrameFormat& format = source_.format();
-    return format.skips_failed && verdict.bytes > detail::longest_prefix_of(source_) ? verdict.bytes : 1;
+    return format.skips_failed && verdict.bytes > detail::of_format<longest_prefix>(source_) ? verdict.bytes : 1;
   }
 
   // ---- frames between delimiters --------------------------------------------------------------------------------
@@ -296,7 +296,7 @@ class Deframer {
                                                 Sink&& sink) {
     const FrameFormat& format = source_.format();
     const Mark mark = format.closing;  // a copy: a reference would keep the whole format in flash
-    const std::size_t longest = detail::max_wire_of(source_);
+    const std::size_t longest = detail::of_format<max_wire_bytes>(source_);
     std::size_t at = 0;
     while (at < size) {
       const std::size_t opening = mark.stands_at(window + at, size - at) ? mark.size : 0;
@@ -375,7 +375,7 @@ class Deframer {
   WIREBOND_INLINE std::size_t consume_bracketed(const std::uint8_t* window, std::size_t size, bool give_up,
                                                 Sink&& sink) {
     const FrameFormat& format = source_.format();
-    const std::size_t longest = detail::max_wire_of(source_);
+    const std::size_t longest = detail::of_format<max_wire_bytes>(source_);
     std::size_t at = 0;
     while (at < size) {
       const std::size_t start = detail::find_mark(format.opening, window, at, size);
@@ -427,7 +427,7 @@ class Deframer {
   /// `give_up` says that the line was silent behind the window: the window is one block.
   template <class Sink>
   WIREBOND_INLINE std::size_t consume_silence(const std::uint8_t* window, std::size_t size, bool give_up, Sink&& sink) {
-    const std::size_t longest = detail::max_frame_of(source_);
+    const std::size_t longest = detail::of_format<max_frame_bytes>(source_);
     if (overlong_ || size > longest) {
       if (!overlong_) reject(Cause::length_out_of_range, size);
       blame(Cause::length_out_of_range, size);
@@ -448,7 +448,7 @@ class Deframer {
   }
 
   WIREBOND_INLINE Verdict examine_block(const std::uint8_t* block, std::size_t size, Frame& frame) {
-    const std::size_t longest = detail::max_frame_of(source_);
+    const std::size_t longest = detail::of_format<max_frame_bytes>(source_);
     const std::uint8_t* bytes = block;
     std::size_t unstuffed = size;
     const FrameFormat& format = source_.format();

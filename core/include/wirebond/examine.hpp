@@ -219,7 +219,8 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
     const std::int64_t size =
         static_cast<std::int64_t>(read_number(form.length, candidate, 0)) * form.length_unit + form.length_bias;
     std::int64_t most = format.max_payload;
-    if (format.length_on_wire) most += static_cast<std::int64_t>(stuffing_overhead(format, max_frame_of(source)));
+    if (format.length_on_wire)
+      most += static_cast<std::int64_t>(stuffing_overhead(format, of_format<max_frame_bytes>(source)));
     if (size < 0 || size > most) return {Outcome::reject, Cause::length_out_of_range, form.prefix};
     payload = static_cast<std::size_t>(size);
     if (format.length_on_wire && whole) {  // known now that nothing is stuffed any more

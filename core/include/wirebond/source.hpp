@@ -132,35 +132,14 @@ constexpr std::array<Number, part_counts<Source>.forms> make_field_numbers() {
 template <class Source, std::size_t Place>
 inline constexpr auto field_numbers = make_field_numbers<Source, Place>();
 
-// What runs through all forms of a format, computed by the compiler where the format folds.
-
-template <class Source>
-WIREBOND_INLINE std::size_t max_frame_of(const Source& source) {
+/// What a function of the format gives, such as `max_wire_bytes`: computed by the compiler where the format folds.
+template <auto Function, class Source>
+WIREBOND_INLINE auto of_format(const Source& source) {
   if constexpr (folds<Source>(0)) {
-    constexpr std::size_t size = max_frame_bytes(Source{}.format());
-    return size;
+    constexpr auto value = Function(Source{}.format());
+    return value;
   } else {
-    return max_frame_bytes(source.format());
-  }
-}
-
-template <class Source>
-WIREBOND_INLINE std::size_t max_wire_of(const Source& source) {
-  if constexpr (folds<Source>(0)) {
-    constexpr std::size_t size = max_wire_bytes(Source{}.format());
-    return size;
-  } else {
-    return max_wire_bytes(source.format());
-  }
-}
-
-template <class Source>
-WIREBOND_INLINE std::size_t longest_prefix_of(const Source& source) {
-  if constexpr (folds<Source>(0)) {
-    constexpr std::size_t size = longest_prefix(Source{}.format());
-    return size;
-  } else {
-    return longest_prefix(source.format());
+    return Function(source.format());
   }
 }
 

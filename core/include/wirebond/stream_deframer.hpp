@@ -115,7 +115,7 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
     if (ends_by_silence()) {
       pause(came_us, now_us, sink);
       // With what came before the pause this is no frame.
-      if (this->before_pause() != 0 && carried_ + size > detail::max_frame_of(deframer_.source())) {
+      if (this->before_pause() != 0 && carried_ + size > detail::of_format<max_frame_bytes>(deframer_.source())) {
         drop_before_pause(sink);
       }
     }

@@ -207,7 +207,7 @@ WIREBOND_INLINE std::ptrdiff_t unstuff(const Source& source, const std::uint8_t*
   const std::size_t back = format.plain_back;
   if (size < front + back) return -1;
   const std::size_t inner = size - front - back;
-  const std::size_t room = detail::max_wire_of(source) - front - back;
+  const std::size_t room = detail::of_format<max_wire_bytes>(source) - front - back;
   const std::ptrdiff_t result = format.stuffing == Stuffing::cobs  ? cobs_decode(block + front, inner, to + front, room)
                                 : format.stuffing == Stuffing::hex ? unhex(block + front, inner, to + front, room)
                                 : format.stuffing == Stuffing::insertion
