@@ -32,6 +32,13 @@ class Nmea(Oracle):
             return None  # the library reads lines, and takes sentences with less
         try:
             sentence = pynmea2.parse(frame.decode("ascii"), check=True)
+        except pynmea2.ChecksumError:
+            return None
+        except pynmea2.ParseError:  # a sentence of a type that the library does not know may still be whole
+            text, digits = frame[1:-5], frame[-4:-2]
+            if b"*" in text or digits != b"%02X" % pynmea2.NMEASentence.checksum(text.decode("ascii")):
+                return None
+            return Case("sentence", sender, [text])
         except (ValueError, AttributeError):
             return None
         words = [sentence.identifier().rstrip(","), *sentence.data]

@@ -19,6 +19,7 @@ _HOST = {
     0x1607: ("drive", ">BHB"), 0x1606: ("reset_heading", ">"), 0x1A0E: ("set_light", ">H*"),
 }  # fmt: skip
 _MCU = {0x1000: ("pong", ">*"), 0x1303: ("battery", ">H"), 0x1812: ("collision", ">hhhBhhhBI")}
+_MOST = {"ping": 16, "pong": 16, "set_light": 48}  # bytes that are left of a payload; the format itself has no limit
 _KINDS = {End.HOST: _HOST, End.MCU: _MCU}
 
 
@@ -28,7 +29,7 @@ class Sphero(Oracle):
         header: dict[str, Any] = {"number": source.randrange(256)}
         if message.sender == End.MCU and source.random() < 0.5:
             flags.append("response")
-            header["error"] = source.randrange(0x0B)  # those that the library knows
+            header["error"] = source.choice(list(Packet.Error)).name
         for name in ("target", "source"):
             if f"has_{name}" in flags:
                 header[name] = source.randrange(256)
@@ -48,7 +49,7 @@ class Sphero(Oracle):
             header.get("target"),
             header.get("source"),
             bytearray(struct.pack(layout.rstrip("*"), *flat) + data),
-            header.get("error"),
+            Packet.Error[header["error"]] if "error" in header else None,
         )
         return bytes(packet.build())
 
@@ -64,7 +65,7 @@ class Sphero(Oracle):
             return None
         name, layout = found
         data, fixed = bytes(packet.data), struct.calcsize(layout.rstrip("*"))
-        if len(data) < fixed or (len(data) > fixed and not layout.endswith("*")):
+        if not fixed <= len(data) <= fixed + _MOST.get(name, 0):
             return None
         wire: Wire = list(struct.unpack_from(layout.rstrip("*"), data))
         if name == "collision":
@@ -75,5 +76,5 @@ class Sphero(Oracle):
         }
         header |= {"target": packet.tid} if packet.tid is not None else {}
         header |= {"source": packet.sid} if packet.sid is not None else {}
-        header |= {"error": int(packet.err)} if packet.flags & Packet.Flags.is_response else {}
+        header |= {"error": packet.err.name} if packet.flags & Packet.Flags.is_response else {}
         return Case(name, sender, wire + ([data[fixed:]] if layout.endswith("*") else []), header)
