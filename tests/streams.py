@@ -31,13 +31,13 @@ def random_values(message: Message, source: random.Random) -> dict[str, Any]:
 
 def _struct_values(fields: tuple[Field, ...], source: random.Random) -> dict[str, Any]:
     """Counts are drawn once for all that they count, and left out: they are counted."""
-    counting = {f.counted_by for f in fields if f.counted_by}
+    counting = dict.fromkeys(f.counted_by for f in fields if f.counted_by)  # in the order of the fields
     least = {c: min(f.max_count or f.max_size for f in fields if f.counted_by == c) for c in counting}
     sizes = {name: source.randint(0, most) for name, most in least.items()}
     return {
         f.name: _field_value(f, source, sizes.get(f.counted_by))
         for f in fields
-        if f.kind != FieldKind.PADDING and f.name not in counting
+        if f.kind != FieldKind.PADDING and not f.is_count
     }
 
 

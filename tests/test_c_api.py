@@ -141,9 +141,8 @@ def test_names_that_are_hard_on_c_do_not_meet(tmp_path: Path) -> None:
 
 def leaves(fields: tuple[Field, ...], values: dict[str, Any], to: str) -> Iterator[tuple[str, str]]:
     """Every plain value below ``values``: where it lies in the C struct ``to``, and its literal."""
-    counting = {field.counted_by for field in fields}
     for field in fields:
-        if field.kind == FieldKind.PADDING or field.name in counting:
+        if field.kind == FieldKind.PADDING or field.is_count:
             continue
         value, place = values[field.name], f"{to}{field.name}"
         if field.is_string:

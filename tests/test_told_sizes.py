@@ -12,7 +12,9 @@ from tests.conformance.build import build_decoder, decode
 from tests.shared import ROOT, account_closes
 from tests.streams import Speaker, chunks, hard_pieces
 from wirebond import MessageError, load
+from wirebond.checksum import checksum
 from wirebond.explain import explain
+from wirebond.protocol.algorithms import ALGORITHMS
 from wirebond.protocol.model import End
 
 CODEC = load(ROOT / "tests" / "formats" / "told_sizes.yaml")
@@ -32,14 +34,14 @@ def test_real_frames_are_read_and_written() -> None:
     assert CODEC.encode("read_holding", first=0x6B, number=3) == REQUEST
     (request,) = CODEC.decoder("host").feed(REQUEST)
     assert request.fields == {"first": 0x6B, "number": 3}
-    registers = REPLY[3:9]
+    registers = [0xAE41, 0x5652, 0x4340]
     assert CODEC.encode("holding", registers=registers) == REPLY
     (reply,) = CODEC.decoder("mcu").feed(REPLY)
     assert reply.fields == {"byte_count": 6, "registers": registers}
 
 
 def test_replies_of_every_length_and_shorter_errors_follow_each_other_without_a_pause() -> None:
-    sent = [CODEC.encode("holding", registers=bytes(size)) for size in (0, 1, 250, 2)]
+    sent = [CODEC.encode("holding", registers=[7] * number) for number in (0, 1, 125, 2)]
     sent.insert(2, CODEC.encode("read_error", code=2))
     for size in (1, 3, 4096):
         decoder = CODEC.decoder("mcu")
@@ -67,8 +69,99 @@ def test_a_count_beyond_its_bound_is_a_false_start_at_once() -> None:
 
 
 def test_counts_are_the_encoders() -> None:
-    with pytest.raises(MessageError, match="byte_count"):
-        CODEC.encode("holding", byte_count=3, registers=b"12")
+    assert CODEC.encode("holding", byte_count=4, registers=[1, 2]) == CODEC.encode("holding", registers=[1, 2])
+    with pytest.raises(MessageError, match=r"holding\.byte_count is 3, and .* has 4 bytes; leave byte_count out"):
+        CODEC.encode("holding", byte_count=3, registers=[1, 2])
+    with pytest.raises(MessageError, match=r"in_bits\.head\.number is 1, and in_bits\.levels, .* has 2 elements"):
+        CODEC.encode("in_bits", head={"kind": 0, "number": 1}, levels=[1, 2])
+
+
+def test_a_count_may_be_bytes_or_bits_and_two_may_count_one_list() -> None:
+    sent = CODEC.encode("write_many", first=1, registers=[10, 11, 12])
+    assert sent[2:7].hex() == "0001000306"
+    (written,) = CODEC.decoder("host").feed(sent)
+    assert written.fields == {"first": 1, "number": 3, "byte_count": 6, "registers": [10, 11, 12]}
+    sample = {"level": 1, "quality": 2}
+    sent = CODEC.encode("in_bits", head={"kind": 5}, levels=[1, -2], samples=[sample] * 20, name={"text": "abc"})
+    assert sent[2:4] == bytes([0b101_0010_0, 60])
+    (received,) = CODEC.decoder("host").feed(sent)
+    assert received.fields["head"] == {"kind": 5, "number": 2, "size": 60}
+    assert received.fields["name"] == {"of": {"size": 3}, "text": "abc"}
+    assert (received.fields["levels"], received.fields["samples"]) == ([1, -2], [sample] * 20)
+
+
+@pytest.mark.parametrize(
+    ("payload", "sender", "sentence"),
+    [
+        ("03 03 0001", End.MCU, "byte_count a multiple of 2, found 3"),
+        ("03 FC 0001", End.MCU, "byte_count at most 250, found 252"),
+        ("10 0001 0002 06 0001 0002 0003", End.HOST, "byte_count 4, found 6"),
+        ("10 0001 0002 02 0001", End.HOST, "byte_count 4, found 2"),
+        ("42 0007 7E 0001 02 0003 04", End.HOST, "head.size a multiple of 3, found 7"),
+    ],
+)
+def test_a_count_of_bytes_that_is_no_number_of_elements_is_a_false_start(
+    payload: str, sender: End, sentence: str
+) -> None:
+    body = bytes([0x11]) + bytes.fromhex(payload)
+    frame = body + checksum(ALGORITHMS["crc-16/modbus"], body).to_bytes(2, "little")
+    decoder = CODEC.decoder(sender)
+    assert [m.name for m in decoder.feed(frame) + decoder.finish()] == []
+    assert decoder.stats.rejected_candidates["length_out_of_range"] >= 1
+    assert reference.decode(CODEC.model, frame, sender).frames == []
+    assert explain(CODEC.model, frame, sender).stretches[0].summary == f"payload: expected {sentence}"
+
+
+LONGER = """
+wirebond: 1
+protocol: longer
+byte_order: big
+frame: [magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-8/smbus]
+messages:
+  readings:
+    id: 1
+    sender: mcu
+    fields:
+      {size: {type: u8}, number: {type: u8}, values: {type: u16, count: {elements: number, bytes: size}, max: 4}}
+  marked:
+    id: 2
+    sender: mcu
+    fields:
+      {size: {type: u8}, values: {type: u16, count: {bytes: size}, max: 4}, end: {type: u8, constant: 0x7E}}
+"""
+
+
+def framed(body: bytes) -> bytes:
+    whole = bytes([0xA5, len(body) - 1]) + body
+    return whole + bytes([checksum(ALGORITHMS["crc-8/smbus"], whole)])
+
+
+def test_where_a_length_tells_the_size_wrong_counts_are_violations(tmp_path: Path) -> None:
+    file = tmp_path / "longer.yaml"
+    file.write_text(LONGER)
+    codec = load(file)
+    for counts, values, faults in (
+        ((4, 2), [1, 2], []),
+        ((3, 1), [1], ["readings.size tells 3 bytes, and readings.values has 2 for each element"]),
+        ((2, 2), [1, 2], ["readings.size tells 2 bytes, and readings.values has 4 in this payload"]),
+        ((10, 2), [1, 2], ["readings.size tells 10 bytes, and readings.values has at most 8"]),
+    ):
+        (message,) = codec.decoder("mcu").feed(framed(bytes([1, *counts]) + bytes.fromhex("00010002")))
+        assert message.fields["values"] == values
+        assert message.violations == faults
+
+
+def test_a_constant_behind_bytes_that_are_no_number_of_elements_has_no_place(tmp_path: Path) -> None:
+    file = tmp_path / "longer.yaml"
+    file.write_text(LONGER)
+    codec = load(file)
+    frame = framed(bytes.fromhex("02 03 0001 7E 7E"))
+    decoder = codec.decoder("mcu")
+    assert decoder.feed(frame) + decoder.finish() == []
+    assert decoder.stats.rejected_candidates["constant_mismatch"] >= 1
+    assert reference.decode(codec.model, frame, End.MCU).frames == []
+    (stretch, *_) = explain(codec.model, frame, End.MCU).stretches
+    assert stretch.summary == "constant field: expected size a multiple of 2, found 3"
 
 
 @pytest.mark.parametrize("sender", [End.HOST, End.MCU])
@@ -88,7 +181,7 @@ def test_engine_and_reference_agree_however_the_stream_is_cut(sender: End) -> No
         assert decoder.stats.as_dict()["discarded_bytes"] == dict(expected.discarded_bytes)
         assert decoder.stats.as_dict()["rejected_candidates"] == dict(expected.rejected_candidates)
         names |= {m.name for m in found}
-    assert "two_counts" in names
+    assert {"two_counts", "in_bits"} <= names
 
 
 def test_generated_code_agrees(tmp_path: Path) -> None:

@@ -58,7 +58,7 @@ void add_columns(const std::vector<FieldTable>& fields, const std::string& prefi
 /// One row's values of the columns that hold objects, and places of those that move. `next` counts the columns.
 void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, std::vector<Column>& columns,
               std::size_t& next) {
-  Counts counts(fields);
+  Counts counts;
   for (const FieldTable& field : fields) {
     const std::size_t here = place + field.at;
     if (is_flattened(field)) {
@@ -66,7 +66,7 @@ void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& wa
       continue;
     }
     Column& column = columns[next++];
-    if (field.counts) counts.tell(field, load_raw(field, walk.at(here), 0));
+    if (field.counts) counts.tell(field, walk.at(here));
     if (column.moves) column.places.push_back(walk.at(here));
     if (!column.objects.is_valid()) continue;
     const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;

@@ -3,6 +3,7 @@
 
 #include <nanobind/stl/string.h>
 
+#include <stdexcept>
 #include <utility>
 
 #include "words.hpp"
@@ -123,20 +124,41 @@ std::vector<FieldTable> read_bits(nb::handle container) {
 
 }  // namespace
 
+namespace {
+
+/// The field of this name, or that among the bits of a field (`state.number`); null: it is none of these.
+FieldTable* find_counter(std::vector<FieldTable>& fields, const std::string& name, FieldTable** outer) {
+  for (FieldTable& field : fields) {
+    *outer = &field;
+    if (field.name == name) return &field;
+    if (field.kind != FieldKind::structure || name.compare(0, field.name.size() + 1, field.name + ".") != 0) continue;
+    for (FieldTable& run : field.fields) {
+      if (name.compare(field.name.size() + 1, std::string::npos, run.name) == 0) return &run;
+    }
+  }
+  return nullptr;
+}
+
+}  // namespace
+
 std::vector<FieldTable> read_fields(nb::handle fields) {
   std::vector<FieldTable> out;
   std::size_t at = 0;
+  int slots = 0;
   for (nb::handle field : fields) {
     const std::string kind = text_of(field.attr("kind"));
     if (kind != "padding") {
       FieldTable table = read_field(field, at);
       if (kind == "bits") table.fields = read_bits(field);
       if (kind == "struct") table.fields = read_fields(field.attr("fields"));
-      const std::string counter = text_of(field.attr("counted_by"));
-      for (std::size_t i = 0; i < out.size() && !counter.empty(); ++i) {
-        if (out[i].name != counter) continue;
-        out[i].counts = true;
-        table.counted_by = static_cast<int>(i);
+      for (nb::handle counter : field.attr("counters")) {
+        const std::string name = text_of(counter[0]);
+        FieldTable* outer = nullptr;
+        FieldTable* const counting = find_counter(out, name, &outer);
+        if (counting == nullptr) throw std::logic_error("no field " + name + " to count " + table.name);
+        if (counting->slot < 0) counting->slot = slots++;
+        outer->counts = true;
+        table.counters.push_back({static_cast<std::size_t>(counting->slot), nb::cast<std::uint64_t>(counter[1]), name});
       }
       out.push_back(std::move(table));
     }

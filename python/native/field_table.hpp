@@ -27,6 +27,13 @@ enum class Repeat : std::uint8_t {
   packed,  ///< `count` elements, bit by bit
 };
 
+/// A field that counts another one.
+struct Counter {
+  std::size_t slot = 0;    ///< among what counts in this list of fields
+  std::uint64_t step = 1;  ///< what it tells for one element or byte
+  std::string name;        ///< `state.number` for one among the bits of `state`
+};
+
 /// One field. `value = (wire * numerator + addend) / denominator + offset`: exact whole numbers, so that one rounding
 /// is left and 9 * 0.001 is 0.009, not 0.009000000000000001. `offset` is zero where such numbers hold it, and `addend`
 /// of a float always.
@@ -42,9 +49,10 @@ struct FieldTable {
   std::uint32_t count = 1;
   std::uint32_t max_count = 0;  ///< of a list: elements; of a string of varying size: bytes
   bool is_variable = false;     ///< its size varies, or that of a field in it
-  bool counts = false;          ///< tells how many elements or bytes others have
-  int counted_by = -1;          ///< which of the fields beside it tells that; -1: the payload's end
-  int ends_with = -1;           ///< of a string: the byte behind it, which is in its least size; -1: none
+  bool counts = false;          ///< it tells how many elements or bytes others have, or one of its bits does
+  int slot = -1;  ///< what it tells stands here, among what counts in its list of fields; -1: it counts nothing
+  std::vector<Counter> counters;  ///< the first tells how many it has, others agree; none: as many as the payload has
+  int ends_with = -1;             ///< of a string: the byte behind it, which is in its least size; -1: none
 
   // One number.
   std::uint8_t size = 1;  ///< bytes that it is loaded from; of a bit field, those of all of them

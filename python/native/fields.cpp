@@ -46,10 +46,10 @@ nb::object decode_fixed(const FieldTable& field, std::size_t place, Walk& walk) 
 
 nb::dict decode_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk) {
   nb::dict out;
-  Counts counts(fields);
+  Counts counts;
   for (const FieldTable& field : fields) {
     const std::size_t here = place + field.at;
-    if (field.counts) counts.tell(field, load_raw(field, walk.at(here), 0));
+    if (field.counts) counts.tell(field, walk.at(here));
     const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
     const nb::object value = decode_field(field, here, promised, walk);
     if (PyDict_SetItem(out.ptr(), field.key.ptr(), value.ptr()) != 0) throw nb::python_error();
@@ -67,24 +67,35 @@ void add(nb::list& out, const Path& path, const std::string& fault) {
   if (!fault.empty()) out.append(nb::str(text.data(), text.size()));
 }
 
-/// A list or string of which the payload promises more than it has, or more than the protocol allows.
-void validate_promise(const FieldTable& field, const FieldTable* counting, std::uint64_t promised, std::size_t found,
-                      const Path& path, nb::list& out) {
-  if (counting == nullptr || found == promised) return;
-  const std::string what = field.is_string() ? " bytes" : " elements";
-  const std::string limit = promised > field.max_count ? "has at most " + std::to_string(field.max_count)
-                                                       : "has " + std::to_string(found) + " in this payload";
-  const Path counter{path.parent, counting->name};
-  out.append(nb::str(
-      (counter.text() + " tells " + std::to_string(promised) + what + ", and " + path.text() + " " + limit).c_str()));
+/// What a count counts.
+std::string unit_of(const FieldTable& field, const Counter& counter) {
+  return field.is_string() || counter.step > 1 ? " bytes" : " elements";
 }
 
-void validate_string(const FieldTable& field, std::size_t place, const FieldTable* counting, std::uint64_t promised,
-                     Walk& walk, const Path& path, nb::list& out) {
+/// A list or string of which the payload promises more than it has, or more than the protocol allows.
+void validate_promises(const FieldTable& field, const Counts& counts, std::size_t found, const Path& path,
+                       nb::list& out) {
+  for (const Counter& counter : field.counters) {
+    const std::uint64_t told = counts.told(counter);
+    const std::uint64_t step = counter.step;
+    if (told == found * step) continue;
+    const std::string limit = told % step != 0 ? "has " + std::to_string(step) + " for each element"
+                              : told / step > field.max_count
+                                  ? "has at most " + std::to_string(field.max_count * step)
+                                  : "has " + std::to_string(found * step) + " in this payload";
+    const Path counting{path.parent, counter.name};
+    out.append(nb::str((counting.text() + " tells " + std::to_string(told) + unit_of(field, counter) + ", and " +
+                        path.text() + " " + limit)
+                           .c_str()));
+  }
+}
+
+void validate_string(const FieldTable& field, std::size_t place, const Counts& counts, Walk& walk, const Path& path,
+                     nb::list& out) {
   const char* const at = reinterpret_cast<const char*>(walk.at(place));
   const std::size_t most = std::min<std::size_t>(walk.spare, field.max_count);
-  const std::size_t size = field.count != 0 ? field.count : walk.string_size(field, place, promised);
-  validate_promise(field, counting, promised, size, path, out);
+  const std::size_t size = field.count != 0 ? field.count : walk.string_size(field, place, counts.promised(field));
+  validate_promises(field, counts, size, path, out);
   if (field.ends_with >= 0 && at[size] != static_cast<char>(field.ends_with)) {
     char end[8];
     std::snprintf(end, sizeof end, "0x%02X", static_cast<unsigned>(field.ends_with) & 0xFFu);
@@ -110,22 +121,20 @@ void validate_element(const FieldTable& field, std::size_t place, std::size_t in
 
 void validate_all(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, const Path& path,
                   nb::list& out) {
-  Counts counts(fields);
+  Counts counts;
   for (const FieldTable& field : fields) {
     const std::size_t here = place + field.at;
-    if (field.counts) counts.tell(field, load_raw(field, walk.at(here), 0));
+    if (field.counts) counts.tell(field, walk.at(here));
     const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
-    const FieldTable* const counting =
-        field.counted_by < 0 ? nullptr : &fields[static_cast<std::size_t>(field.counted_by)];
     const Path own{&path, field.name};
     if (field.is_string()) {
-      validate_string(field, here, counting, promised, walk, own, out);
+      validate_string(field, here, counts, walk, own, out);
     } else if (field.repeat == Repeat::listed) {
       const std::size_t found = walk.elements(field, here, promised, [&](std::size_t i, std::size_t at) {
         const Path element{&path, field.name, static_cast<std::ptrdiff_t>(i)};
         validate_element(field, at, 0, walk, element, out);
       });
-      validate_promise(field, counting, promised, found, own, out);
+      validate_promises(field, counts, found, own, out);
     } else if (field.repeat == Repeat::once) {
       validate_element(field, here, 0, walk, own, out);
     } else {
@@ -143,12 +152,12 @@ void validate_all(const std::vector<FieldTable>& fields, std::size_t place, Walk
 struct Build {
   std::vector<std::uint8_t> payload;
   std::size_t shift = 0;
-  std::vector<std::size_t> shifts{};  ///< behind each field of varying size that stands in no repetition
+  std::vector<std::size_t> shifts{};  ///< behind each count of a field of varying size that stands in no repetition
   unsigned repetitions = 0;           ///< that what is being written stands in, each with its own size
 
   std::uint8_t* at(std::size_t place) { return payload.data() + place + shift; }
-  void note_shift() {
-    if (repetitions == 0) shifts.push_back(shift);
+  void note_shift(const FieldTable& field) {  // for each of its counts, as the rules over a payload list them
+    if (repetitions == 0) shifts.insert(shifts.end(), std::max<std::size_t>(field.counters.size(), 1), shift);
   }
   void insert(std::size_t place, std::size_t size) {
     payload.insert(payload.begin() + static_cast<std::ptrdiff_t>(place + shift), size, 0);
@@ -157,30 +166,31 @@ struct Build {
 
 /// A field that tells how many elements or bytes others have: the caller's number, or theirs.
 struct Count {
+  const FieldTable* field = nullptr;
   std::size_t at = 0;  ///< in the payload
   bool is_given = false;
   std::optional<std::uint64_t> number;
 };
 
+/// `outer`: what counts in the list of fields around, where these are bits; else null.
 void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::handle values, const Path& path,
-                Build& build);
+                Build& build, std::vector<Count>* outer = nullptr);
 
-/// Settle the number of `field`'s elements or bytes with the field that counts them.
-void count_in(const FieldTable& field, const std::vector<FieldTable>& fields, std::vector<Count>& counts,
-              std::size_t found, const Path& path, Build& build) {
-  if (field.counted_by < 0) return;
-  const auto index = static_cast<std::size_t>(field.counted_by);
-  Count& count = counts[index];
-  if (!count.number) {
-    count.number = found;
-    store_raw(fields[index], build.payload.data() + count.at, 0, found);
+/// Settle the number of `field`'s elements or bytes with the fields that count them.
+void count_in(const FieldTable& field, std::vector<Count>& counts, std::size_t found, const Path& path, Build& build) {
+  for (const Counter& counter : field.counters) {
+    Count& count = counts[counter.slot];
+    const std::uint64_t tells = found * counter.step;
+    if (!count.number) {
+      count.number = tells;
+      store_raw(*count.field, build.payload.data() + count.at, 0, tells);
+    }
+    if (*count.number == tells) continue;
+    const Path counting{path.parent, counter.name};
+    throw_message_error(counting.text() + " is " + std::to_string(*count.number) + ", and " + path.text() +
+                        ", which it counts, has " + std::to_string(tells) + unit_of(field, counter) +
+                        (count.is_given ? "; leave " + counter.name + " out, it is counted" : ""));
   }
-  if (*count.number == found) return;
-  const Path counter{path.parent, fields[index].name};
-  const std::string what = field.is_string() ? " bytes" : " elements";
-  throw_message_error(counter.text() + " is " + std::to_string(*count.number) + ", and " + path.text() +
-                      ", which it counts, has " + std::to_string(found) + what +
-                      (count.is_given ? "; leave " + fields[index].name + " out, it is counted" : ""));
 }
 
 /// The bytes of a string, its size checked.
@@ -253,7 +263,7 @@ std::size_t encode_elements(const FieldTable& field, std::size_t place, nb::hand
   if (is_list) {
     build.repetitions -= 1;
     build.shift += size * field.stride;
-    build.note_shift();
+    build.note_shift(field);
   }
   return size;
 }
@@ -285,9 +295,10 @@ void refuse_unknown(const std::vector<FieldTable>& fields, nb::dict values, cons
 }
 
 void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::handle values, const Path& path,
-                Build& build) {
+                Build& build, std::vector<Count>* outer) {
   if (!PyDict_Check(values.ptr())) wrong_type(path, values, "a dict of " + names_of(fields));
-  std::vector<Count> counts;
+  std::vector<Count> own_counts;
+  std::vector<Count>& counts = outer != nullptr ? *outer : own_counts;
   Py_ssize_t used = 0;
   for (const FieldTable& field : fields) {
     const std::size_t here = place + field.at;
@@ -296,9 +307,11 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::ha
     const bool is_given = value.is_valid();
     if (!is_given && PyErr_Occurred() != nullptr) throw nb::python_error();
     used += is_given ? 1 : 0;
-    if (field.counts) {
-      counts.resize(fields.size());
-      Count& count = counts[static_cast<std::size_t>(&field - fields.data())];
+    if (field.slot >= 0) {
+      const auto slot = static_cast<std::size_t>(field.slot);
+      if (counts.size() <= slot) counts.resize(slot + 1);
+      Count& count = counts[slot];
+      count.field = &field;
       count.at = here + build.shift;
       count.is_given = is_given;
       if (!is_given) continue;  // what it counts tells
@@ -318,14 +331,14 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::ha
       if (size != 0) std::memcpy(build.at(here), PyBytes_AS_STRING(bytes.ptr()), size);
       if (field.count == 0) {
         build.shift += size;
-        build.note_shift();
+        build.note_shift(field);
       }
       if (field.ends_with >= 0) *build.at(here) = static_cast<std::uint8_t>(field.ends_with);
-      count_in(field, fields, counts, size, own, build);
+      count_in(field, counts, size, own, build);
     } else if (field.repeat != Repeat::once) {
-      count_in(field, fields, counts, encode_elements(field, here, value, own, build), own, build);
+      count_in(field, counts, encode_elements(field, here, value, own, build), own, build);
     } else if (field.kind == FieldKind::structure) {
-      encode_all(field.fields, here, value, own, build);
+      encode_all(field.fields, here, value, own, build, field.counts ? &counts : nullptr);
     } else {
       store_raw(field, build.at(here), 0, encode_element(field, value, own));
     }

@@ -122,10 +122,13 @@ PayloadTable read_rules(nb::handle rules) {
          nb::cast<std::uint8_t>(constant.attr("mask")), nb::cast<std::uint8_t>(constant.attr("value"))});
   }
   for (nb::handle count : rules.attr("counts")) {
+    const nb::object with = count.attr("agrees_with");
+    const std::int8_t agrees = with.is_none() ? std::int8_t{-1} : nb::cast<std::int8_t>(with);
     out.counts.push_back({nb::cast<std::uint16_t>(count.attr("at")), nb::cast<std::uint8_t>(count.attr("behind")),
                           nb::cast<std::uint8_t>(count.attr("bytes")), byte_order_of(count.attr("order")),
                           nb::cast<std::uint8_t>(count.attr("shift")), nb::cast<std::uint64_t>(count.attr("mask")),
-                          nb::cast<std::uint16_t>(count.attr("unit")), nb::cast<std::uint16_t>(count.attr("most"))});
+                          nb::cast<std::uint16_t>(count.attr("unit")), nb::cast<std::uint16_t>(count.attr("most")),
+                          nb::cast<std::uint16_t>(count.attr("step")), agrees});
   }
   return out;
 }

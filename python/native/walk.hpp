@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "element.hpp"
 #include "field_table.hpp"
 
 namespace wirebond::engine {
@@ -53,21 +54,31 @@ struct Walk {
 /// counts.
 class Counts {
  public:
-  explicit Counts(const std::vector<FieldTable>& fields) : fields_(fields) {}
-
-  void tell(const FieldTable& counting, std::uint64_t number) {
-    told_.resize(fields_.size());
-    told_[static_cast<std::size_t>(&counting - fields_.data())] = number;
+  /// Read what a field at `at` that counts tells, or those of its bits that do.
+  void tell(const FieldTable& counting, const std::uint8_t* at) {
+    if (counting.slot >= 0) set(counting, load_raw(counting, at, 0));
+    for (const FieldTable& run : counting.fields) {
+      if (run.slot >= 0) set(run, load_raw(run, at, 0));
+    }
   }
+
+  /// What one of them has told.
+  std::uint64_t told(const Counter& counter) const { return told_[counter.slot]; }
 
   /// Elements or bytes that the payload promises of `field`.
   std::uint64_t promised(const FieldTable& field) const {
-    if (field.counted_by < 0) return std::numeric_limits<std::uint64_t>::max();
-    return told_[static_cast<std::size_t>(field.counted_by)];
+    if (field.counters.empty()) return std::numeric_limits<std::uint64_t>::max();
+    const Counter& first = field.counters.front();
+    return told(first) / first.step;
   }
 
  private:
-  const std::vector<FieldTable>& fields_;
+  void set(const FieldTable& counting, std::uint64_t number) {
+    const auto slot = static_cast<std::size_t>(counting.slot);
+    if (told_.size() <= slot) told_.resize(slot + 1);
+    told_[slot] = number;
+  }
+
   std::vector<std::uint64_t> told_;
 };
 

@@ -77,9 +77,8 @@ Leaf = tuple[str, Field | None, Any]  # path, field (None: a number of elements)
 
 def _leaves(fields: tuple[Field, ...], values: dict[str, Any], path: str) -> Iterator[Leaf]:
     """The values in the order of the struct's members; numbers of elements stand before what varies."""
-    counting = {field.counted_by for field in fields}
     for field in fields:
-        if field.kind == FieldKind.PADDING or field.name in counting:
+        if field.kind == FieldKind.PADDING or field.is_count:
             continue
         value, here = values[field.name], f"{path}.{field.name}"
         if field.is_string:

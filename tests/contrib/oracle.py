@@ -57,8 +57,7 @@ def to_wires(fields: tuple[Field, ...], values: dict[str, Any]) -> Wire:
 
 def from_wires(fields: tuple[Field, ...], wire: Wire) -> dict[str, Any]:
     """The inverse of ``to_wires``."""
-    counting = {described.counted_by for described in fields}
-    valued = [f for f in fields if f.kind != FieldKind.PADDING and f.name not in counting]
+    valued = [f for f in fields if f.kind != FieldKind.PADDING and not f.is_count]
     return {described.name: from_wire(described, one) for described, one in zip(valued, wire, strict=True)}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,18 +21,13 @@ def counted_size(fields: tuple[Field, ...], data: bytes, at: int = 0) -> int:
     """Where these fields end that begin at ``at``, as the counts among them tell.
 
     :raises TooShort: more bytes are needed to tell.
-    :raises Broken: a count is greater than the message allows.
+    :raises Broken: a count is greater than the message allows, tells bytes that are no number of elements, or disagrees
+        with another.
     """
     places: dict[str, tuple[int, Field]] = {}
     for field in fields:
         if field.counted_by:
-            place, counting = places[field.counted_by]
-            if len(data) < place + counting.size:
-                raise TooShort
-            number = int.from_bytes(data[place : place + counting.size], _order(counting))
-            if number > (field.max_size if field.is_string else field.max_count):
-                raise Broken
-            at += number * (1 if field.is_string else field.element_min_bytes)
+            at += _told_bytes(field, places, data)
         elif field.kind == FieldKind.STRUCT:
             for _ in range(field.count or 1):
                 at = counted_size(field.fields, data, at)
@@ -39,6 +35,42 @@ def counted_size(fields: tuple[Field, ...], data: bytes, at: int = 0) -> int:
             places[field.name] = at, field
             at += field.min_wire_bytes
     return at
+
+
+def _told(name: str, places: dict[str, tuple[int, Field]], data: bytes) -> int:
+    """The number that counts: a field, or one among the bits of a field."""
+    outer, _, run = name.partition(".")
+    at, counting = places[outer]
+    if len(data) < at + counting.size:
+        raise TooShort
+    number = int.from_bytes(data[at : at + counting.size], _order(counting))
+    for member, place in _places(counting) if run else ():
+        if member.name == run:
+            return number >> place & _ones(member)
+    return number
+
+
+def _told_bytes(field: Field, places: dict[str, tuple[int, Field]], data: bytes) -> int:
+    """The bytes that a field takes. Each of its counts is judged as soon as it is there."""
+    size = 1 if field.is_string else field.element_min_bytes
+    taken = _told(field.counted_by, places, data) * (1 if field.counted_in_bytes else size)
+    if taken > field.max_wire_bytes or taken % size:
+        raise Broken
+    if field.bytes_counted_by and _told(field.bytes_counted_by, places, data) != taken:
+        raise Broken
+    return taken
+
+
+def _places(container: Field) -> Iterator[tuple[Field, int]]:
+    """The values that share bits, each with the place of its lowest bit."""
+    used = 0
+    for member in container.fields:
+        used += member.width
+        yield member, used - member.width if container.first == BitOrder.LOW else 8 * container.size - used
+
+
+def _ones(member: Field) -> int:
+    return (1 << member.width) - 1
 
 
 def constants_hold(fields: tuple[Field, ...], payload: bytes, trims_zeros: bool) -> bool:
@@ -55,6 +87,7 @@ class _Reader:
     payload: bytes
     trims_zeros: bool
     at: int = 0
+    is_lost: bool = False  # behind bytes that are no number of elements: no constant has its place there
 
     def _take(self, size: int) -> bytes:
         piece = self.payload[self.at : self.at + size]
@@ -67,8 +100,11 @@ class _Reader:
             if field.is_list or (field.is_string and field.size == 0):
                 if not field.counted_by:
                     return  # what reaches to the end is the last
-                unit = 1 if field.is_string else field.element_min_bytes
-                self.at += unit * numbers[field.counted_by]
+                unit = 1 if field.is_string or field.counted_in_bytes else field.element_min_bytes
+                number = numbers[field.counted_by]
+                if field.counted_in_bytes and number <= field.max_wire_bytes and number % field.element_min_bytes:
+                    self.is_lost = True
+                self.at += unit * number
             elif field.kind == FieldKind.STRUCT:
                 for _ in range(field.count or 1):
                     self.read(field.fields)
@@ -80,8 +116,12 @@ class _Reader:
         piece = self._take(size)
         if field.kind == FieldKind.UNSIGNED:
             numbers[field.name] = int.from_bytes(piece, _order(field))
+        if self.is_lost and any(one.constant is not None for one in (field, *field.fields)):
+            raise Broken
         if field.constant is not None and piece != field.constant.to_bytes(size, _order(field)):
             raise Broken
+        for member, place in _places(field) if field.kind == FieldKind.BITS else ():
+            numbers[f"{field.name}.{member.name}"] = int.from_bytes(piece, _order(field)) >> place & _ones(member)
         mask = wanted = 0
         place = 0 if field.first == BitOrder.LOW else 8 * size
         for member in field.fields:  # bits

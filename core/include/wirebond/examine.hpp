@@ -234,8 +234,9 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
     payload = head.shape.max_payload;
     if constexpr (HasPayloadRules<Source>::value) {
       if (head.shape.min_payload != head.shape.max_payload) {  // its counts tell
-        const ToldSize told = told_size(source.payload_rules(head.shape.index), candidate + form.prefix,
-                                        available - form.prefix, head.shape.min_payload);
+        const ToldSize told =
+            told_size<CountsBytes<Source>::value>(source.payload_rules(head.shape.index), candidate + form.prefix,
+                                                  available - form.prefix, head.shape.min_payload);
         if (told.need != 0) return {Outcome::need_more, Cause::incomplete, form.prefix + told.need};
         if (!told.is_told) return {Outcome::reject, Cause::length_out_of_range, form.prefix};
         payload = told.size;
@@ -318,8 +319,8 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
   if constexpr (HasPayloadRules<Source>::value) {
     const bool long_enough = form.trims_zeros || head.payload >= head.shape.min_payload;
     if (head.shape.known() && long_enough &&
-        !payload_holds(source.payload_rules(head.shape.index), candidate + form.prefix, head.payload,
-                       form.trims_zeros)) {
+        !payload_holds<CountsBytes<Source>::value>(source.payload_rules(head.shape.index), candidate + form.prefix,
+                                                   head.payload, form.trims_zeros)) {
       return {Outcome::reject, Cause::constant_mismatch, size};
     }
   }

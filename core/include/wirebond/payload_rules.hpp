@@ -33,6 +33,8 @@ struct PayloadCount {
   std::uint64_t mask = 0xFF;
   std::uint16_t unit = 1;
   std::uint16_t most = 0;  ///< a greater number is none of this message
+  std::uint16_t step = 1;  ///< nor is one that this does not divide: it counts the bytes of elements that are so long
+  std::int8_t agrees_with = -1;  ///< an earlier count of the same elements, which takes the bytes; both tell as many
 };
 
 /// The rules of one message. Points at constants of the program, or at tables that the caller keeps.
@@ -63,9 +65,33 @@ struct ToldSize {
   bool is_told = false;  ///< false with `need` 0: a count is greater than the message allows
 };
 
+/// Does a count of the source's messages tell the bytes of elements? Other firmware has no code for it.
+template <class Source, class = void>
+struct CountsBytes : std::true_type {};
+template <class Source>
+struct CountsBytes<Source, std::void_t<decltype(Source::counts_bytes)>>
+    : std::integral_constant<bool, Source::counts_bytes> {};
+
+/// May a count tell this number, if `taken` bytes are what it agrees with?
+template <bool counts_bytes>
+bool may_tell(const PayloadCount& count, std::size_t number, std::size_t taken) {
+  if constexpr (counts_bytes) {
+    if (count.step > 1 && number % count.step != 0) return false;
+    if (count.agrees_with >= 0 && number * count.unit != taken) return false;
+  } else {
+    static_cast<void>(count), static_cast<void>(number), static_cast<void>(taken);
+  }
+  return true;
+}
+
+/// The bytes that the elements of an earlier count take.
+inline std::size_t taken_by(const PayloadShifts& shifts, std::int8_t count) {
+  return count < 0 ? 0 : shifts.behind[count + 1] - shifts.behind[count];
+}
+
 /// `available` bytes are there from `payload` on, of this payload or behind it. `least`: bytes where all counts are 0.
-inline ToldSize told_size(const PayloadRules& rules, const std::uint8_t* payload, std::size_t available,
-                          std::size_t least) {
+template <bool counts_bytes>
+ToldSize told_size(const PayloadRules& rules, const std::uint8_t* payload, std::size_t available, std::size_t least) {
   PayloadShifts shifts;
   shifts.behind[0] = 0;
   for (std::size_t i = 0; i < rules.count_count; ++i) {
@@ -75,14 +101,17 @@ inline ToldSize told_size(const PayloadRules& rules, const std::uint8_t* payload
     const std::uint64_t number =
         (load_bytes(payload + end - count.bytes, count.bytes, count.order) >> count.shift) & count.mask;
     if (number > count.most) return {};
-    shifts.behind[i + 1] = shifts.behind[i] + static_cast<std::size_t>(number) * count.unit;
+    const auto amount = static_cast<std::size_t>(number);
+    if (!may_tell<counts_bytes>(count, amount, taken_by(shifts, count.agrees_with))) return {};
+    const bool is_first = !counts_bytes || count.agrees_with < 0;
+    shifts.behind[i + 1] = shifts.behind[i] + (is_first ? amount * count.unit : 0);
   }
   return {least + shifts.behind[rules.count_count], 0, true};
 }
 
-/// What the counts of a whole payload say. False: one of them lies beyond it.
-inline bool read_counts(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size,
-                        PayloadShifts& shifts) {
+/// What the counts of a whole payload say. False: one of them lies beyond it, or tells what is no number of elements.
+template <bool counts_bytes>
+bool read_counts(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size, PayloadShifts& shifts) {
   shifts.behind[0] = 0;
   for (std::size_t i = 0; i < rules.count_count; ++i) {
     const PayloadCount& count = rules.counts[i];
@@ -90,17 +119,21 @@ inline bool read_counts(const PayloadRules& rules, const std::uint8_t* payload, 
     if (at >= size || size - at < count.bytes) return false;
     const std::uint64_t number = (load_bytes(payload + at, count.bytes, count.order) >> count.shift) & count.mask;
     const std::size_t bounded = number < size ? static_cast<std::size_t>(number) : size;  // no sum overflows
-    const std::size_t shift = shifts.behind[i] + bounded * count.unit;
+    const bool is_first = !counts_bytes || count.agrees_with < 0;
+    const bool is_possible = number <= count.most && is_first;  // a greater one is the message's violation
+    if (is_possible && !may_tell<counts_bytes>(count, static_cast<std::size_t>(number), 0)) return false;
+    const std::size_t shift = shifts.behind[i] + (is_first ? bounded * count.unit : 0);
     shifts.behind[i + 1] = shift < size ? shift : size;
   }
   return true;
 }
 
 /// Whether the constants of a whole payload hold. `trims_zeros`: those that are not there were zeros.
-inline bool payload_holds(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size, bool trims_zeros) {
+template <bool counts_bytes>
+bool payload_holds(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size, bool trims_zeros) {
   if (rules.constant_count == 0) return true;
   PayloadShifts shifts;
-  if (!read_counts(rules, payload, size, shifts)) return false;
+  if (!read_counts<counts_bytes>(rules, payload, size, shifts)) return false;
   for (std::size_t i = 0; i < rules.constant_count; ++i) {
     const PayloadConstant& constant = rules.constants[i];
     const std::size_t at = constant.at + shifts.behind[constant.behind];

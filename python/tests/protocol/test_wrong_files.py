@@ -698,6 +698,63 @@ NESTED = [
     ("number: {type: u8}", "number: {type: u8, scale: 2}", "`number` cannot count, for it is more than a number"),
     ("gap:", "many: {type: u16, count: @number}\n      gap:", "a varying number of elements needs a bound"),
     ("gap:", "many: {type: u16, count: 3, @max: 4}\n      gap:", "`max` is for a number that varies"),
+    ("{count: number, max: 9, fields: point}", "{count: @{}, max: 9, fields: point}", "nothing says how many elements"),
+    (
+        "{count: number, max: 9, fields: point}",
+        "{count: {bytes: @3}, max: 9, fields: point}",
+        "`3` is no field that counts",
+    ),
+    (
+        "{count: number, max: 9, fields: point}",
+        "{count: {size: number}, max: 9, fields: point}",
+        "not a key of `count`",
+    ),
+    ("{count: number, max: 9, fields: point}", "{count: {bytes: @rc}, max: 9, fields: point}", "`rc` cannot count"),
+    (
+        "{count: number, max: 9, fields: point}",
+        "{count: {bytes: @number, elements: number}, max: 9, fields: point}",
+        "`number` cannot tell elements and bytes at once",
+    ),
+    (
+        "{count: number, max: 9, fields: point}",
+        "{count: {bytes: @number}, max: 64, fields: point}",
+        "`number` counts to 255, and `max` is 64, of 4 bytes each; lower that, or take a wider type",
+    ),
+    (
+        "{count: number, max: 9, fields: point}",
+        "{count: @status, max: 9, fields: point}",
+        "`status` is shared by several values, and one of them can count; write `status.mode` or `status.armed`",
+    ),
+    ("{count: number, max: 9, fields: point}", "{count: @status.mde, max: 9, fields: point}", "is called `mde`; write"),
+    (
+        "{count: number, max: 9, fields: point}",
+        "{count: @status.armed, max: 1, fields: point}",
+        "`status.armed` cannot",
+    ),
+    (
+        "{count: number, max: 9, fields: point}",
+        "{count: @status.mode, max: 9, fields: point}",
+        "counts to 7, and `max`",
+    ),
+    ("{count: number, max: 9, fields: point}", "{count: @number.low, max: 9, fields: point}", "is called `number.low`"),
+    ("size: number, max: 9", "size: @{bytes: number}, max: 9", "does not say how many"),
+    (
+        "{count: number, max: 9, fields: point}",
+        "{count: {bytes: number}, max: 9, fields: point}",
+        "`number` counts `points` already, and what tells bytes counts nothing else",
+    ),
+    (
+        "{count: to_end, max: 4, fields: {a: {type: u8}}}",
+        "{count: {bytes: @number}, max: 4, fields: {b: {type: u8}, a: {type: text, max: 3, ends_with: 0x00}}}",
+        "each of these elements has its own size, so bytes do not tell how many there are",
+    ),
+    (
+        "{count: number, max: 9, fields: point}",
+        "{count: {elements: number, asked_by: much}, max: 9, fields: point}",
+        "no message has the reply `scan`, so no request asks; write `reply: scan` in the request",
+    ),
+    ("number: {type: u8}", "number: {type: u8, @counts: points}", "the field that is counted names what counts it"),
+    ("type: u3}", "type: u3, @counts: points}", "of a value among bits `count: state.number`"),
     # defaults
     ("type: u11, count: 16", "type: u11, count: 16, default: @[1, 2]", "2 elements do not fit `rc`; it has 16"),
     ("type: u11, count: 16", "type: u11, count: 16, default: @2048", "2048 does not fit `rc`, which takes values"),
@@ -735,6 +792,20 @@ def test_a_message_varies_only_where_the_frame_tells_its_size() -> None:
     assert [line for line in problems_of(ended) if "`name` varies in size, and no count of the message tells" in line]
     fixed = SHAPES.replace("length: u16, id: u8, payload: by_length", "id: u8, payload: 90")
     assert [line for line in problems_of(fixed) if "`rest` reaches to the payload's end" in line]
+
+
+def test_a_request_has_the_field_that_its_reply_names() -> None:
+    asking = "  ask: {id: 2, sender: host, reply: scan, fields: {many: {type: u8}}}\n"
+    text = SHAPES.replace("{count: number", "{count: {elements: number, asked_by: many}") + asking
+    assert loads(text).message("scan").fields[5].asked_by == "many"
+    for wrong in ("much: {type: u8}", "many: {type: f32}", "many: {type: u8, scale: 2}"):
+        told = problems_of(text.replace("many: {type: u8}", wrong))
+        assert [line for line in told if "`ask`, which asks for this reply, has no whole number `many`" in line]
+    inner = SHAPES.replace(
+        "{group: {count: number", "{struct: {n: {type: u8}, of: {group: {count: {elements: n, asked_by: many}"
+    )
+    inner = inner.replace("max: 9, fields: point}}", "max: 9, fields: point}}}}") + asking
+    assert [line for line in problems_of(inner) if "a list that stands in the message itself" in line]
 
 
 def test_types_that_multiply_are_refused_before_they_fill_the_memory() -> None:

@@ -66,13 +66,13 @@ def random_values(message: Message, generator: random.Random) -> dict[str, Any]:
 
 def _struct(fields: tuple[Field, ...], generator: random.Random) -> dict[str, Any]:
     """A count is drawn once for all that it counts, and left out: it is counted."""
-    counting = {field.counted_by for field in fields if field.counted_by}
+    counting = dict.fromkeys(field.counted_by for field in fields if field.counted_by)
     most = {name: min(f.max_count or f.max_size for f in fields if f.counted_by == name) for name in counting}
     counts = {name: generator.randint(0, limit) for name, limit in most.items()}
     return {
         field.name: _value(field, counts.get(field.counted_by), generator)
         for field in fields
-        if field.kind != FieldKind.PADDING and field.name not in counting
+        if field.kind != FieldKind.PADDING and not field.is_count
     }
 
 

@@ -10,7 +10,7 @@ from fractions import Fraction
 from wirebond.diff.change import Change, Effect, Sides, changed, harmless
 from wirebond.protocol.meaning.field_values import number_text, wire_limits
 from wirebond.protocol.model import Field, FieldKind, OnRange
-from wirebond.protocol.spelling import field_type
+from wirebond.protocol.spelling import field_type, how_counted
 
 Tail = Callable[[Sides, str], Effect]  # what it means that payloads differ in size at their end, for these fields
 Fields = tuple[Field, ...]
@@ -249,7 +249,7 @@ def _amount_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) 
         yield _other_amount(where, "a varying number of elements" if b.is_list else "always as many elements")
         return
     if _counter(a, old) != _counter(b, new):
-        yield _other_amount(where, f"as many as {b.counted_by} says" if b.counted_by else "as many as the payload has")
+        yield _other_amount(where, how_counted(b) or "as many as the payload has")
         return
     if a.ends_with != b.ends_with:
         ends = ["nothing" if f.ends_with is None else f"0x{f.ends_with:02X}" for f in (a, b)]
@@ -261,9 +261,17 @@ def _amount_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) 
             yield _other_bound(most, next_most, noun, where)
 
 
-def _counter(field: Field, beside: Fields) -> int | None:
-    """The place among its fellows of the field that counts this one."""
-    return next((i for i, other in enumerate(beside) if other.name == field.counted_by), None)
+def _counter(field: Field, beside: Fields) -> list[tuple[int | None, int | None, bool]]:
+    """The places among its fellows of the fields that count this one, of a run also that among the bits, and whether
+    each tells bytes."""
+    found = []
+    for name, _ in field.counters:
+        outer, _, run = name.partition(".")
+        index = next((i for i, other in enumerate(beside) if other.name == outer), None)
+        members = beside[index].fields if index is not None and run else ()
+        inner = next((i for i, member in enumerate(members) if member.name == run), None)
+        found.append((index, inner, field.counted_in_bytes or name == field.bytes_counted_by))
+    return found
 
 
 def _other_amount(where: Where, what: str) -> Change:

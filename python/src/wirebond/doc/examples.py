@@ -37,11 +37,10 @@ def example_values(message: Message) -> dict[str, Any]:
 
 def _values(fields: tuple[Field, ...], first: int = 0) -> dict[str, Any]:
     """What counts others is left out: it is counted."""
-    counting = {field.counted_by for field in fields}
     return {
         field.name: _field_value(field, first + index)
         for index, field in enumerate(fields)
-        if field.kind != FieldKind.PADDING and field.name not in counting
+        if field.kind != FieldKind.PADDING and not field.is_count
     }
 
 

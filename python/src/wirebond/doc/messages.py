@@ -27,7 +27,7 @@ from wirebond.protocol.model import (
     Protocol,
     Queue,
 )
-from wirebond.protocol.spelling import field_type
+from wirebond.protocol.spelling import field_type, how_counted
 
 
 def id_text(protocol: Protocol, message: Message) -> str:
@@ -153,7 +153,8 @@ def _type(field: Field) -> str:
 def _how_many(field: Field) -> str:
     if field.ends_with is not None:
         return f"up to {field.max_size} bytes and a 0x{field.ends_with:02X} behind them"
-    return f"as many as {field.counted_by} says" if field.counted_by else "to the payload's end"
+    asked = f"; {field.asked_by} of the request asks for so many" if field.asked_by else ""
+    return (how_counted(field) or "to the payload's end") + asked
 
 
 def value_of(field: Field) -> str:

@@ -30,13 +30,19 @@ class _Walk:
     payload: bytes
     at: int = 0
     found: list[FoundConstant] = field(default_factory=list)
+    misplacing: list[FoundConstant] = field(default_factory=list)  # counts behind which no constant has its place
 
     def read(self, fields: tuple[Field, ...], path: str) -> None:
         numbers: dict[str, int] = {}
         for one in fields:
             if one.is_list or (one.is_string and one.size == 0):
                 unit = 1 if one.is_string else one.element_min_bytes
-                self.at += unit * numbers.get(one.counted_by, 0)  # what reaches to the end is the last
+                for name, step in one.counters[:1]:  # what reaches to the end is the last, and has none
+                    number = numbers[name]
+                    self.at += unit // step * number
+                    if number % step and number <= one.max_wire_bytes:
+                        fault = FoundConstant(f"{path}{name}", False, f"a multiple of {step}", str(number))
+                        self.misplacing.append(fault)
             elif one.kind == FieldKind.STRUCT:
                 for index in range(one.count or 1):
                     self.read(one.fields, f"{path}{one.name}{'' if one.count is None else f'[{index}]'}.")
@@ -46,6 +52,8 @@ class _Walk:
                 self.at += size
                 if one.kind == FieldKind.UNSIGNED:
                     numbers[one.name] = _number(one, data)
+                for member, low in bit_places(one) if one.kind == FieldKind.BITS else ():
+                    numbers[f"{one.name}.{member.name}"] = _number(one, data) >> low & (1 << member.width) - 1
                 self._constants(one, data, path)
 
     def _constants(self, one: Field, data: bytes, path: str) -> None:
@@ -62,6 +70,8 @@ class _Walk:
 
     def _add(self, one: Field, path: str, number: int | None) -> None:
         assert one.constant is not None
+        self.found += self.misplacing
+        self.misplacing.clear()
         text = "the payload's end" if number is None else constant_text(one, number)
         self.found.append(FoundConstant(path, number == one.constant, constant_text(one, one.constant), text))
 

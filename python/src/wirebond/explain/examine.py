@@ -27,6 +27,7 @@ from wirebond.protocol.model import (
     Protocol,
     Subject,
 )
+from wirebond.protocol.payload_rules import bit_places
 from wirebond.protocol.plan import told_by_request
 from wirebond.protocol.spelling import choices_text
 
@@ -516,19 +517,9 @@ class _Examination:
 
     def _end_of(self, fields: tuple[Field, ...], at: int, prefix: int) -> int:
         places: dict[str, tuple[int, Field]] = {}
-        where = payload_index(self.parts)
         for one in fields:
-            if one.counted_by:
-                place, counting = places[one.counted_by]
-                self._need(place + counting.size)
-                data = self.data[place : place + counting.size]
-                number = int.from_bytes(data, "big" if counting.order == ByteOrder.BIG else "little")
-                most = one.max_size if one.is_string else one.max_count
-                expected = f"{counting.name} at most {most}"
-                self._rule(
-                    Question.LENGTH, where, number <= most, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix
-                )
-                at += number * (1 if one.is_string else one.element_min_bytes)
+            if one.counters:
+                at += self._counted_bytes(one, places, prefix)
             elif one.kind == FieldKind.STRUCT:
                 for _ in range(one.count or 1):
                     at = self._end_of(one.fields, at, prefix)
@@ -536,6 +527,35 @@ class _Examination:
                 places[one.name] = at, one
                 at += one.min_wire_bytes
         return at
+
+    def _counted_bytes(self, one: Field, places: dict[str, tuple[int, Field]], prefix: int) -> int:
+        """What the elements of a field take: its first count tells it, and another one agrees."""
+        size = 1 if one.is_string else one.element_min_bytes
+        amount: int | None = None
+        for name, step in one.counters:
+            number = self._count(name, places)
+            most = (one.max_size if one.is_string else one.max_count) * step
+            expected = f"{name} at most {most}"
+            if number <= most and number % step:
+                expected = f"{name} a multiple of {step}"
+            elif number <= most and amount is not None:
+                expected = f"{name} {amount * step}"
+            holds = number <= most and number % step == 0 and amount in (None, number // step)
+            where = payload_index(self.parts)
+            self._rule(Question.LENGTH, where, holds, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix)
+            amount = number // step
+        return size * (amount or 0)
+
+    def _count(self, name: str, places: dict[str, tuple[int, Field]]) -> int:
+        outer, _, run = name.partition(".")
+        place, counting = places[outer]
+        self._need(place + counting.size)
+        data = self.data[place : place + counting.size]
+        number = int.from_bytes(data, "big" if counting.order == ByteOrder.BIG else "little")
+        for member, low in bit_places(counting) if run else ():
+            if member.name == run:
+                return number >> low & (1 << member.width) - 1
+        return number
 
     def _known_message(self, extent: int) -> None:
         index = id_index(self.parts)

@@ -103,16 +103,18 @@ class _Walk:
 
     def read_all(self, fields: tuple[Field, ...], found: list[Reading]) -> None:
         told: dict[str, int] = {}
-        counting = {field.counted_by for field in fields}
         for field in fields:
-            promised = told.get(field.counted_by) if field.counted_by else None
+            promised = None
+            for name, step in field.counters[:1]:
+                promised = told[name] // step
             reading = self._read(field, promised)
-            if field.name in counting:
+            if field.is_count:
                 told[field.name] = _raw(field, reading.data)
-            if promised is not None and not reading.field.is_list and field.is_string:
-                reading = _with_promise(reading, field, len(reading.data), promised, "bytes")
-            elif promised is not None:
-                reading = _with_promise(reading, field, len(reading.value), promised, "elements")
+            for run in reading.parts if field.kind == FieldKind.BITS else ():
+                if run.field.is_count:
+                    told[f"{field.name}.{run.name}"] = run.value
+            if field.counters:
+                reading = _with_promises(reading, field, told)
             found.append(reading)
 
     def _read(self, field: Field, promised: int | None) -> Reading:
@@ -129,11 +131,16 @@ class _Walk:
         return number
 
 
-def _with_promise(reading: Reading, field: Field, found: int, promised: int, what: str) -> Reading:
-    if found == promised:
-        return reading
-    fault = f" has {found} {what}, and {field.counted_by} tells {promised}"
-    return replace(reading, faults=(*reading.faults, fault))
+def _with_promises(reading: Reading, field: Field, told: dict[str, int]) -> Reading:
+    """What each of its counts tells, held against what is there."""
+    found = len(reading.data if field.is_string else reading.value)
+    for name, step in field.counters:
+        if told[name] != found * step:
+            what = "bytes" if field.is_string or step > 1 else "elements"
+            reading = replace(
+                reading, faults=(*reading.faults, f" has {found * step} {what}, and {name} tells {told[name]}")
+            )
+    return reading
 
 
 # ---- each kind of field ----

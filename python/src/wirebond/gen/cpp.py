@@ -397,7 +397,7 @@ def _rules_views(protocol: Protocol, plan: Plan) -> tuple[RulesView, ...]:
         constants = tuple(f"{{{c.at}, {c.behind}, 0x{c.mask:02X}, 0x{c.value:02X}}}" for c in row.rules.constants)
         counts = tuple(
             f"{{{c.at}, {c.behind}, {c.bytes}, wirebond::ByteOrder::{c.order}, {c.shift}, 0x{c.mask:X}U, {c.unit}, "
-            f"{c.most}}}"
+            f"{c.most}, {c.step}, {-1 if c.agrees_with is None else c.agrees_with}}}"
             for c in row.rules.counts
         )
         if constants or counts:
@@ -413,6 +413,7 @@ class SourceView:
     shapes: tuple[tuple[str, str], ...]  # id, shape
     expected: tuple[tuple[int, str, str], ...]  # index, id, shape of the messages that only their request tells
     rules: tuple[RulesView, ...]
+    counts_bytes: bool  # do the rules need to know that counts tell bytes, of elements or beside their number?
     structs: tuple[str, ...]
     latest: tuple[str, ...]  # of these, those of `queue: latest`
     header_defaults: tuple[str, ...]  # on the wire, of all header fields, also those of the other end's frames alone
@@ -436,6 +437,7 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         shapes=tuple((key(row), shape(row)) for row in plan.messages if not row.only_expected),
         expected=tuple((row.index, key(row), shape(row)) for row in plan.messages if row.only_expected),
         rules=_rules_views(protocol, plan),
+        counts_bytes=any(c.step > 1 or c.agrees_with is not None for row in plan.messages for c in row.rules.counts),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
         latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
         header_defaults=tuple(f"{field.default_bits(end)}U" for field in plan.header),

@@ -65,8 +65,7 @@ class Shape:
 def shape_of(path: str, fields: tuple[Field, ...], named: Mapping[str, Shape]) -> Shape:
     """The struct for these fields. ``named``: those of the file's types, by their names in the file."""
     scope = names.Scope(frozenset({path.rpartition("::")[2], "Info", *(shape.path for shape in named.values())}))
-    counting = {field.counted_by for field in fields}
-    hidden = {f.name for f in fields if f.kind == FieldKind.PADDING or f.name in counting}
+    hidden = {f.name for f in fields if f.kind == FieldKind.PADDING or f.is_count or _has_no_value(f)}
     members = {f.name: "" if f.name in hidden else scope.claim(names.identifier(f.name), "_") for f in fields}
     found = []
     for spec in fields:
@@ -79,6 +78,12 @@ def shape_of(path: str, fields: tuple[Field, ...], named: Mapping[str, Shape]) -
             shape = shape_of(type_name, spec.fields, named) if spec.fields else None
         found.append(Member(spec, members[spec.name], type_name, shape))
     return Shape(path, tuple(found))
+
+
+def _has_no_value(field: Field) -> bool:
+    """Is nothing left of its bits but padding and what counts?"""
+    bits = field.fields if field.kind == FieldKind.BITS else ()
+    return any(one.is_count for one in bits) and all(one.is_count or one.kind == FieldKind.PADDING for one in bits)
 
 
 def named_shapes(protocol: Protocol, scope: names.Scope) -> dict[str, Shape]:
@@ -105,7 +110,7 @@ def type_blocks(shape: Shape) -> list[list[str]]:
     blocks = []
     for member in shape.members:
         spec = member.spec
-        if not member.is_own_type:
+        if not member.is_own_type or not member.name:
             continue
         if member.shape is not None:
             blocks.append(struct_lines(member.shape))
@@ -260,6 +265,11 @@ def _container_type(spec: Field) -> str:
     return element_type(Field(spec.name, FieldKind.UNSIGNED, spec.size), "")
 
 
+def _container(spec: Field) -> Field:
+    """The number that holds bit fields."""
+    return Field(spec.name, FieldKind.UNSIGNED, spec.size, spec.order)
+
+
 def _block_copy(spec: Field, element: str) -> str:
     """Template arguments of load_array and store_array where an array's numbers are the wire's."""
     order = ", wirebond::ByteOrder::big" if spec.order == ByteOrder.BIG else ""
@@ -279,24 +289,25 @@ def write_lines(shape: Shape, here: _Here | None = None) -> list[str]:
     """The body of write_payload, up to `return true`."""
     here = here or _Here()
     lines: list[str] = []
-    counted: dict[str, str] = {}  # field that counts -> size of the first that it counts
+    counted: dict[str, str] = {}  # field that counts -> the number that the first one that it counts gives it
     for member, at, more in _walk(shape, here):
         spec, value, place = member.spec, f"{here.value}.{member.name}", here.place(at)
-        if spec.counted_by and spec.counted_by in counted and counted[spec.counted_by] != f"{value}.size":
-            lines.append(f"if ({value}.size != {counted[spec.counted_by]}) return false;")
+        for name, step in spec.counters:
+            own = _product(step, f"{value}.size")
+            if counted[name] != own:
+                lines.append(f"if ({own} != {counted[name]}) return false;")
         if spec.kind == FieldKind.PADDING and spec.constant:
             letters = "".join(f"\\x{byte:02X}" for byte in spec.constant_bytes)
             lines.append(f'std::memcpy({place}, "{letters}", {spec.size});')
         elif spec.kind == FieldKind.PADDING:
             lines.append(f"std::memset({place}, 0, {spec.size});")
-        elif not member.name:
-            first = next(m for m in shape.members if m.spec.counted_by == spec.name)
-            counted[spec.name] = f"{here.value}.{first.name}.size"
-            number = element_type(spec, "")
-            lines += _refusal(counted[spec.name], first.spec.max_count or first.spec.max_size, 16)
-            lines.append(store_container(spec, f"static_cast<{number}>({counted[spec.name]})", place))
+        elif spec.is_count:
+            lines += _count_lines(shape, here, spec.name, counted)
+            lines.append(store_container(spec, _as_type(spec, counted[spec.name]), place))
         elif spec.kind == FieldKind.BITS:
-            lines += _write_bits(member, value, place)
+            for run in (f"{spec.name}.{one.name}" for one in spec.fields if one.is_count):
+                lines += _count_lines(shape, here, run, counted)
+            lines += _write_bits(member, value, place, counted)
         elif spec.is_string:
             lines += _write_string(spec, value, place, more)
         elif spec.is_list:
@@ -313,14 +324,34 @@ def write_lines(shape: Shape, here: _Here | None = None) -> list[str]:
     return lines
 
 
-def _write_bits(member: Member, value: str, place: str) -> list[str]:
+def _count_lines(shape: Shape, here: _Here, name: str, counted: dict[str, str]) -> list[str]:
+    """Note what a field that counts is given; the lines that refuse more than it may tell."""
+    first, step = next((m, step) for m in shape.members for counter, step in m.spec.counters if counter == name)
+    size = f"{here.value}.{first.name}.size"
+    is_refused = any(number.endswith(size) for number in counted.values())
+    counted[name] = _product(step, size)
+    return [] if is_refused else _refusal(size, first.spec.max_count or first.spec.max_size, 16)
+
+
+def _product(step: int, number: str) -> str:
+    return number if step == 1 else f"{step} * {number}"
+
+
+def _as_type(spec: Field, number: str) -> str:
+    return f"static_cast<{element_type(spec, '')}>({number})"
+
+
+def _write_bits(member: Member, value: str, place: str, counted: Mapping[str, str]) -> list[str]:
     assert member.shape is not None
     spec = member.spec
     fixed = sum((inner.constant or 0) << shift for inner, shift in zip(spec.fields, _shifts(spec), strict=True))
     lines = [f"{_container_type(spec)} bits = {integer(fixed)};"]
     for inner, shift in zip(member.shape.members, _shifts(spec), strict=True):
-        if inner.name:
-            lines += write_value(inner.spec, f"{value}.{inner.name}", Slot("bits", shift=shift))
+        slot = Slot("bits", shift=shift)
+        if inner.spec.is_count:
+            lines += write_value(inner.spec, _as_type(inner.spec, counted[f"{spec.name}.{inner.spec.name}"]), slot)
+        elif inner.name:
+            lines += write_value(inner.spec, f"{value}.{inner.name}", slot)
     return ["{", *_indented([*lines, store_container(spec, "bits", place)]), "}"]
 
 
@@ -403,12 +434,22 @@ class _Told:
     variable: str
     bits: int
 
-    def size_lines(self, size: str, most: int) -> list[str]:
-        """Lines that make it the number of elements or bytes, ``most`` at most."""
+    def size_lines(self, size: str, most: int, step: int) -> list[str]:
+        """Lines that make it the number of elements or bytes, ``most`` at most; it tells ``step`` for each."""
+        number = f"static_cast<std::size_t>({self.variable})"
+        divided = [f"if ({number} % {step} != 0) return false;"] if step > 1 else []
         return [
-            *_refusal(self.variable, most, self.bits),
-            f"const std::size_t {size} = static_cast<std::size_t>({self.variable});",
+            *_refusal(self.variable, most * step, self.bits),
+            *divided,
+            f"const std::size_t {size} = {number}{f' / {step}' if step > 1 else ''};",
         ]
+
+
+def _told_lines(spec: Field, size: str, told: Mapping[str, _Told]) -> list[str]:
+    """Lines that make what its counts tell its number of elements or bytes."""
+    (name, step), *others = spec.counters
+    lines = told[name].size_lines(size, spec.max_count or spec.max_size, step)
+    return [*lines, *(f"if ({told[other].variable} != {_product(by, size)}) return false;" for other, by in others)]
 
 
 class Reader:
@@ -427,15 +468,18 @@ class Reader:
             spec, value, place = member.spec, f"{here.value}.{member.name}", here.place(at)
             if spec.kind == FieldKind.PADDING:
                 continue
-            if not member.name:
-                told[spec.name] = _Told(self._locals.claim(f"{names.code_name(spec.name)}_count", "_"), spec.width)
-                lines.append(f"const auto {told[spec.name].variable} = {load_integer(spec, Slot(place))};")
+            if spec.is_count:
+                lines.append(self._tell(spec.name, spec, Slot(place), told))
             elif spec.kind == FieldKind.BITS:
-                lines += self._bits(member, value, place)
+                number = load_integer(_container(spec), Slot(place))
+                for run, shift in zip(spec.fields, _shifts(spec), strict=True):
+                    if run.is_count:
+                        lines.append(self._tell(f"{spec.name}.{run.name}", run, Slot(number, shift=shift), told))
+                lines += self._bits(member, value, number)
             elif spec.is_string:
-                lines += self._string(spec, value, place, told.get(spec.counted_by), more)
+                lines += self._string(spec, value, place, told, more)
             elif spec.is_list:
-                lines += self._list(member, here, at, told.get(spec.counted_by), more)
+                lines += self._list(member, here, at, told, more)
             elif member.shape is not None and spec.count is not None:
                 inner = here.element(member.name, at, spec.element_min_bytes, here.index)
                 body = self.lines(member.shape, inner)
@@ -448,25 +492,29 @@ class Reader:
                 lines += read_value(spec, value, Slot(place), member.type_name)
         return lines
 
-    def _bits(self, member: Member, value: str, place: str) -> list[str]:
+    def _tell(self, name: str, spec: Field, slot: Slot, told: dict[str, _Told]) -> str:
+        """Keep what a field that counts tells."""
+        told[name] = _Told(self._locals.claim(f"{names.code_name(spec.name)}_count", "_"), spec.width)
+        return f"const auto {told[name].variable} = {load_integer(spec, slot)};"
+
+    def _bits(self, member: Member, value: str, number: str) -> list[str]:
         assert member.shape is not None
         if not any(inner.name for inner in member.shape.members):
             return []
         spec = member.spec
-        number = Field(spec.name, FieldKind.UNSIGNED, spec.size, spec.order)
-        lines = [f"const {_container_type(spec)} bits = {load_integer(number, Slot(place))};"]
+        lines = [f"const {_container_type(spec)} bits = {number};"]
         for inner, shift in zip(member.shape.members, _shifts(spec), strict=True):
             if inner.name:
                 slot = Slot("bits", shift=shift)
                 lines += read_value(inner.spec, f"{value}.{inner.name}", slot, inner.type_name)
         return ["{", *_indented(lines), "}"]
 
-    def _string(self, spec: Field, value: str, place: str, told: _Told | None, more: bool) -> list[str]:
+    def _string(self, spec: Field, value: str, place: str, told: Mapping[str, _Told], more: bool) -> list[str]:
         if not spec.is_variable:
             return [f"std::memcpy({value}.data(), {place}, {spec.size});"]
         size = self._locals.claim(f"{names.code_name(spec.name)}_size", "_")
-        if told:
-            lines = [*told.size_lines(size, spec.max_size), f"if ({size} > spare) return false;"]
+        if spec.counters:
+            lines = [*_told_lines(spec, size, told), f"if ({size} > spare) return false;"]
         elif spec.ends_with is not None:
             most = f"spare < {spec.max_size} ? spare : {spec.max_size}"
             lines = [
@@ -484,7 +532,7 @@ class Reader:
         ]
         return [*lines, f"payload += {size};", f"spare -= {size};"] if more else lines
 
-    def _list(self, member: Member, here: _Here, at: int, told: _Told | None, more: bool) -> list[str]:
+    def _list(self, member: Member, here: _Here, at: int, told: Mapping[str, _Told], more: bool) -> list[str]:
         spec, value, index = member.spec, f"{here.value}.{member.name}", here.index
         stride = spec.element_min_bytes
         varies = any(field.is_variable for field in spec.fields)
@@ -494,20 +542,20 @@ class Reader:
         else:
             slot = _element_slot(spec, here, at, index)
             body = read_value(spec, f"{value}.data[{index}]", slot, member.type_name)
-        if told:
-            lines = told.size_lines(size, spec.max_count)
+        if spec.counters:
+            lines = _told_lines(spec, size, told)
         elif varies:
             lines = [f"std::size_t {size} = 0;"]
         else:
             there = "spare" if stride == 1 else f"spare / {stride}"
             lines = [f"const std::size_t {size} = {there} < {spec.max_count} ? {there} : {spec.max_count};"]
-        if varies and not told:
+        if varies and not spec.counters:
             head = f"for (std::size_t {index} = 0; {index} < {spec.max_count} && spare >= {stride}; ++{index}) {{"
             lines += [head, *_indented([f"spare -= {stride};", *body, f"++{size};"]), "}"]
         elif varies:
             lines += _loop(index, size, [f"if (spare < {stride}) return false;", f"spare -= {stride};", *body])
         else:
-            lines += [f"if ({_times(spec, size)} > spare) return false;"] if told else []
+            lines += [f"if ({_times(spec, size)} > spare) return false;"] if spec.counters else []
             lines += [f"spare -= {_times(spec, size)};"] if more else []
             lines += _loop(index, size, body)
         lines.append(f"{value}.size = static_cast<std::uint16_t>({size});")

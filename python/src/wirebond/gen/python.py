@@ -166,13 +166,12 @@ class _Writer:
     def struct(self, name: str, fields: tuple[Field, ...]) -> StructBlock:
         """The class ``name``, which was claimed, behind those that it needs."""
         scope = Scope(self._taken)
-        counting = {field.counted_by for field in fields}
         block = StructBlock(
             name,
             [
                 self._member(name, field, scope.claim(python_identifier(field.name), "_"))
                 for field in fields
-                if field.kind != FieldKind.PADDING and field.name not in counting
+                if field.kind != FieldKind.PADDING and not field.is_count
             ],
         )
         self.blocks.append(block)

@@ -172,6 +172,8 @@ def _field(field: Field) -> dict[str, Any]:
         "fields": [_field(member) for member in field.fields],
         "max_count": field.max_count,
         "counted_by": field.counted_by,
+        "counted_in_bytes": field.counted_in_bytes,
+        "bytes_counted_by": field.bytes_counted_by,
         "ends_with": None if field.ends_with is None else f"{field.ends_with:02x}",
     }
     return entry | {key: value for key, value in added.items() if value}

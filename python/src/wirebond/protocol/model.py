@@ -83,8 +83,8 @@ class Field:
 
     ``value = wire * scale + offset`` for numbers.
 
-    How often it occurs: ``count`` elements always; or up to ``max_count`` elements, as many as ``counted_by`` (a field
-    before it, beside it) says, or as the payload has where that is empty; or once, where both are unset. A text or byte
+    How often it occurs: ``count`` elements always; or up to ``max_count`` elements, as many as ``counters`` (fields
+    before it, beside it) say, or as the payload has where there are none; or once, where both are unset. A text or byte
     string has ``size`` bytes always, or up to ``max_size`` in the same two ways, or up to the byte ``ends_with``, which
     follows it on the wire and is not in it.
     """
@@ -111,7 +111,11 @@ class Field:
     first: BitOrder = BitOrder.LOW  # of kind BITS: where its first field lies
     fields: tuple[Field, ...] = ()  # of kinds BITS and STRUCT
     max_count: int = 0  # most elements of a list
-    counted_by: str = ""
+    counted_by: str = ""  # the field that tells how many; `state.number` for one among the bits of `state`
+    counted_in_bytes: bool = False  # it tells the bytes of all elements, and not their number
+    bytes_counted_by: str = ""  # the field that tells their bytes beside one that tells their number
+    asked_by: str = ""  # of a list in a reply: the field of the request that asks for so many elements
+    is_count: bool = False  # it counts others: its value follows from theirs, and nobody gives it
     ends_with: int | None = None  # of a string: the byte behind it
     type_name: str = ""  # of kind STRUCT: the type of the file that it is; empty for one of its own
     constant: int | None = None  # of kind PADDING: the number that its ``width`` bits must be; None: any
@@ -210,6 +214,14 @@ class Field:
         """Is it as long as the payload is?"""
         open_ended = self.is_list or (self.is_string and self.size == 0 and self.ends_with is None)
         return (open_ended and not self.counted_by) or any(f.reaches_end for f in self.fields)
+
+    @property
+    def counters(self) -> tuple[tuple[str, int], ...]:
+        """The fields that count it, each with what it tells for one element or byte. The first says how many there are;
+        another one agrees with it."""
+        step = 1 if self.is_string else self.element_min_bytes
+        first = ((self.counted_by, step if self.counted_in_bytes else 1),) if self.counted_by else ()
+        return (*first, (self.bytes_counted_by, step)) if self.bytes_counted_by else first
 
     @property
     def element_min_bytes(self) -> int:

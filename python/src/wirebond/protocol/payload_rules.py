@@ -44,6 +44,8 @@ class PayloadCount(CountingNumber):
 
     unit: int  # payload bytes for each that it counts
     most: int  # a greater number is none of this message
+    step: int  # nor is one that this does not divide: it counts the bytes of elements that are so long
+    agrees_with: int | None  # an earlier count of the same elements, which takes the bytes; this one tells as many
 
 
 @dataclass(frozen=True)
@@ -145,13 +147,20 @@ class _Lowering:
                 f"`{self.name}` varies in number, and its elements hold a constant; a constant stands where its place "
                 "is known: move it out of them"
             )
-        number = self._numbers[-1].get(one.counted_by)
-        if number is None or any(member.is_variable for member in one.fields):
+        numbers = self._numbers[-1]
+        if one.counted_by not in numbers or any(member.is_variable for member in one.fields):
             self.tells_size, self._is_lost = False, True
             return
-        unit = 1 if one.is_string else one.element_min_bytes
+        size = 1 if one.is_string else one.element_min_bytes
         most = one.max_size if one.is_string else one.max_count
-        self.counts.append(PayloadCount(**vars(number), unit=unit, most=most))
+        first = len(self.counts)
+        for name, step in one.counters:
+            agrees_with = None if len(self.counts) == first else first
+            self.counts.append(
+                PayloadCount(
+                    **vars(numbers[name]), unit=size // step, most=most * step, step=step, agrees_with=agrees_with
+                )
+            )
 
     def _fail(self, sentence: str) -> None:
         self.faults.setdefault(self.name, sentence)

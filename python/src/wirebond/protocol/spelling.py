@@ -40,6 +40,14 @@ def number_type(letter: str, size: int, order: ByteOrder) -> str:
     return f"{letter}{8 * size}" + ("be" if size > 1 and order == ByteOrder.BIG else "")
 
 
+def how_counted(field: Field) -> str:
+    """What tells how many elements or bytes a field has; empty where no field does."""
+    unit = "as many bytes as" if field.counted_in_bytes else "as many as"
+    told = [f"{unit} {field.counted_by} says"] if field.counted_by else []
+    told += [f"as many bytes as {field.bytes_counted_by} says"] if field.bytes_counted_by else []
+    return ", and ".join(told)
+
+
 def field_type(field: Field) -> str:
     """``i16``, ``u11``, ``f32``, ``text``: the word behind ``type:``; of a struct the name of its type."""
     if field.kind == FieldKind.STRUCT:

@@ -1,14 +1,16 @@
 """The behaviour of a virtual MCU for any protocol: bytes and times in, bytes and events out. Opens nothing.
 
 It sends every MCU message that has ``every`` with moving values, answers requests (a field of the reply that has the
-request's name and kind carries its value back) from the address that was asked, serves hello, clock and parameters, and
-keeps the deadlines at ``mcu``.
+request's name and kind carries its value back, and a list has as many elements as the request asks for with the field
+that ``asked_by`` names) from the address that was asked, serves hello, clock and parameters, and keeps the deadlines at
+``mcu``.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter, deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -144,7 +146,8 @@ class VirtualMcu:
         if request.reply is None:
             return []
         reply = self.codec.model.message(request.reply)
-        values = self._made_up(reply, t)
+        amounts = {f.name: message.fields[f.asked_by] for f in reply.fields if f.asked_by}
+        values = self._made_up(reply, t, amounts)
         values |= {name: message.fields[name] for name in _carried_back(reply, request)}
         values |= self._service_values(message, t)
         return [self._encoded(reply.name, values, header)]
@@ -185,22 +188,27 @@ class VirtualMcu:
 
     # ---- made-up values
 
-    def _made_up(self, message: MessageModel, t: float) -> dict[str, Any]:
-        return self._struct(message.fields, 0, t)
+    def _made_up(self, message: MessageModel, t: float, amounts: Mapping[str, int] | None = None) -> dict[str, Any]:
+        """``amounts``: how many elements a request asked for, of lists that have no more than their ``max``."""
+        return self._struct(message.fields, 0, t, amounts or {})
 
-    def _struct(self, fields: tuple[Field, ...], phase: int, t: float) -> dict[str, Any]:
+    def _struct(
+        self, fields: tuple[Field, ...], phase: int, t: float, amounts: Mapping[str, int] | None = None
+    ) -> dict[str, Any]:
         """Values of fields that stand beside each other. Those that count are left out: they are counted."""
+        asked = amounts or {}
         counting = {f.counted_by for f in fields if f.counted_by}
         least = {c: min(f.max_count or f.max_size for f in fields if f.counted_by == c) for c in counting}
+        sizes = {counter: min(most, _FEW) for counter, most in least.items()}
+        sizes |= {f.counted_by: min(asked[f.name], least[f.counted_by]) for f in fields if f.name in asked}
         return {
-            f.name: self._value(f, least.get(f.counted_by, _FEW), phase + number, t)
+            f.name: self._value(f, sizes.get(f.counted_by, _FEW), phase + number, t)
             for number, f in enumerate(fields)
-            if f.kind != FieldKind.PADDING and f.name not in counting
+            if f.kind != FieldKind.PADDING and not f.is_count
         }
 
-    def _value(self, described: Field, most: int, phase: int, t: float) -> Any:
-        """``most``: elements or bytes that what counts this field allows."""
-        size = min(most, _FEW)
+    def _value(self, described: Field, size: int, phase: int, t: float) -> Any:
+        """``size``: elements or bytes that it has where what counts it tells so."""
         if described.kind == FieldKind.TEXT:
             made_up = "virtual"[: size if described.counted_by else described.room]
             return made_up if described.ends_with is None else made_up.replace(chr(described.ends_with), "")
@@ -261,12 +269,11 @@ class _Addressing:
 
 def _carried_back(reply: MessageModel, request: MessageModel) -> list[str]:
     """Fields that both have, of one kind; not what counts or is counted, which only fits together."""
-    counting = {f.counted_by for f in reply.fields}
     asked = {f.name: f for f in request.fields if f.kind != FieldKind.PADDING}
     return [
         f.name
         for f in reply.fields
-        if f.name in asked and f.name not in counting and not f.counted_by and _shape(f) == _shape(asked[f.name])
+        if f.name in asked and not f.is_count and not f.counted_by and _shape(f) == _shape(asked[f.name])
     ]
 
 

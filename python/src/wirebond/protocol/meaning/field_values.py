@@ -162,9 +162,9 @@ def has_default(field: Field) -> bool:
     """Is its value settled where nobody gives one?"""
     if field.fields and not field.is_list:
         return all(has_default(member) for member in field.fields)
-    return field.default is not None or field.is_list or field.kind == FieldKind.PADDING
+    return field.default is not None or field.is_list or field.is_count or field.kind == FieldKind.PADDING
 
 
 def settled(fields: tuple[Field, ...]) -> set[str]:
     """Names of the fields, among these that stand beside each other, that may be left out."""
-    return {field.name for field in fields if has_default(field)} | {field.counted_by for field in fields} - {""}
+    return {field.name for field in fields if has_default(field)}

@@ -9,6 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 from wirebond.protocol import names
+from wirebond.protocol.meaning.counts import Amount, Counting
 from wirebond.protocol.meaning.field_values import (
     F32_MAX,
     F32_MIN,
@@ -22,7 +23,14 @@ from wirebond.protocol.meaning.field_values import (
 )
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, OnRange
 from wirebond.protocol.problems import Place, Problems
-from wirebond.protocol.text.field_grammar import TO_END, BitFieldSyntax, NumberSyntax, PlainSyntax, ValueSyntax
+from wirebond.protocol.text.field_grammar import (
+    TO_END,
+    BitFieldSyntax,
+    CountSyntax,
+    NumberSyntax,
+    PlainSyntax,
+    ValueSyntax,
+)
 from wirebond.protocol.text.scalars import WireType
 from wirebond.protocol.text.yaml_tree import Mapping, Scalar
 
@@ -303,8 +311,8 @@ class _PlainReader(ValueReader):
         self._validate_options()
         self._validate_size(syntax)
         self._validate_packed(syntax)
-        count = self._counted("count", syntax.count, syntax.max, earlier, "elements")
-        size = self._counted("size", syntax.size, syntax.max, earlier, "bytes")
+        count = self._amount("count", syntax.count, syntax.max, earlier)
+        size = self._amount("size", syntax.size, syntax.max, earlier)
         if not self._good:
             return None
         is_string = kind in _STRINGS
@@ -313,14 +321,14 @@ class _PlainReader(ValueReader):
         is_constant = syntax.constant is not None or syntax.must_be_zero
         field = Field(
             **self._common(name),
-            size=0 if packed else size[0] or 0 if is_string or kind == FieldKind.PADDING else self._type.size,
+            size=0 if packed else size.fixed or 0 if is_string or kind == FieldKind.PADDING else self._type.size,
             order=self._type.order or order,
-            count=count[0],
+            count=count.fixed,
             max_size=(MAX_CONSTANT if is_constant else syntax.max or 0) if is_string else 0,
             bits=0 if packed is None else bits,
             packed=packed,
-            max_count=0 if is_string or count[0] is not None else syntax.max or 0,
-            counted_by=count[1] or size[1],
+            max_count=0 if is_string or count.fixed is not None else syntax.max or 0,
+            **(size if is_string else count).options(),
             ends_with=None if syntax.ends_with is None else syntax.ends_with[0],
         )
         return self._constant(field) if is_constant else self._validated(field)
@@ -378,53 +386,21 @@ class _PlainReader(ValueReader):
             )
         if syntax.count is None:
             self._wrong(node.key_place("packed"), "`packed` has no meaning without `count`; add `count: 16`")
-        elif isinstance(syntax.count, str):
+        elif not isinstance(syntax.count, int):
             self._wrong(node.value_place("count"), "packed elements are always as many; write their number")
 
-    def _counted(
-        self, key: str, amount: int | str | None, most: int | None, earlier: dict[str, Field], what: str
-    ) -> tuple[int | None, str]:
-        """The fixed amount or None, and the field that tells a varying one."""
-        if not isinstance(amount, str):
-            return amount, ""
+    def _amount(
+        self, key: str, amount: int | str | CountSyntax | None, most: int | None, earlier: dict[str, Field]
+    ) -> Amount:
         if key == "size" and amount == TO_END:
             self._wrong(
                 self._node.value_place("size"), "a string reaches to the payload's end by itself; write `max` alone"
             )
-            return None, ""
-        good, counted_by = counting_field(amount, self._node.value_place(key), most, earlier, what, self._problems)
-        self._good = self._good and good
-        return None, counted_by
-
-
-def counting_field(
-    amount: str, place: Place, most: int | None, earlier: dict[str, Field], what: str, problems: Problems
-) -> tuple[bool, str]:
-    """Whether all is well with a varying number of ``what``, and the field that tells it; empty for `to_end`."""
-    if most is None:
-        problems.add(place, f"a varying number of {what} needs a bound; add `max: 16`")
-        return False, ""
-    if amount == TO_END:
-        return True, ""
-    field = earlier.get(amount)
-    if field is None:
-        there = f"possible: {', '.join([*earlier, TO_END])}" if earlier else "the field that counts comes first"
-        problems.add(place, f"no field before this one, beside it, is called `{amount}`; {there}")
-        return False, ""
-    is_plain = field.kind == FieldKind.UNSIGNED and field.count is None and not field.is_list
-    if not is_plain or field.is_scaled or field.enum or field.flags or (field.minimum, field.default) != (None, None):
-        problems.add(
-            place,
-            f"`{amount}` cannot count, for it is more than a number; make it one unsigned whole number without other "
-            "options",
-        )
-        return False, ""
-    if most >= 2**field.width:
-        problems.add(
-            place, f"`{amount}` counts to {2**field.width - 1}, and `max` is {most}; lower that, or take a wider type"
-        )
-        return False, ""
-    return True, amount
+            return Amount()
+        step = 1 if self._type.kind in _STRINGS else self._type.size
+        found = Counting(self._node, key, earlier, most, step, self._problems).read(amount)
+        self._good = self._good and found is not None
+        return found or Amount()
 
 
 def _capacity(field: Field, wire_type: WireType) -> str:

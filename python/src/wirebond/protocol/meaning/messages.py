@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from wirebond.protocol import names
 from wirebond.protocol.meaning.log_text import log_fault
 from wirebond.protocol.meaning.structs import Types, read_fields
-from wirebond.protocol.model import End, LogLevel, Message, Queue
+from wirebond.protocol.model import End, Field, FieldKind, LogLevel, Message, Queue
 from wirebond.protocol.plan import NO_ID, id_key
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.grammar import MessageHead
@@ -121,6 +122,49 @@ def _validate_replies(messages: Messages, problems: Problems) -> None:
                     f"{spoken(answering)}, "
                     f"and `{reply.name}` does not; change its `sender`",
                 )
+    for entry in messages.values():
+        if entry.message is not None:
+            _validate_asked(entry, entry.message, messages, problems)
+
+
+def _validate_asked(entry: Entry, message: Message, messages: Messages, problems: Problems) -> None:
+    """The requests of a reply have the fields that ask for so many elements."""
+    fields = entry.node.get("fields")
+    for one in message.fields:
+        if not isinstance(fields, Mapping):
+            return
+        place = fields.key_place(one.name)
+        if any(inner.asked_by for inner in _within(one)):
+            problems.add(place, "`asked_by` is for a list that stands in the message itself; remove it here")
+        if not one.asked_by:
+            continue
+        requests = [e.message for e in messages.values() if e.message is not None and e.message.reply == message.name]
+        if not requests:
+            problems.add(
+                place,
+                f"no message has the reply `{message.name}`, so no request asks; write `reply: {message.name}` in the "
+                "request, or remove `asked_by`",
+            )
+        for request in requests:
+            asking = next((field for field in request.fields if field.name == one.asked_by), None)
+            if (
+                asking is None
+                or asking.kind != FieldKind.UNSIGNED
+                or asking.count
+                or asking.is_list
+                or asking.is_scaled
+            ):
+                problems.add(
+                    place,
+                    f"`{request.name}`, which asks for this reply, has no whole number `{one.asked_by}`; add it there: "
+                    f"`{one.asked_by}: {{type: u16}}`",
+                )
+
+
+def _within(field: Field) -> Iterator[Field]:
+    for inner in field.fields:
+        yield inner
+        yield from _within(inner)
 
 
 def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id: set[End], problems: Problems) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from wirebond.protocol import names
-from wirebond.protocol.meaning.fields import counting_field, read_bit_field, read_plain
+from wirebond.protocol.meaning.counts import Counting, mark_counts
+from wirebond.protocol.meaning.fields import read_bit_field, read_plain
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.field_grammar import (
@@ -86,7 +87,7 @@ def read_fields(node: Node | None, types: Types) -> tuple[FieldList, bool]:
                 found[name] = one
     _validate_names(node, types.problems)
     _validate_ends(node, found, types.problems)
-    fields = tuple(found.values())
+    fields = tuple(mark_counts(found).values())
     return fields, len(fields) == len(node.entries) and _bounded(fields, node.place, types.problems)
 
 
@@ -156,14 +157,11 @@ def _read_group(name: str, node: Mapping, earlier: dict[str, Field], types: Type
     if fields is None or syntax is None:
         return None
     group = syntax.group
-    counted_by = ""
-    if isinstance(group.count, str):
-        good, counted_by = counting_field(
-            group.count, inner.value_place("count"), group.max, earlier, "elements", types.problems
-        )
-        if not good:
-            return None
-    elif group.max is not None:
+    step = 0 if any(one.is_variable for one in fields) else sum(one.min_wire_bytes for one in fields)
+    amount = Counting(inner, "count", earlier, group.max, step, types.problems).read(group.count)
+    if amount is None:
+        return None
+    if amount.fixed is not None and group.max is not None:
         types.problems.add(inner.key_place("max"), "`max` is for a number that varies; remove it, or the number")
         return None
     if any(one.reaches_end for one in fields):
@@ -178,9 +176,9 @@ def _read_group(name: str, node: Mapping, earlier: dict[str, Field], types: Type
         size=0,
         fields=fields,
         type_name=group.fields if isinstance(group.fields, str) else "",
-        count=group.count if isinstance(group.count, int) else None,
+        count=amount.fixed,
         max_count=group.max or 0,
-        counted_by=counted_by,
+        **amount.options(),
         description=syntax.description,
     )
 

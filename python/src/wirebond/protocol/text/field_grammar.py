@@ -5,10 +5,12 @@ What keys mean together is not validated here (see ``fields`` and ``structs``).
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Tag
+from pydantic_core import PydanticCustomError
 
+from wirebond.protocol import names
 from wirebond.protocol.problems import quoted
 from wirebond.protocol.text.field_types import BitType, ContainerType, FieldType
 from wirebond.protocol.text.scalars import (
@@ -18,7 +20,6 @@ from wirebond.protocol.text.scalars import (
     DefaultValue,
     Exact,
     Name,
-    NameText,
     OneByte,
     Text,
     WireInteger,
@@ -33,7 +34,13 @@ from wirebond.protocol.text.yaml_tree import Number
 TO_END = "to_end"
 MAX_COUNT = 0xFFFF
 
+_NAME = names.PATTERN.removeprefix("^").removesuffix("$")
+
 _COUNTED = "the name of the field that tells it"
+_COUNTS = (
+    "`counts` is not a key of %s: the field that is counted names what counts it; write there `count: number` or "
+    "`count: {bytes: number}`, of a value among bits `count: state.number`"
+)
 
 
 def _amount(value: object) -> int | str:
@@ -44,9 +51,48 @@ def _amount(value: object) -> int | str:
     raise wrong(f"{describe(value)} does not say how many; write a whole number, or {_COUNTED}")
 
 
+# A field, or one among the bits of a field: `state.number`.
+_CounterText = Annotated[str, Field(pattern=f"^{_NAME}([.]{_NAME})?$", max_length=2 * names.MAX_LENGTH + 1)]
 Amount = Annotated[
     int | str,
-    PlainValidator(_amount, json_schema_input_type=Annotated[int, Field(ge=1, le=MAX_COUNT)] | NameText),
+    PlainValidator(_amount, json_schema_input_type=Annotated[int, Field(ge=1, le=MAX_COUNT)] | _CounterText),
+]
+
+
+def _counter(value: object) -> str:
+    if isinstance(value, str):
+        return value
+    raise wrong(f"{describe(value)} is no field that counts; write {_COUNTED}")
+
+
+Counter = Annotated[str, PlainValidator(_counter, json_schema_input_type=_CounterText)]
+
+
+class CountSyntax(Syntax):
+    """What tells how many elements there are."""
+
+    noun = "`count`"
+
+    elements: Counter | None = Field(
+        None, description="The field before it that tells the number of elements.", examples=["number"]
+    )
+    bytes: Counter | None = Field(
+        None, description="The field before it that tells how many bytes all elements take.", examples=["size"]
+    )
+    asked_by: Name | None = Field(
+        None,
+        description="In a reply: the field of the request that asks for so many elements. `wirebond sim` answers with "
+        "as many.",
+        examples=["number"],
+    )
+
+
+def _count_kind(value: object) -> str:
+    return "count:mapping" if isinstance(value, dict) else "count:plain"
+
+
+ElementCount = Annotated[
+    Annotated[Amount, Tag("count:plain")] | Annotated[CountSyntax, Tag("count:mapping")], Discriminator(_count_kind)
 ]
 
 
@@ -89,6 +135,12 @@ class ValueSyntax(NumberSyntax):
         None, description="Of padding: a frame in which it is not zero is no frame.", examples=[True]
     )
 
+    @classmethod
+    def _worded(cls, kind: str, loc: tuple[int | str, ...], facts: dict[str, Any], value: Any) -> PydanticCustomError:
+        if kind == "extra_forbidden" and loc[-1:] == ("counts",):
+            return wrong(_COUNTS % cls.noun, "wrong_key")
+        return super()._worded(kind, loc, facts, value)
+
 
 class PlainSyntax(ValueSyntax):
     """A value that begins and ends with a byte, or an array of values."""
@@ -100,9 +152,10 @@ class PlainSyntax(ValueSyntax):
         "i64 and s2 to s64 (sign and amount) where `packed` stands beside it, else in steps of 8 bits.",
         examples=["u16"],
     )
-    count: Amount | None = Field(
+    count: ElementCount | None = Field(
         None,
-        description="Elements of an array: a number, the field before it that tells the number, or to_end.",
+        description="Elements of an array: a number, the field before it that tells the number, what else tells it, or "
+        "to_end.",
         examples=[4],
     )
     packed: Annotated[str | None, one_word("low_first", "high_first")] = Field(
@@ -187,8 +240,9 @@ class GroupSyntax(Syntax):
 
     noun = "`group`"
 
-    count: Amount = Field(
-        description="How many: a number, the field before it that tells the number, or to_end.", examples=[4]
+    count: ElementCount = Field(
+        description="How many: a number, the field before it that tells the number, what else tells it, or to_end.",
+        examples=[4],
     )
     max: Count | None = Field(None, description="Most of them where their number varies.", examples=[16])
     fields: FieldsOrType = Field(
