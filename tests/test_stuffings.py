@@ -249,3 +249,24 @@ def test_a_wide_length_of_stuffed_bytes_loads_at_once(width: str) -> None:
     begin = time.monotonic()
     loads(text + "messages:\n  m: {sender: host, fields: {x: {type: bytes, size: 4}}}\n")
     assert time.monotonic() - begin < 2
+
+
+@pytest.mark.parametrize("stuffing", ["escaped: {escape: 0x7D, xor: 0x20", "inserted: {after: 0x01 0x02, byte: 0x03"])
+def test_counts_tell_the_size_of_a_stuffed_frame_that_nothing_else_ends(stuffing: str) -> None:
+    text = HEAD + f"  - magic: 0x55\n  - {stuffing}, parts: [id: u8, payload: by_id, check: crc-16/modbus]}}\n"
+    text += "messages:\n  m:\n    id: 0x81\n    sender: mcu\n"
+    text += "    fields: {n: {type: u8}, xs: {type: u8, count: n, max: 9}, k: {type: u16}, "
+    text += "ys: {type: u8, count: k, max: 300}}\n"
+    codec = Codec(loads(text))
+    frames = [codec.encode("m", xs=[1, 2] * n, ys=[0x7D, 0x55, 1, 2] * (20 * n)) for n in range(4)]
+    stream = b"".join(frames)
+    for size in (1, 3, len(stream)):
+        decoder = codec.decoder("mcu")
+        found = [m for at in range(0, len(stream), size) for m in decoder.feed(stream[at : at + size])]
+        assert [m.raw for m in found] == frames
+    assert [f.wire for f in reference.decode(codec.model, stream, End.MCU).frames] == frames
+    expected = reference.decode(codec.model, stream[:-1] + stream, End.MCU)
+    decoder = codec.decoder("mcu")
+    found = decoder.feed(stream[:-1] + stream) + decoder.finish()
+    assert [m.raw for m in found] == [f.wire for f in expected.frames]
+    assert decoder.stats.as_dict()["discarded_bytes"] == dict(expected.discarded_bytes)

@@ -43,18 +43,21 @@ def _examine_sized(protocol: Protocol, data: bytes, sender: End | None) -> tuple
     payload_at = next(i for i, p in enumerate(parts) if p.kind == PartKind.PAYLOAD)
     prefix = sum(part.size for part in parts[:payload_at])
     back = sum(part.size for part in parts[max(i for i, p in enumerate(parts) if not p.is_plain) + 1 :])
-    head = undone(protocol, data, prefix, None)
-    try:
-        _examine(protocol, head.data, sender, None)
-        size = prefix  # there is nothing behind the header
-    except Rejected as outcome:
-        raise Rejected(outcome.cause, head.used if outcome.extent > 1 else outcome.extent) from None
-    except Incomplete as waits:
-        size = waits.size
-    if head.is_bad:
-        raise Rejected("bad_stuffing", head.used + 1)
-    if not head.is_complete:
-        raise Incomplete
+    size = seen = 0
+    while size == 0:  # counts within the payload are read one after the other
+        head = undone(protocol, data, prefix + seen, None)
+        try:
+            _examine(protocol, head.data, sender, None)
+            size = len(head.data)  # there is nothing behind it
+        except Rejected as outcome:
+            raise Rejected(outcome.cause, head.used if outcome.extent > 1 else outcome.extent) from None
+        except Incomplete as waits:
+            size = waits.size
+        if head.is_bad:
+            raise Rejected("bad_stuffing", head.used + 1)
+        if not head.is_complete:
+            raise Incomplete
+        seen += 1
     if protocol.format.length_on_wire:
         wire, end = size, size - back
         if len(data) < wire:

@@ -337,7 +337,8 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
 
 /// The rules of one form over `available` bytes at `candidate`, in the order in which they can first be decided.
 /// `block`: what the candidate was before unstuffing; null: it is one of a stream, and nothing is stuffed. Where the
-/// cause is unknown_message, `frame` has the id, and the size if the head told it.
+/// cause is unknown_message, `frame` has the id, and the size if the head told it. Where a frame may be one that its
+/// length ends, need_more leaves its size in `frame`; 0: that is not known yet.
 template <class Source>
 WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, const std::uint8_t* candidate,
                                      std::size_t available, const Received* block, Frame& frame) {
@@ -354,9 +355,15 @@ WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, co
         frame.size = head.size;
       }
     }
+    if constexpr (may_be<Source>(Framing::sized)) {
+      if (verdict.outcome == Outcome::need_more) frame.size = 0;
+    }
     return verdict;
   }
   const Verdict whole = examine_rest(source, form, index, candidate, available, block, head, frame);
+  if constexpr (may_be<Source>(Framing::sized)) {
+    if (whole.outcome == Outcome::need_more) frame.size = head.size;
+  }
   if constexpr (tells_unlisted_size<Source>()) {
     if (whole.cause == Cause::unknown_message) {
       frame.id = head.id;

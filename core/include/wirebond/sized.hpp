@@ -100,15 +100,27 @@ WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* 
   Unstuffer unstuffer(source, candidate, scratch);
   typename Unstuffer::Result result = unstuffer.run(available, prefix, Unstuffer::everything);
   Verdict verdict = examine(source, scratch, unstuffer.written(), nullptr, frame);
-  if (verdict.outcome == Outcome::reject) {
+  const auto rejected = [&] {
     if (verdict.bytes > 1) verdict.bytes = unstuffer.read();
     frame.size = 0;  // its size on the wire is not known
     return verdict;
-  }
+  };
+  if (verdict.outcome == Outcome::reject) return rejected();
   if (result == Unstuffer::bad) return {Outcome::reject, Cause::bad_stuffing, unstuffer.read() + 1};
-  if (result == Unstuffer::waits) {
-    const std::size_t missing = prefix - unstuffer.written();
+  const auto waits = [&](std::size_t wanted) {
+    const std::size_t missing = wanted - unstuffer.written();
     return more(available, missing != 0 ? missing : 1);
+  };
+  if (result == Unstuffer::waits) return waits(prefix);
+
+  // Counts within the payload tell the size one after the other.
+  while (verdict.outcome == Outcome::need_more && frame.size == 0) {
+    const std::size_t wanted = verdict.bytes;
+    result = unstuffer.run(available, wanted, Unstuffer::everything);
+    if (result == Unstuffer::bad) return {Outcome::reject, Cause::bad_stuffing, unstuffer.read() + 1};
+    if (result == Unstuffer::waits) return waits(wanted);
+    verdict = examine(source, scratch, unstuffer.written(), nullptr, frame);
+    if (verdict.outcome == Outcome::reject) return rejected();
   }
 
   std::size_t size = verdict.bytes;
@@ -126,10 +138,7 @@ WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* 
   } else {
     result = unstuffer.run(available, size, size - format.plain_back);
     if (result == Unstuffer::bad) return {Outcome::reject, Cause::bad_stuffing, unstuffer.read() + 1};
-    if (result == Unstuffer::waits) {
-      const std::size_t missing = size - unstuffer.written();
-      return more(available, missing != 0 ? missing : 1);
-    }
+    if (result == Unstuffer::waits) return waits(size);
     on_wire = unstuffer.read();
   }
 
