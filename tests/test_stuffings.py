@@ -251,6 +251,25 @@ def test_a_wide_length_of_stuffed_bytes_loads_at_once(width: str) -> None:
     assert time.monotonic() - begin < 2
 
 
+@pytest.mark.parametrize(
+    "frame",
+    [
+        "[magic: 0x55, length: u8, escaped: {escape: 0x7D, xor: 0x20, parts: [payload: by_length]}, "
+        "check: {type: crc-16/modbus, over: length}]",
+        "[magic: 0x55, length: u8, check: crc-8/maxim-dow, inserted: {after: 0x01 0x02, byte: 0x03, "
+        "parts: [payload: by_length]}, check: crc-16/modbus]",
+    ],
+)
+def test_a_check_over_a_length_of_stuffed_bytes_covers_what_is_sent(frame: str) -> None:
+    messages = "messages:\n  m: {sender: host, fields: {x: {type: bytes, max: 40}}}\n"
+    codec = Codec(loads(HEAD.replace("frame:\n", f"frame: {frame}\n") + messages))
+    for data in (b"", b"\x01\x02\x7d\x55" * 5, bytes(range(40))):
+        sent = codec.encode("m", x=data)
+        decoder = codec.decoder("host")
+        assert [m.raw for m in decoder.feed(sent) + decoder.finish()] == [sent]
+        assert [f.wire for f in reference.decode(codec.model, sent, End.HOST).frames] == [sent]
+
+
 @pytest.mark.parametrize("stuffing", ["escaped: {escape: 0x7D, xor: 0x20", "inserted: {after: 0x01 0x02, byte: 0x03"])
 def test_counts_tell_the_size_of_a_stuffed_frame_that_nothing_else_ends(stuffing: str) -> None:
     text = HEAD + f"  - magic: 0x55\n  - {stuffing}, parts: [id: u8, payload: by_id, check: crc-16/modbus]}}\n"

@@ -114,7 +114,7 @@ class _FrameReader:
         for index, (syntax, node) in enumerate(inner):
             if isinstance(syntax, CheckPart):
                 parts[index] = self._lower_check(index, parts, names, syntax.check, node)
-        self._mark_checks_on_wire(parts, nodes)
+        self._mark_checks_on_wire(parts, nodes, envelope)
         self._validate_order_of_checks(parts, nodes)
         parts = [replace(part, name=name) for part, name in zip(parts, _unique(names), strict=True)]
         draft = Draft(tuple(parts), tuple(node.place for node in nodes), envelope)
@@ -272,14 +272,16 @@ class _FrameReader:
             shift=shift,
         )
 
-    def _mark_checks_on_wire(self, parts: list[Part], nodes: list[Mapping]) -> None:
-        """A check beside the stuffed parts is taken after stuffing, where it covers them or another such check."""
+    def _mark_checks_on_wire(self, parts: list[Part], nodes: list[Mapping], envelope: Envelope) -> None:
+        """A check beside the stuffed parts is taken after stuffing, where it covers them, a length that counts their
+        bytes, or another such check."""
         stuffed = [index for index, part in enumerate(parts) if not part.is_plain]
+        counting = _holder(parts, PartKind.LENGTH, BitRole.LENGTH) if envelope.delimiter is None else None
         for index, part in enumerate(parts):
             if part.kind != PartKind.CHECK or not part.is_plain:
                 continue
             covered = range(max(part.first, 0), part.last + 1)
-            if not any(i in stuffed or parts[i].on_wire for i in covered):
+            if not any(i in stuffed or i == counting or parts[i].on_wire for i in covered):
                 continue
             parts[index] = replace(part, on_wire=True)
             if stuffed[0] < part.first <= stuffed[-1] or stuffed[0] <= part.last < stuffed[-1]:
@@ -565,8 +567,9 @@ class _FrameReader:
         """A stuffed frame that its length ends: what must be known before it is unstuffed."""
         if not draft.is_sized:
             return
+        first = [part.is_plain for part in draft.parts].index(False)
         for index, (part, place) in enumerate(zip(draft.parts, draft.places, strict=True)):
-            if part.on_wire and index < draft.payload_index:
+            if part.on_wire and index < draft.payload_index and part.last >= first:
                 self._wrong(place, "a check over the stuffed bytes stands behind them here; move it behind the payload")
         length = draft.length_part
         if length is None or not length.is_plain:
@@ -577,11 +580,16 @@ class _FrameReader:
                 draft.places[at], "this length counts the bytes on the line, so it cannot count words; remove `unit`"
             )
         for part, place in zip(draft.parts, draft.places, strict=True):
-            if part.kind == PartKind.CHECK and not part.is_plain and part.first <= at <= part.last:
+            covered = range(part.first, part.last + 1)
+            if (
+                part.kind == PartKind.CHECK
+                and not part.is_plain
+                and any(i == at or draft.parts[i].on_wire for i in covered)
+            ):
                 self._wrong(
                     place,
-                    "this check is taken before stuffing and covers the length, which counts the stuffed bytes; begin "
-                    "its range behind the length, or move the check beside the stuffed parts",
+                    "this check is taken before stuffing and covers the length, which counts the stuffed bytes, or a "
+                    "check over it; begin its range behind them, or move the check beside the stuffed parts",
                 )
 
     def _validate_first(self, draft: Draft) -> None:
