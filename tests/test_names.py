@@ -253,3 +253,10 @@ def test_cpp_and_c_compile_with_them(tmp_path: Path) -> None:
     run(["gcc", "-std=c99", "-pedantic", *strict, "-I", tmp_path, tmp_path / "main.c", tmp_path / "manual.cpp.o",
          "-o", tmp_path / "main_c"])  # fmt: skip
     run([tmp_path / "main_c"])
+
+
+def test_a_field_without_a_value_may_be_called_like_an_option() -> None:
+    frame = "frame: [magic: 0xA5, payload: rest, delimiter: 0x0A]\n"
+    messages = "messages: {m: {sender: host, fields: {sender: {type: padding, size: 1}}}}\n"
+    text = f"wirebond: 1\nprotocol: p\n{frame}{messages}"
+    assert Codec(loads(text)).encode("m", sender="host") == bytes.fromhex("A5 00 0A")

@@ -13,7 +13,7 @@ from wirebond.log import LogLine, log_line
 from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
 from wirebond.protocol.apart import ends_look_alike
-from wirebond.protocol.model import End, HeaderField, Protocol
+from wirebond.protocol.model import End, FieldKind, HeaderField, Protocol
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import ids_collide, plan_for
 from wirebond.protocol.problems import no_message
@@ -503,7 +503,7 @@ def refuse_option_for_field(
 
     :raises UsageError: the message has a field that is called like an option given here, and ``values`` has it not.
     """
-    names = {field.name for field in message.fields}
+    names = {field.name for field in message.fields if field.kind != FieldKind.PADDING}
     for name, given in options.items():
         if given is not None and name in names and name not in (values or {}):
             raise UsageError(
