@@ -162,7 +162,7 @@ class FieldSource:
                 (("e0", "e1", "e2", "e3"), ("NULL", "Off", "class", "In"), ("is", "EOF", "unix", "X1"))
             )
             names = ", ".join(f"{word}: {number}" for word, number in zip(words, numbers, strict=False))
-            return f", enum: {{{names}}}", self._random.choice((words[0], str(numbers[-1])))
+            return f", enum: {{{names}}}", self._random.choice((f'"{words[0]}"', str(numbers[-1])))
         if kind == "flags" and letter == "u":
             places = self._random.sample(range(bits), min(bits, self._random.randint(1, 3)))
             words = self._random.choice((("b0", "b1", "b2"), ("register", "TX_Full", "try")))

@@ -88,9 +88,12 @@ class _FormatSource:
         self._plain: set[str] = set()  # of these, unsigned ones without a scale: they are compared with numbers
         self._forms = 1  # how many the file has, at most
         self._length_tells = False  # it is the same number in every form
+        self._has_sequence = False
         self._trims = False
         self._conditions = 0
         self._seeded = False
+        # Whose addresses header fields still to be drawn hold.
+        self._addresses = list(source.choice(([], [], [], ["mcu"], ["receiver", "sender"], ["receiver"], ["sender"])))
 
     def _sized_rule(self) -> str:
         return self._random.choice(("by_length", "by_length", "by_length", "by_id", "fixed"))
@@ -280,9 +283,8 @@ class _FormatSource:
     def _header(self) -> list[Part]:
         """The parts before the payload, in any order."""
         parts: list[Part] = []
-        for kind in self._random.sample(
-            ("field", "field", "reserved", "sequence", "constant"), self._random.randint(0, 3)
-        ):
+        kinds = self._random.sample(("field", "field", "reserved", "sequence", "constant"), self._random.randint(0, 3))
+        for kind in kinds + ["field"] * (len(self._addresses) - kinds.count("field")):
             parts.append(self._plain_part(kind))
         runs: list[tuple[str, int, str]] = []
         if self._id == "bits":
@@ -334,13 +336,14 @@ class _FormatSource:
             return Part(kind, self._bytes(size), size)
         word, size = self._number_type()
         if kind == "sequence":
-            if any(name == "sequence" for name, _ in self._fields):
+            if self._has_sequence:
                 return Part("reserved", str(size), size)
-            self._fields.append(("sequence", 8 * size))
-            self._plain.add("sequence")
-            return Part(kind, word, size, name="sequence")
+            self._has_sequence = True
+            return Part(kind, word, size, [f"per: {self._per()}"], name="sequence")
         name = f"h{len(self._fields)}"
         letter, size = self._random.choice("uuuis"), self._random.choice((1, 1, 1, 2, 2, 3, 4, 4, 5, 6, 7, 8))
+        if self._addresses and self._chance(0.8):
+            letter, size = self._random.choice("uuui"), self._random.choice((1, 1, 1, 2, 3, 8))
         self._fields.append((name, 8 * size))
         word = f"{letter}{8 * size}{self._random.choice(('', 'le', 'be')) if size > 1 else ''}"
         meaning = self._meaning(letter, 8 * size)
@@ -356,13 +359,13 @@ class _FormatSource:
         half = 2 ** (bits - 1)
         least, most = (0, 2 * half - 1) if letter == "u" else (-half + (letter == "s"), half - 1)
         drawn = [self._random.choice((least, most, 0, 1, self._random.randint(least, most))) for _ in range(3)]
+        if self._addresses:
+            return self._address(drawn)
         kind = self._random.choice(("number", "number", "ends", "enum", "flags", "scale", "range"))
         if kind == "ends":
             return [f"default: {{host: {drawn[0]}, mcu: {drawn[1]}}}"]
         if kind == "enum":
-            names = {value: f"e{i}" for i, value in enumerate(drawn)}
-            listed = ", ".join(f"{name}: {value}" for value, name in names.items())
-            return [f"enum: {{{listed}}}", f"default: {self._random.choice(list(names.values()))}"]
+            return self._enum(drawn)[0]
         if kind == "flags" and letter == "u":
             bit = self._random.sample(range(bits), min(bits, 3))
             listed = ", ".join(f"f{i}: {number}" for i, number in enumerate(bit))
@@ -373,6 +376,34 @@ class _FormatSource:
             low, high = sorted(drawn[:2])
             return [f"range: [{low}, {high}]", f"default: {low}"]
         return [f"default: {drawn[0]}"]
+
+    def _enum(self, numbers: list[int]) -> tuple[list[str], list[str]]:
+        """The options of a header field that takes these numbers, and its names."""
+        names = {value: f"e{i}" for i, value in enumerate(numbers)}
+        listed = ", ".join(f"{name}: {value}" for value, name in names.items())
+        return [f"enum: {{{listed}}}", f"default: {self._random.choice(list(names.values()))}"], list(names.values())
+
+    def _address(self, numbers: list[int]) -> list[str]:
+        """The options of the next header field that holds an address, one of these numbers by default."""
+        whose = self._addresses.pop(0)
+        kind = self._random.choice(("number", "ends", "enum", "range"))
+        values = [str(number) for number in numbers]
+        if kind == "enum":
+            options, values = self._enum(numbers)
+        elif kind == "ends":
+            options = [f"default: {{host: {values[0]}, mcu: {values[1]}}}"]
+        elif kind == "range" and min(numbers) < max(numbers) and max(map(abs, numbers)) < 2**48:
+            options = [f"range: [{min(numbers)}, {max(numbers)}]", f"default: {values[0]}"]
+        else:
+            options = [f"default: {values[0]}"]
+        options.append(f"address: {whose}")
+        if whose != "sender" and self._chance(0.6):
+            some = self._random.sample(list(dict.fromkeys(values)), self._random.randint(1, len(set(values))))
+            options.append(f"broadcast: {some[0]}" if len(some) == 1 else f"broadcast: [{', '.join(some)}]")
+        return options
+
+    def _per(self) -> str:
+        return self._random.choice(("sender", "message"))
 
     def _length_part(self) -> Part:
         word, size = self._number_type()
@@ -406,9 +437,10 @@ class _FormatSource:
                 meaning = self._meaning(letter, bits)
                 self._note_plain(name, letter, meaning)
                 runs.append((name, bits, f"{{type: {letter}{bits}, {', '.join(meaning)}}}"))
+            elif kind == "sequence" and not self._has_sequence:
+                self._has_sequence = True
+                runs.append(("sequence", bits, f"{{bits: {bits}, per: {self._per()}}}"))
             else:
-                is_first = kind == "sequence" and not any(known == "sequence" for known, _ in self._fields)
-                name = "sequence" if is_first else name
                 self._fields.append((name, bits))
                 self._plain.add(name)
                 runs.append((name, bits, str(bits)))

@@ -14,6 +14,7 @@ from wirebond.protocol.model import (
     Field,
     FieldKind,
     FrameFormat,
+    HeaderField,
     Message,
     Part,
     PartKind,
@@ -138,7 +139,7 @@ def random_header(model: Protocol, form: Form, source: random.Random) -> dict[st
             continue
         choices = tuple(held.choice for held in form.choices if held.choice.number == (Subject.FIELD, entry.name))
         for _ in range(50 if choices else source.randrange(2)):
-            value = _element(field, source)
+            value = _header_value(fields[entry.place], source)
             bits = header_bits(field, value)
             if field.kind == FieldKind.UNSIGNED and not all(choice.holds(bits) for choice in choices):
                 fitting = some_value(choices, field.width, bits)
@@ -148,6 +149,15 @@ def random_header(model: Protocol, form: Form, source: random.Random) -> dict[st
             if all(choice.holds(bits) for choice in choices):
                 break
     return found
+
+
+def _header_value(described: HeaderField, source: random.Random) -> Any:
+    """Any value; often an address that an end listens to, or a number near others of the same peer."""
+    if described.address is not None and source.random() < 0.7:
+        return source.choice((described.host_default, described.mcu_default, *described.broadcast))
+    if described.is_sequence and source.random() < 0.7:
+        return source.choice((0, 1, 2, 3, 4, -1, -2)) % 2**described.value.width
+    return _element(described.value, source)
 
 
 def header_bits(field: Field, value: Any) -> int:

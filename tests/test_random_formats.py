@@ -7,8 +7,10 @@ engine and the generated C++ also on every field, on what encodes again, and on 
 from __future__ import annotations
 
 import random
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,10 +20,12 @@ from tests.conformance.fields import difference
 from tests.conformance.formats import Answer, Chunk, Job, build_formats, decode_all
 from tests.random_formats import random_protocol
 from tests.shared import account_closes, needs_sender
-from tests.streams import Speaker, chunks, hard_pieces
-from wirebond import Codec, Message, MessageError, ProtocolFileError, Stats
+from tests.streams import Speaker, chunks, hard_pieces, header_bits, random_values
+from wirebond import Codec, Message, MessageError, ProtocolFileError, Stats, _engine
+from wirebond.link import engine_settings
 from wirebond.protocol import loads
-from wirebond.protocol.model import End
+from wirebond.protocol.forms import header_fields
+from wirebond.protocol.model import End, FrameFormat, Stuffing
 
 BATCH = 50  # formats in one program
 FOLDED = 25  # one in so many has a deframer of its own, as firmware has: that takes a second to compile
@@ -54,11 +58,14 @@ def drawn_format(seed: int) -> Drawn:
 
 @dataclass(frozen=True)
 class Heard:
-    """What the engine found in one stream."""
+    """What the engine found in one stream, and what its receiver makes of that."""
 
     drawn: Drawn
     messages: list[Message]
     stats: Stats
+    own: int | None  # the receiver's address, as bits; None: the file's
+    addressees: list[reference.Addressee]
+    sequence: reference.Sequence | None  # where four peers are remembered
 
 
 def listen(drawn: Drawn, sender: End | None, source: random.Random, messages: int) -> tuple[Heard, list[Chunk]]:
@@ -86,7 +93,137 @@ def listen(drawn: Drawn, sender: End | None, source: random.Random, messages: in
     assert stats["discarded_bytes"] == dict(expected.discarded_bytes), (sender, str(drawn))
     assert stats["rejected_candidates"] == dict(expected.rejected_candidates), (sender, str(drawn))
     assert stats["fill_bytes"] == expected.fill_bytes, (sender, str(drawn))
-    return Heard(drawn, found, decoder.stats), stream
+    whole = reference.sequence_of(model, expected.frames, sender, peers=len(expected.frames) or 1)
+    assert numbers_of(decoder.stats.as_dict()) == whole, (sender, str(drawn))
+    if sender is None:
+        return Heard(drawn, found, decoder.stats, None, [], None), stream
+    own, value = drawn_address(drawn, sender, expected.frames, source)
+    addressees = reference.addressees(model, expected.frames, sender, value)
+    if sender == End.MCU:
+        verify_host(drawn, stream, expected.frames, own, addressees, whole)
+    few = reference.sequence_of(model, expected.frames, sender, peers=4)
+    return Heard(drawn, found, decoder.stats, own, addressees, few), stream
+
+
+def numbers_of(stats: dict[str, Any]) -> reference.Sequence | None:
+    if "sequence" not in stats:
+        return None
+    return reference.Sequence(**{name: stats["sequence"][name] for name in vars(reference.Sequence())})
+
+
+def drawn_address(
+    drawn: Drawn, sender: End, frames: list[reference.Frame], source: random.Random
+) -> tuple[int | None, object]:
+    """The address of the end that listens, as bits and as a value: the file's, or one that these frames have."""
+    described = reference.receiver_field(drawn.codec.model, sender)
+    used = [] if described is None else [f.header[described.name] for f in frames if described.name in f.header]
+    if described is None or not used or source.random() < 0.4:
+        return None, None
+    value = source.choice(used)
+    addresses = [field.value for field in header_fields(drawn.codec.model.format.parts) if field.address is not None]
+    bits = header_bits(described.value, value)
+    return (bits, value) if bits < 2 ** min(field.width for field in addresses) else (None, None)
+
+
+def verify_host(
+    drawn: Drawn,
+    stream: list[Chunk],
+    frames: list[reference.Frame],
+    own: int | None,
+    addressees: list[reference.Addressee],
+    sequence: reference.Sequence | None,
+) -> None:
+    """The host's link over the same stream: it hands over what is for its address, and counts the rest."""
+    codec = drawn.codec
+    core = _engine.LinkCore(codec._table, codec._format_for(End.MCU), engine_settings(codec, 115_200), 0)
+    core.port_up(0)
+    if own is not None:
+        core.set_address(own)
+    found = []
+    for chunk in stream:
+        core.idle(chunk.time_us)
+        core.received(chunk.data, chunk.time_us, chunk.time_us)
+        found += core.receive()
+    core.idle(2**50)
+    found += core.receive()
+    wanted = [f for f, whom in zip(frames, addressees, strict=True) if whom != reference.Addressee.ANOTHER]
+    assert [(m.offset, m.raw, m.id, m.name) for m in found] == [(f.offset, f.wire, f.id, f.name) for f in wanted], str(
+        drawn
+    )
+    stats = core.stats()
+    assert stats["frames"] == len(frames), str(drawn)
+    assert stats["foreign_frames"] == len(frames) - len(wanted), str(drawn)
+    foreign = sum(
+        len(f.wire) for f, whom in zip(frames, addressees, strict=True) if whom == reference.Addressee.ANOTHER
+    )
+    assert stats["foreign_bytes"] == foreign, str(drawn)
+    assert numbers_of(stats if stats["sequence"] is not None else {}) == sequence, str(drawn)
+
+
+def verify_intact(drawn: Drawn, source: random.Random) -> None:
+    """What an end sends is heard at the other one."""
+    codec = drawn.codec
+    for message in codec.model.messages:
+        for end in (End.HOST, End.MCU):
+            if not message.sent_by(end):
+                continue
+            values = random_values(message, source)
+            try:
+                frame = codec.encode(message.name, values, sender=end)
+            except MessageError:
+                continue  # empty, so that nobody could tell it from none
+            if holds_delimiter(codec.model.format, frame):
+                continue
+            decoder = codec.decoder(end)
+            found = [(m.name, m.raw) for m in decoder.feed(frame) + decoder.finish()]
+            assert found == [(message.name, frame)], f"{message.name} {values} {frame.hex()}\n{drawn}"
+
+
+def holds_delimiter(frame_format: FrameFormat, frame: bytes) -> bool:
+    """May a byte that is not stuffed look like a delimiter?"""
+    marks = [mark for mark in (frame_format.opening, frame_format.delimiter) if mark]
+    is_stuffed = frame_format.stuffing != Stuffing.NONE and not any(part.is_plain for part in frame_format.parts)
+    if not marks or is_stuffed:
+        return False
+    inner = frame[len(frame_format.opening or b"") : -len(marks[-1])]
+    return any(mark[:1] in inner for mark in marks)
+
+
+def verify_sent(drawn: Drawn, source: random.Random) -> None:
+    """The host's link raises the sequence number of each frame as it leaves, and changes nothing else."""
+    codec = drawn.codec
+    sent = [message for message in codec.model.messages if message.sent_by(End.HOST)]
+    number = next((field for field in header_fields(codec.model.format.parts) if field.is_sequence), None)
+    if number is None or not sent:
+        return
+    core = _engine.LinkCore(codec._table, codec._format_for(End.MCU), engine_settings(codec, 115_200, paced=False), 0)
+    core.port_up(0)
+    now = 0
+    counts: Counter[str] = Counter()
+    for _ in range(300 if number.value.width < 9 else 10):
+        message = source.choice(sent)
+        values = random_values(message, source)
+        try:
+            given = codec.encode(message.name, values, sender=End.HOST)
+        except MessageError:
+            continue  # empty, so that nobody could tell it from none
+        heard = reference.decode(codec.model, given, End.HOST).frames
+        if len(heard) != 1:
+            continue  # a delimiter stands among what is not stuffed
+        frame = given
+        if number.name in heard[0].header:
+            counter = message.name if number.per_message else ""
+            header = {number.name: counts[counter] % 2**number.value.width}
+            frame = codec.encode(message.name, values, header=header, sender=End.HOST)
+            counts[counter] += 1
+        assert core.send(codec._index_of(message.name), given, -1, now) == 0
+        now += 1_000_000
+        core.poll(now)
+        left = b""
+        while chunk := core.to_write(now):
+            left += chunk
+            core.written(len(chunk), now)
+        assert left == frame, f"{message.name} {values}: {left.hex()}, {frame.hex()}\n{drawn}"
 
 
 def verify_generated(heard: Heard, answer: Answer) -> None:
@@ -101,6 +238,12 @@ def verify_generated(heard: Heard, answer: Answer) -> None:
     for cause, count in stats.discarded_bytes.items():
         assert account[f"discarded.{cause}"] == count, (cause, str(drawn))
         assert account[f"rejected.{cause}"] == stats.rejected_candidates[cause], (cause, str(drawn))
+    foreign = heard.addressees.count(reference.Addressee.ANOTHER)
+    assert (account["heard"], account["foreign"]) == (len(heard.messages) - foreign, foreign), str(drawn)
+    if answer.addressees:
+        assert answer.addressees == [whom.value for whom in heard.addressees], str(drawn)
+    for name, count in vars(heard.sequence or reference.Sequence()).items():
+        assert account[f"sequence.{name}"] == count, (name, str(drawn))
     for place, message in enumerate(heard.messages):
         assert (place in answer.handed) == (message.name in index), str(drawn)
         if message.name in index:
@@ -129,8 +272,10 @@ def verify_formats(seeds: range, messages: int, folder: Path, build: Path) -> No
         for sender in senders:
             result, stream = listen(drawn, sender, source, -(-messages // len(senders)))
             if sender is not None:
-                jobs.append(Job(row, sender, stream))
+                jobs.append(Job(row, sender, stream, result.own))
                 heard.append(result)
+        verify_intact(drawn, source)
+        verify_sent(drawn, source)
     answers = decode_all(program, jobs, folder)
     for result, answer in zip(heard, answers.jobs, strict=True):
         verify_generated(result, answer)

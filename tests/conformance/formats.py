@@ -32,6 +32,7 @@ class Job:
     row: int  # the protocol's place in the list that was built
     sender: End
     chunks: list[Chunk]
+    address: int | None = None  # the receiver's own, as bits on the wire; None: the file's default
 
 
 @dataclass
@@ -50,6 +51,7 @@ class Handed:
 class Answer:
     deframed: Result
     handed: dict[int, Handed] = field(default_factory=dict)  # by the frame's place in ``deframed``
+    addressees: list[int] = field(default_factory=list)  # of each frame, where frames name their receiver
 
 
 @dataclass
@@ -80,7 +82,8 @@ def decode_all(program: Path, jobs: list[Job], folder: Path) -> Answers:
     file = folder / "jobs.bin"
     with file.open("wb") as out:
         for job in jobs:
-            out.write(struct.pack("<III", job.row, job.sender == End.MCU, len(job.chunks)))
+            address = (job.address is not None, job.address or 0)
+            out.write(struct.pack("<IIIQI", job.row, job.sender == End.MCU, *address, len(job.chunks)))
             for chunk in job.chunks:
                 out.write(struct.pack("<QI", chunk.time_us, len(chunk.data)) + chunk.data)
     return _read(run([str(program), str(file)]).splitlines())
@@ -105,7 +108,7 @@ def _frame(text: str) -> bytes | None:
 
 
 def _read_job(lines: list[str]) -> Answer:
-    deframed, handed = [], {}
+    deframed, handed, addressees = [], {}, []
     place, current = -1, Handed()
     for line in lines:
         word, *values = line.split()
@@ -113,6 +116,8 @@ def _read_job(lines: list[str]) -> Answer:
             current.values = values
         elif word == "again":
             current.again = _frame(values[0])
+        elif word == "addressee":
+            addressees.append(int(values[0]))
         elif word == "with_header":
             current.with_header = _frame(values[0])
         elif word == "rules":
@@ -122,7 +127,7 @@ def _read_job(lines: list[str]) -> Answer:
         else:
             place += word == "frame"
             deframed.append(line)
-    return Answer(read_result(deframed), handed)
+    return Answer(read_result(deframed), handed, addressees)
 
 
 # ---- formats.hpp

@@ -3,14 +3,16 @@
 //
 //   formats FILE
 //
-// FILE holds jobs, all numbers little-endian: u32 row of formats.hpp, u32 sender (0 host, 1 MCU), u32 number of chunks;
-// for each chunk u64 time in microseconds, u32 size and its bytes.
+// FILE holds jobs, all numbers little-endian: u32 row of formats.hpp, u32 sender (0 host, 1 MCU), u32 whether an own
+// address is set, u64 that address, u32 number of chunks; for each chunk u64 time in microseconds, u32 size and its
+// bytes.
 //
-// Lines for each job: `job`; for each frame `frame …` as print.hpp says and, where it carries a message,
-// `rules REJECTED CLAMPED WRONG_COUNT` (0 or 1 each), then for what is handed over `values …` and `again …`: the frame
-// that encode gives for these values, or `refused`; and where frames have header fields `with_header …`, that with the
-// received header. Then the account. Behind all jobs, for each message of each
-// protocol: `default ROW INDEX …`, the frame of a struct that nobody has touched, or `refused`.
+// Lines for each job: `job`; for each frame `frame …` as print.hpp says, `addressee NUMBER` where frames name their
+// receiver and, where it carries a message, `rules REJECTED CLAMPED WRONG_COUNT` (0 or 1 each), then for what is handed
+// over `values …` and `again …`: the frame that encode gives for these values, or `refused`; and where frames have
+// header fields `with_header …`, that with the received header. Then the account, with `foreign` and `sequence.…`.
+// Behind all jobs, for each message of each protocol: `default ROW INDEX …`, the frame of a struct that nobody has
+// touched, or `refused`.
 //
 // A deframer takes long to compile for a constant format. So all protocols but a few share one: it takes the constant's
 // way through the core, and its source asks the generated one for everything.
@@ -21,10 +23,12 @@
 #include <vector>
 
 #include "print.hpp"
+#include "wirebond/address.hpp"
 #include "wirebond/bounded.hpp"
 #include "wirebond/encoder.hpp"
 #include "wirebond/list.hpp"
 #include "wirebond/message.hpp"
+#include "wirebond/sequence.hpp"
 #include "wirebond/stream_deframer.hpp"
 
 namespace conformance {
@@ -180,6 +184,39 @@ struct Chunk {
 
 using Chunks = std::vector<Chunk>;
 
+struct Job {
+  bool sets_address = false;
+  std::uint64_t address = 0;
+  Chunks chunks;
+};
+
+/// What `Receiver` asks about each frame: whom it is for, and which ones are missing before it.
+template <class Generated>
+class Ear : public wirebond::Listening<Generated>, public wirebond::SequenceWatch<Generated> {
+ public:
+  void take(const wirebond::Frame& frame) {
+    this->note(frame);
+    heard_ += this->hears(frame) ? 1 : 0;
+    if constexpr (wirebond::names_receiver<Generated>) {
+      std::printf("addressee %u\n", static_cast<unsigned>(this->addressee()));
+    }
+  }
+
+  void print() const {
+    const auto& sequence = this->sequence();
+    std::printf("heard %u\nforeign %u\n", heard_, static_cast<unsigned>(this->foreign()));
+    std::printf("sequence.numbered %u\nsequence.gaps %u\n", sequence.numbered, sequence.gaps);
+    std::printf("sequence.repeats %u\nsequence.restarts %u\n", sequence.repeats, sequence.restarts);
+  }
+
+ private:
+  unsigned heard_ = 0;
+};
+
+/// Of the job that runs: a sink of the shared deframer is a plain function.
+template <class Generated>
+inline Ear<Generated>* ear = nullptr;
+
 template <class Source, class Sink>
 bool decode(const Source& source, std::uint64_t idle_us, const Chunks& chunks, const Sink& sink) {
   std::vector<std::uint8_t> workspace(wirebond::workspace_bytes(source));
@@ -236,6 +273,7 @@ struct Handler {
 template <bool Folded, class Generated, class Host, class Mcu>
 void print_message(const wirebond::Frame& frame) {
   print_frame(frame);
+  ear<Generated>->take(frame);
   if (frame.message < 0) return;
   wirebond::Violations counts;
   Handler<Folded, Generated, Host, Mcu> handler;
@@ -252,12 +290,21 @@ void print_message(const wirebond::Frame& frame) {
 }
 
 template <bool Folded, class Generated, class Host, class Mcu>
-bool run(const Chunks& chunks) {
-  if constexpr (Folded) {
-    return decode(Generated{}, Generated::idle_us, chunks, print_message<Folded, Generated, Host, Mcu>);
-  } else {
-    return decode_shared(shared<Generated>(), Generated::idle_us, chunks, print_message<Folded, Generated, Host, Mcu>);
+bool run(const Job& job) {
+  Ear<Generated> listener;
+  if constexpr (wirebond::names_receiver<Generated>) {
+    if (job.sets_address && !listener.set_address(static_cast<typename Generated::Address>(job.address))) return false;
   }
+  ear<Generated> = &listener;
+  bool closes = false;
+  if constexpr (Folded) {
+    closes = decode(Generated{}, Generated::idle_us, job.chunks, print_message<Folded, Generated, Host, Mcu>);
+  } else {
+    closes =
+        decode_shared(shared<Generated>(), Generated::idle_us, job.chunks, print_message<Folded, Generated, Host, Mcu>);
+  }
+  listener.print();
+  return closes;
 }
 
 template <bool Folded, class Host, class Mcu, class... Messages>
@@ -272,8 +319,8 @@ void print_defaults(unsigned row) {
 
 /// One protocol. Folded: with a deframer and an encoder of its own.
 struct Row {
-  bool (*from_host)(const Chunks&);
-  bool (*from_mcu)(const Chunks&);
+  bool (*from_host)(const Job&);
+  bool (*from_mcu)(const Job&);
   void (*defaults)(unsigned row);
 };
 
@@ -315,16 +362,20 @@ int run_all(std::FILE* file) {
   std::uint32_t index = 0;
   while (read_number(file, index)) {
     std::uint32_t sender = 0;
+    std::uint32_t sets_address = 0;
     std::uint32_t count = 0;
-    conformance::Chunks chunks;
-    const bool is_whole = read_number(file, sender) && read_number(file, count) && read_chunks(file, count, chunks);
+    conformance::Job job;
+    const bool is_whole = read_number(file, sender) && read_number(file, sets_address) &&
+                          read_number(file, job.address) && read_number(file, count) &&
+                          read_chunks(file, count, job.chunks);
+    job.sets_address = sets_address != 0;
     if (!is_whole || index >= conformance::rows.size()) {
       std::fputs("the file of jobs is cut off, or names a row that is not there\n", stderr);
       return 2;
     }
     std::puts("job");
     const conformance::Row& row = conformance::rows[index];
-    if (!(sender == 0 ? row.from_host : row.from_mcu)(chunks)) return 1;
+    if (!(sender == 0 ? row.from_host : row.from_mcu)(job)) return 1;
   }
   for (unsigned i = 0; i < conformance::rows.size(); ++i) conformance::rows[i].defaults(i);
   return 0;

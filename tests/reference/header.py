@@ -73,14 +73,14 @@ def header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> di
         number = int.from_bytes(data[at : at + size], "big" if part.kind == PartKind.MAGIC else order_of(part.order))
         at += size
         if part.header is not None:
-            found[part.header.name] = _meant_by(part.header.value, 8 * part.size, number)
+            found[part.header.name] = meant_by(part.header.value, 8 * part.size, number)
         for run in part.bits:
             if run.header is not None:
-                found[run.header.name] = _meant_by(run.header.value, run.width, number >> run.shift & run.mask)
+                found[run.header.name] = meant_by(run.header.value, run.width, number >> run.shift & run.mask)
     return found
 
 
-def _meant_by(field: Field, width: int, bits: int) -> object:
+def meant_by(field: Field, width: int, bits: int) -> object:
     """A number's bits as the API gives them."""
     value = bits
     if field.kind == FieldKind.SIGNED and bits >> (width - 1):
