@@ -21,6 +21,14 @@ HEAD = "wirebond: 1\nprotocol: listed\n"
 CHECK = "check: {type: crc-16/mcrf4xx, seed: message}"
 SEEDED = f"frame: [magic: 0xFD, length: u8, sequence: u8, id: u8, payload: by_length, {CHECK}]\n"
 WEAK = "frame: [magic: 0xA5 0x5A, length: u8, id: u8, payload: by_length, check: xor8]\nunknown: reject\n"
+COBS = f"frame: [delimiter: 0x00, cobs: [id: u8, payload: rest, {CHECK}], delimiter: 0x00]\n"
+ENDED = "frame: [cobs: [id: u8, payload: rest, check: crc-8/maxim-dow], delimiter: 0x00]\nunknown: reject\n"
+BRACKETS = (
+    "frame: [delimiter: 0x02, escaped: {escape: 0x10, xor: 0x40, parts: "
+    "[length: u8, id: u8, payload: by_length, check: xor8]}, delimiter: 0x03]\nunknown: reject\n"
+)
+SILENCE = "frame: [id: u8, payload: rest, check: xor8, silence: 2 ms]\nunknown: reject\n"
+BLOCKS = {"cobs": COBS, "ended": ENDED, "brackets": BRACKETS}
 LISTED = "  state: {id: 2, sender: mcu, seed: 50, fields: {x: {type: u32}, y: {type: u32}}}\n"
 OTHERS = """  attitude: {id: 30, sender: mcu, seed: 39, fields: {a: {type: bytes, max: 60}}}
   status: {id: 1, sender: mcu, seed: 124, fields: {a: {type: bytes, max: 60}}}
@@ -72,6 +80,82 @@ def test_their_ids_sizes_and_counts_are_told_whatever_the_pieces(frame: str, siz
     assert discarded == sum(size * count for (_, size), count in kinds.items())
     assert "not in the file (id " in stats_line(stats)
     assert json.loads(json.dumps(stats.as_dict()))["unlisted"][0].keys() == {"id", "bytes", "frames"}
+
+
+@pytest.mark.parametrize("frame", BLOCKS.values(), ids=BLOCKS)
+@pytest.mark.parametrize("size", [1, 7, 100_000])
+def test_between_delimiters_they_are_told_too(frame: str, size: int) -> None:
+    peer, codec = pair(frame)
+    frames, kinds = spoken(peer, 400, seed=5)
+    stream = b"".join(frames)
+    decoder = codec.decoder("mcu")
+    got = [m for at in range(0, len(stream), size) for m in decoder.feed(stream[at : at + size])]
+    got += decoder.finish()
+    stats = decoder.stats
+    assert len(got) == len(frames) - sum(kinds.values())
+    assert stats.unlisted == dict(kinds)
+    assert stats.discarded_bytes["unknown_message"] > 0
+
+
+def test_between_silences_they_are_told_too_and_keep_the_link_up() -> None:
+    peer, codec = pair(SILENCE)
+    frames, kinds = spoken(peer, 40, seed=6)
+    decoder = codec.decoder("mcu")
+    for i, frame in enumerate(frames):
+        decoder.feed(frame, i)
+        decoder.idle(i + 0.5)
+    assert decoder.stats.unlisted == dict(kinds)
+    with closing(PtyPort()) as port, wirebond.open(codec, port.path) as link:
+        link.receive(0.05)
+        port.write(peer.encode("attitude", a=bytes(22)))
+        time.sleep(0.1)
+        link.receive(0.05)
+        assert link.stats.receive.unlisted_frames == 1
+        assert link.state == "up"
+
+
+@pytest.mark.parametrize("frame", BLOCKS.values(), ids=BLOCKS)
+def test_a_damaged_block_is_not_told(frame: str) -> None:
+    peer, codec = pair(frame)
+    sent = peer.encode("attitude", a=b"steady as she goes....")
+    decoder = codec.decoder("mcu")
+    begin = sent.index(b"steady")
+    for at in range(begin, begin + 18):
+        decoder.feed(sent[:at] + bytes([sent[at] ^ 1]) + sent[at + 1 :])
+    decoder.finish()
+    assert decoder.stats.unlisted_frames == (18 if frame == COBS else 0)  # a seed that is not known leaves no check
+
+
+@pytest.mark.parametrize("frame", [SEEDED, WEAK, *BLOCKS.values()], ids=["seeded", "weak", *BLOCKS])
+def test_columns_count_them_as_the_decoder_does(frame: str) -> None:
+    peer, codec = pair(frame)
+    frames, _ = spoken(peer, 30_000, seed=7)
+    source = random.Random(8)
+    pieces = [raw if source.random() < 0.98 else raw[: source.randrange(len(raw))] for raw in frames]
+    stream = b"".join(pieces)
+    decoder = codec.decoder("mcu")
+    decoder.feed(stream)
+    decoder.finish()
+    assert decoder.stats.unlisted_frames > 10_000
+    for threads in (1, 2, 7):
+        assert codec.decode_columns(stream, "mcu", threads=threads).stats == decoder.stats
+
+
+def test_parts_of_a_capture_join_where_a_false_start_reaches_over_frames() -> None:
+    _, codec = pair(WEAK)
+    good = codec.encode("state", x=7, y=8)
+    false_start = bytes.fromhex("a5 5a") + bytes([len(good) * 3 - 1, 99])  # it ends where the fourth frame begins
+    stream = (false_start + good * 9) * 5_000
+    whole, pieces = codec.decoder("mcu"), codec.decoder("mcu")
+    whole.feed(stream)
+    for at in range(0, len(stream), 17):
+        pieces.feed(stream[at : at + 17])
+    whole.finish()
+    pieces.finish()
+    assert whole.stats == pieces.stats
+    assert whole.stats.unlisted == {(99, len(good) * 3 + 4): 5_000}
+    for threads in (1, 2, 7):
+        assert codec.decode_columns(stream, "mcu", threads=threads).stats == whole.stats
 
 
 def test_a_frame_within_a_false_start_is_found_and_the_false_start_is_not_told() -> None:

@@ -12,6 +12,24 @@ namespace {
 
 using Account = ByteAccount<std::uint64_t>;
 
+/// Frames that the file does not list, in the order in which they were found: parts of a capture are joined by it.
+class UnlistedLog {
+ public:
+  struct Entry {
+    std::uint32_t id;
+    std::uint32_t bytes;
+  };
+  void add(std::uint32_t id, std::uint32_t bytes) { entries_.push_back({id, bytes}); }
+  const std::vector<Entry>& entries() const { return entries_; }
+
+ private:
+  std::vector<Entry> entries_;
+};
+
+struct PartAccount : Account {
+  UnlistedIn<UnlistedLog> unlisted;
+};
+
 constexpr std::size_t step = std::size_t{1} << 18;        // bytes between looks at `cancelled`
 constexpr std::size_t least_part = std::size_t{1} << 16;  // bytes that are worth a thread
 constexpr std::size_t landmarks_kept = 4096;              // a part that two decoders see differently for longer is rare
@@ -26,6 +44,7 @@ struct Landmark {
   Account account;
   std::vector<std::size_t> rows;  ///< by message, and unknown ones last
   std::size_t numbers = 0;
+  std::size_t unlisted = 0;
 };
 
 /// Decodes one part of a capture, from its begin as if nothing came before.
@@ -64,7 +83,10 @@ class Part {
       take(frame);
       if (!deframer_.owes_nothing()) return;
       met = next.landmark_at(begin_ + deframer_.account().settled());
-      if (met != nullptr) met_ = deframer_.account();
+      if (met != nullptr) {
+        met_ = deframer_.account();
+        unlisted_until_met_ = unlisted().size();
+      }
     };
     while (at_ < end && met == nullptr && !cancelled) {
       const std::uint64_t size = std::min<std::uint64_t>(meeting_step, end - at_);
@@ -81,6 +103,8 @@ class Part {
   /// Everything that was found here until the next part was met, or to the end.
   Capture& found() { return found_; }
   const Account& account(bool until_met) const { return until_met ? met_ : deframer_.account(); }
+  const std::vector<UnlistedLog::Entry>& unlisted() const { return deframer_.account().unlisted.found().entries(); }
+  std::size_t unlisted_count(bool until_met) const { return until_met ? unlisted_until_met_ : unlisted().size(); }
 
  private:
   static constexpr std::uint64_t meeting_step = 4096;
@@ -119,7 +143,8 @@ class Part {
   }
 
   Landmark here() const {
-    Landmark mark{begin_ + deframer_.account().settled(), deframer_.account(), {}, found_.numbers.size()};
+    Landmark mark{
+        begin_ + deframer_.account().settled(), deframer_.account(), {}, found_.numbers.size(), unlisted().size()};
     for (const Rows& rows : found_.messages) mark.rows.push_back(rows.offsets.size());
     mark.rows.push_back(found_.unknown.offsets.size());
     return mark;
@@ -136,10 +161,11 @@ class Part {
   std::uint64_t begin_;
   std::uint64_t at_;
   std::vector<std::uint8_t> workspace_;
-  StreamDeframer<RuntimeSource, std::uint64_t> deframer_;
+  StreamDeframer<RuntimeSource, std::uint64_t, PartAccount> deframer_;
   Capture found_;
   std::vector<Landmark> landmarks_;
   Account met_{};
+  std::size_t unlisted_until_met_ = 0;
 };
 
 /// sum += later - earlier, in every bucket.
@@ -164,6 +190,9 @@ void append(Capture& whole, Part& part, const Landmark& from, const ProtocolTabl
   const std::vector<SeenNumber>& numbers = part.found().numbers;
   whole.numbers.insert(whole.numbers.end(), numbers.begin() + static_cast<std::ptrdiff_t>(from.numbers), numbers.end());
   add(whole.account, part.account(until_met), from.account);
+  for (std::size_t i = from.unlisted; i < part.unlisted_count(until_met); ++i) {
+    whole.unlisted.add(part.unlisted()[i].id, part.unlisted()[i].bytes);
+  }
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "protocol.hpp"
 #include "sequence_book.hpp"
 #include "wirebond/stream_deframer.hpp"
+#include "wirebond/unlisted.hpp"
 
 namespace wirebond::engine {
 
@@ -31,6 +32,7 @@ struct Capture {
   Rows unknown;
   std::vector<SeenNumber> numbers;  ///< of all frames that have one, in their order
   ByteAccount<std::uint64_t> account;
+  UnlistedKinds unlisted;
 };
 
 /// Decode `size` bytes. The result is the same whatever the number of threads: each decodes a part, and goes on into

@@ -362,7 +362,8 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
   out["messages"] = messages;
   SequenceBook sequence(shared_format);
   for (const SeenNumber& seen : capture.numbers) sequence.take(seen);
-  out["stats"] = account_dict(capture.account, nullptr, view.size(), 0, *protocol, counts, format, sequence.account());
+  out["stats"] =
+      account_dict(capture.account, capture.unlisted, view.size(), 0, *protocol, counts, format, sequence.account());
   return out;
 }
 

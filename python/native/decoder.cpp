@@ -122,7 +122,7 @@ nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& 
   return out;
 }
 
-nb::dict account_dict(const ByteAccount<std::uint64_t>& account, const UnlistedFrames* unlisted, std::uint64_t bytes,
+nb::dict account_dict(const ByteAccount<std::uint64_t>& account, const UnlistedKinds& unlisted, std::uint64_t bytes,
                       std::uint64_t pending, const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
                       const FormatTable& format, const SequenceAccount& sequence, const ForeignCounts& foreign) {
   nb::dict discarded;
@@ -149,12 +149,12 @@ nb::dict account_dict(const ByteAccount<std::uint64_t>& account, const UnlistedF
   out["messages"] = messages;
   out["sequence"] = sequence_object(format, sequence);
   nb::dict kinds;
-  for (std::size_t i = 0; unlisted != nullptr && i < unlisted->kind_count(); ++i) {
-    const UnlistedFrames::Kind& kind = unlisted->kind(i);
+  for (std::size_t i = 0; i < unlisted.kind_count(); ++i) {
+    const UnlistedKinds::Kind& kind = unlisted.kind(i);
     kinds[nb::make_tuple(kind.id, kind.bytes)] = kind.frames;
   }
   out["unlisted"] = kinds;
-  out["unlisted_frames"] = unlisted == nullptr ? 0 : unlisted->frames();
+  out["unlisted_frames"] = unlisted.frames();
   return out;
 }
 

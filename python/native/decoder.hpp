@@ -88,8 +88,8 @@ struct ForeignCounts {
 using HostDeframer = StreamDeframer<RuntimeSource, std::uint64_t, HostAccount>;
 
 /// Statistics as a dict: bytes, frames, frame_bytes, unknown_frames, fill_bytes, pending_bytes, discarded_bytes and
-/// rejected_candidates by cause, messages by name, sequence; unlisted: how many by (id, bytes). `unlisted` may be null.
-nb::dict account_dict(const ByteAccount<std::uint64_t>& account, const UnlistedFrames* unlisted, std::uint64_t bytes,
+/// rejected_candidates by cause, messages by name, sequence; unlisted: how many by (id, bytes).
+nb::dict account_dict(const ByteAccount<std::uint64_t>& account, const UnlistedKinds& unlisted, std::uint64_t bytes,
                       std::uint64_t pending, const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
                       const FormatTable& format, const SequenceAccount& sequence, const ForeignCounts& foreign = {});
 
@@ -106,7 +106,7 @@ class Decoder {
   nb::list finish();
   nb::dict stats() const {
     const HostAccount& account = deframer_.account();
-    return account_dict(account, &account.unlisted, deframer_.bytes(), deframer_.pending(), *protocol_, counts_,
+    return account_dict(account, account.unlisted.found(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_,
                         *format_, sequence_.account(), foreign_);
   }
 

@@ -236,8 +236,8 @@ nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, cons
   send["expired"] = account.send.expired;
   send["overruled"] = account.send.overruled;
   send["aborted"] = account.send.aborted;
-  nb::dict out = account_dict(account.receive, &account.receive.unlisted, account.bytes, account.pending, protocol,
-                              account.counts, receive, account.sequence, account.foreign);
+  nb::dict out = account_dict(account.receive, account.receive.unlisted.found(), account.bytes, account.pending,
+                              protocol, account.counts, receive, account.sequence, account.foreign);
   out["send"] = send;
   out["dropped_messages"] = account.dropped_messages;
   out["late"] = account.not_acted.late;

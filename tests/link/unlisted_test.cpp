@@ -6,6 +6,7 @@
 
 #include "diffdrive_link.hpp"
 #include "scripted_port.hpp"
+#include "seeded_blocks_link.hpp"
 #include "seeded_link.hpp"
 #include "wirebond/mcu/link.hpp"
 
@@ -13,6 +14,7 @@ namespace {
 
 struct Counting {
   void on(const seeded::Order&) { orders += 1; }
+  void on(const seeded_blocks::Order&) { orders += 1; }
   unsigned orders = 0;
 };
 
@@ -43,6 +45,23 @@ TEST_CASE("frames of messages that the file does not list keep a link up") {
   CHECK(link.state() == wirebond::LinkState::stale);
 }
 
+TEST_CASE("between delimiters they do, too") {
+  Counting counting;
+  ScriptedPort port;
+  seeded_blocks::McuBuffers<256, 256> buffers;
+  seeded_blocks::McuLink link{counting, port, buffers};
+  std::uint32_t now_us = 0;
+  link.poll(now_us);
+  for (int i = 0; i < 150; ++i) {
+    if (i % 10 == 0) port.arrive({0x00, 0x07, 0x1E, 0x11, 0x22, 0x33, 0xAB, 0xCD, 0x00});
+    if (i % 10 == 5) port.arrive({0x00, 0x03, 0x1E, 0x11, 0x00});  // shorter than any frame
+    link.poll(now_us += 10 * ms);
+  }
+  CHECK(link.state() == wirebond::LinkState::up);
+  CHECK(counting.orders == 0);
+  CHECK(link.receiver().account().unlisted.frames() == 15);
+}
+
 TEST_CASE("noise with the start byte in it does not") {
   Counting counting;
   ScriptedPort port;
@@ -61,5 +80,6 @@ TEST_CASE("noise with the start byte in it does not") {
 TEST_CASE("a format without seeds has no counter for them") {
   using Source = seeded::FromHost;
   static_assert(wirebond::counts_unlisted(Source{}.format()));
+  static_assert(wirebond::counts_unlisted(seeded_blocks::FromHost{}.format()));
   static_assert(!wirebond::counts_unlisted(diffdrive::FromHost{}.format()));
 }

@@ -12,6 +12,7 @@
 #include "wirebond/sized.hpp"
 #include "wirebond/source.hpp"
 #include "wirebond/stuffing.hpp"
+#include "wirebond/unlisted_block.hpp"
 #include "wirebond/unroll.hpp"
 
 namespace wirebond {
@@ -90,12 +91,12 @@ class Deframer {
       }
       std::size_t at = 0;
       while (true) {
-        const Counter begin = settled_, frames_before = account_.frames;
-        const bool waits = take_straight(window, size, at, sink);
-        if constexpr (tells_unlisted) {
-          if (account_.frames != frames_before) account_.unlisted.begins(begin);
+        bool is_straight = true;
+        if constexpr (tells_unlisted) is_straight = !account_.unlisted.waits();  // else each frame's begin is asked for
+        if (is_straight) {
+          const bool waits = take_straight(window, size, at, sink);
+          if (at == size || (waits && !give_up)) return at;
         }
-        if (at == size || (waits && !give_up)) return at;
         const std::size_t settled = consume_by_rules(window + at, size - at, give_up, sink);
         at += settled;
         if (settled == 0 || at == size) return at;
@@ -120,7 +121,11 @@ class Deframer {
   /// Bytes that decide the candidate at the window's front; 0: not known.
   std::size_t needed() const { return needed_; }
   /// Behind a frame: whether what comes depends on the bytes that follow alone.
-  bool owes_nothing() const { return blamed_ == 0 && !overlong_; }
+  bool owes_nothing() const {
+    bool waits = false;
+    if constexpr (tells_unlisted) waits = account_.unlisted.waits_for(settled_);
+    return blamed_ == 0 && !overlong_ && !waits;
+  }
   Counter settled() const { return settled_; }  ///< bytes since the start
   const Account& account() const { return account_; }
   const Source& source() const { return source_; }
@@ -361,6 +366,7 @@ class Deframer {
         at = end + mark.size;
       } else {  // the delimiter may open the next frame, unless senders mark only the end
         const std::size_t failed = end - at + (format.sends_opening ? 0 : mark.size);
+        note_unlisted(frame, end + mark.size - at);
         reject(verdict.cause, failed);
         discard(failed);
         at += failed;
@@ -412,6 +418,7 @@ class Deframer {
         deliver(frame, window + at, verdict.bytes, sink);
         at += verdict.bytes;
       } else {  // an opening delimiter may stand inside: as data, or because the candidate began in garbage
+        note_unlisted(frame, verdict.bytes);
         reject(verdict.cause, verdict.bytes);
         const bool is_closed = end.kind == detail::BlockEnd::closing;
         const std::size_t failed = format.skips_failed && is_closed ? verdict.bytes : 1;
@@ -441,13 +448,16 @@ class Deframer {
     if (verdict.outcome == Outcome::frame) {
       deliver(frame, window, size, sink);
     } else {
+      note_unlisted(frame, size);
       reject(verdict.cause, size);
       discard(size);
     }
     return size;
   }
 
+  /// Where the block failed by its id alone, the frame has the id and a size; else it has none, if it is no frame.
   WIREBOND_INLINE Verdict examine_block(const std::uint8_t* block, std::size_t size, Frame& frame) {
+    if constexpr (tells_unlisted) frame.size = 0;
     const std::size_t longest = detail::of_format<max_frame_bytes>(source_);
     const std::uint8_t* bytes = block;
     std::size_t unstuffed = size;
@@ -472,6 +482,13 @@ class Deframer {
     const detail::Received received{block, size};
     Verdict verdict = examine(source_, bytes, unstuffed, &received, frame);
     if (verdict.outcome == Outcome::need_more) verdict = {Outcome::reject, Cause::length_out_of_range, unstuffed};
+    if constexpr (tells_unlisted) {
+      if (verdict.outcome != Outcome::frame) {
+        const bool is_unlisted = verdict.cause == Cause::unknown_message &&
+                                 detail::is_unlisted_block(source_, bytes, unstuffed, received, frame.id);
+        frame.size = is_unlisted ? unstuffed : 0;
+      }
+    }
     return verdict;
   }
 
@@ -487,6 +504,17 @@ class Deframer {
     if (frame.message < 0) account_.unknown_frames += 1;
     settle(size);
     sink(static_cast<const Frame&>(frame));
+  }
+
+  /// A block that is no frame and has `wire_size` bytes with its delimiters: examine_block left its id if only that was
+  /// wrong.
+  WIREBOND_INLINE void note_unlisted(const Frame& frame, std::size_t wire_size) {
+    if constexpr (tells_unlisted) {
+      if (frame.size != 0) account_.unlisted.stands(settled_, frame.id, wire_size);
+    } else {
+      static_cast<void>(frame);
+      static_cast<void>(wire_size);
+    }
   }
 
   void reject(Cause cause, std::size_t extent) {

@@ -1,5 +1,5 @@
-// Frames of messages that the protocol file does not list, where nothing lets them be delivered as unknown: candidates
-// that failed by their id alone, and what begins at their ends. No byte of them.
+// Counts of frames of messages that the protocol file does not list, where nothing lets them be delivered as unknown:
+// candidates that failed by their id alone, and where their ends show. No byte of them.
 #pragma once
 
 #include <cstddef>
@@ -9,11 +9,8 @@
 
 namespace wirebond {
 
-/// Under `unknown: reject` a candidate of unknown id is a false start, and its bytes are scanned again: its check is
-/// weak, or counts a seed that the file does not give. But a peer that sends such messages is no noise. A candidate
-/// that failed by its id alone, and at whose end a frame or another such candidate begins, is counted here, beside the
-/// discard of its bytes. What is found depends on the bytes alone, and not on how they come in pieces.
-class UnlistedFrames {
+/// How many frames by id and size: `most_kinds` kinds, in the order in which they were first seen.
+class UnlistedKinds {
  public:
   struct Kind {
     std::uint32_t id = 0;
@@ -22,6 +19,37 @@ class UnlistedFrames {
   };
   static constexpr std::size_t most_kinds = 64;
 
+  void add(std::uint32_t id, std::uint32_t bytes) {
+    frames_ += 1;
+    for (std::size_t i = 0; i < kind_count_; ++i) {
+      if (kinds_[i].id == id && kinds_[i].bytes == bytes) {
+        kinds_[i].frames += 1;
+        return;
+      }
+    }
+    if (kind_count_ < most_kinds) kinds_[kind_count_++] = {id, bytes, 1};
+  }
+
+  std::uint64_t frames() const { return frames_; }  ///< of all kinds, also of those that `kind` has no room for
+  std::size_t kind_count() const { return kind_count_; }
+  const Kind& kind(std::size_t index) const { return kinds_[index]; }
+
+ private:
+  std::uint64_t frames_ = 0;
+  std::size_t kind_count_ = 0;
+  Kind kinds_[most_kinds];
+};
+
+/// Under `unknown: reject` a candidate of unknown id is a false start, and its bytes are scanned again: its check is
+/// weak, or counts a seed that the file does not give. But a peer that sends such messages is no noise. Counted here,
+/// beside the discard of its bytes, is a candidate that failed by its id alone, if its end shows: a frame or another
+/// such candidate begins there, or it is what lies between two delimiters or silences. What is found depends on the
+/// bytes alone, and not on how they come in pieces.
+///
+/// `Found` has `add(id, bytes)`, which is called for each in the order in which their ends show.
+template <class Found>
+class UnlistedIn {
+ public:
   /// A candidate at this place of the stream failed by its id alone; it would have `size` bytes.
   void failed(std::uint64_t at, std::uint32_t id, std::size_t size) {
     settle(at);
@@ -34,9 +62,24 @@ class UnlistedFrames {
     if (waiting_count_ != 0) settle(at);
   }
 
-  std::uint64_t frames() const { return frames_; }  ///< of all kinds, also of those that `kind` has no room for
-  std::size_t kind_count() const { return kind_count_; }
-  const Kind& kind(std::size_t index) const { return kinds_[index]; }
+  /// A whole block of `size` bytes at this place failed by its id alone.
+  void stands(std::uint64_t at, std::uint32_t id, std::size_t size) {
+    if (at < stood_until_) return;  // it lies within one that was counted
+    stood_until_ = at + size;
+    found_.add(id, static_cast<std::uint32_t>(size));
+  }
+
+  /// Does a candidate wait for what follows?
+  bool waits() const { return waiting_count_ != 0; }
+  /// Does one wait for what begins at this place or later?
+  bool waits_for(std::uint64_t at) const {
+    for (std::size_t i = 0; i < waiting_count_; ++i) {
+      if (waiting_[i].end >= at) return true;
+    }
+    return false;
+  }
+
+  const Found& found() const { return found_; }
 
  private:
   struct Waiting {
@@ -53,7 +96,7 @@ class UnlistedFrames {
     bool is_confirmed = false;
     for (std::size_t i = 0; i < waiting_count_ && !is_confirmed; ++i) {
       is_confirmed = waiting_[i].end == at;
-      if (is_confirmed) count(waiting_[i]);
+      if (is_confirmed) found_.add(waiting_[i].id, waiting_[i].size);
     }
     for (std::size_t i = 0; i < waiting_count_ && !is_confirmed; ++i) {
       if (waiting_[i].end > at) waiting_[kept++] = waiting_[i];
@@ -61,21 +104,9 @@ class UnlistedFrames {
     waiting_count_ = kept;
   }
 
-  void count(const Waiting& found) {
-    frames_ += 1;
-    for (std::size_t i = 0; i < kind_count_; ++i) {
-      if (kinds_[i].id == found.id && kinds_[i].bytes == found.size) {
-        kinds_[i].frames += 1;
-        return;
-      }
-    }
-    if (kind_count_ < most_kinds) kinds_[kind_count_++] = {found.id, found.size, 1};
-  }
-
-  std::uint64_t frames_ = 0;
-  std::size_t kind_count_ = 0;
+  Found found_;
+  std::uint64_t stood_until_ = 0;
   std::size_t waiting_count_ = 0;
-  Kind kinds_[most_kinds];
   Waiting waiting_[most_waiting];
 };
 
@@ -94,6 +125,8 @@ class UnlistedCount {
     waits_ = false;
   }
 
+  void stands(std::uint32_t, std::uint32_t, std::size_t) { frames_ += 1; }
+
   std::uint32_t frames() const { return frames_; }
 
  private:
@@ -109,7 +142,7 @@ struct UnlistedByteCounts : ByteCounts<std::uint32_t> {
 
 /// What a host's deframer counts.
 struct HostAccount : ByteAccount<std::uint64_t> {
-  UnlistedFrames unlisted;
+  UnlistedIn<UnlistedKinds> unlisted;
 };
 
 }  // namespace wirebond

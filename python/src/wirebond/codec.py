@@ -107,8 +107,8 @@ class Stats:
     :ivar messages: how many were delivered, by message; those that came.
     :ivar sequence: what the frames' sequence numbers told; None where frames have none. None as well where a decoder
         takes the bytes of both ends and frames do not say who sent them.
-    :ivar unlisted_frames: frames that were discarded as ``unknown_message``, and are a peer's messages all the same: at
-        the end of each another frame began. Where a start is marked by a constant; ``decode_columns`` counts none.
+    :ivar unlisted_frames: frames that were discarded as ``unknown_message``, and are a peer's messages all the same:
+        at the end of each another frame began, or each lay between delimiters or silences.
     :ivar unlisted: of these, how many by id and bytes of the frame, 64 kinds at most: ``{(30, 28): 7}``.
     """
 

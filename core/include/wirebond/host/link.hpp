@@ -74,16 +74,18 @@ class HostLink {
   void received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                 bool is_all, Sink&& sink) {
     last_byte_us_ = after_us;
-    const std::uint64_t unlisted = deframer_.account().unlisted.frames();
+    const std::uint64_t unlisted = unlisted_frames();
     deframer_.feed(bytes, size, looked_us_, after_us, Taking<Sink>{*this, sink, after_us});
-    if (deframer_.account().unlisted.frames() != unlisted) last_frame_us_ = after_us;  // the peer speaks
+    if (unlisted_frames() != unlisted) last_frame_us_ = after_us;  // the peer speaks
     if (is_all) looked_us_ = before_us;
   }
 
   /// A read that began at `began_us` found nothing.
   template <class Sink>
   void idle(std::uint64_t began_us, Sink&& sink) {
+    const std::uint64_t unlisted = unlisted_frames();
     deframer_.idle(began_us, Taking<Sink>{*this, sink, began_us});
+    if (unlisted_frames() != unlisted) last_frame_us_ = began_us;
     looked_us_ = began_us;
   }
 
@@ -156,6 +158,8 @@ class HostLink {
   const Watch& deadlines() const { return deadlines_; }
 
  private:
+  std::uint64_t unlisted_frames() const { return deframer_.account().unlisted.found().frames(); }
+
   /// One type for all that brings bytes, so that the deframer is compiled once for a sink.
   template <class Sink>
   struct Taking {
