@@ -515,9 +515,10 @@ class _FormatSource:
             return "", f"size {self._random.choice((f'> {limit}', f'<= {limit}', f'== {limit}', f'in 1..{limit + 1}'))}"
         if kind == "id":
             return "id", self._number_comparison("id", min(self._id_bits, 8))
-        if not self._fields:
+        fields = [field for field in self._fields if field[0] != "sequence"]  # the link gives it too late for that
+        if not fields:
             return "", ""
-        name, bits = self._random.choice(self._fields)
+        name, bits = self._random.choice(fields)
         if name not in self._plain or self._chance(0.4):
             return name, f"{name} & 0x{1 << self._random.randrange(bits):02X}"
         return name, self._number_comparison(name, bits)

@@ -145,6 +145,21 @@ SYNTAX = [
     ("- length: u8", "- length: {type: u8, @count: rest}", "did you mean `counts`?"),
     ("- length: u8", "- {length: u8, when: @magic == 0xAA55}", "write one 0x.. for each byte: 0xAA 0x55"),
     ("- length: u8", "- {length: u8, when: @magic == 0xAA0x55}", "may mean two things"),
+    (
+        "- length: u8",
+        "- sequence: u8\n  - {reserved: 1, when: @sequence & 1}\n  - length: u8",
+        "`sequence` is a sequence number: ",
+    ),
+    (
+        "- length: u8",
+        "- {sequence: u8, name: turn}\n  - {reserved: 1, when: @turn == 3}\n  - length: u8",
+        "can depend on it; name another field of the header",
+    ),
+    (
+        "- length: u8",
+        "- bits: u8\n    fields: {sequence: 4, hops: 4}\n  - {reserved: 1, when: @sequence > 3}\n  - length: u8",
+        "`sequence` is a sequence number: ",
+    ),
     ("- length: u8", "- {length: u8, when: @flags & 08}", "`0 8` is not one number"),
     ("- length: u8", "- {length: u8, when: @flags ~ 3}", "'~' has no meaning here"),
     ("- length: u8", "- @length: {counts: rest}", "`length` needs `type`; write for example `type: u8`"),

@@ -71,6 +71,11 @@ class _Reader:
 
     def _of_field(self, text: ComparisonText, field: HeaderField) -> Comparison:
         self._stands_before(next(i for i, part in enumerate(self._parts) if field in header_of(part)), field.name)
+        if field.is_sequence:
+            raise _Fault(
+                f"`{field.name}` is a sequence number: the link gives it when the frame is whole already, so no part "
+                "can depend on it; name another field of the header"
+            )
         kind = "scaled" if field.value.is_scaled else "signed" if field.value.kind == FieldKind.SIGNED else ""
         if kind and text.mask is None:
             raise _Fault(f"`{field.name}` is {kind}; compare its bits, such as `{field.name} & 0x01`")
