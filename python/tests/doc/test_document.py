@@ -40,6 +40,18 @@ def test_every_message_field_and_part_is_in_it(path: Path) -> None:
     assert f"{codec.hash:016x}" in text
 
 
+def test_it_says_what_a_sequence_number_counts() -> None:
+    head = "wirebond: 1\nprotocol: n\nframe: [magic: 0x55, {sequence: u8}, id: u8, payload: 1, check: xor8]\n"
+    head += "messages: {go: {id: 1, sender: host, fields: {x: {type: u8}}}}\n"
+    text = markdown(Codec(loads(head)))
+    assert "rises by one from frame to frame |" in text
+    text = markdown(Codec(loads(head.replace("{sequence: u8}", "{sequence: u8, per: message}"))))
+    assert text.count("rises by one from frame to frame of the same message |") == 3  # part, field, example
+    run = "{bits: u8, fields: {sequence: {bits: 4, per: message}, hops: 4}}"
+    text = markdown(Codec(loads(head.replace("{sequence: u8}", run))))
+    assert "of the same message |" in text
+
+
 def test_a_stop_of_several_messages_is_a_list_in_its_order() -> None:
     text = (ROOT / "protocols" / "diffdrive.yaml").read_text()
     stop = "emergency_stop: {message: velocity, linear: 0, angular: 0}"

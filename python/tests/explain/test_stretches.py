@@ -64,6 +64,26 @@ def test_each_part_and_field_has_its_row() -> None:
     assert stretch.summary == 'pose from the host: angle 0.5 rad, mode run, name "elbow"'
 
 
+@pytest.mark.parametrize(
+    ("part", "row", "meaning"),
+    [
+        ("{sequence: u8}", "sequence", "7: rises by one from frame to frame"),
+        ("{sequence: u8, per: message}", "sequence", "7: rises by one from frame to frame of the same message"),
+        (
+            "{bits: u8, fields: {sequence: {bits: 4, per: message}, hops: 4}}",
+            "bits",
+            "sequence 7 (rises by one from frame to frame of the same message), hops 0",
+        ),
+    ],
+)
+def test_it_says_what_a_sequence_number_counts(part: str, row: str, meaning: str) -> None:
+    text = f"wirebond: 1\nprotocol: n\nframe: [magic: 0x55, {part}, id: u8, payload: 1, check: xor8]\n"
+    model = loads(text + "messages: {go: {id: 1, sender: host, fields: {x: {type: u8}}}}\n")
+    frame = Codec(model).encode("go", x=1, header={"sequence": 7})
+    (stretch,) = explain(model, frame, End.HOST).stretches
+    assert [found.meaning for found in stretch.rows if found.name == row] == [meaning]
+
+
 def test_the_rules_are_told_in_the_decoders_order_up_to_the_one_that_fails() -> None:
     broken = POSE[:3] + bytes([POSE[3] ^ 1]) + POSE[4:]
     (stretch,) = explain(MODEL, broken, End.HOST).stretches

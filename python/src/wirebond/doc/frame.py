@@ -26,7 +26,7 @@ from wirebond.protocol.model import (
     Protocol,
     Stuffing,
 )
-from wirebond.protocol.spelling import condition_text, field_type, number_type
+from wirebond.protocol.spelling import condition_text, field_type, number_type, sequence_text
 
 _COUNTS = {
     LengthCounts.PAYLOAD: "the payload's bytes",
@@ -214,6 +214,12 @@ def _bits_content(protocol: Protocol, index: int) -> str:
     return "shared by its bits, see below" + (f"; the length {_length(protocol, index)}" if length else "")
 
 
+def _sequence(protocol: Protocol, index: int) -> str:
+    header = protocol.format.parts[index].header
+    assert header is not None, "a sequence number is a header field"
+    return sequence_text(header)
+
+
 # One entry for each kind of part in the model.
 _CONTENTS: dict[PartKind, Callable[[Protocol, int], str]] = {
     PartKind.MAGIC: _constant,
@@ -224,7 +230,7 @@ _CONTENTS: dict[PartKind, Callable[[Protocol, int], str]] = {
     PartKind.RESERVED: lambda protocol, index: "sent as 0, ignored by the receiver",  # noqa: ARG005
     PartKind.PAYLOAD: _payload,
     PartKind.FIELD: lambda protocol, index: "a header field, see below",  # noqa: ARG005
-    PartKind.SEQUENCE: lambda protocol, index: "rises by one from frame to frame",  # noqa: ARG005
+    PartKind.SEQUENCE: _sequence,
     PartKind.BITS: _bits_content,
     PartKind.CHECK: lambda protocol, index: check_text(protocol.format.parts, protocol.format.parts[index]),
 }

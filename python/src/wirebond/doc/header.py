@@ -7,7 +7,7 @@ from wirebond.doc.table import table
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import Address, Field, HeaderDefault, HeaderField, Protocol
-from wirebond.protocol.spelling import field_type
+from wirebond.protocol.spelling import field_type, sequence_text
 
 _ADDRESSES = {
     Address.MCU: "the MCU's address: in frames to it and in frames from it",
@@ -62,7 +62,7 @@ def _shown(value: HeaderDefault) -> str:
 def _meaning(field: HeaderField) -> str:
     told = [field.value.description.rstrip(".")] if field.value.description else []
     if field.is_sequence:
-        told.append("rises by one from frame to frame")
+        told.append(sequence_text(field))
     if field.address is not None:
         told.append(_ADDRESSES[field.address])
     return "; ".join(told)

@@ -22,7 +22,7 @@ from wirebond.explain.values import read_number as read_value
 from wirebond.protocol.forms import header_of
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import Address, BitRole, End, HeaderField, LengthCounts, Message, Part, PartKind, Protocol
-from wirebond.protocol.spelling import range_text
+from wirebond.protocol.spelling import range_text, sequence_text
 
 _COUNTED = {
     LengthCounts.PAYLOAD: "payload bytes",
@@ -161,7 +161,8 @@ def header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> tu
 
 
 def _sequence(context: Context) -> str:
-    return f"{context.number}: rises by one from frame to frame"
+    assert context.part.header is not None, "a sequence number is a header field"
+    return f"{context.number}: {sequence_text(context.part.header)}"
 
 
 def _bits(context: Context) -> str:
@@ -177,6 +178,8 @@ def _bits(context: Context) -> str:
             text += f" ({id_meaning(context, value)})"
         elif run.role == BitRole.LENGTH:
             text += f" ({length_text(context, value)})"
+        elif run.role == BitRole.SEQUENCE and run.header is not None:
+            text += f" ({sequence_text(run.header)})"
         elif run.role == BitRole.CONSTANT and value != run.value:
             text += f" (it must be {run.value})"
         texts.append(text)

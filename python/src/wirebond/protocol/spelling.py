@@ -138,9 +138,17 @@ def _options(part: Part) -> list[str]:
     elif part.kind == PartKind.BITS:
         options.append(f"fields: {{{', '.join(_run(run) for run in part.bits)}}}")
         options += _length_options(part)
+    elif part.kind == PartKind.SEQUENCE:
+        assert part.header is not None
+        options += header_options(part.header)
     elif part.trims_zeros:
         options.append("trim_zeros: true")
     return options
+
+
+def sequence_text(header: HeaderField) -> str:
+    """What a sequence number counts."""
+    return f"rises by one from frame to frame{' of the same message' if header.per_message else ''}"
 
 
 def header_options(header: HeaderField) -> list[str]:
@@ -157,6 +165,7 @@ def header_options(header: HeaderField) -> list[str]:
         options.append(f"default: {{host: {_value(header.host_default)}, mcu: {_value(header.mcu_default)}}}")
     elif header.host_default != 0:
         options.append(f"default: {_value(header.host_default)}")
+    options += ["per: message"] * header.per_message
     options += [f"address: {header.address}"] * (header.address is not None)
     if header.broadcast:
         listed = ", ".join(map(_value, header.broadcast))
