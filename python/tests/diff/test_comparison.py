@@ -108,6 +108,89 @@ def test_what_an_old_end_goes_on_with_breaks(old: str, new: str, sentence: str) 
     assert sentence in [change.sentence for change in changes(old, new) if change.verdict == Verdict.BREAKS]
 
 
+ADDRESSED = BASE.replace("magic: 0xA5,", "magic: 0xA5, {field: arm, type: u8, default: 1},").replace(
+    "default: 1}", "default: 1, address: mcu, broadcast: 0xFE}"
+)
+NUMBERED = BASE.replace("magic: 0xA5,", "magic: 0xA5, {sequence: u8},")
+
+
+@pytest.mark.parametrize(
+    ("base", "old", "new", "effects"),
+    [
+        (
+            ADDRESSED,
+            "default: 1,",
+            "default: 2,",
+            {
+                "new host to old MCU": "breaks: its frames are for address 2, and the MCU listens to 1",
+                "new MCU to old host": "breaks: its replies come from address 2, and the host asks 1",
+                "old host to new MCU": "breaks: its frames are for address 1, and the MCU listens to 2",
+                "old MCU to new host": "breaks: its replies come from address 1, and the host asks 2",
+            },
+        ),
+        (
+            ADDRESSED,
+            ", address: mcu, broadcast: 0xFE",
+            "",
+            {"old host to new MCU": "breaks: the MCU acts on frames for every address"},
+        ),
+        (
+            ADDRESSED,
+            ", broadcast: 0xFE",
+            "",
+            {"old host to new MCU": "breaks: the MCU takes a broadcast to 254 for a frame for another"},
+        ),
+        (
+            ADDRESSED,
+            "broadcast: 0xFE",
+            "broadcast: [0xFE, 0xFF]",
+            {"new host to old MCU": "breaks: the MCU takes a broadcast to 255 for a frame for another"},
+        ),
+        (
+            ADDRESSED,
+            "broadcast: 0xFE",
+            "broadcast: [0xFE, 1]",
+            {"old host to new MCU": "breaks: the MCU takes 1 for a broadcast, and does not answer"},
+        ),
+        (
+            ADDRESSED,
+            "address: mcu, broadcast: 0xFE",
+            "address: sender",
+            {"old host to new MCU": "breaks: the MCU acts on frames for every address"},
+        ),
+        (
+            NUMBERED,
+            "{sequence: u8}",
+            "{sequence: u8, per: message}",
+            {
+                "new host to old MCU": "the numbers count each message, so the old MCU counts gaps, repeats and "
+                "restarts that are none",
+                "new MCU to old host": "the numbers count each message, so the old host counts gaps, repeats and "
+                "restarts that are none",
+                "old host to new MCU": "the numbers count all messages together, so the new MCU counts gaps, repeats "
+                "and restarts that are none",
+                "old MCU to new host": "the numbers count all messages together, so the new host counts gaps, repeats "
+                "and restarts that are none",
+            },
+        ),
+        (
+            NUMBERED,
+            "{sequence: u8}",
+            "{reserved: 1}",
+            {
+                "new host to old MCU": "the old MCU counts repeats and gaps in numbers that nobody raises",
+                "new MCU to old host": "the old host counts repeats and gaps in numbers that nobody raises",
+            },
+        ),
+    ],
+)
+def test_addresses_and_sequence_numbers(base: str, old: str, new: str, effects: dict[str, str]) -> None:
+    assert old in base
+    [change] = compare(loads(base), loads(base.replace(old, new, 1))).changes
+    told = {str(e.flow): ("breaks: " if e.breaks else "") + e.sentence for e in change.effects}
+    assert told == effects
+
+
 def test_a_new_message_is_compatible_and_a_new_deadline_on_it_is_not() -> None:
     more = BASE.replace("  pong:", "  lamp: {id: 9, sender: host}\n  pong:")
     assert compare(loads(BASE), loads(more)).works(End.MCU)

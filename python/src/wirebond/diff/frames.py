@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from difflib import SequenceMatcher
 from typing import Any
 
+from wirebond.diff.addresses import miscounts, misses, strangers
 from wirebond.diff.change import Change, Effect, Sides, changed, harmless
 from wirebond.protocol.model import End, FrameFormat, Part, PartKind, PayloadRule, Protocol
 from wirebond.protocol.plan import Form, Plan, plan_for
@@ -95,12 +96,19 @@ def _parts(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change
             if fault and whole[sides.flow]:
                 told.add(sides.flow)
                 effects.append(Effect(sides.flow, True, whole[sides.flow]))
+            elif miscounts(sides) and (only is None or miscounts(_with(sides, only))):
+                effects.append(Effect(sides.flow, False, miscounts(sides)))
         place = ("frame", step.c if step.d > step.c else step.a)
         sentence = _step_text(before, after, step)
         yield changed("frame", sentence, effects, place=place, gone=step.c == step.d)
     left = [Effect(flow, True, fault) for flow, fault in whole.items() if fault and flow not in told]
     if left:  # each part by itself does no harm
         yield changed("frame", "its parts together make other frames", left, place=_FRAME)
+
+
+def _with(sides: Sides, only: Protocol) -> Sides:
+    """The same direction where the new file is the old one but for one difference."""
+    return replace(sides, new=only)
 
 
 def _identity(parts: tuple[Part, ...], index: int) -> str:
@@ -158,13 +166,13 @@ def _with_step(old: Protocol, new: Protocol, step: _Step) -> Protocol | None:
 
 
 def _breaks(sent: Protocol, read: Protocol, sender: End) -> str:
-    """Why a receiver does not take the frames that a sender sends by default; empty if it does."""
+    """Why a receiver does not take the frames that a sender sends by default, or not for its own; empty if it does."""
     sending, reading = plan_for(sent, sender), plan_for(read, sender)
     taken = [_shape(form, reading) for form in reading.forms]
     own = [_shape(form, sending) for form in _sent_forms(sending)]
     missing = [shape for shape in own if shape not in taken]
     if not missing:
-        return ""
+        return misses(sent, read, sender) or strangers(sent, read, sender)
     if len(missing) < len(own):
         return "some of its frames are not found, or their parts are read at other places"
     return "its frames are not found, or their parts are read at other places"
