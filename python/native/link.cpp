@@ -62,7 +62,9 @@ std::string sentence(const std::string& path, const posix::SerialSettings& setti
   }
   if (error.code == ENOENT)
     return "there is no port " + path + "; plug it in, or look for its name with `ls /dev/tty*`";
-  return "cannot open " + path + ": " + reason;
+  if (error.code == EISDIR)
+    return path + " is a folder, and a serial port is expected; give a tty such as /dev/ttyUSB0, /dev/ttyACM0 or a pty";
+  return "cannot open " + path + ": " + reason + "; check its name with `ls -l " + path + "`";
 }
 
 /// `code`: the system's error number; 0 where it gave none.

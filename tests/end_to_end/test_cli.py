@@ -126,7 +126,7 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
         (["decode", DIFFDRIVE, "--hex", "AA", "--sender", "me"], 2, "expected 'mcu' or 'host'"),
         (["decode", DIFFDRIVE, "/nonexistent"], 1, "there is no such file or folder"),
         (["check", "/nonexistent.yaml"], 1, "/nonexistent.yaml"),
-        (["check", "/"], 1, "directory"),
+        (["check", "/"], 1, "this is a folder"),
         (["check", NATIVE, "--traffic", "state"], 2, "write message=frames per second"),
         (["check", NATIVE, "--traffic", "status=5"], 2, "native has no message 'status'"),
         (["encode", DIFFDRIVE, "speed"], 1, "diffdrive has no message 'speed'; it has velocity"),
@@ -137,6 +137,8 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
         (["monitor", DIFFDRIVE, "/dev/null", "--seconds", "٣"], 2, "'٣' is no number from 0 on"),
         (["monitor", DIFFDRIVE, "/dev/null", "--seconds", "nan"], 2, "'nan' is no number from 0 on"),
         (["monitor", DIFFDRIVE, "/dev/ttyNOPE"], 3, "there is no port /dev/ttyNOPE"),
+        (["monitor", DIFFDRIVE, "/dev"], 3, "/dev is a folder, and a serial port is expected; give a tty such as"),
+        (["monitor", "/dev", "/dev/ttyNOPE"], 1, "this is a folder, and a protocol file (YAML) is expected"),
         (["send", DIFFDRIVE, "/dev/null", "velocity", "linear=0", "angular=0"], 3, "is not a serial port"),
         (["send", DIFFDRIVE, "/dev/null", "velocity", "linear=9", "angular=0"], 1, "outside -2 ... 2"),
         (

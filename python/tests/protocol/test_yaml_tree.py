@@ -149,7 +149,15 @@ def file_error(path: Path) -> str:
 
 def test_a_missing_file_a_directory_and_an_impossible_path_get_a_sentence(tmp_path: Path) -> None:
     assert file_error(tmp_path / "none.yaml") == ": there is no such file; check the path"
-    assert file_error(tmp_path) == ": this is a directory; name a protocol file in it"
+    folder = ": this is a folder, and a protocol file (YAML) is expected"
+    assert (
+        file_error(tmp_path)
+        == f"{folder}; no .yaml file is in it. `wirebond new {tmp_path}/robot.yaml` writes a first one"
+    )
+    (tmp_path / "arm.yaml").touch()
+    assert file_error(tmp_path) == f"{folder}; name the file in it, such as {tmp_path}/arm.yaml"
+    (tmp_path / "base.yml").touch()
+    assert file_error(tmp_path).endswith(f"such as {tmp_path}/arm.yaml, or another of its 2 .yaml files")
     assert file_error(tmp_path / "a\0b") == ": no file's name has a zero byte in it; check the path"
     assert file_error(tmp_path / ("n" * 5000)).startswith(": cannot be read: ")
 

@@ -105,7 +105,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     except FileNotFoundError:
         problems.stop(WHOLE_FILE, "there is no such file; check the path")
     except IsADirectoryError:
-        problems.stop(WHOLE_FILE, "this is a directory; name a protocol file in it")
+        problems.stop(WHOLE_FILE, _of_folder(Path(path)))
     except PermissionError:
         problems.stop(WHOLE_FILE, "this file may not be read by you; check its permissions")
     except (OSError, ValueError) as error:
@@ -116,6 +116,18 @@ def read_text(path: str | os.PathLike[str]) -> str:
     except UnicodeDecodeError as error:
         before = data[: error.start].decode("utf-8", errors="replace")
         problems.stop(_place_at(before, len(before)), "this is not UTF-8 text; a protocol file is YAML in UTF-8")
+
+
+def _of_folder(folder: Path) -> str:
+    what = "this is a folder, and a protocol file (YAML) is expected"
+    try:
+        found = sorted(path.name for path in folder.iterdir() if path.suffix in (".yaml", ".yml"))
+    except OSError:
+        found = []
+    if not found:
+        return f"{what}; no .yaml file is in it. `wirebond new {folder / 'robot.yaml'}` writes a first one"
+    more = f", or another of its {len(found)} .yaml files" if len(found) > 1 else ""
+    return f"{what}; name the file in it, such as {folder / found[0]}{more}"
 
 
 def parse(text: str, problems: Problems) -> Node:
