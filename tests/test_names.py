@@ -135,6 +135,22 @@ def test_an_emergency_stop_gives_every_field() -> None:
         loads(stopped_with_defaults().replace("fields: {message: 7, header: 0}", "fields: {header: 0}"))
 
 
+def test_a_stops_single_value_header_is_that_of_the_messages_field() -> None:
+    beside = stopped_with_defaults().replace("fields: {message: 7, header: 0}", "fields: {message: 7}\n    header: 3")
+    [stop, *_] = loads(beside).emergency_stop
+    assert dict(stop.values)["header"] == 3
+    assert stop.header == ()
+    without = beside.replace("    header: 3", "")
+    with pytest.raises(ProtocolFileError, match=r"leaves the field `header` open; add `fields: \{header: 0\}`"):
+        loads(without)
+    other = "wirebond: 1\nprotocol: o\nframe: [magic: 0xFF, {field: servo, type: u8, default: 1}, id: u8, payload: 1]\n"
+    other += "messages: {halt: {id: 1, sender: host, fields: {now: {type: u8}}}}\n"
+    with pytest.raises(
+        ProtocolFileError, match=r"`halt` has no field `header`. Write for example `header: \{servo: 1\}`"
+    ):
+        loads(other + "emergency_stop: {message: halt, now: 1, header: 3}\n")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [

@@ -112,9 +112,20 @@ def _read_stop_message(
     if entry.complete is None:
         return None
     given = {**(syntax.__pydantic_extra__ or {}), **syntax.fields}
+    fields = {field.name: field for field in entry.complete.fields}
+    header_values = syntax.header
+    if not isinstance(header_values, dict):  # one value: it can only be that of a field of the message
+        if "header" not in fields:
+            problems.add(
+                node.value_place("header"),
+                f"`header` has values of the frame's header, by their names; `{syntax.message}` has no field `header`. "
+                "Write for example `header: {servo: 1}`",
+            )
+            return None
+        given.setdefault("header", header_values)
+        header_values = {}
     inner = node.get("fields")
     places = {name: inner if name in syntax.fields and isinstance(inner, Mapping) else node for name in given}
-    fields = {field.name: field for field in entry.complete.fields}
     may_stay_out = settled(entry.complete.fields)
     unfit = [name for name, field in fields.items() if name not in may_stay_out and not _can_be_given(field)]
     if unfit:
@@ -125,8 +136,9 @@ def _read_stop_message(
         )
         return None
     missing = [name for name in fields if name not in given and name not in may_stay_out]
-    if "message" in missing:
-        problems.add(place, "the stop leaves the field `message` open; add `fields: {message: 0}`")
+    hidden = [name for name in missing if name in StopMessageSyntax.model_fields]
+    if hidden:
+        problems.add(place, f"the stop leaves the field `{hidden[0]}` open; add `fields: {{{hidden[0]}: 0}}`")
     elif missing:
         problems.add(place, f"the stop leaves {_listed(missing)} open; add for example `{missing[0]}: 0`")
     values: list[tuple[str, float | int | bool | str]] = []
@@ -146,7 +158,7 @@ def _read_stop_message(
             values.append((name, value))
         else:
             problems.add(places[name].value_place(name), fault)
-    header = None if draft is None else read_header_values(syntax.header, draft.parts, node, problems)
+    header = None if draft is None else read_header_values(header_values, draft.parts, node, problems)
     return StopMessage(syntax.message, tuple(values), tuple((header or {}).items()))
 
 

@@ -26,6 +26,7 @@ from wirebond.protocol.text.scalars import (
     ProtocolName,
     StopBits,
     Text,
+    ValuesOrOne,
     describe,
     one_word,
     whole,
@@ -164,9 +165,10 @@ class StopMessageSyntax(Syntax):
         description="Values of its fields, for those that are called `message`, `fields` or `header`.",
         examples=["{message: 0}"],
     )
-    header: dict[Name, ExampleValue] = Field(
+    header: ValuesOrOne = Field(
         default_factory=dict,
-        description="Values of the frame's own named fields, where they differ from their defaults.",
+        description="Values of the frame's own named fields, where they differ from their defaults. A single value is "
+        "that of the message's field `header`.",
         examples=["{servo: 0xFE}"],
     )
 

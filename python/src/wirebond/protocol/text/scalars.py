@@ -279,6 +279,21 @@ ExampleValue = Annotated[
     Any,
     PlainValidator(_example_value, json_schema_input_type=float | bool | str | list[Any] | dict[str, Any]),
 ]
+
+
+def _values_or_one(value: object) -> Any:
+    return (
+        {str(key): _example_value(item) for key, item in value.items()}
+        if isinstance(value, dict)
+        else _own_value(value)
+    )
+
+
+# Values by name; or one value, where the key is also the name of a field.
+ValuesOrOne = Annotated[
+    dict[str, ExampleValue] | Fraction | bool | str,
+    PlainValidator(_values_or_one, json_schema_input_type=dict[str, ExampleValue] | float | bool | str),
+]
 FrameBytes = Annotated[
     bytes,
     PlainValidator(_frame_bytes, json_schema_input_type=Annotated[str, Field(pattern=f"^{_PAIRS.pattern}$")]),
