@@ -162,6 +162,47 @@ static void receive(void) {
   expect(servo.moves == 2 && servo.header.stamp == 7, "a value of the longer form");
 }
 
+static void stop_all(void) {
+  headers_header_t header;
+  headers_move_t move;
+  memset(&header, 1, sizeof header);
+  headers_emergency_stop(&move);
+  headers_header_of_emergency_stop(&header);
+  expect(move.angle == 0.0F, "the stop's value");
+  expect(header.servo == 0xFE && header.temperature == 21.5F && header.system == 255, "the stop's header");
+}
+
+static int answers_heard;
+static void on_one_answer(void* context, const headers_answer_t* answer) {
+  (void)context;
+  (void)answer;
+  ++answers_heard;
+}
+
+static void ask_one_of_them(void) {
+  static headers_from_mcu_t receiver;
+  static headers_from_mcu_handlers_t handlers;
+  uint8_t frame[HEADERS_ANSWER_MAX_FRAME_BYTES];
+  size_t size;
+  headers_header_t header;
+  headers_answer_t answer;
+
+  handlers.on_answer = on_one_answer;
+  headers_from_mcu_init(&receiver, &handlers);
+  headers_init_header_from_mcu(&header);
+  headers_init_answer(&answer);
+  header.servo = 4;
+  expect(headers_encode_answer_with_header(&answer, &header, frame, sizeof frame, &size) == WIREBOND_OK,
+         "encode answer");
+  expect(!headers_from_mcu_expect_from(&receiver, HEADERS_MOVE_INDEX, 3), "a message without a reply is expected");
+  expect(headers_from_mcu_expect_from(&receiver, HEADERS_ASK_INDEX, 3), "a request is refused");
+  headers_from_mcu_feed(&receiver, frame, size, 0);
+  expect(answers_heard == 0 && headers_from_mcu_foreign(&receiver) == 1, "another one's reply is taken");
+  expect(headers_from_mcu_expect_from(&receiver, HEADERS_ASK_INDEX, 4), "a request is refused");
+  headers_from_mcu_feed(&receiver, frame, size, 0);
+  expect(answers_heard == 1 && headers_from_mcu_foreign(&receiver) == 1, "the reply of the one that was asked is not");
+}
+
 // ---- a link
 
 static void arrive(headers_link_t* link, const uint8_t* bytes, size_t size, uint32_t* now_us) {
@@ -263,6 +304,8 @@ static void serve(void) {
 
 int main(void) {
   receive();
+  stop_all();
+  ask_one_of_them();
   serve();
   printf("%d\n", failures);
   return failures;

@@ -359,6 +359,44 @@ using HostPeer = Peer<peers::HostLink<Asker, ScriptedPort, HostMemory>, HostMemo
 
 }  // namespace
 
+TEST_CASE("the file's stop has its header beside it") {
+  constexpr Header header = headers::header_of_emergency_stop();
+  static_assert(headers::emergency_stop().angle == 0.0F);
+  static_assert(header.servo == 0xFE && header.temperature == 21.5F && header.kind == Header::Kind::read);
+  static_assert(header.system == 255);  // the host's, where the file says nothing
+}
+
+TEST_CASE("a host that asked one takes no other's reply") {
+  Host host;
+  headers::Receiver<headers::FromMcu> receiver;
+  std::uint32_t now_us = 0;
+  const auto arrive = [&](const auto& message, std::uint8_t servo) {
+    Header header(wirebond::End::mcu);
+    header.servo = servo;
+    std::uint8_t frame[64];
+    std::size_t size = 0;
+    REQUIRE(wirebond::encode_frame<headers::FromMcu>(message, frame, sizeof frame, size, header) == Status::ok);
+    receiver.feed(frame, size, now_us += ms, host);
+  };
+  receiver.expect<headers::Ask>(3);
+  arrive(headers::Answer{0.25F}, 4);
+  CHECK(host.answers.empty());
+  CHECK(receiver.foreign() == 1);
+  CHECK(receiver.account().frames == 1);
+  arrive(headers::Answer{0.5F}, 3);
+  arrive(headers::Beat{7}, 4);  // that is no reply to what was asked
+  CHECK(host.answers.size() == 1);
+  CHECK(host.answers.back().second.servo == 3);
+  CHECK(host.beats.size() == 1);
+  CHECK(receiver.foreign() == 1);
+  receiver.expect<headers::Ask>(0xFE);  // a broadcast asks everybody
+  arrive(headers::Answer{0.5F}, 4);
+  receiver.expect<headers::Ask>();
+  arrive(headers::Answer{0.5F}, 5);
+  CHECK(host.answers.size() == 3);
+  CHECK(receiver.foreign() == 1);
+}
+
 TEST_CASE("each end listens for its own address, and a service answers whoever asked") {
   McuPeer mcu;
   HostPeer host, other;

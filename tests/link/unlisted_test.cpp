@@ -8,6 +8,7 @@
 #include "scripted_port.hpp"
 #include "seeded_blocks_link.hpp"
 #include "seeded_link.hpp"
+#include "wirebond/mcu/c_link.hpp"
 #include "wirebond/mcu/link.hpp"
 
 namespace {
@@ -40,7 +41,8 @@ TEST_CASE("frames of messages that the file does not list keep a link up") {
   CHECK(link.state() == wirebond::LinkState::up);
   CHECK(counting.orders == 0);
   CHECK(link.receiver().account().frames == 0);
-  CHECK(link.receiver().account().unlisted.frames() == 29);  // of the last nothing shows yet that it ended
+  CHECK(link.counters().unlisted == 29);  // of the last nothing shows yet that it ended
+  CHECK(wirebond::c::to_c(link.counters()).unlisted == 29);
   for (int i = 0; i < 11; ++i) pass_100_ms();
   CHECK(link.state() == wirebond::LinkState::stale);
 }
@@ -59,7 +61,7 @@ TEST_CASE("between delimiters they do, too") {
   }
   CHECK(link.state() == wirebond::LinkState::up);
   CHECK(counting.orders == 0);
-  CHECK(link.receiver().account().unlisted.frames() == 15);
+  CHECK(link.counters().unlisted == 15);
 }
 
 TEST_CASE("noise with the start byte in it does not") {

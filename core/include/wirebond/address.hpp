@@ -50,6 +50,11 @@ struct NamesSender : std::false_type {};
 template <class Source>
 struct NamesSender<Source, std::void_t<decltype(Source::sender_place)>> : std::true_type {};
 
+template <class Source, class = void>
+struct NamesAsked : std::false_type {};
+template <class Source>
+struct NamesAsked<Source, std::void_t<decltype(Source::asked_broadcasts)>> : std::true_type {};
+
 }  // namespace detail
 
 /// Do the source's frames say whom they are for (`address: mcu` in what the host sends, `address: receiver`)? Then it
@@ -65,6 +70,10 @@ inline constexpr bool names_receiver = detail::NamesReceiver<Source>::value;
 /// `sender_place` and `sender_default` in the same way.
 template <class Source>
 inline constexpr bool names_sender = detail::NamesSender<Source>::value;
+/// Are they an MCU's that say whose they are? Then a host can ask one of several. The source also has
+/// `asked_broadcasts`: an array of the addresses that ask all of them.
+template <class Source>
+inline constexpr bool names_asked = detail::NamesAsked<Source>::value;
 
 namespace detail {
 
@@ -155,6 +164,50 @@ class Listening<Source, true> {
   bool hears_all_ = false;
   Addressee addressee_ = Addressee::own;
   std::uint32_t foreign_ = 0;
+};
+
+/// Whose reply a host waits for. Of a source that does not name the MCU anybody's is one, and this takes no memory.
+template <class Source, bool = names_asked<Source>>
+class Asked {
+ protected:
+  static constexpr void ask(std::int16_t) {}
+  static constexpr bool is_from_asked(const Frame&) { return true; }
+  static constexpr std::uint32_t from_others() { return 0; }
+};
+
+template <class Source>
+class Asked<Source, true> {
+ protected:
+  using Address = typename Source::Address;
+
+  /// Anybody answers with message `reply`.
+  void ask(std::int16_t) { reply_ = -1; }
+  /// This one does. A broadcast asks everybody.
+  void ask(std::int16_t reply, Address address) {
+    reply_ = reply;
+    address_ = address;
+    for (const Address everybody : Source::asked_broadcasts) {
+      if (address == everybody) reply_ = -1;
+    }
+  }
+
+  /// False for the reply of another one, which is counted.
+  bool is_from_asked(const Frame& frame) {
+    if (reply_ < 0 || frame.message != reply_) return true;
+    bool is_from_another = false;  // a form without the address concerns everybody
+    detail::each_header_field<Source>(frame, [&](const HeaderField& field) WIREBOND_INLINE_LAMBDA {
+      if (field.place != Source::sender_place) return;
+      is_from_another = detail::read_wide(field.number, frame.bytes, frame.size) != address_;
+    });
+    if (is_from_another) from_others_ += 1;
+    return !is_from_another;
+  }
+  std::uint32_t from_others() const { return from_others_; }
+
+ private:
+  std::int16_t reply_ = -1;  ///< a message's index; -1: no address is compared
+  Address address_ = 0;
+  std::uint32_t from_others_ = 0;
 };
 
 }  // namespace wirebond

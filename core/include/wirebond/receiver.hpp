@@ -21,7 +21,7 @@ namespace wirebond {
 /// for the file's default address. What is for others counts in `account()` like any frame, and in `foreign()`; it
 /// reaches no handler and no deadline. Where frames have a sequence number, `sequence()` says how many are missing.
 template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
-class Receiver : public Listening<Source>, public SequenceWatch<Source> {
+class Receiver : public Listening<Source>, public SequenceWatch<Source>, private Asked<Source> {
  public:
   /// `idle_us`: the silence after which an incomplete frame is given up.
   explicit Receiver(Counter idle_us = Source::idle_us) : deframer_(Source{}, workspace_.data(), idle_us) {}
@@ -80,7 +80,22 @@ class Receiver : public Listening<Source>, public SequenceWatch<Source> {
   void expect() {
     static_assert(Request::Info::reply >= 0, "this message has no `reply` in the protocol file");
     deframer_.expect(Request::Info::reply);
+    this->ask(Request::Info::reply);
   }
+
+  /// The same for a request to the MCU of this address, where the MCU's frames say whose they are: until the next call,
+  /// the same reply from another address reaches no handler and no deadline, and is counted in `foreign()`. A broadcast
+  /// asks all: each reply is handed out.
+  template <class Request>
+  void expect(detail::AddressOf<Source> address) {
+    static_assert(names_asked<Source>, "the MCU's frames do not say whose they are: no header field has `address`");
+    static_assert(Request::Info::reply >= 0, "this message has no `reply` in the protocol file");
+    deframer_.expect(Request::Info::reply);
+    this->ask(Request::Info::reply, address);
+  }
+
+  /// Intact frames for others, and replies of others than the one that was asked, modulo 2^32.
+  std::uint32_t foreign() const { return Listening<Source>::foreign() + this->from_others(); }
 
   const Account& account() const { return deframer_.account(); }
   const Violations& violations() const { return violations_; }
@@ -96,7 +111,7 @@ class Receiver : public Listening<Source>, public SequenceWatch<Source> {
 
     WIREBOND_INLINE void operator()(const Frame& frame) const {
       receiver.note(frame);
-      if (!receiver.hears(frame)) return;
+      if (!receiver.concerns(frame)) return;
       static_cast<void>(Source::dispatch(frame, handler, receiver.violations_));
     }
   };
@@ -112,7 +127,7 @@ class Receiver : public Listening<Source>, public SequenceWatch<Source> {
 
     WIREBOND_INLINE void operator()(const Frame& frame) const {
       receiver.note(frame);  // those for others, too: their sender counts all that it sends
-      if (!receiver.hears(frame)) return;
+      if (!receiver.concerns(frame)) return;
       Counter since_us = came_us;
       if (frame.message >= 0) {
         const auto end = static_cast<Counter>(frame.offset) + static_cast<Counter>(frame.wire_size);
@@ -124,6 +139,9 @@ class Receiver : public Listening<Source>, public SequenceWatch<Source> {
       if (Source::dispatch(frame, handler, receiver.violations_)) deadlines.seen(frame.message, since_us);
     }
   };
+
+  /// Is it for this end, and from one that it asked?
+  WIREBOND_INLINE bool concerns(const Frame& frame) { return this->hears(frame) && this->is_from_asked(frame); }
 
   static constexpr std::size_t workspace_size = workspace_bytes(Source{});
 

@@ -178,6 +178,7 @@ typedef struct wirebond_link_counters {
   uint32_t late;       ///< messages as old as their shortest deadline when they were found: no function was called
   uint32_t held_back;  ///< messages held back by a deadline with `recover: explicit`: no function was called
   uint32_t foreign;    ///< frames for another address: no function was called
+  uint32_t unlisted;   ///< frames of messages that the file does not list, where checks count a seed: else 0
 } wirebond_link_counters_t;
 
 /// Where every byte went that was handed out from the receive ring, as wirebond_account_t says it; a link does not

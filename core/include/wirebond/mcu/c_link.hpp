@@ -111,7 +111,8 @@ inline wirebond_link_counters_t to_c(const LinkCounters& counts) {
           counts.nested_polls,
           counts.late,
           counts.held_back,
-          counts.foreign};
+          counts.foreign,
+          counts.unlisted};
 }
 
 inline wirebond_receive_account_t to_c(const ReceiveAccount& account) {

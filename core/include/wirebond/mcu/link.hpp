@@ -44,6 +44,7 @@ struct LinkCounters {
   std::uint32_t late = 0;               ///< messages as old as their shortest deadline at this end when they were found
   std::uint32_t held_back = 0;          ///< messages held back by a deadline with `recover: explicit`
   std::uint32_t foreign = 0;            ///< frames for another address, which reached nothing here
+  std::uint32_t unlisted = 0;  ///< frames of messages that the file does not list, where checks count a seed: else 0
 };
 
 namespace detail {
@@ -226,9 +227,9 @@ class Link : private SendPause<Protocol::pause_us>,
   Peer peer() const { return peer_; }
   /// The context of `poll`.
   LinkCounters counters() const {
-    return {line_errors_,       receive_restarts_, transmit_retries_,           transmit_timeouts_,
-            slow_polls_,        nested_polls_,     deadlines_.not_acted().late, deadlines_.not_acted().held_back,
-            receiver_.foreign()};
+    return {line_errors_,        receive_restarts_, transmit_retries_,           transmit_timeouts_,
+            slow_polls_,         nested_polls_,     deadlines_.not_acted().late, deadlines_.not_acted().held_back,
+            receiver_.foreign(), unlisted_frames()};
   }
   ReceiveAccount receive_account() const { return ring_.account(); }
   std::size_t unread() const { return ring_.unread(); }
@@ -456,10 +457,14 @@ class Link : private SendPause<Protocol::pause_us>,
   }
 
   /// Frames that say that the peer speaks: also those of messages that the file does not list.
-  std::uint32_t heard_frames() const {
-    std::uint32_t frames = receiver_.account().frames;
-    if constexpr (std::is_same_v<Counts, UnlistedByteCounts>) frames += receiver_.account().unlisted.frames();
-    return frames;
+  std::uint32_t heard_frames() const { return receiver_.account().frames + unlisted_frames(); }
+
+  std::uint32_t unlisted_frames() const {
+    if constexpr (std::is_same_v<Counts, UnlistedByteCounts>) {
+      return receiver_.account().unlisted.frames();
+    } else {
+      return 0;
+    }
   }
 
   void strike(std::uint32_t at_us, std::uint32_t now_us) {

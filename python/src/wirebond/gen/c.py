@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from wirebond.gen.amalgamate import amalgamated
-from wirebond.gen.c_header import c_address_type, handlers_with_header, header_view, names_receiver
+from wirebond.gen.c_header import c_address_type, handlers_with_header, header_view, names_asked, names_receiver
 from wirebond.gen.c_link import link_view
 from wirebond.gen.c_names import Names, header_name, link_name
 from wirebond.gen.c_struct import Declarations, Declarer, MessageView
@@ -19,6 +19,7 @@ from wirebond.gen.cpp import (
     no_id_literal,
     shapes,
     stop_functions,
+    stop_header_function,
 )
 from wirebond.gen.cpp_field import comment_text
 from wirebond.gen.cpp_header import fields_of
@@ -72,15 +73,14 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
         for message in protocol.messages
     }
     has_numbers = plan_for(protocol, End.HOST).sequence is not None
-    receivers = [
-        _receiver_names(names, end, listens=names_receiver(protocol, end), has_numbers=has_numbers)
-        for end in (End.HOST, End.MCU)
-    ]
+    receivers = [_receiver_names(protocol, names, end, has_numbers=has_numbers) for end in (End.HOST, End.MCU)]
     watches = [_deadlines(protocol, names, end) for end in (End.HOST, End.MCU)]
     actions = list(dict.fromkeys(deadline.then for deadline in protocol.deadlines))
     action_type = names.claim("action", suffix="_t")
     action_constants = [names.constant("action", action) for action in actions]
     stop_names = [names.claim(function) for function in stop_functions(protocol)]
+    header_functions = [stop_header_function(protocol, function) for function in stop_functions(protocol)]
+    stop_headers = [(f and names.claim(f), f) for f in header_functions]  # in C, and in C++
     declarer = Declarer(names, namespace(protocol.name))
     views, shared = _messages(protocol, declarer, facts, functions, encoders, header_encoders)
     header = header_view(protocol, names, declarer)
@@ -115,8 +115,10 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
         "action_type": action_type,
         "actions": list(zip(actions, action_constants, strict=True)),
         "stops": [
-            (name, function, next(view for view in views if view.name == stop.message))
-            for name, function, stop in zip(stop_names, stop_functions(protocol), protocol.emergency_stop, strict=True)
+            (name, function, next(view for view in views if view.name == stop.message), *headed)
+            for name, function, stop, headed in zip(
+                stop_names, stop_functions(protocol), protocol.emergency_stop, stop_headers, strict=True
+            )
         ],
     }
     values["link"] = link_view(protocol, names, views)
@@ -248,6 +250,7 @@ class ReceiverView:
     messages: tuple[MessageView, ...]
     requests: tuple[MessageView, ...]  # whose replies nothing but they tell apart
     watch: DeadlinesView | None
+    asked: tuple[MessageView, ...]  # requests, where the replies say whose they are
     listens: bool  # do frames say for whom they are?
     has_numbers: bool  # have they a sequence number?
 
@@ -255,6 +258,8 @@ class ReceiverView:
 _RECEIVER_FUNCTIONS = ("init", "feed", "idle", "expect", "watch", "account", "violations")
 _ADDRESS_FUNCTIONS = ("set_address", "address", "listen_to_all", "addressee", "foreign")
 _ADDRESS_BYTES = 24  # that a receiver takes more where frames say for whom they are
+_ASKED_FUNCTIONS = ("expect_from", "foreign")
+_ASKED_BYTES = 24  # that a receiver takes more where the MCU's frames say whose they are
 
 
 def _sequence_bytes(protocol: Protocol, plan: Plan) -> int:
@@ -266,10 +271,13 @@ def _sequence_bytes(protocol: Protocol, plan: Plan) -> int:
     return (1 if plan.peer is None else 4) * (16 + 2 * number * counters) + 24
 
 
-def _receiver_names(names: Names, end: End, *, listens: bool, has_numbers: bool) -> tuple[str, str, str]:
+def _receiver_names(protocol: Protocol, names: Names, end: End, *, has_numbers: bool) -> tuple[str, str, str]:
     prefix = names.claim("from", end.value)
-    more = (*(_ADDRESS_FUNCTIONS if listens else ()), *(("sequence",) if has_numbers else ()))
-    for verb in (*_RECEIVER_FUNCTIONS, *more):
+    verbs = [*_RECEIVER_FUNCTIONS]
+    verbs += _ADDRESS_FUNCTIONS if names_receiver(protocol, end) else ()
+    verbs += _ASKED_FUNCTIONS if names_asked(protocol, end) else ()
+    verbs += ("sequence",) if has_numbers else ()
+    for verb in dict.fromkeys(verbs):
         names.claim("from", end.value, verb)
     return (
         names.claim("from", end.value, suffix="_t"),
@@ -289,6 +297,7 @@ def _receiver_view(
     type_name, handlers_type, prefix = names_of
     largest = protocol.max_wire_bytes()
     listens = names_receiver(protocol, end)
+    asks = names_asked(protocol, end)
     plan = plan_for(protocol, end)
     told_by_request = {protocol.messages[row.index].name for row in plan.messages if row.only_expected}
     return ReceiverView(
@@ -301,10 +310,12 @@ def _receiver_view(
         workspace=2 * largest
         + (0 if protocol.format.stuffing == Stuffing.NONE else largest)
         + (_ADDRESS_BYTES if listens else 0)
+        + (_ASKED_BYTES if asks else 0)
         + _sequence_bytes(protocol, plan),
         messages=tuple(view for view in views if view.sender in (end, End.BOTH)),
         requests=tuple(view for view in views if view.reply in told_by_request),
         watch=next((w for w in watches if w is not None and w.end != end), None),
+        asked=tuple(view for view in views if asks and view.reply is not None),
         listens=listens,
         has_numbers=plan.sequence is not None,
     )

@@ -50,6 +50,12 @@ def names_receiver(protocol: Protocol, sender: End) -> bool:
     return view is not None and view.receiver is not None
 
 
+def names_asked(protocol: Protocol, sender: End) -> bool:
+    """Do frames of ``sender`` say which of several MCUs answers?"""
+    view = address_view(protocol, sender)
+    return view is not None and view.asked is not None
+
+
 def handlers_with_header(prefix: str, messages: list[str]) -> dict[str, str]:
     """The member of a table of functions that takes a message and its header: ``on_velocity_with_header``. None of them
     is another message's member."""

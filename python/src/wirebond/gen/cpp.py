@@ -9,7 +9,15 @@ from pathlib import Path
 from wirebond.gen import names
 from wirebond.gen.amalgamate import amalgamated
 from wirebond.gen.cpp_field import comment_text, hex_literal
-from wirebond.gen.cpp_header import AddressView, address_view, ends_differ, generated_types, header_view
+from wirebond.gen.cpp_header import (
+    AddressView,
+    address_view,
+    ends_differ,
+    fields_of,
+    generated_types,
+    header_shape,
+    header_view,
+)
 from wirebond.gen.cpp_number import real
 from wirebond.gen.cpp_struct import (
     Reader,
@@ -28,7 +36,18 @@ from wirebond.gen.cpp_struct import (
 )
 from wirebond.gen.folder import core_headers, render, write_files
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import Algorithm, BitRole, CheckKind, End, Message, PartKind, PayloadRule, Protocol, Queue
+from wirebond.protocol.model import (
+    Algorithm,
+    BitRole,
+    CheckKind,
+    End,
+    HeaderDefault,
+    Message,
+    PartKind,
+    PayloadRule,
+    Protocol,
+    Queue,
+)
 from wirebond.protocol.plan import Exclusion, Framing, HeaderNumber, MessageRow, Number, Plan, Position, plan_for
 
 
@@ -514,6 +533,8 @@ class StopView:
     function: str
     struct: str
     assignments: tuple[str, ...]
+    header_function: str | None  # gives the header to send it with; None: frames have no header fields
+    header_assignments: tuple[str, ...]
 
 
 def stop_functions(protocol: Protocol) -> list[str]:
@@ -524,14 +545,27 @@ def stop_functions(protocol: Protocol) -> list[str]:
     ]
 
 
+def stop_header_function(protocol: Protocol, function: str) -> str | None:
+    """The function beside ``function`` that gives the header of its message; None: frames have no header fields."""
+    return f"header_of_{function}" if fields_of(protocol) else None
+
+
 def _emergency_stop(protocol: Protocol) -> list[StopView]:
     views = []
     for stop, function in zip(protocol.emergency_stop, stop_functions(protocol), strict=True):
         shape = message_shapes(protocol)[stop.message]
         members = {name: shape.member(name) for name, _ in stop.values}
         lines = [f"message.{members[name].name} = {given_value(members[name], value)};" for name, value in stop.values]
-        views.append(StopView(function, shape.path, tuple(lines)))
+        header = header_shape(protocol)
+        headed = [] if header is None else [_header_line(header, name, value) for name, value in stop.header]
+        header_function = stop_header_function(protocol, function)
+        views.append(StopView(function, shape.path, tuple(lines), header_function, tuple(headed)))
     return views
+
+
+def _header_line(header: Shape, name: str, value: HeaderDefault) -> str:
+    member = header.member(name)
+    return f"header.{member.name} = {given_value(member, value)};"
 
 
 def _services(protocol: Protocol) -> list[tuple[str, list[tuple[str, str]]]]:

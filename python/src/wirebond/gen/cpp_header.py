@@ -114,6 +114,7 @@ class AddressView:
     receiver: tuple[int, str] | None  # place; what the sender sends where it is given nothing
     broadcasts: tuple[str, ...]
     sender: tuple[int, str] | None
+    asked: tuple[str, ...] | None  # of the MCU's frames that say whose they are: addresses that ask all MCUs
 
 
 def address_type(protocol: Protocol) -> str:
@@ -129,17 +130,22 @@ def address_view(protocol: Protocol, sender: End) -> AddressView | None:
         return None
     receiver, owner = None, None
     broadcasts: tuple[str, ...] = ()
+    asked: tuple[str, ...] = ()
     fields = fields_of(protocol)
     for place, field in enumerate(fields):
         entry = (place, _address(field.default_bits(sender), field))
         names_mcu = field.address == Address.MCU
+        if names_mcu or field.address == Address.RECEIVER:
+            asked = tuple(_address(bits, field) for bits in field.broadcast_bits)
         if field.address == Address.RECEIVER or (names_mcu and sender == End.HOST):
             receiver = entry
-            broadcasts = tuple(_address(bits, field) for bits in field.broadcast_bits)
+            broadcasts = asked
         elif field.address == Address.SENDER or names_mcu:
             owner = entry
     most = min((1 << field.value.width) - 1 for field in fields if field.address is not None)
-    return AddressView(type_name, hex_literal(most, (most.bit_length() + 7) // 8), receiver, broadcasts, owner)
+    can_ask = sender == End.MCU and owner is not None
+    most_literal = hex_literal(most, (most.bit_length() + 7) // 8)
+    return AddressView(type_name, most_literal, receiver, broadcasts, owner, asked if can_ask else None)
 
 
 def _address(bits: int, field: HeaderField) -> str:
