@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import random
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Context, Decimal
 from enum import IntEnum
 from fractions import Fraction
@@ -38,12 +39,25 @@ class Vary(IntEnum):
     TO_END = 3
 
 
+COUNT = "COUNT"  # stands in a draw for what counts it
+
+
 @dataclass(frozen=True)
 class Drawn:
     """A field's mapping in flow style, and its most bytes on the wire."""
 
     text: str
     most: int
+
+
+@dataclass(frozen=True)
+class Counter:
+    """A field that counts, or one whose bits do; ``path``: what names the number."""
+
+    name: str
+    path: str
+    bits: int
+    drawn: Drawn
 
 
 class FieldSource:
@@ -316,23 +330,52 @@ class FieldSource:
     # ---- what varies in number
 
     def _counted(self, room: int, depth: int, taken: dict[str, Drawn]) -> dict[str, Drawn]:
-        """A field that counts, at times another one, and one or two that it counts."""
-        bits = self._random.choice((8, 8, 16, 24, 64))
-        counting = f"n{len(taken)}"
-        found = {counting: Drawn(f"{{type: {self._order(f'u{bits}', bits)}}}", bits // 8)}
-        left = room - bits // 8
+        """A field that counts, at times one among bits, at times another field, and one or two that it counts."""
+        counter = self._counter(f"n{len(taken)}")
+        found = {counter.name: counter.drawn}
         counts = self._random.choice((1, 1, 2))
+        second = self._counter(f"m{len(taken)}") if counts == 1 and self._random.random() < 0.2 else None
+        if second is not None:
+            found[second.name] = second.drawn
+        left = room - sum(drawn.most for drawn in found.values())
         for number in range(counts):
             if left > 0 and self._random.random() < 0.3:
                 between = self._number()
                 if between.most < left:
                     found[f"b{len(taken)}_{number}"] = between
                     left -= between.most
-            drawn = self._varying(left, depth, counting, alone=counts == 1)
+            drawn = self._varying(left, depth, COUNT, alone=counts == 1)
             if drawn is not None:
-                found[f"v{len(taken)}_{number}"] = drawn
+                how = counter.path if counts > 1 else self._how_counted(drawn, counter, second)
+                found[f"v{len(taken)}_{number}"] = replace(drawn, text=drawn.text.replace(COUNT, how))
                 left -= drawn.most
         return found if left >= 0 else {}
+
+    def _counter(self, name: str) -> Counter:
+        """A number, or one among the bits of a number."""
+        bits = self._random.choice((8, 8, 16, 24, 64))
+        word = self._order(f"u{bits}", bits)
+        if self._random.random() < 0.7:
+            return Counter(name, name, bits, Drawn(f"{{type: {word}}}", bits // 8))
+        width = self._random.randint(4, bits)  # for at most 15 of anything
+        members = [f"many: {{type: u{width}}}"]
+        if width < bits:
+            members.append(self._random.choice((f"rest: {{type: u{bits - width}}}", "flag: {type: bool}")))
+        self._random.shuffle(members)
+        first = self._random.choice(("", ", first: high"))
+        text = f"{{bits: {{type: {word}{first}, fields: {{{', '.join(members)}}}}}}}"
+        return Counter(name, f"{name}.many", width, Drawn(text, bits // 8))
+
+    def _how_counted(self, drawn: Drawn, counter: Counter, second: Counter | None) -> str:
+        """Elements by their number, by their bytes, or by both; bytes only where all elements have one size."""
+        found = re.search(rf"count: {COUNT}, max: (\d+)(.*)", drawn.text)
+        if found is None or re.search(r"max:|\bt\d\b", found.group(2)):
+            return counter.path
+        if second is not None and drawn.most < 2**second.bits:
+            return f"{{elements: {counter.path}, bytes: {second.path}}}"
+        if drawn.most < 2**counter.bits and self._random.random() < 0.5:
+            return f"{{bytes: {counter.path}}}"
+        return self._random.choice((counter.path, f"{{elements: {counter.path}}}"))
 
     def _last(self, room: int, depth: int) -> Drawn:
         """What reaches to the payload's end."""

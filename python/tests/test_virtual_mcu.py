@@ -53,3 +53,24 @@ def test_where_silence_ends_a_frame_the_virtual_mcu_pauses_between_its_frames() 
     assert {len(data) for _, data in left} == {3}
     assert len(left) == 10
     assert min(b - a for (a, _), (b, _) in itertools.pairwise(left)) >= 0.004
+
+
+def test_a_reply_has_as_many_elements_as_its_request_asks_for() -> None:
+    codec = Codec(
+        loads(
+            "wirebond: 1\nprotocol: asked\n"
+            "frame: [magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-8/smbus]\n"
+            "messages:\n"
+            "  read: {id: 1, sender: host, reply: values, fields: {number: {type: u8}}}\n"
+            "  values:\n    id: 2\n    sender: mcu\n    fields:\n"
+            "      size: {type: u8}\n"
+            "      values: {type: i16, count: {bytes: size, asked_by: number}, max: 9}\n"
+            "      state: {bits: {type: u8, fields: {busy: {type: bool}, number: {type: u4}}}}\n"
+            "      others: {type: u8, count: state.number, max: 9}\n"
+        )
+    )
+    mcu = VirtualMcu(codec, 0.0)
+    for asked, there in ((0, 0), (1, 1), (8, 8), (200, 9)):
+        (reply,) = codec.decoder("mcu").feed(mcu.feed(codec.encode("read", number=asked), 0.0))
+        assert (reply.fields["size"], len(reply.fields["values"])) == (2 * there, there)
+        assert reply.fields["state"]["number"] == len(reply.fields["others"]) == 3

@@ -161,7 +161,7 @@ def _structs(shapes: Collection[Shape]) -> list[Shape]:
 
     def visit(shape: Shape) -> None:
         for member in shape.members:
-            if member.shape is not None:
+            if member.shape is not None and member.name:
                 visit(member.shape)
         found.setdefault(shape.path, shape)
 

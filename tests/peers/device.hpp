@@ -105,7 +105,8 @@ class Device {
       return;
     }
     modbus_rtu::HoldingRegisters reply{};
-    put(reply, request.first, request.number);
+    reply.registers.size = request.number;
+    for (std::size_t i = 0; i < request.number; ++i) reply.registers.data[i] = registers_[request.first + i];
     static_cast<void>(link_.send(reply));
   }
 
@@ -119,35 +120,18 @@ class Device {
   }
 
   void on(const modbus_rtu::WriteRegisters& request) {
-    if (!has(request.first, request.number) || !take(request)) {
+    const std::uint16_t number = request.registers.size;
+    if (!has(request.first, number)) {
       static_cast<void>(link_.send(modbus_rtu::WritesRefused{modbus_rtu::WritesRefused::Reason::address}));
       return;
     }
-    if (is_asked()) static_cast<void>(link_.send(modbus_rtu::RegistersWritten{request.first, request.number}));
+    for (std::size_t i = 0; i < number; ++i) registers_[request.first + i] = request.registers.data[i];
+    if (is_asked()) static_cast<void>(link_.send(modbus_rtu::RegistersWritten{request.first, number}));
   }
 
  private:
   bool is_asked() const { return link_.addressee() == wirebond::Addressee::own; }
   bool has(std::size_t first, std::size_t number) const { return first + number <= registers_.size(); }
-
-  void put(modbus_rtu::HoldingRegisters& reply, std::size_t first, std::size_t number) const {
-    reply.size = static_cast<std::uint8_t>(2 * number);
-    reply.registers.size = reply.size;
-    for (std::size_t i = 0; i < number; ++i) {
-      const std::uint16_t value = registers_[first + i];
-      reply.registers.data[2 * i] = static_cast<std::uint8_t>(value >> 8U);
-      reply.registers.data[2 * i + 1] = static_cast<std::uint8_t>(value);
-    }
-  }
-
-  bool take(const modbus_rtu::WriteRegisters& request) {
-    if (request.registers.size != 2U * request.number) return false;
-    for (std::size_t i = 0; i < request.number; ++i) {
-      const auto high = static_cast<unsigned>(request.registers.data[2 * i]) << 8U;
-      registers_[request.first + i] = static_cast<std::uint16_t>(high | request.registers.data[2 * i + 1]);
-    }
-    return true;
-  }
 
   std::array<std::uint16_t, 100> registers_{};
   Link link_;

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -72,6 +74,39 @@ def test_minimalmodbus_reads_and_writes_the_registers_of_a_firmware(slave: str) 
             master.read_register(100)
 
 
+@pytest.fixture(scope="module")
+def simulated() -> Iterator[str]:
+    """What `wirebond sim` opens for the device with the address 1."""
+    command = [sys.executable, "-m", "wirebond.cli.main", "sim", str(CONTRIB / "modbus_rtu.yaml"), "--address", "1"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        yield process.stdout.readline().split()[-1]
+        process.terminate()
+
+
+def test_pymodbus_is_the_master_of_a_simulated_device(simulated: str) -> None:
+    with ModbusSerialClient(simulated, baudrate=19200, timeout=PATIENCE, retries=0) as master:
+        for count in (1, 2, 7, 125):
+            read = master.read_holding_registers(10, count=count, device_id=1)
+            assert not read.isError()
+            assert len(read.registers) == count
+        written = master.write_register(50, 1234, device_id=1)
+        assert (written.address, written.registers) == (50, [1234])
+        many = master.write_registers(30, list(range(123)), device_id=1)
+        assert (many.address, many.count) == (30, 123)
+
+
+def test_minimalmodbus_is_the_master_of_a_simulated_device(simulated: str) -> None:
+    with serial.Serial(simulated, 19200, timeout=PATIENCE) as port:
+        master = minimalmodbus.Instrument(port, 1)
+        for count in (1, 2, 60):
+            assert len(master.read_registers(60, count)) == count
+        assert 0 <= master.read_register(7) < 65536
+        master.write_register(60, 1234)
+        master.write_registers(61, [1, 2, 3])
+        master.write_float(70, 3.5)
+
+
 @contextmanager
 def pymodbus_slave(path: str) -> Iterator[None]:
     """A slave of a hundred registers, in a thread with an event loop of its own."""
@@ -118,7 +153,10 @@ def test_a_link_is_the_master_of_pymodbus() -> None:
         link.send("read_holding_registers", first=18, number=4)
         read = answer(link)
         assert (read.name, read.header) == ("holding_registers", {"unit": 1})
-        assert read.fields["registers"] == b"".join(n.to_bytes(2, "big") for n in (126, 133, 20000, 21000))
+        assert read.fields == {"size": 8, "registers": [126, 133, 20000, 21000]}
+        link.send("write_registers", first=30, registers=[1, 65535, 3])
+        written = answer(link)
+        assert (written.name, written.fields) == ("registers_written", {"first": 30, "number": 3})
         link.send("read_holding_registers", first=99, number=2)
         refused = answer(link)
         assert (refused.name, refused.fields) == ("read_refused", {"reason": "address"})

@@ -60,6 +60,11 @@ def test_fields_have_types_of_their_own(tmp_path: Path) -> None:
     assert back == scan
     assert back.origin.mode is shapes.PoseMode.STILL
     assert back.own == shapes.ScanOwn(a=7, raw=b"")
+    told = shapes.Told(
+        head=shapes.ToldHead(kind=2), levels=(0.5,), marks=(9,), values_=(3, 4), inner=shapes.ToldInner(text="ab")
+    )
+    (back,) = map(shapes.from_message, shapes.codec.decoder("host").feed(told.encode(sender="host")))
+    assert back == told
     defaults = shapes.Defaults()
     assert defaults.encode() == shapes.codec.encode("defaults")
     assert defaults.modes == (shapes.DefaultsModes.ON, shapes.DefaultsModes.OFF)

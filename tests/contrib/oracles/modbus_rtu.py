@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import random
-import struct
 from typing import Any
 
 from pymodbus.framer import FramerAscii, FramerRTU
@@ -30,9 +29,7 @@ class ModbusRtu(Oracle):
         values = super().values(message, source)
         if "registers" in values:
             number = source.randrange(1, 124)
-            values |= {"size": 2 * number, "registers": source.randbytes(2 * number)}
-            if "number" in values:
-                values["number"] = number
+            values["registers"] = [source.randrange(65536) for _ in range(number)]
         return values
 
     def encode(self, case: Case) -> bytes | None:
@@ -65,13 +62,13 @@ def _pdu(name: str, sender: End, wire: Wire) -> ModbusPDU:
     if name == "read_holding_registers":
         return registers.ReadHoldingRegistersRequest(address=wire[0], count=wire[1])
     if name == "holding_registers":
-        return registers.ReadHoldingRegistersResponse(registers=_unpacked(wire[1]))
+        return registers.ReadHoldingRegistersResponse(registers=wire[0])
     if name == "write_register":
         host = sender == End.HOST
         kind = registers.WriteSingleRegisterRequest if host else registers.WriteSingleRegisterResponse
         return kind(address=wire[0], registers=[wire[1]])
     if name == "write_registers":
-        return registers.WriteMultipleRegistersRequest(address=wire[0], count=wire[1], registers=_unpacked(wire[3]))
+        return registers.WriteMultipleRegistersRequest(address=wire[0], count=len(wire[1]), registers=wire[1])
     return registers.WriteMultipleRegistersResponse(address=wire[0], count=wire[1])
 
 
@@ -82,17 +79,9 @@ def _reading(pdu: ModbusPDU, sender: End) -> tuple[str, Wire]:
     if pdu.function_code == 3:
         if sender == End.HOST:
             return "read_holding_registers", [pdu.address, pdu.count]
-        return "holding_registers", [2 * len(pdu.registers), _packed(pdu.registers)]
+        return "holding_registers", [pdu.registers]
     if pdu.function_code == 6:
         return "write_register", [pdu.address, pdu.registers[0]]
     if sender == End.HOST:
-        return "write_registers", [pdu.address, pdu.count, 2 * len(pdu.registers), _packed(pdu.registers)]
+        return "write_registers", [pdu.address, pdu.registers]
     return "registers_written", [pdu.address, pdu.count]
-
-
-def _unpacked(data: bytes) -> list[int]:
-    return list(struct.unpack(f">{len(data) // 2}H", data))
-
-
-def _packed(numbers: list[int]) -> bytes:
-    return struct.pack(f">{len(numbers)}H", *numbers)

@@ -65,7 +65,7 @@ class Shape:
 def shape_of(path: str, fields: tuple[Field, ...], named: Mapping[str, Shape]) -> Shape:
     """The struct for these fields. ``named``: those of the file's types, by their names in the file."""
     scope = names.Scope(frozenset({path.rpartition("::")[2], "Info", *(shape.path for shape in named.values())}))
-    hidden = {f.name for f in fields if f.kind == FieldKind.PADDING or f.is_count or _has_no_value(f)}
+    hidden = {f.name for f in fields if f.kind == FieldKind.PADDING or f.is_count or f.only_counts}
     members = {f.name: "" if f.name in hidden else scope.claim(names.identifier(f.name), "_") for f in fields}
     found = []
     for spec in fields:
@@ -78,12 +78,6 @@ def shape_of(path: str, fields: tuple[Field, ...], named: Mapping[str, Shape]) -
             shape = shape_of(type_name, spec.fields, named) if spec.fields else None
         found.append(Member(spec, members[spec.name], type_name, shape))
     return Shape(path, tuple(found))
-
-
-def _has_no_value(field: Field) -> bool:
-    """Is nothing left of its bits but padding and what counts?"""
-    bits = field.fields if field.kind == FieldKind.BITS else ()
-    return any(one.is_count for one in bits) and all(one.is_count or one.kind == FieldKind.PADDING for one in bits)
 
 
 def named_shapes(protocol: Protocol, scope: names.Scope) -> dict[str, Shape]:

@@ -171,7 +171,7 @@ class _Writer:
             [
                 self._member(name, field, scope.claim(python_identifier(field.name), "_"))
                 for field in fields
-                if field.kind != FieldKind.PADDING and not field.is_count
+                if field.kind != FieldKind.PADDING and not field.is_count and not field.only_counts
             ],
         )
         self.blocks.append(block)

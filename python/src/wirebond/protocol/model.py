@@ -216,6 +216,12 @@ class Field:
         return (open_ended and not self.counted_by) or any(f.reaches_end for f in self.fields)
 
     @property
+    def only_counts(self) -> bool:
+        """Are these bits of which each counts others, or pads? Generated structs have no member for them."""
+        bits = self.fields if self.kind == FieldKind.BITS else ()
+        return any(one.is_count for one in bits) and all(one.is_count or one.kind == FieldKind.PADDING for one in bits)
+
+    @property
     def counters(self) -> tuple[tuple[str, int], ...]:
         """The fields that count it, each with what it tells for one element or byte. The first says how many there are;
         another one agrees with it."""
