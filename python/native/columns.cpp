@@ -61,12 +61,12 @@ void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& wa
   Counts counts;
   for (const FieldTable& field : fields) {
     const std::size_t here = place + field.at;
+    if (field.counts) counts.tell(field, walk.at(here));  // also one of its bits may
     if (is_flattened(field)) {
       read_row(field.fields, here, walk, columns, next);
       continue;
     }
     Column& column = columns[next++];
-    if (field.counts) counts.tell(field, walk.at(here));
     if (column.moves) column.places.push_back(walk.at(here));
     if (!column.objects.is_valid()) continue;
     const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
