@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
-from dataclasses import FrozenInstanceError, fields
+from copy import copy
+from dataclasses import FrozenInstanceError, fields, replace
 from pathlib import Path
 from types import ModuleType
 
@@ -46,6 +47,21 @@ def test_messages_come_back_with_their_types_and_make_the_same_bytes(path: Path,
         assert typed.encode() == frame
         assert type(typed)(**{field.name: getattr(typed, field.name) for field in fields(typed) if field.init}) == typed
         assert hash(typed) == hash(module.from_message(received))
+
+
+def test_a_received_header_is_no_value_of_the_message(tmp_path: Path) -> None:
+    headers = module_of(HERE / "every_header.yaml", tmp_path)
+    pieces = [headers.Answer(angle=0.5).encode(header={"servo": servo}) for servo in (3, 4)]
+    one, other = map(headers.from_message, headers.codec.decoder("mcu").feed(b"".join(pieces)))
+    assert [message.header["servo"] for message in (one, other)] == [3, 4]
+    assert one == other == headers.Answer(angle=0.5)
+    changed = replace(one, angle=0.25)
+    assert changed == headers.Answer(angle=0.25)
+    assert changed.header == {}  # nobody sent it
+    assert changed.encode() == headers.Answer(angle=0.25).encode()  # to the file's address, as any other
+    assert copy(one).header == one.header
+    with pytest.raises(ValueError, match="header is declared with init=False"):
+        replace(one, header={"servo": 5})
 
 
 def test_fields_have_types_of_their_own(tmp_path: Path) -> None:
