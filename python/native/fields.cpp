@@ -321,6 +321,7 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::ha
       value = stand_in(field);
       const bool has_fields = field.kind == FieldKind::structure && field.repeat == Repeat::fixed;
       if (value.is_none() && !has_fields) {
+        refuse_unknown(fields, nb::borrow<nb::dict>(values), path);  // a name that is spelt wrong explains the gap
         throw_message_error(path.text() + " needs " + field.name + ", which has no default");
       }
     }

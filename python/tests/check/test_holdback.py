@@ -40,7 +40,16 @@ def test_a_long_payload_on_a_slow_line_is_a_warning() -> None:
     codec = made("[magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-16/mcrf4xx]", messages, baud=9600)
     finding = assess(codec.model, directions(codec, 1), Places())[0]
     assert finding.severity == Severity.WARNING
-    assert "up to 251 bytes, 261 ms" in finding.sentence  # the payloads are random, the longest of them has 249
+    assert "up to 252 bytes, 262 ms" in finding.sentence
+
+
+def test_a_bound_above_the_longest_message_counts() -> None:
+    """A newer peer may send messages so long, and the receiver waits for them."""
+    messages = "{a: {id: 1, sender: mcu, fields: {x: {type: u32}}}, b: {id: 2, sender: mcu}}"
+    frame = "[magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-16/mcrf4xx]"
+    found = measure_hold_back(made(frame, messages, "max_payload: 255"), End.MCU, 1)
+    assert found is not None
+    assert found.bytes == 255 + 2  # payload and check behind the header
 
 
 def test_an_end_that_sends_nothing_has_no_figure() -> None:

@@ -53,6 +53,30 @@ def test_a_scale_is_told_by_a_value() -> None:
     }
 
 
+def test_another_unit_is_another_quantity() -> None:
+    same = "the same number means another quantity there; if only the spelling was corrected, nothing breaks"
+    assert told("unit: m/s", "unit: km/h") == {
+        "": "breaks: drive.speed: unit m/s became km/h",
+        "new host to old MCU": f"breaks: {same}",
+        "old host to new MCU": f"breaks: {same}",
+    }
+    assert {change.verdict for change in changes("unit: m/s, ", "")} == {Verdict.COMPATIBLE}
+
+
+def test_a_stop_that_the_other_end_does_not_know_breaks() -> None:
+    """What is new can wait until both ends know it; a stop cannot."""
+    with_halt = BASE.replace("  ask: ", "  halt: {id: 6, sender: host}\n  ask: ").replace(
+        "{message: drive, speed: 0}", "{message: halt}"
+    )
+    found = [change for change in compare(loads(BASE), loads(with_halt)).changes if change.what == "emergency_stop"]
+    assert [str(change.verdict) for change in found] == ["breaks"]
+    assert [(str(e.flow), e.sentence) for e in found[0].effects] == [
+        ("new host to old MCU", "the old MCU does not know halt, and moves on")
+    ]
+    renamed = BASE.replace("  drive:", "  travel:").replace("message: drive", "message: travel")
+    assert not [c for c in compare(loads(BASE), loads(renamed)).changes if c.what == "emergency_stop" and c.effects]
+
+
 def test_a_slower_sender_breaks_the_old_deadline() -> None:
     with_longer = BASE.replace("every: 100 ms", "every: 600 ms").replace("after: 500 ms", "after: 2 s")
     found = compare(loads(BASE), loads(with_longer))
@@ -74,7 +98,7 @@ def test_a_shorter_deadline_breaks_with_the_old_sender() -> None:
         ("every: 1 s", "every: 2 s", "state: every 1 s became 2 s"),
         ("of the battery", "at the motor", "state.volt: has another description"),
         ("protocol: robot", "protocol: rover", "protocol: robot became rover: generated code has other names"),
-        ("speed: 0}", "speed: 0.1}", "emergency_stop: has other messages or values"),
+        ("speed: 0}", "speed: 0.1}", "emergency_stop: has other messages, values or header fields"),
         ("after: 500 ms", "after: 700 ms", "deadline of drive: after 500 ms became 700 ms"),
         ("{message: drive, at: mcu", "{message: ask, at: mcu", ""),
         ("services", "idle: 1 s\nservices", "idle: none became 1 s"),

@@ -71,16 +71,27 @@ def measure_hold_back(codec: Codec, sender: End, seed: int) -> HoldBack | None:
         return HoldBack(sender, 0, None, checked, byte_seconds)  # a delimiter or a pause ends any false start
     good = min(own.frames, key=len)
     bound = _bytes_until_delivery(codec, sender, max(own.frames, key=len)[: form.prefix], good)
+    if newer := _false_header(model, sender, model.format.max_payload):  # of a message that a newer peer might send
+        bound = max(bound, _bytes_until_delivery(codec, sender, newer[1], good))
     unbounded = None
-    possible = payload_sizes(form, 0xFFFF)
-    open_model = open_protocol(model, sender, max(possible)) if possible else None
-    if possible and open_model is not None:
-        open_codec = Codec(open_model)
-        # Not all zeros: some formats do not send those at the payload's end.
-        content = {ANY_CONTENT: b"\xff" * max(possible)} if max(possible) else {}
-        header = open_codec.encode(ANY, content)[: form.prefix]
+    if longest := _false_header(model, sender, 0xFFFF):
+        open_codec, header = longest
         unbounded = _bytes_until_delivery(open_codec, sender, header, good)
     return HoldBack(sender, bound, unbounded, checked, byte_seconds)
+
+
+def _false_header(model: Protocol, sender: End, most: int) -> tuple[Codec, bytes] | None:
+    """A receiver that takes any id and size, and the bytes before the largest payload up to ``most`` that the length
+    can tell; None where there is no such receiver."""
+    form = forms(model, sender)[0]
+    possible = payload_sizes(form, most)
+    open_model = open_protocol(model, sender, max(possible)) if possible else None
+    if not possible or open_model is None:
+        return None
+    codec = Codec(open_model)
+    # Not all zeros: some formats do not send those at the payload's end.
+    content = {ANY_CONTENT: b"\xff" * max(possible)} if max(possible) else {}
+    return codec, codec.encode(ANY, content)[: form.prefix]
 
 
 def _bytes_until_delivery(codec: Codec, sender: End, false_header: bytes, good: bytes) -> int:

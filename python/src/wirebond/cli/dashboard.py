@@ -89,7 +89,7 @@ class Dashboard:
             text = Text("" if seen.last is None else self._said(seen.last))
             if seen.last is not None and seen.last.violations:
                 text.append("  " + "; ".join(seen.last.violations), style="red")
-            table.add_row(name, str(seen.count), f"{seen.rate(now):.1f} Hz", text)
+            table.add_row(Text(name), str(seen.count), f"{seen.rate(now):.1f} Hz", text)
         if not self._seen:
             table.add_row("-", "0", "", Text("nothing received yet", style="dim"))
         return table

@@ -68,7 +68,11 @@ def _print_messages(link: Link, end: float, as_json: bool) -> None:
 
 def _one_line(message: Message, codec: Codec) -> str:
     line = codec.log_line(message)
-    said = f"{title_of(message)}  {values_text(message.fields)}" if line is None else str(line)
+    if line is None:
+        said = f"{title_of(message)}  {values_text(message.fields)}"
+    else:
+        header = values_text(message.header, between=", ")
+        said = f"[{header}] {line}" if header else str(line)
     text = f"{message.t:.3f} {said}"
     return escape(text + "".join(f"  ({v})" for v in message.violations))
 

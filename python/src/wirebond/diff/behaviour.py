@@ -17,14 +17,13 @@ def behaviour_changes(old: Protocol, new: Protocol, routes: list[Sides]) -> Iter
     yield from _line(old, new, routes)
     yield from _silence(old, new, routes)
     yield from _deadlines(old, new, routes)
-    if old.emergency_stop != new.emergency_stop:
-        yield harmless("emergency_stop", "has other messages or values", place=("emergency_stop",))
+    yield from _stop(old, new, routes)
     yield from _services(old, new, routes)
     if old.fixed != new.fixed:
         ends = [p.fixed.value if p.fixed else "none" for p in (old, new)]
         yield harmless("fixed", f"{ends[0]} became {ends[1]}", place=("fixed",))
     if old.examples != new.examples:
-        yield harmless("examples", "are others", place=("examples",))
+        yield harmless("examples", "have changed", place=("examples",))
 
 
 def _line(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change]:
@@ -60,6 +59,27 @@ def _silence(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Chan
         ]
         sentence = f"silence {period(old.idle)} became {period(new.idle)}"
         yield changed("frame", sentence, effects, place=("frame",))
+
+
+def _stop(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change]:
+    """A stop cannot wait until both ends know it."""
+    if old.emergency_stop == new.emergency_stop:
+        return
+    effects = []
+    for sides in routes:
+        if sides.flow.sender != End.HOST:
+            continue
+        known = {m.id if m.has_id else m.name for m in sides.receiver.messages if carries(sides, m)}
+        for stop in sides.sender.emergency_stop:
+            message = sides.sender.message(stop.message)
+            if (message.id if message.has_id else message.name) not in known:
+                effects.append(
+                    Effect(sides.flow, True, f"the {sides.receiving} does not know {stop.message}, and moves on")
+                )
+    if effects:
+        yield changed("emergency_stop", "has other messages", effects, place=("emergency_stop",))
+    else:
+        yield harmless("emergency_stop", "has other messages, values or header fields", place=("emergency_stop",))
 
 
 def _deadlines(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change]:

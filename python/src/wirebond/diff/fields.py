@@ -364,9 +364,10 @@ def value_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
     if (a.scale, a.offset) != (b.scale, b.offset):
         yield _other_scale(a, b, where)
     if a.unit != b.unit:
-        told = "the number is read as it was sent, and each end shows its own unit"
+        told = "the same number means another quantity there; if only the spelling was corrected, nothing breaks"
+        effects = [Effect(s.flow, bool(a.unit and b.unit), told) for s in where.routes]
         sentence = f"unit {a.unit or 'none'} became {b.unit or 'none'}"
-        yield changed(where.path, sentence, [Effect(s.flow, False, told) for s in where.routes], place=where.place)
+        yield changed(where.path, sentence, effects, place=where.place)
     if a.enum != b.enum:
         yield from _enum_changes(a, b, where)
     if a.flags != b.flags:

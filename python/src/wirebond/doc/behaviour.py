@@ -67,7 +67,10 @@ def deadlines_chapter(protocol: Protocol) -> list[str]:
     stops = []
     for stop in protocol.emergency_stop:
         values = values_line(dict(stop.values))
-        stops.append(f"{stop.message}{' with ' + values if values else ''}")
+        header = values_line(dict(stop.header))
+        stops.append(
+            f"{stop.message}{' with ' + values if values else ''}{', its header with ' + header if header else ''}"
+        )
     if len(stops) == 1:
         lines += ["## Emergency stop", "", f"The message {stops[0]}.", ""]
     elif stops:

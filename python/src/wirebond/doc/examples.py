@@ -24,8 +24,11 @@ def examples_of(codec: Codec, message: Message) -> list[str]:
     own = [example for example in codec.model.examples if example.message == message.name]
     for example in own:
         values = {name: list(value) if isinstance(value, tuple) else value for name, value in example.values}
-        lines += _example(codec, message, values)
-        if codec.encode(message.name, values) != example.frame:  # the lint says why
+        header = dict(example.header)
+        lines += _example(codec, message, values, header, example.sender)
+        if (
+            codec.encode(message.name, values, header=header, sender=example.sender) != example.frame
+        ):  # the lint says why
             lines += [f"The protocol file gives other bytes for it, which are wrong: `{hex_of(example.frame)}`.", ""]
     return lines if own else _example(codec, message, example_values(message))
 
@@ -49,12 +52,20 @@ def values_line(values: dict[str, Any]) -> str:
     return ", ".join(f"{name} = {_shown(value)}" for name, value in values.items())
 
 
-def _example(codec: Codec, message: Message, values: dict[str, Any]) -> list[str]:
-    frame = codec.encode(message.name, values)
-    sender = End.HOST if message.sender == End.BOTH else message.sender
+def _example(
+    codec: Codec,
+    message: Message,
+    values: dict[str, Any],
+    header: dict[str, Any] | None = None,
+    sender: End | None = None,
+) -> list[str]:
+    sender = sender or (End.HOST if message.sender == End.BOTH else message.sender)
+    frame = codec.encode(message.name, values, header=header, sender=sender)
     (stretch,) = explain(expecting(codec.model, message.name), frame, sender).stretches
     assert (stretch.kind, stretch.message) == (Kind.FRAME, message.name), "the engine's frame is explained as itself"
     shown = values_line(values)
+    if header:
+        shown += f"{', ' if shown else ''}header {values_line(header)}"
     stuffed = codec.model.format.stuffing != Stuffing.NONE
     heads = (">at", "bytes" if not stuffed else "on the wire", "unstuffed", "part", "meaning")
     rows = [
