@@ -59,6 +59,18 @@ def test_a_frame_waits_for_no_byte_more_than_its_counts_tell() -> None:
     assert message.fields["inner"] == {"size": 3, "text": "abc"}
 
 
+def test_columns_read_what_bits_count() -> None:
+    """The bits are columns of their own, and the list behind them is told by one of them."""
+    frames = [
+        CODEC.encode("in_bits", head={"kind": 1}, levels=[*range(n)], samples=[], name={"text": "x" * n})
+        for n in (0, 3, 9)
+    ]
+    columns = CODEC.decode_columns(b"".join(frames), sender="host")
+    table = columns["in_bits"]
+    assert list(table["head.number"]) == [0, 3, 9]
+    assert [list(levels) for levels in table["levels"]] == [list(range(n)) for n in (0, 3, 9)]
+
+
 def test_a_count_beyond_its_bound_is_a_false_start_at_once() -> None:
     decoder = CODEC.decoder("mcu")
     found = decoder.feed(bytes([0x11, 3, 251]) + REPLY)

@@ -254,6 +254,13 @@ TEST_CASE("an address can be set, and what the link sends carries it") {
   CHECK(bench.host.answers[0].second.system == 1);
 }
 
+TEST_CASE("a broadcast cannot be the own address, so that nobody answers one") {
+  Bench bench;
+  REQUIRE(bench.link.set_address(7));
+  CHECK_FALSE(bench.link.set_address(0xFE));
+  CHECK(bench.link.address() == 7);
+}
+
 TEST_CASE("services answer what is for the own address, and nothing else") {
   Bench bench;
   REQUIRE(bench.link.set_address(7));

@@ -127,9 +127,9 @@ class Listening<Source, true> {
   using Address = typename Source::Address;
 
   /// Act on frames for `address`, and on broadcasts. Until somebody calls it, or `listen_to_all`, that is the file's
-  /// default. False: the field cannot hold it, and nothing has changed. One context: that which feeds.
+  /// default. False: the field cannot hold it, or it is a broadcast; nothing has changed. One context: that which feeds.
   bool set_address(Address address) {
-    if (address > Source::most_address) return false;
+    if (address > Source::most_address || is_broadcast(address)) return false;
     address_.store(address);
     hears_all_ = false;
     return true;
@@ -148,10 +148,10 @@ class Listening<Source, true> {
     detail::each_header_field<Source>(frame, [&](const HeaderField& field) WIREBOND_INLINE_LAMBDA {
       if (field.place != Source::receiver_place) return;
       const auto to = static_cast<Address>(detail::read_wide(field.number, frame.bytes, frame.size));
-      if (to == address()) return;
-      addressee_ = Addressee::another;
-      for (const Address everybody : Source::broadcasts) {
-        if (to == everybody) addressee_ = Addressee::all;
+      if (is_broadcast(to)) {
+        addressee_ = Addressee::all;
+      } else if (to != address()) {
+        addressee_ = Addressee::another;
       }
     });
     if (addressee_ != Addressee::another || hears_all_) return true;
@@ -160,6 +160,13 @@ class Listening<Source, true> {
   }
 
  private:
+  static constexpr bool is_broadcast(Address address) {
+    for (const Address everybody : Source::broadcasts) {
+      if (address == everybody) return true;
+    }
+    return false;
+  }
+
   detail::AddressCell<Address> address_{Source::receiver_default};
   bool hears_all_ = false;
   Addressee addressee_ = Addressee::own;

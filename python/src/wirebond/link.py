@@ -254,7 +254,7 @@ class Link:
         """The host's own address: frames for others are foreign, and it is sent where frames name their sender. None
         where the protocol has no address of the host. Setting it holds from then on. Any thread.
 
-        :raises UsageError: set where the protocol has none, or to a value that its field cannot hold.
+        :raises UsageError: set where the protocol has none, to a value that its field cannot hold, or to a broadcast.
         """
         if self._address_field is None:
             return None
@@ -269,6 +269,8 @@ class Link:
         if not (value in known if isinstance(value, str) else isinstance(value, int) and 0 <= value < 1 << field.width):
             limit = ", ".join(known) or f"0 to {(1 << field.width) - 1}"
             raise UsageError(f"address is {value!r}; {field.name} takes {limit}")
+        if value in self._address_field[0].broadcast:
+            raise UsageError(f"address is {value!r}, the broadcast of {field.name}; an end cannot have it as its own")
         self._own_address = value
         self._engine.set_address(field.wire_bits(value))
 

@@ -111,6 +111,7 @@ def test_sixteen_fields_are_possible() -> None:
         ("{field: x, type: u8, scale: 0.1, enum: {a: 0}}", "`scale` has no meaning for named numbers"),
         ("{field: x, type: u8, broadcast: 3}", "`broadcast` belongs to the address of a receiver; add `address: mcu`"),
         ("{field: x, type: u8, address: mcu, broadcast: 300}", "300 does not fit `x`"),
+        ("{field: x, type: u8, address: mcu, broadcast: 0}", "the default of `x`, 0, is its broadcast"),
         ("{field: x, type: u8, address: host}", "`host` is not possible here; possible: mcu, receiver, sender"),
         ("{field: x, type: u8, address: mcu, scale: 2}", "`x` is an address, and those are whole numbers"),
         ("{bits: u8, fields: {a: f32}}", "`f32` is not a type of a run of bits; possible: u1 to u64, i2 to i64"),

@@ -70,6 +70,8 @@ def parse_addresses(protocol: Protocol, words: list[str]) -> tuple[int | str, ..
             raise UsageError(f"--address is {value}; expected a whole number, or a name of `{field.name}`")
         if isinstance(value, int) and not 0 <= value < 1 << field.width:
             raise UsageError(f"--address is {value}; `{field.name}` takes 0 to {(1 << field.width) - 1}")
+        if value in plan.header[place].broadcast:
+            raise UsageError(f"--address is {value}, the broadcast of `{field.name}`; give the address of one MCU")
     return tuple(values)
 
 

@@ -102,7 +102,14 @@ class _HeaderReader(ValueReader):
             return HeaderField(plain)
         host, mcu = self._defaults(field, self._syntax.default)
         address = None if self._syntax.address is None else Address(self._syntax.address)
-        return HeaderField(field, host, mcu, address=address, broadcast=self._broadcast(field, address))
+        broadcast = self._broadcast(field, address)
+        if address == Address.MCU and host in broadcast:
+            self._wrong(
+                self._node.place if self._syntax.default is None else self._node.value_place("default"),
+                f"the default of `{name}`, {host}, is its broadcast, and no MCU can have that address; add for example "
+                f"`default: {1 if host != 1 else 2}`",
+            )
+        return HeaderField(field, host, mcu, address=address, broadcast=broadcast)
 
     def _defaults(self, field: Field, given: EndDefaults | None) -> tuple[HeaderDefault, HeaderDefault]:
         if given is None:
