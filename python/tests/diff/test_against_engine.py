@@ -43,6 +43,7 @@ messages:
       count: {type: u8}
       items: {type: u8, count: count, max: 4}
 """
+WIDE = BASE.replace("items: {type: u8", "items: {type: u16")
 SPEED, TURN = (line.strip() for line in BASE.splitlines() if line.strip().startswith(("speed:", "turn:")))
 LEVEL = "level: {type: u8}"
 VALUES = {
@@ -112,6 +113,10 @@ CASES = [
     Case("a smaller max_payload", "max_payload: 40", "max_payload: 10", set()),
     Case("a field at the end, weak check", LEVEL, LEVEL + "\n      more: {type: u8, default: 1}",
          FROM_HOST, weak(BASE)),
+    Case("a count of elements of one byte tells bytes", "count: count", "count: {bytes: count}", set()),
+    Case("a count tells bytes", "count: count", "count: {bytes: count}", FROM_MCU, WIDE),
+    Case("a second count, of bytes", "items: {type: u16, count: count", "size: {type: u8}\n      "
+         "items: {type: u16, count: {elements: count, bytes: size}", FROM_MCU, WIDE),
     Case("a field behind a list", "max: 4}", "max: 4}\n      more: {type: u8, default: 1}", {MCU_OLD}),
 ]  # fmt: skip
 

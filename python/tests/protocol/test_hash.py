@@ -166,3 +166,28 @@ def test_how_fields_lie_together_changes_the_hash(old: str, new: str) -> None:
 )
 def test_names_of_types_and_padding_leave_the_hash_alone(old: str, new: str) -> None:
     assert protocol_hash(loads(SHAPES.replace(old, new))) == protocol_hash(loads(SHAPES))
+
+
+def test_what_a_count_tells_is_in_the_hash_and_what_asks_for_it_is_not() -> None:
+    text = """
+wirebond: 1
+protocol: counted
+frame: [magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-8/smbus]
+messages:
+  ask: {id: 1, sender: host, reply: told, fields: {many: {type: u8}}}
+  told:
+    id: 2
+    sender: mcu
+    fields: {n: {type: u8}, size: {type: u8}, v: {type: u16, count: n, max: 4}, w: {type: u8, count: n, max: 4}}
+"""
+    first = protocol_hash(loads(text))
+
+    def hash_with(count: str) -> int:
+        return protocol_hash(loads(text.replace("u16, count: n", f"u16, count: {count}")))
+
+    assert hash_with("{elements: n}") == hash_with("{elements: n, asked_by: many}") == first
+    others = {hash_with("{bytes: size}"), hash_with("size"), hash_with("{elements: n, bytes: size}")}
+    assert len(others) == 3
+    assert first not in others
+    one_byte = text.replace("w: {type: u8, count: n", "w: {type: u8, count: {bytes: n}")
+    assert protocol_hash(loads(one_byte)) == first

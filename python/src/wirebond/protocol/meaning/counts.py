@@ -82,11 +82,14 @@ class Counting:
             )
             return None
         names = ((syntax.elements, "elements"), (syntax.bytes, "bytes"))
-        good = [self._counts(name, at(key), key == "bytes") for name, key in names if name is not None]
+        good = [
+            self._counts(name, at(key), key == "bytes" and self.step > 1) for name, key in names if name is not None
+        ]
         if not all(good):
             return None
         if syntax.elements is None:
-            return Amount(counted_by=syntax.bytes or "", counted_in_bytes=True, asked_by=asked_by)
+            in_bytes = self.step > 1  # of elements of one byte it is the same
+            return Amount(counted_by=syntax.bytes or "", counted_in_bytes=in_bytes, asked_by=asked_by)
         return Amount(counted_by=syntax.elements, bytes_counted_by=syntax.bytes or "", asked_by=asked_by)
 
     def _counts(self, name: str, place: Place, in_bytes: bool) -> bool:
