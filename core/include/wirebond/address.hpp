@@ -127,7 +127,8 @@ class Listening<Source, true> {
   using Address = typename Source::Address;
 
   /// Act on frames for `address`, and on broadcasts. Until somebody calls it, or `listen_to_all`, that is the file's
-  /// default. False: the field cannot hold it, or it is a broadcast; nothing has changed. One context: that which feeds.
+  /// default. False: the field cannot hold it, or it is a broadcast; nothing has changed. One context: that which
+  /// feeds.
   bool set_address(Address address) {
     if (address > Source::most_address || is_broadcast(address)) return false;
     address_.store(address);
