@@ -274,3 +274,20 @@ def test_a_message_of_both_ends_needs_frames_that_both_have_an_id_or_none() -> N
     frame = f"magic: {{host: 0xA1, mcu: 0xA2}}, length: u8, {{id: u8, when: magic == 0xA2}}, payload: by_length, {CRC}"
     with pytest.raises(ProtocolFileError, match="make it two messages, one for each sender"):
         protocol("one_way_id", frame, "{tell: {sender: both}}")
+
+
+def test_of_two_forms_that_blame_as_much_the_one_that_was_examined_further_is_told() -> None:
+    """The form for long payloads comes first, and its size does not hold; the other one's header check fails."""
+    frame = "frame:\n  - magic: 0xA5\n  - length: u8\n  - id: u8\n  - check: {type: crc-8/smbus, over: length..id}\n"
+    frame += "  - payload: by_length\n  - {reserved: 2, when: size <= 20}\n"
+    messages = "messages: {m: {id: 1, sender: mcu, fields: {x: {type: bytes, max: 40}}}}\n"
+    codec = Codec(loads(f"wirebond: 1\nprotocol: p\n{frame}{messages}"))
+    for size in (10, 30):
+        wrong = bytearray(codec.encode("m", x=bytes(size))[:5])
+        wrong[3] ^= 1
+        decoder = codec.decoder(End.MCU)
+        assert decoder.feed(bytes(wrong)) + decoder.finish() == []
+        assert decoder.stats.as_dict()["rejected_candidates"] == {"header_check_mismatch": 1}
+        assert dict(reference.decode(codec.model, bytes(wrong), End.MCU).rejected_candidates) == {
+            "header_check_mismatch": 1
+        }

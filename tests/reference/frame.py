@@ -13,6 +13,11 @@ from tests.reference.sizes import longest_frame
 from tests.reference.stuffing import overhead, undone, unstuffed
 from wirebond.protocol.model import BitRole, End, LengthCounts, Message, Part, PartKind, PayloadRule, Protocol, Subject
 
+# Causes, as one after the other can be decided. Stuffing is undone before.
+IN_ORDER = (
+    "constant_mismatch", "length_out_of_range", "unknown_message", "header_check_mismatch", "check_mismatch",
+)  # fmt: skip
+
 
 def examine_start(protocol: Protocol, data: bytes, sender: End | None) -> tuple[int, int, str, dict[str, object]]:
     """Size on the wire, id, message name and header values of the frame at the start of ``data``; raises Rejected or
@@ -107,8 +112,8 @@ def _examine(
             except Incomplete as found:
                 waits = found if waits is None or found.size < waits.size else waits
             except Rejected as rejected:
-                reach = (rejected.extent, rejected.cause != "constant_mismatch")
-                if furthest is None or reach > (furthest.extent, furthest.cause != "constant_mismatch"):
+                reach = (rejected.extent, IN_ORDER.index(rejected.cause))
+                if furthest is None or reach > (furthest.extent, IN_ORDER.index(furthest.cause)):
                     furthest = rejected
     if waits is not None:
         raise waits

@@ -386,13 +386,14 @@ WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candid
   if constexpr (Source::is_constant) {
     if (format.form_count == 1) return detail::examine_form(source, 0, candidate, available, block, frame);
   }
-  // Several forms: the first that holds. A rejection is reported for the form that got furthest: one whose bits "there
-  // or not" differ is not meant at all, so of two that blame as many bytes any other cause says more.
+  // Several forms: the first that holds. A rejection is reported for the form that got furthest: of two that blame as
+  // many bytes, the one whose cause is decided later. One whose bits "there or not" differ, or whose sizes do, is not
+  // meant at all.
   Verdict best{Outcome::reject, Cause::constant_mismatch, 0};
   const auto examine_next = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Verdict verdict = detail::examine_form(source, i, candidate, available, block, frame);
     const bool further =
-        verdict.bytes > best.bytes || (verdict.bytes == best.bytes && best.cause == Cause::constant_mismatch);
+        verdict.bytes > best.bytes || (verdict.bytes == best.bytes && verdict.cause > best.cause);  // in their order
     const bool better =
         i == 0 || verdict.outcome == Outcome::frame ||
         (verdict.outcome == Outcome::need_more ? best.outcome != Outcome::need_more || verdict.bytes < best.bytes
