@@ -220,6 +220,71 @@ std::int16_t draw_expected(const std::vector<wirebond::MessageRow>& rows, Fuzzed
   return row.only_expected ? row.shape.index : std::int16_t{-1};
 }
 
+/// Counts and constants among a message's fields, as its sender has them.
+class PayloadDraft {
+ public:
+  /// Draws the counts.
+  PayloadDraft(const wirebond::MessageRow& row, FuzzedDataProvider& input) : rules_(row.rules) {
+    std::size_t behind[wirebond::max_payload_counts + 1] = {};
+    for (std::size_t i = 0; i < rules_.count_count; ++i) {
+      const wirebond::PayloadCount& count = rules_.counts[i];
+      std::size_t told = 0;
+      std::size_t taken = 0;
+      if (count.agrees_with < 0) {
+        told = input.ConsumeIntegralInRange<std::size_t>(0, count.most / count.step) * count.step;
+        taken = told * count.unit;
+      } else {
+        const auto other = static_cast<std::size_t>(count.agrees_with);
+        told = (behind[other + 1] - behind[other]) / count.unit;
+      }
+      places_[i] = count.at + behind[count.behind];
+      for (std::size_t j = 0; j < i; ++j) {  // one number may count several things
+        if (places_[j] != places_[i] || rules_.counts[j].shift != count.shift || count.agrees_with >= 0) continue;
+        told = numbers_[j];
+        taken = told * count.unit;
+      }
+      is_possible_ = is_possible_ && told <= count.most && told % count.step == 0;
+      behind[i + 1] = behind[i] + taken;
+      numbers_[i] = told;
+    }
+    shift_ = behind[rules_.count_count];
+    for (std::size_t i = 0; i < rules_.constant_count; ++i) {
+      constants_.push_back(rules_.constants[i].at + behind[rules_.constants[i].behind]);
+    }
+  }
+
+  /// False: what was drawn for a number that counts several things is too much for one of them.
+  bool is_possible() const { return is_possible_; }
+  /// Bytes that stand behind the counts.
+  std::size_t counted_bytes() const { return shift_; }
+
+  /// Put counts and constants into a payload.
+  void write(Bytes& payload) const {
+    for (std::size_t i = 0; i < rules_.count_count; ++i) {
+      const wirebond::PayloadCount& count = rules_.counts[i];
+      if (places_[i] + count.bytes > payload.size()) continue;
+      std::uint8_t* const at = payload.data() + places_[i];
+      const std::uint64_t kept =
+          wirebond::load_bytes(at, count.bytes, count.order) & ~(count.mask << count.shift);  // of other bits
+      wirebond::store_bytes(at, kept | std::uint64_t{numbers_[i]} << count.shift, count.bytes, count.order);
+    }
+    for (std::size_t i = 0; i < constants_.size(); ++i) {
+      if (constants_[i] >= payload.size()) continue;
+      const wirebond::PayloadConstant& constant = rules_.constants[i];
+      std::uint8_t& byte = payload[constants_[i]];
+      byte = static_cast<std::uint8_t>((byte & ~constant.mask) | constant.value);
+    }
+  }
+
+ private:
+  const wirebond::PayloadRules rules_;
+  std::size_t places_[wirebond::max_payload_counts] = {};
+  std::size_t numbers_[wirebond::max_payload_counts] = {};
+  std::vector<std::size_t> constants_;
+  std::size_t shift_ = 0;
+  bool is_possible_ = true;
+};
+
 /// A frame of one of the messages that are meant now; empty where its form cannot carry what was drawn.
 Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebond::MessageRow>& rows,
                  FuzzedDataProvider& input) {
@@ -230,7 +295,11 @@ Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebo
   const std::size_t number =
       input.ConsumeBool() ? input.ConsumeIntegralInRange<std::size_t>(0, format.form_count - 1u) : 0;
   const wirebond::Form& form = format.forms[number];
-  const std::size_t size = input.ConsumeIntegralInRange<std::size_t>(row.shape.min_payload, row.shape.max_payload);
+  const PayloadDraft draft(row, input);
+  const std::size_t size = row.rules.count_count != 0 ? row.shape.min_payload + draft.counted_bytes()
+                                                      : input.ConsumeIntegralInRange<std::size_t>(
+                                                            row.shape.min_payload, row.shape.max_payload);
+  if (!draft.is_possible() || size > row.shape.max_payload) return {};
   if (form.length.present()) {  // sizes that the length cannot tell are the loader's to refuse
     const std::int64_t counted = static_cast<std::int64_t>(size) - form.length_bias;
     if (counted < 0 || counted % form.length_unit != 0) return {};
@@ -243,10 +312,12 @@ Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebo
         input.ConsumeBool() ? input.ConsumeIntegral<std::uint64_t>() & mask : form.header[i].default_value;
     header[form.header[i].place] = of_form(form, form.header[i].number, drawn, form.prefix + size + form.suffix);
   }
-  if (!wirebond::carries_id(format, form, row.id) || wirebond::is_excluded(format, form, row.id, size, header.data())) {
-    return {};  // a sender takes another form for these
-  }
-  const Bytes payload = input.ConsumeBytes<std::uint8_t>(size);
+  // A sender takes another form for these.
+  const bool is_refused =
+      !wirebond::carries_id(format, form, row.id) || wirebond::is_excluded(format, form, row.id, size, header.data());
+  Bytes payload = input.ConsumeBytes<std::uint8_t>(size);
+  payload.resize(size);
+  draft.write(payload);
   const std::size_t room =
       wirebond::max_wire_bytes(format) + wirebond::payload_lead(source, number) + wirebond::max_frame_bytes(format);
   const std::unique_ptr<std::uint8_t[]> buffer(new std::uint8_t[room]());
@@ -256,7 +327,7 @@ Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebo
   EXPECT(wire <= wirebond::max_wire_bytes(format), "a frame has the bytes that were set aside for it");
   const bool is_empty = size == 0 && form.prefix + form.suffix + form.fixed_payload == 0 &&
                         format.framing != wirebond::Framing::bracketed && format.stuffing != wirebond::Stuffing::cobs;
-  EXPECT((wire == 0) == is_empty, "a payload that fits is sealed, if there is anything to seal");
+  EXPECT((wire == 0) == (is_empty || is_refused), "what fits this form is sealed, if there is anything to seal");
   return Bytes(buffer.get(), buffer.get() + wire);
 }
 
@@ -338,6 +409,16 @@ wirebond::detail::Received between_delimiters(const wirebond::FrameFormat& forma
   return {found.wire.data() + opening, found.wire.size() - opening - format.closing.size};
 }
 
+/// Does a condition that plays no part on receive forbid a sender to send this? `payload: rest` has such ones.
+bool only_senders_exclude(const wirebond::FrameFormat& format, const wirebond::Form& form, std::size_t payload) {
+  for (std::size_t i = 0; i < form.exclusion_count; ++i) {
+    const wirebond::Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
+    if (exclusion.on_receive || exclusion.subject != wirebond::Subject::size) continue;
+    if (exclusion.low <= payload && payload <= exclusion.high) return true;
+  }
+  return false;
+}
+
 /// What was delivered passes once more by itself, and so does what the encoder makes of it.
 void expect_itself(const wirebond::RuntimeSource& source, const Found& found) {
   const wirebond::FrameFormat& format = source.format();
@@ -350,12 +431,14 @@ void expect_itself(const wirebond::RuntimeSource& source, const Found& found) {
   EXPECT(verdict.outcome == wirebond::Outcome::frame && verdict.bytes == found.unstuffed.size(),
          "a delivered frame passes its own examination");
 
+  if (only_senders_exclude(format, form, found.payload.size())) return;
+  const std::uint32_t id = form.id.present() ? found.id : format.no_id;
   const std::size_t lead = wirebond::payload_lead(source, found.form);
   const std::size_t room = wirebond::max_wire_bytes(format);
   const std::unique_ptr<std::uint8_t[]> buffer(new std::uint8_t[room]());
   std::copy(found.payload.begin(), found.payload.end(), buffer.get() + lead);
   const std::size_t wire =
-      wirebond::seal(source, buffer.get(), room, found.id, found.payload.size(), found.form, found.header.data());
+      wirebond::seal(source, buffer.get(), room, id, found.payload.size(), found.form, found.header.data());
   EXPECT(wire != 0, "a delivered frame can be encoded");
   if (holds_delimiter(format, buffer.get(), wire)) return;
   Observed<std::uint32_t> again(source, 0, 1000);

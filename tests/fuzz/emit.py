@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import random
 import zlib
 from fractions import Fraction
 from pathlib import Path
 
 from tests.fuzz.files import SHAPES
+from tests.random_formats import random_protocol
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.gen.cpp import cpp_header, format_lines, struct_names
+from wirebond.gen.cpp import cpp_header, format_lines, rules_views, struct_names
 from wirebond.gen.names import namespace
-from wirebond.protocol import load
+from wirebond.protocol import ProtocolFileError, load, loads
 from wirebond.protocol.model import End, Field, Protocol
 from wirebond.protocol.plan import plan_for
 
 FILES = sorted(
     [*PROTOCOLS.glob("*.yaml"), *PROTOCOLS.glob("contrib/*.yaml"), *(ROOT / "tests" / "formats").glob("*.yaml")]
 )
+RANDOM_FILES = 80
 # Together they have every shape of field, and numbers of every type.
 FIELD_FILES = [SHAPES / "every_shape.yaml", SHAPES / "every_type.yaml"]
 
@@ -33,40 +36,62 @@ def write_sources(target: str, folder: Path) -> list[Path]:
 
 def _real_formats() -> str:
     """The source file that defines ``fuzz::real_formats``: for each of ``FILES`` and sender its format and messages."""
-    blocks = []
-    for path in FILES:
-        protocol = load(path)
+    functions = []
+    for protocol in [*map(load, FILES), *_random_protocols()]:
         for end in (End.HOST, End.MCU):
             if any(message.sent_by(end) for message in protocol.messages):
-                blocks.append(_block(f"{path.stem} from {end.value}", protocol, end))
+                functions.append(_function(f"format_{len(functions)}", protocol, end))
     return "\n".join(
         [
             "// The frame formats of the protocol files.",
             '#include "described.hpp"',
+            *functions,
             "std::vector<fuzz::Described> fuzz::real_formats() {",
-            "  std::vector<Described> all;",
-            *blocks,
-            "  return all;",
+            f"  return {{{', '.join(f'format_{number}()' for number in range(len(functions)))}}};",
             "}",
             "",
         ]
     )
 
 
-def _block(name: str, protocol: Protocol, end: End) -> str:
+def _random_protocols() -> list[Protocol]:
+    """Files that combine what the others have one by one; the same ones each time."""
+    found = []
+    for seed in range(RANDOM_FILES):
+        try:
+            found.append(loads(random_protocol(random.Random(f"fuzz {seed}"), seed)))
+        except ProtocolFileError:
+            continue
+    return found
+
+
+def _function(name: str, protocol: Protocol, end: End) -> str:
+    """The function that makes the format, and the messages' rules, which it points at."""
     plan = plan_for(protocol, end)
-    rows = [
-        f"{{{r.id}U, {{{r.index}, {r.min_payload}, {r.max_payload}, {r.seed}}}, {str(r.only_expected).lower()}}}"
-        for r in plan.messages
-    ]
+    rules = {view.index: view for view in rules_views(protocol, plan)}
+    tables, rows = [], []
+    for row in plan.messages:
+        view = rules.get(row.index)
+        pointers = {"constants": "nullptr", "counts": "nullptr"}
+        sizes = {"constants": 0, "counts": 0}
+        for kind, type_name in (("constants", "PayloadConstant"), ("counts", "PayloadCount")):
+            entries = getattr(view, kind, ())
+            if entries:
+                pointers[kind] = f"{kind}_{row.index}"
+                sizes[kind] = len(entries)
+                tables.append(f"static const wirebond::{type_name} {pointers[kind]}[] = {{{', '.join(entries)}}};")
+        shape = f"{{{row.index}, {row.min_payload}, {row.max_payload}, {row.seed}}}"
+        applied = f"{{{pointers['constants']}, {pointers['counts']}, {sizes['constants']}, {sizes['counts']}}}"
+        rows.append(f"{{{row.id}U, {shape}, {str(row.only_expected).lower()}, {applied}}}")
     lines = [
-        f"{{  // {name}",
+        f"static fuzz::Described {name}() {{  // {protocol.name} from {end.value}",
+        *(f"  {line}" for line in tables),
         "  wirebond::FrameFormat format{};",
         *(f"  {line}" for line in format_lines(plan)),
-        f"  all.push_back({{format, {{{', '.join(rows)}}}}});",
+        f"  return {{format, {{{', '.join(rows)}}}}};",
         "}",
     ]
-    return "\n".join("  " + line for line in lines)
+    return "\n".join(lines)
 
 
 def bound_rounds_past(field: Field) -> bool:

@@ -410,7 +410,8 @@ class RulesView:
     counts: tuple[str, ...]
 
 
-def _rules_views(protocol: Protocol, plan: Plan) -> tuple[RulesView, ...]:
+def rules_views(protocol: Protocol, plan: Plan) -> tuple[RulesView, ...]:
+    """Of all messages of the plan that have any, by rising index."""
     found = []
     for row in sorted(plan.messages, key=lambda row: row.index):
         constants = tuple(f"{{{c.at}, {c.behind}, 0x{c.mask:02X}, 0x{c.value:02X}}}" for c in row.rules.constants)
@@ -455,7 +456,7 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         receiver="MCU" if end == End.HOST else "host",
         shapes=tuple((key(row), shape(row)) for row in plan.messages if not row.only_expected),
         expected=tuple((row.index, key(row), shape(row)) for row in plan.messages if row.only_expected),
-        rules=_rules_views(protocol, plan),
+        rules=rules_views(protocol, plan),
         counts_bytes=any(c.step > 1 or c.agrees_with is not None for row in plan.messages for c in row.rules.counts),
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
         latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
