@@ -419,7 +419,7 @@ class TestHeader:
         [
             (SERVO_BUS, ["servo=300"], "header.servo = 300 does not fit its 8-bit wire type"),
             (SERVO_BUS, ["servos=3"], "header has no field 'servos'; it has servo, options, stamp"),
-            (SERVO_BUS, ["servo"], "'servo' is no assignment; write field=value"),
+            (SERVO_BUS, ["servo"], "'servo' is not an assignment; write field=value"),
             (SERVO_BUS, ["stamp=1"], "no form of the frame has the header fields stamp together"),
             (DIFFDRIVE, ["servo=3"], "frames of diffdrive have no header fields; remove --header"),
         ],

@@ -75,7 +75,7 @@ SYNTAX = [
     (
         "rover",
         "@Rover",
-        "`Rover` is not a protocol's name, which becomes a namespace and names of files: lower case, a "
+        "`Rover` cannot be a protocol's name, because it becomes a namespace and names of files: lower case, a "
         "letter first; write `rover`",
     ),
     ("rover", "@std", "becomes a namespace"),
@@ -707,7 +707,11 @@ NESTED = [
     ("{count: number, max: 9, fields: point}", "{count: 3, @max: 9, fields: point}", "for a number that varies"),
     ("points: {group: {count: number", "@points: {group: {count: to_end", "`points` reaches to the payload's end"),
     ("fields: {a: {type: u8}}", "@fields: {a: {type: text, max: 3}}", "leaves no room for another"),
-    ("fields: {a: {type: u8}}", "fields: {a: {type: u8, count: @number, max: 3}}", "no field before this one"),
+    (
+        "fields: {a: {type: u8}}",
+        "fields: {a: {type: u8, count: @number, max: 3}}",
+        "no earlier field beside this one is called `number`",
+    ),
     ("size: number, max: 9", "size: @to_end, max: 9", "a string reaches to the payload's end by itself"),
     ("size: number, max: 9", "size: @number", "a varying number of bytes needs a bound"),
     ("number: {type: u8}", "number: {type: u8, scale: 2}", "`number` cannot count, for it is more than a number"),

@@ -29,7 +29,7 @@ def parse_assignments(message: Message, words: list[str]) -> dict[str, Any]:
     for word in words:
         path, equals, text = word.partition("=")
         if not equals:
-            raise UsageError(f"'{word}' is no assignment; write field=value, for example {_example(message)}")
+            raise UsageError(f"'{word}' is not an assignment; write field=value, for example {_example(message)}")
         *structs, name = path.split(".")
         owner, fields, inner = message.name, message.fields, values
         for struct in structs:

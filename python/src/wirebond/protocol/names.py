@@ -45,8 +45,8 @@ def protocol_fault(name: str) -> str:
         return f"is taken in C++, where the protocol's name becomes a namespace; write for example `{name}_link`"
     if fault(name) or not _PROTOCOL_SHAPE.match(name):
         return fault(name) or (
-            "is not a protocol's name, which becomes a namespace and names of files: lower case, a letter first; write "
-            f"`{code_name(name)}`"
+            "cannot be a protocol's name, because it becomes a namespace and names of files: lower case, a letter "
+            f"first; write `{code_name(name)}`"
         )
     if name in _CPP_KEYWORDS:
         return f"is a keyword of C++, and code is generated from it; write for example `{name}_value`"

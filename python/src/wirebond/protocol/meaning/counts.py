@@ -150,7 +150,7 @@ class Counting:
             return field
         possible = [path for one in self.earlier.values() for path in _paths(one)]
         there = f"possible: {', '.join([*possible, TO_END])}" if possible else "the field that counts comes first"
-        self.problems.add(place, f"no field before this one, beside it, is called `{name}`; {there}")
+        self.problems.add(place, f"no earlier field beside this one is called `{name}`; {there}")
         return None
 
 

@@ -136,7 +136,10 @@ def _fit_number(field: Field, value: Fraction) -> tuple[float | int | None, str]
         value = min(max(value, lowest), highest) if float(value) in (field.minimum, field.maximum) else value
     if not lowest <= value <= highest:
         limits = f"from {number_text(lowest)} to {number_text(highest)}"
-        return None, f"{number_text(value)} does not fit `{field.name}`, which takes values {limits}; take one of them"
+        return (
+            None,
+            f"{number_text(value)} does not fit `{field.name}`, which takes values {limits}; choose one in that range",
+        )
     if field.kind in INTEGERS and not field.is_scaled:
         if value.denominator != 1:
             return (

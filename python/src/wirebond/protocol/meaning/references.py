@@ -66,8 +66,8 @@ def _validate_deadline(deadline: Deadline, node: Mapping, messages: Messages, pr
     if message.every is not None and deadline.after < message.every:
         problems.add(
             node.value_place("after"),
-            f"`{message.name}` is due every {message.every:g} s only, so this deadline would always "
-            "pass; write more than that",
+            f"`{message.name}` is due every {message.every:g} s only, so this deadline would strike "
+            "between two messages; write more than that",
         )
 
 

@@ -14,7 +14,7 @@ from wirebond.protocol.text.scalars import describe, hex_bytes, wrong
 MAX_LENGTH = 400
 _ADVICE = (
     "write for example `flags & 0x01` (these bits are set), `kind == 3`, `kind in [1, 4..7]`, `magic == 0xFD`, "
-    "`size > 255` or `sender == host`, joined by `and`, turned round by `not (...)`"
+    "`size > 255` or `sender == host`, joined by `and`, negated with `not (...)`"
 )
 _TOKEN = re.compile(r"\s*(0x[0-9A-Fa-f]+|0|[1-9][0-9]*|[A-Za-z_][A-Za-z0-9_]*|==|!=|<=|>=|\.\.|[<>&\[\](),-])")
 _NUMBER = re.compile(r"0x[0-9A-Fa-f]+|0|[1-9][0-9]*")
