@@ -93,6 +93,20 @@ def test_the_command_line_turns_one_servo_and_is_answered_by_it(line: Line) -> N
     assert not any("turns" in event for event in line.servos[7].events())
 
 
+@pytest.mark.parametrize(
+    ("servo", "sentence", "code"),
+    [
+        (0xFE, "read was sent to servo 254, the broadcast, which is not answered", 0),
+        (9, "read was sent to servo 9; no pose came back within", 1),
+    ],
+)
+def test_the_command_line_says_whose_answer_does_not_come(line: Line, servo: int, sentence: str, code: int) -> None:
+    command = [str(COMMAND), "send", str(FILE), line.port, "read", "--header", f"servo={servo}"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert sentence in " ".join(done.stderr.split())
+
+
 def ask(link: wirebond.Link, servo: int) -> wirebond.Message:
     """The servo's pose, asked again where the line or the servo was busy."""
     end = time.monotonic() + PATIENCE

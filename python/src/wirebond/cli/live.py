@@ -21,6 +21,7 @@ from wirebond.codec import Codec, Message, load
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
 from wirebond.link import Link, open_link
 from wirebond.protocol.model import End
+from wirebond.protocol.plan import plan_for
 from wirebond.sim.pty_port import PtyPort, run, symlinked
 from wirebond.sim.virtual_mcu import VirtualMcu
 
@@ -116,13 +117,22 @@ def _send_once(link: Link, codec: Codec, name: str, values: dict[str, Any], head
     reply = codec.model.message(name).reply
     if reply is None:
         return 0
+    whom = ""
+    plan = plan_for(codec.model, End.HOST)
+    if plan.address is not None:
+        field = plan.header[plan.address]
+        address = header.get(field.name, field.default(End.HOST))
+        if address in field.broadcast:
+            errors.print(f"{name} was sent to {field.name} {address}, the broadcast, which is not answered")
+            return 0
+        whom = f" to {field.name} {address}"
     end = time.monotonic() + _REPLY_WAIT
     while (left := end - time.monotonic()) > 0:
         for message in link.receive(left):
             if message.name == reply:
                 print_message(message, codec)
                 return 0
-    errors.print(f"{name} was sent; no {reply} came back within {_REPLY_WAIT:g} s")
+    errors.print(f"{name} was sent{whom}; no {reply} came back within {_REPLY_WAIT:g} s")
     return 1
 
 

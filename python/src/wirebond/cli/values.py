@@ -29,7 +29,7 @@ def parse_assignments(message: Message, words: list[str]) -> dict[str, Any]:
     for word in words:
         path, equals, text = word.partition("=")
         if not equals:
-            raise UsageError(f"'{word}' is not an assignment; write field=value, for example {_example(message)}")
+            raise UsageError(f"'{word}' is not an assignment; write field=value, for example {_example(message, word)}")
         *structs, name = path.split(".")
         owner, fields, inner = message.name, message.fields, values
         for struct in structs:
@@ -93,8 +93,10 @@ def parse_hex(text: str) -> bytes:
     return bytes.fromhex(digits)
 
 
-def _example(message: Message) -> str:
-    first = next((f for f in message.fields if f.kind != FieldKind.PADDING), None)
+def _example(message: Message, word: str) -> str:
+    """An assignment to the field that ``word`` names, or to the first."""
+    fields = [f for f in message.fields if f.kind != FieldKind.PADDING]
+    first = next((f for f in fields if f.name == word), fields[0] if fields else None)
     if first is None:
         return f"nothing: {message.name} has no fields"
     single = bool(first.fields) and first.count is None and not first.is_list
