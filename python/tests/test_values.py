@@ -45,7 +45,7 @@ def test_words_become_values_within_structs(message: str, words: list[str], valu
         (["points=" + "[" * 100000], "is not JSON (nested too deep)"),
         (["origin.at.x=1", "origin.at.x=2"], "origin.at.x is given twice"),
         (["origin=3", "origin.mode=moving"], "origin is given twice"),
-        (["origin"], "'origin' is not an assignment; write field=value, for example n=0"),
+        (["origin"], "'origin' is not an assignment; write field=value, for example origin.at=0"),
         (['points=[{"x": 1, "y": 2, "x": 3}]'], "points has 'x' twice in one JSON object; give it once"),
         (['origin={"at": {"x": 1, "x": 1}}'], "origin has 'x' twice in one JSON object; give it once"),
         (["origin.at.x=1_0"], "x is '1_0'; expected a number"),
