@@ -636,7 +636,36 @@ class _FormatSource:
             if most % self._unit:
                 text += f", end: {{type: padding, size: {-most % self._unit}}}"
             lines.append(f"  m{number}: {{{', '.join(head)}{f', fields: {{{text}}}' if text else ''}}}")
-        return lines
+        return lines + self._told_apart(trims)
+
+    def _told_apart(self, trims: bool) -> list[str]:
+        """Messages that more than an id tells, of ids that no other message has."""
+        if self._seeded or self._mixes_ids or self._id == "none" or self._id_bits < 8 or not self._chance(0.5):
+            return []
+        sender = self._random.choice(("host", "mcu", "both"))
+        padding = f", end: {{type: padding, size: {self._unit - 1}}}" if self._unit > 1 else ""
+        byte = f"{{type: u8}}{padding}"
+        lines = []
+        if self._chance(0.5):
+            masked = "{mask: 0xFB, value: 0x43}" if self._id_bits == 8 else "0x43..0x46"
+            ids = self._random.choice(("0x40..0x47", "[0x40, 0x43..0x45]", masked))
+            lines.append(f"several: {{id: {ids}, sender: {sender}, fields: {{x: {byte}}}}}")
+        room = int(self._parts[self._payload_index()].value) if self._rule == "fixed" else ROOM
+        if self._rule != "by_id" and room >= 1 + self._unit and self._chance(0.6):
+            lines.append(f"one: {{id: 0x48, sender: {sender}, match: {{x: 1}}, fields: {{x: {byte}}}}}")
+            values = self._random.choice(("[2, 7..9]", "{mask: 0x81, value: 0x80}", "0x80..0xFF"))
+            lines.append(f"more: {{id: 0x48, sender: {sender}, match: {{x: {values}}}, fields: {{x: {byte}}}}}")
+        if self._rule in ("rest", "by_length") and self._unit == 1 and not trims and self._chance(0.4):
+            lines.append(f"short: {{id: 0x49, sender: {sender}, match: {{size: 1}}, fields: {{x: {{type: u8}}}}}}")
+            lines.append(f"wide: {{id: 0x49, sender: {sender}, match: {{size: 2}}, fields: {{x: {{type: u16}}}}}}")
+        plain = [name for name, bits in self._fields if name in self._plain and bits > 1]
+        if plain and self._forms == 1 and self._chance(0.6):
+            name = self._random.choice(plain)
+            for number, values in enumerate(("1", "{mask: 0x01, value: 0x00}")):
+                lines.append(
+                    f"by{number}: {{id: 0x4A, sender: {sender}, match: {{{name}: {values}}}, fields: {{x: {byte}}}}}"
+                )
+        return [f"  {line}" for line in lines]
 
     def _ids(self) -> list[tuple[int | None, str]]:
         """Ids and senders; the same id may mean a message in each direction. None: without an id."""
@@ -649,7 +678,7 @@ class _FormatSource:
             return self._random.choice(without)
         most = 2**self._id_bits - 1
         small = self._random.sample(range(min(most, 63) + 1), 4)
-        ids = [self._random.choice((one, self._random.randint(64, most) if most > 64 else one)) for one in small]
+        ids = [self._random.choice((one, self._random.randint(0x50, most) if most > 0x50 else one)) for one in small]
         found: list[tuple[int | None, str]] = []
         found += [(one, self._random.choice(("host", "mcu", "both"))) for one in dict.fromkeys(ids)]
         found = found[: self._random.randint(1, 4)]

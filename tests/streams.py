@@ -15,6 +15,8 @@ from wirebond.protocol.model import (
     FieldKind,
     FrameFormat,
     HeaderField,
+    Match,
+    MatchOf,
     Message,
     Part,
     PartKind,
@@ -22,12 +24,44 @@ from wirebond.protocol.model import (
     Protocol,
     Subject,
 )
-from wirebond.protocol.plan import Form, plan_for
+from wirebond.protocol.plan import Form, is_id, plan_for
 
 
 def random_values(message: Message, source: random.Random) -> dict[str, Any]:
-    """Valid values for every field."""
-    return _struct_values(message.fields, source)
+    """Valid values for every field, such as the message's frames have."""
+    for _ in range(1000):
+        values = _struct_values(message.fields, source)
+        for match in message.match:
+            if match.of == MatchOf.PAYLOAD:
+                _set_number(message.fields, values, match, source)
+        if all(match.of != MatchOf.SIZE or match.holds(_size(message.fields, values)) for match in message.match):
+            return values
+    raise AssertionError(f"no payload of {message.name} has a size that its frames have")
+
+
+def _set_number(fields: tuple[Field, ...], values: dict[str, Any], match: Match, source: random.Random) -> None:
+    """Where it is not a constant already."""
+    for described in fields:
+        if described.kind == FieldKind.BITS:
+            _set_number(described.fields, values[described.name], match, source)
+        elif described.name == match.name and described.name in values:
+            low, high = source.choice(match.ranges)
+            number = source.randint(low, high) | source.getrandbits(match.width) & ~match.mask
+            values[described.name] = {value: name for name, value in described.enum}.get(number, number)
+
+
+def _size(fields: tuple[Field, ...], values: dict[str, Any]) -> int:
+    """Payload bytes, where nothing but strings and lists of numbers varies in size."""
+    total = 0
+    for described in fields:
+        value = values.get(described.name)
+        if described.is_string and described.size == 0:
+            data = value.encode() if isinstance(value, str) else value
+            total += len(data or b"") + (described.ends_with is not None)
+        else:
+            size = len(value or ()) * described.element_min_bytes if described.is_list else described.min_wire_bytes
+            total += size
+    return total
 
 
 def _struct_values(fields: tuple[Field, ...], source: random.Random) -> dict[str, Any]:
@@ -86,7 +120,7 @@ class Speaker:
     def __init__(self, codec: Codec) -> None:
         self._codec = codec
         unnamed = tuple(
-            replace(message, id=0, has_id=False) for message in codec.model.messages
+            replace(message, id=0, has_id=False, match=()) for message in codec.model.messages
         )  # that format carries no id
         self._plain = Codec(replace(codec.model, format=_PAYLOAD_ALONE, messages=unnamed))
         self._raw = Codec(_with_raw_payloads(codec.model))
@@ -115,7 +149,7 @@ class Speaker:
         drawn = source.randrange(len(forms)) if source.random() < 0.5 else 0
         table = codec._format_for(message.sender)
         for index in (drawn, *(other for other in range(len(forms)) if other != drawn)):
-            header = random_header(codec.model, forms[index], source)
+            header = random_header(codec.model, forms[index], source, message)
             try:
                 return _engine.encode(codec._table, table, codec._index_of(message.name), values, header, index)
             except MessageError:
@@ -128,12 +162,19 @@ class Speaker:
         return self._forms[sender]
 
 
-def random_header(model: Protocol, form: Form, source: random.Random) -> dict[str, Any]:
-    """Values for some header fields of this form, and for all that tell it from others."""
+def random_header(model: Protocol, form: Form, source: random.Random, message: Message | None = None) -> dict[str, Any]:
+    """Values for some header fields of this form, and for all that tell it from others; such as the message has."""
     fields = header_fields(model.format.parts)
+    matches = {} if message is None else {match.name or "id": match for match in message.match}
     found = {}
     for entry in form.header:
         field = fields[entry.place].value
+        if entry.name in matches and not entry.is_magic:
+            low, high = source.choice(matches[entry.name].ranges)
+            found |= {entry.name: source.randint(low, high)} if source.random() < 0.5 and not field.enum else {}
+            continue
+        if any(is_id(one, model.format.parts) for one in fields if one.name == entry.name):
+            continue  # the message's own
         if entry.is_magic:
             found |= {entry.name: entry.default} if source.random() < 0.5 else {}
             continue
@@ -187,7 +228,12 @@ def _with_raw_payloads(model: Protocol) -> Protocol:
     has_id = any(form.id is not None for form in forms)
     number = next(i for i in range(256) if i not in taken) if has_id else 0
     stranger = Message("stranger", number, End.BOTH, raw, has_id=has_id)
-    return replace(model, messages=(*(replace(m, fields=raw) for m in model.messages), stranger))
+
+    def with_any_payload(message: Message) -> Message:
+        match = tuple(one for one in message.match if one.of in (MatchOf.ID, MatchOf.HEADER))
+        return replace(message, fields=raw, match=match)
+
+    return replace(model, messages=(*map(with_any_payload, model.messages), stranger))
 
 
 def damaged(payload: bytes, source: random.Random) -> bytes:

@@ -4,6 +4,7 @@
 #include <nanobind/stl/string.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <string>
 
 #include "element.hpp"
@@ -61,6 +62,78 @@ std::string refusal(const FormatTable& format, const MessageTable& message, std:
   return begin + ", which the frame's length cannot tell: it counts by " + std::to_string(form.length_unit);
 }
 
+std::string number_text(std::uint64_t number) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%llu (0x%02llX)", static_cast<unsigned long long>(number),
+                static_cast<unsigned long long>(number));
+  return text;
+}
+
+/// What a group of tests allows, in words: those from `first` to the one without `or_next`.
+std::string allowed_text(const std::vector<MatchTest>& tests, std::size_t first) {
+  std::string text;
+  for (std::size_t i = first;; ++i) {
+    const MatchTest& test = tests[i];
+    text += (i == first ? "" : ", ") + number_text(test.low);
+    if (test.high != test.low) text += " to " + number_text(test.high);
+    if (!test.or_next) break;
+  }
+  return text;
+}
+
+/// The number that a test is about, of what is about to be sent. False: the payload has none there.
+bool sent_number(const MatchTest& test, const std::vector<std::uint8_t>& payload, std::uint64_t& number) {
+  number = payload.size();
+  return test.of == MatchOf::size || detail::payload_number(payload.data(), payload.size(), false, test.at, test.bytes,
+                                                            test.order, test.shift, number);
+}
+
+/// Give the header the values that the frames of the message have, where it has others by default, and see that what is
+/// given fits them. Returns the id that is sent.
+std::uint32_t settle_match(const FormatTable& format, const MessageTable& message, std::size_t index,
+                           const std::vector<std::uint8_t>& payload, GivenHeader& header) {
+  std::uint32_t id = format.id_of(index);
+  const MatchTable* const match = format.match_of(index);
+  const std::uint32_t no_id = format.format().no_id;
+  const auto id_place = static_cast<std::size_t>(format.id_place());
+  const bool has_ids = format.id_place() >= 0 && (no_id == 0 || id != no_id);
+  for (std::size_t first = 0; match != nullptr && first < match->tests.size(); ++first) {
+    const std::size_t begin = first;
+    const MatchTest& test = match->tests[begin];
+    while (match->tests[first].or_next) ++first;
+    const auto allows = [&](std::uint64_t number) {
+      for (std::size_t i = begin; i <= first; ++i) {
+        if (match->tests[i].allows(number)) return true;
+      }
+      return false;
+    };
+    if (test.of == MatchOf::payload || test.of == MatchOf::size) {
+      std::uint64_t number = 0;
+      const bool is_there = sent_number(test, payload, number);
+      if (is_there && allows(number)) continue;
+      const std::string what =
+          test.of == MatchOf::size
+              ? "the payload of " + message.name + " has " + std::to_string(payload.size()) + " bytes"
+              : message.name + "." + match->names[begin] + " is " + number_text((number & test.mask));
+      throw_message_error(what + "; its frames are told by " + allowed_text(match->tests, begin) + " there");
+    }
+    if (test.of == MatchOf::id && !has_ids) continue;
+    const std::size_t place = test.of == MatchOf::id ? id_place : test.place;
+    std::uint64_t& value = header.values[place];
+    if (!allows(value)) {
+      if ((header.given >> place & 1u) != 0) {
+        throw_message_error("header." + format.header()[place].name + " is " + number_text(value) + "; frames of " +
+                            message.name + " have " + allowed_text(match->tests, begin) +
+                            (test.is_one ? ", which is sent by itself: leave it out" : ""));
+      }
+      value = (value & ~test.mask) | test.low;
+    }
+    header.given |= std::uint32_t{1} << place;
+    if (test.of == MatchOf::id) id = static_cast<std::uint32_t>(value);
+  }
+  return id;
+}
+
 [[noreturn]] void refuse_header(const FormatTable& format, const MessageTable& message, const GivenHeader& header,
                                 std::uint32_t id, std::size_t payload, const Answer& answer) {
   if (answer.id_differs) {
@@ -105,7 +178,7 @@ void add_header_violations(const FormatTable& format, std::size_t form, const st
 
 GivenHeader encode_header(const FormatTable& format, nb::dict header) {
   GivenHeader out;
-  for (std::size_t i = 0; i < format.format().form_count; ++i) {
+  for (std::size_t i = format.format().form_count; i-- > 0;) {  // the first form, which is sent by default, counts most
     const Form& form = format.format().forms[i];
     for (std::size_t j = 0; j < form.header_count; ++j) out.values[form.header[j].place] = form.header[j].default_value;
   }
@@ -128,10 +201,11 @@ GivenHeader encode_header(const FormatTable& format, nb::dict header) {
 }
 
 std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTable& protocol, std::size_t index,
-                                     const std::vector<std::uint8_t>& payload, const GivenHeader& header, int form) {
+                                     const std::vector<std::uint8_t>& payload, const GivenHeader& asked, int form) {
   const FrameFormat& shape = format.format();
   const RuntimeSource source = format.source();
-  const std::uint32_t id = format.id_of(index);
+  GivenHeader header = asked;
+  const std::uint32_t id = settle_match(format, protocol.messages()[index], index, payload, header);
   std::vector<std::uint8_t> buffer;
   std::size_t size = 0;
   const auto seal_in = [&](std::size_t number) {

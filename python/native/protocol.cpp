@@ -133,6 +133,30 @@ PayloadTable read_rules(nb::handle rules) {
   return out;
 }
 
+constexpr std::pair<const char*, MatchOf> match_subjects[] = {
+    {"id", MatchOf::id}, {"header", MatchOf::header}, {"payload", MatchOf::payload}, {"size", MatchOf::size}};
+
+MatchTable read_tests(nb::handle tests) {
+  MatchTable out;
+  for (nb::handle test : tests) {
+    MatchTest one;
+    one.of = meant_by(match_subjects, test.attr("of"), "subject of a match");
+    one.place = nb::cast<std::uint8_t>(test.attr("place"));
+    one.or_next = nb::cast<bool>(test.attr("or_next"));
+    one.is_one = nb::cast<bool>(test.attr("is_one"));
+    one.bytes = nb::cast<std::uint8_t>(test.attr("bytes"));
+    one.order = byte_order_of(test.attr("order"));
+    one.shift = nb::cast<std::uint8_t>(test.attr("shift"));
+    one.at = nb::cast<std::uint16_t>(test.attr("at"));
+    one.mask = nb::cast<std::uint64_t>(test.attr("mask"));
+    one.low = nb::cast<std::uint64_t>(test.attr("low"));
+    one.high = nb::cast<std::uint64_t>(test.attr("high"));
+    out.tests.push_back(one);
+    out.names.push_back(text_of(test.attr("name")));
+  }
+  return out;
+}
+
 CheckAlgorithm read_algorithm(nb::handle algorithm) {
   CheckAlgorithm out;
   out.kind = meant_by(check_kinds, algorithm.attr("kind"), "kind of check");
@@ -223,16 +247,29 @@ FormatTable::FormatTable(nb::handle plan) {
   for (nb::handle algorithm : plan.attr("algorithms")) {
     format_.algorithms.at(format_.algorithm_count++) = read_algorithm(algorithm);
   }
+  const bool matches = nb::cast<bool>(plan.attr("matches"));
+  const nb::object id_place = plan.attr("id_place");
+  if (!id_place.is_none()) id_place_ = nb::cast<int>(id_place);
   for (nb::handle message : plan.attr("messages")) {
+    if (matches) match_tables_.push_back(read_tests(message.attr("tests")));
     payload_tables_.push_back(read_rules(message.attr("rules")));
     rows_.push_back(
         {nb::cast<std::uint32_t>(message.attr("id")),
          {nb::cast<std::int16_t>(message.attr("index")), nb::cast<std::uint16_t>(message.attr("min_payload")),
           nb::cast<std::uint16_t>(message.attr("max_payload")), nb::cast<std::uint8_t>(message.attr("seed"))},
          nb::cast<bool>(message.attr("only_expected")),
-         payload_tables_.back().rules()});
+         payload_tables_.back().rules(),
+         matches ? match_tables_.back().view() : MatchTests{}});
   }
-  tables_ = std::make_unique<RuntimeTables>(format_, rows_.data(), rows_.size());
+  tables_ = std::make_unique<RuntimeTables>(format_, rows_.data(), rows_.size(), CrcMethod::automatic, matches,
+                                            nb::cast<bool>(plan.attr("matches_late")));
+}
+
+const MatchTable* FormatTable::match_of(std::size_t message) const {
+  for (std::size_t row = 0; row < match_tables_.size(); ++row) {
+    if (rows_[row].shape.index == static_cast<std::int16_t>(message)) return &match_tables_[row];
+  }
+  return nullptr;
 }
 
 std::uint32_t FormatTable::id_of(std::size_t message) const {

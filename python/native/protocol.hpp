@@ -30,6 +30,14 @@ struct PayloadTable {
   }
 };
 
+/// What the frames of one message have.
+struct MatchTable {
+  std::vector<MatchTest> tests;
+  std::vector<std::string> names;  ///< of the field that each test is about
+
+  MatchTests view() const { return {tests.data(), static_cast<std::uint8_t>(tests.size())}; }
+};
+
 struct MessageTable {
   std::string name;
   nb::object key;
@@ -66,6 +74,10 @@ class FormatTable {
   RuntimeSource source() const { return RuntimeSource(*tables_); }
   /// What `seal` takes as the id of the message of this index, one that the plan's sender sends.
   std::uint32_t id_of(std::size_t message) const;
+  /// What the frames of the message of this index have; null where ids tell all messages of the plan's sender.
+  const MatchTable* match_of(std::size_t message) const;
+  /// Place of the header field that is the id; -1: no message has several ids.
+  int id_place() const { return id_place_; }
   /// What the header fields of all forms mean, by place.
   const std::vector<FieldTable>& header() const { return header_; }
 
@@ -75,6 +87,8 @@ class FormatTable {
   std::vector<MessageRow> rows_;
   std::vector<FieldTable> header_;
   std::deque<PayloadTable> payload_tables_;  ///< what the rows point at
+  std::deque<MatchTable> match_tables_;      ///< the same; one for each row, where any message needs one
+  int id_place_ = -1;
 };
 
 }  // namespace wirebond::engine

@@ -15,7 +15,7 @@ from wirebond.gen import generate_cpp
 from wirebond.gen.names import namespace
 from wirebond.paths import core_include
 from wirebond.protocol.model import End, Protocol
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.plan import MatchTest, plan_for
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build" / "conformance"
@@ -106,23 +106,38 @@ def read_result(lines: Iterable[str]) -> Result:
 
 
 def _rows(protocol: Protocol, sender: End) -> str:
-    rows = plan_for(protocol, sender).messages
+    plan = plan_for(protocol, sender)
+    rows = plan.messages
     flag = {False: "false", True: "true"}
-    lines = [
-        f"    {{{r.id}U, {{{r.index}, {r.min_payload}, {r.max_payload}, {r.seed}}}, {flag[r.only_expected]}}},"
-        for r in rows
-    ]
+    tests, lines = [], []
+    for r in rows:
+        begin = f"{r.id}U, {{{r.index}, {r.min_payload}, {r.max_payload}, {r.seed}}}, {flag[r.only_expected]}"
+        if r.tests:
+            tests.append(
+                f"inline constexpr wirebond::MatchTest tests_{r.index}[] = {{{', '.join(map(_test, r.tests))}}};"
+            )
+            begin += f", {{}}, {{tests_{r.index}, {len(r.tests)}}}"
+        lines.append(f"    {{{begin}}},")
     return "\n".join(
         [
             "#pragma once",
             "#include <array>",
             '#include "wirebond/host/runtime_source.hpp"',
+            f"inline constexpr bool matches = {flag[plan.matches]};",
+            f"inline constexpr bool matches_late = {flag[plan.matches_late]};",
+            *tests,
             f"inline constexpr std::array<wirebond::MessageRow, {len(rows)}> message_rows = {{{{",
             *lines,
             "}};",
             "",
         ]
     )
+
+
+def _test(test: MatchTest) -> str:
+    flags = f"{str(test.or_next).lower()}, {str(test.is_one).lower()}"
+    number = f"{test.bytes}, wirebond::ByteOrder::{test.order}, {test.shift}, {test.at}"
+    return f"{{wirebond::MatchOf::{test.of}, {test.place}, {flags}, {number}, {test.mask}U, {test.low}U, {test.high}U}}"
 
 
 def run(command: list[str]) -> str:

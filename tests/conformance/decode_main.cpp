@@ -45,7 +45,8 @@ Source make_source() {
 #if RUN_TIME
   static const wirebond::FrameFormat format = Sender{}.format();  // the very value that the constant source folds
   static const auto rows = rows_of<Sender>();
-  static const wirebond::RuntimeTables tables(format, rows.data(), rows.size());
+  static const wirebond::RuntimeTables tables(format, rows.data(), rows.size(), wirebond::CrcMethod::automatic, matches,
+                                              matches_late);
   return Source(tables);
 #else
   return {};

@@ -77,6 +77,9 @@ struct SharedSource {
   const wirebond::FrameFormat& format() const { return *format_; }
   wirebond::MessageShape message(std::uint32_t id) const { return message_(id); }
   wirebond::PayloadRules payload_rules(std::int16_t index) const { return payload_rules_(index); }
+  bool matches() const { return match_ != nullptr; }
+  bool matches_late() const { return matches_late_; }
+  wirebond::MessageShape match(const wirebond::detail::Asked<SharedSource>& asked) const { return match_(asked); }
   std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
     return check_update_(algorithm, reg, bytes, size);
   }
@@ -85,11 +88,25 @@ struct SharedSource {
   wirebond::MessageShape (*message_)(std::uint32_t);
   wirebond::PayloadRules (*payload_rules_)(std::int16_t);
   std::uint64_t (*check_update_)(unsigned, std::uint64_t, const std::uint8_t*, std::size_t);
+  wirebond::MessageShape (*match_)(const wirebond::detail::Asked<SharedSource>&);  // null: ids tell all messages
+  bool matches_late_;
 };
+
+using Match = wirebond::MessageShape (*)(const wirebond::detail::Asked<SharedSource>&);
+
+template <class Generated>
+Match match_of() {
+  if constexpr (wirebond::detail::HasMatch<Generated>::value) {
+    return [](const wirebond::detail::Asked<SharedSource>& asked) { return Generated{}.match(asked); };
+  } else {
+    return nullptr;
+  }
+}
 
 template <class Generated>
 SharedSource shared() {
-  return {&Generated{}.format(), [](std::uint32_t id) { return Generated{}.message(id); },
+  return {&Generated{}.format(),
+          [](std::uint32_t id) { return Generated{}.message(id); },
           [](std::int16_t index) -> wirebond::PayloadRules {
             if constexpr (wirebond::detail::HasPayloadRules<Generated>::value) return Generated{}.payload_rules(index);
             static_cast<void>(index);
@@ -97,7 +114,9 @@ SharedSource shared() {
           },
           [](unsigned algorithm, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) {
             return Generated{}.check_update(algorithm, reg, bytes, size);
-          }};
+          },
+          match_of<Generated>(),
+          wirebond::detail::does_match_late(Generated{})};
 }
 
 std::size_t seal_shared(const SharedSource& source, std::uint8_t* out, std::size_t capacity, std::uint32_t id,
@@ -118,6 +137,25 @@ struct EncodesAlone<Message, std::void_t<decltype(encode(std::declval<const Mess
                                                          std::size_t{}, std::declval<std::size_t&>()))>>
     : std::true_type {};
 
+/// The frame's size, with these header values as far as the message's frames have them; 0: refused.
+template <class Generated, class Message>
+std::size_t settled_frame(const Message& message, std::vector<std::uint8_t>& out, std::size_t payload,
+                          const wirebond::detail::HeaderNumbers<Generated>& given) {
+  const SharedSource source = shared<Generated>();
+  auto numbers = wirebond::detail::numbers_to_settle<Generated>(given);
+  if (!wirebond::detail::settle_match<Generated, Message>(numbers)) return 0;
+  const std::uint32_t id = wirebond::detail::id_of<Message>(numbers);
+  std::size_t size = 0;
+  const auto write = [&](std::size_t form) {
+    std::uint8_t* const at = out.data() + wirebond::payload_lead(source, form);
+    if (!write_payload(message, at) || !wirebond::detail::payload_matches<Message>(at, payload)) return;
+    size = seal_with_header(source, out.data(), out.size(), id, payload, form, numbers.data());
+  };
+  const wirebond::HeaderValues values = wirebond::detail::values_of<Generated>(numbers);
+  wirebond::detail::with_own_form(source, id, payload, write, values);
+  return size;
+}
+
 /// The frame of a message, as the generated encode gives it; nothing where it refuses.
 template <bool Folded, class Generated, class Message>
 std::vector<std::uint8_t> frame_of(const Message& message) {
@@ -135,11 +173,16 @@ std::vector<std::uint8_t> frame_of(const Message& message) {
     const SharedSource source = shared<Generated>();
     const std::size_t payload = payload_bytes(message);
     const bool fits = payload <= Message::Info::max_payload_bytes;
-    const auto write = [&](std::size_t form) {
-      if (!write_payload(message, out.data() + wirebond::payload_lead(source, form))) return;
-      size = seal_shared(source, out.data(), out.size(), Message::Info::id, payload, form);
-    };
-    if (fits) wirebond::detail::with_own_form(source, Message::Info::id, payload, write);
+    if constexpr (wirebond::detail::must_settle<Generated, Message>) {
+      if (fits) size = settled_frame<Generated>(message, out, payload, wirebond::detail::default_numbers<Generated>);
+    } else {
+      const auto write = [&](std::size_t form) {
+        std::uint8_t* const at = out.data() + wirebond::payload_lead(source, form);
+        if (!write_payload(message, at) || !wirebond::detail::payload_matches<Message>(at, payload)) return;
+        size = seal_shared(source, out.data(), out.size(), Message::Info::id, payload, form);
+      };
+      if (fits) wirebond::detail::with_own_form(source, Message::Info::id, payload, write);
+    }
   }
   out.resize(size);
   return out;
@@ -154,16 +197,10 @@ std::vector<std::uint8_t> frame_of(const Message& message, const Header& header)
     const auto status = wirebond::encode_frame<Generated>(message, out.data(), out.size(), size, header);
     if (status != wirebond::Status::ok) size = 0;
   } else {
-    const SharedSource source = shared<Generated>();
     const std::size_t payload = payload_bytes(message);
     wirebond::detail::HeaderNumbers<Generated> numbers;
-    const auto write = [&](std::size_t form) {
-      if (!write_payload(message, out.data() + wirebond::payload_lead(source, form))) return;
-      size = seal_with_header(source, out.data(), out.size(), Message::Info::id, payload, form, numbers.data());
-    };
     if (payload <= Message::Info::max_payload_bytes && write_header(header, numbers.data())) {
-      const wirebond::HeaderValues values = wirebond::detail::values_of<Generated>(numbers);
-      wirebond::detail::with_own_form(source, Message::Info::id, payload, write, values);
+      size = settled_frame<Generated>(message, out, payload, numbers);
     }
   }
   out.resize(size);

@@ -5,7 +5,8 @@ from __future__ import annotations
 from tests.reference.checks import check_holds
 from tests.reference.conditions import Header, Sizes, telling_values, truth
 from tests.reference.header import CONSTANTS, fixed_bits_hold, header_values, read_header
-from tests.reference.messages import fits, message_with
+from tests.reference.match import Seen, find, header_numbers, is_late
+from tests.reference.messages import fits
 from tests.reference.order import order_of
 from tests.reference.outcome import Incomplete, Rejected
 from tests.reference.payload import Broken, TooShort, constants_hold, counted_size
@@ -145,11 +146,13 @@ def _examine_as(
     prefix, suffix = sum(p.size for p in before), sum(p.size for p in after)
 
     size, known_size = _payload_size(protocol, parts, header, data, prefix, suffix, sender, block is not None)
-    early_id = header.id is not None
+    late_match = is_late(protocol, sender)
+    early_id = header.id is not None and not late_match
     message_id = header.id
-    message = message_with(protocol, header.id, sender)
-    late_id = not early_id and any(
-        p.kind == PartKind.ID or any(run.role == BitRole.ID for run in p.bits) for p in after
+    numbers = header_numbers(before, data, 0)
+    message = None if late_match else find(protocol, Seen(header.id, numbers, size), sender)
+    late_id = late_match or (
+        not early_id and any(p.kind == PartKind.ID or any(run.role == BitRole.ID for run in p.bits) for p in after)
     )
     trims = frame_format.parts[payload_at].trims_zeros
     if not (late_id and trims) and not _sizes_hold(parts[len(before)], message, size, header, holding):
@@ -194,7 +197,9 @@ def _examine_as(
             message_id = number
         at += part.size
     if not early_id:
-        message = message_with(protocol, message_id, sender)
+        numbers = header_numbers(parts, data, size)
+        payload = data[prefix : prefix + size]
+        message = find(protocol, Seen(message_id, numbers, size, payload, trims), sender)
         if late_id and trims and not _sizes_hold(parts[len(before)], message, size, header, holding):
             raise Rejected("length_out_of_range", total)
         if not frame_format.deliver_unknown and not fits(frame_format.parts[payload_at], message, size, known_size):
@@ -249,7 +254,8 @@ def _payload_size(
             raise Rejected("length_out_of_range", len(data))
         return size, False
     if payload.payload == PayloadRule.BY_ID:
-        message = message_with(protocol, header.id, sender)
+        before = list(parts[: parts.index(payload)])
+        message = find(protocol, Seen(header.id, header_numbers(before, data, 0)), sender)
         if message is None:
             raise Rejected("unknown_message", prefix)
         if message.min_payload == message.max_payload:

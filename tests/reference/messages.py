@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tests.reference.match import share_frames
 from wirebond.protocol.model import End, Message, Part, Protocol
 
 
@@ -11,18 +12,12 @@ def meant_messages(protocol: Protocol, sender: End | None, request: str | None) 
     sent = [m for m in protocol.messages if m.sent_by(sender)]
     meant = []
     for message in sent:
-        shares = any((m.id, m.has_id) == (message.id, message.has_id) and m is not message for m in sent)
+        shares = any(m is not message and share_frames(m, message) for m in sent)
         if not shares or message.name not in replies.values():
             meant.append(message)
         elif message.name == replies.get(request or ""):
             meant.insert(0, message)
     return tuple(meant)
-
-
-def message_with(protocol: Protocol, message_id: int | None, sender: End | None) -> Message | None:
-    """None: the frame has no id."""
-    key = (message_id or 0, message_id is not None)
-    return next((m for m in protocol.messages if (m.id, m.has_id) == key and m.sent_by(sender)), None)
 
 
 def fits(payload: Part, message: Message | None, size: int, known_size: bool) -> bool:

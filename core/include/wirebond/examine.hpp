@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "wirebond/format.hpp"
+#include "wirebond/match.hpp"
 #include "wirebond/payload_rules.hpp"
 #include "wirebond/placed_number.hpp"
 #include "wirebond/source.hpp"
@@ -151,14 +152,42 @@ WIREBOND_INLINE bool id_comes_early(const Form& form) {
   return !form.id.at.from_end && form.id.at.offset + form.id.bytes <= static_cast<std::int32_t>(form.prefix);
 }
 
+/// Does the source tell messages by more than their ids?
+template <class Source>
+WIREBOND_INLINE bool does_match(const Source& source) {
+  if constexpr (HasMatch<Source>::value) {
+    return source.matches();
+  } else {
+    static_cast<void>(source);
+    return false;
+  }
+}
+
+/// And by something that is not there yet when the head is examined?
+template <class Source>
+WIREBOND_INLINE bool does_match_late(const Source& source) {
+  if constexpr (HasMatch<Source>::value) {
+    return source.matches_late();
+  } else {
+    static_cast<void>(source);
+    return false;
+  }
+}
+
 /// The payload's size before its zeros were trimmed, as far as its message tells it.
 WIREBOND_INLINE std::size_t restored(const Form& form, const MessageShape& shape, std::size_t payload) {
   return form.trims_zeros && payload < shape.min_payload ? shape.min_payload : payload;
 }
 
-/// What the id of a frame of this form means; where it has none, what a frame without one does.
+/// What the id of a frame of this form means; where it has none, what a frame without one does. Or what else tells its
+/// message, in `payload` bytes that lie in a frame of `size` bytes; 0: only its head is known.
 template <class Source>
-WIREBOND_INLINE MessageShape shape_of(const Source& source, const Form& form, std::uint32_t id) {
+WIREBOND_INLINE MessageShape shape_of(const Source& source, const Form& form, std::uint32_t id,
+                                      [[maybe_unused]] const std::uint8_t* frame, [[maybe_unused]] std::size_t size,
+                                      [[maybe_unused]] std::size_t payload) {
+  if constexpr (HasMatch<Source>::value) {
+    if (source.matches()) return matched(source, form, frame, size, payload, id);
+  }
   const std::uint32_t no_id = source.format().no_id;
   if (!form.id.present()) return source.message(no_id);
   if (no_id != 0 && id == no_id) return {};
@@ -207,12 +236,14 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   if (available < form.prefix) return {Outcome::need_more, Cause::incomplete, form.prefix};
 
   // The id where it comes early, and the payload's size.
-  const bool id_early = id_comes_early(form);
-  if (id_early) {
-    head.id = form.id.present() ? read_number(form.id, candidate, 0) : 0;
-    head.shape = shape_of(source, form, head.id);
-  } else if (!form.id.present()) {  // one message, known before its seed is counted
-    head.shape = shape_of(source, form, 0);
+  const bool has_early_id = id_comes_early(form);
+  const bool is_late = does_match_late(source);
+  const bool early = has_early_id && !is_late;  // the message is known by the head
+  const bool sizes_tell = does_match(source) && form.payload_size != PayloadSize::by_id;  // it is asked for below
+  if (has_early_id && form.id.present()) head.id = read_number(form.id, candidate, 0);
+  // Without an id: one message, known before its seed is counted.
+  if ((early || (!form.id.present() && !is_late)) && !sizes_tell) {
+    head.shape = shape_of(source, form, head.id, candidate, 0, 0);
   }
   std::size_t payload = form.fixed_payload;
   const std::size_t outside = static_cast<std::size_t>(form.prefix) + form.suffix;
@@ -249,7 +280,11 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
     }
     payload = available - outside;
   }
-  const bool size_tells = id_early || !form.id.present() || !form.trims_zeros;  // else examine_rest asks
+  if (sizes_tell && (early || (!form.id.present() && !is_late))) {
+    head.shape = shape_of(source, form, head.id, candidate, 0, payload);
+  }
+  const bool is_told = early || (!form.id.present() && !is_late);
+  const bool size_tells = is_told || !form.trims_zeros;  // else examine_rest asks
   if (size_tells && size_is_excluded<unroll, exclusions>(format, form, restored(form, head.shape, payload))) {
     return {Outcome::reject, Cause::length_out_of_range, form.prefix};
   }
@@ -258,7 +293,7 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
     head.size = outside + payload;
   }
   const bool is_known = whole || !format.length_on_wire;  // the payload's size
-  if (id_early && !format.deliver_unknown && is_known && !fits(form, head.shape, payload)) {
+  if (early && !format.deliver_unknown && is_known && !fits(form, head.shape, payload)) {
     return {Outcome::reject, Cause::unknown_message, form.prefix};
   }
 
@@ -305,9 +340,9 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
         return (candidate[constant.at.in(size)] & constant.mask) == constant.value;
       });
   if (!tail_holds) return {Outcome::reject, Cause::constant_mismatch, size};
-  if (!id_comes_early(form)) {
+  if (!id_comes_early(form) || does_match_late(source)) {
     head.id = form.id.present() ? read_number(form.id, candidate, size) : 0;
-    head.shape = shape_of(source, form, head.id);
+    head.shape = shape_of(source, form, head.id, candidate, size, head.payload);
     constexpr std::size_t exclusions = part_counts<Source>.exclusions;
     if (form.trims_zeros &&
         size_is_excluded<unroll, exclusions>(source.format(), form, restored(form, head.shape, head.payload))) {

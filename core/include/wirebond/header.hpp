@@ -107,6 +107,20 @@ WIREBOND_INLINE HeaderValues values_of(const HeaderNumbers<Source>& numbers) {
   return {numbers.data(), given};
 }
 
+/// Header values that have become those that the message's frames have (`settle_match`), and which of them are asked
+/// for by that.
+template <class Source>
+struct SettledNumbers : HeaderNumbers<Source> {
+  std::uint32_t settled = 0;
+};
+
+template <class Source>
+WIREBOND_INLINE HeaderValues values_of(const SettledNumbers<Source>& numbers) {
+  HeaderValues values = values_of<Source>(static_cast<const HeaderNumbers<Source>&>(numbers));
+  values.given |= numbers.settled;
+  return values;
+}
+
 /// Is what a sender is given beside its message the source's Header? Nothing is none, and wire numbers are none.
 template <class Source, class... Given>
 inline constexpr bool is_header = false;

@@ -15,6 +15,7 @@
 #include "wirebond/format.hpp"
 #include "wirebond/handler.hpp"
 #include "wirebond/header.hpp"
+#include "wirebond/match.hpp"
 #include "wirebond/source.hpp"
 #include "wirebond/status.hpp"
 #include "wirebond/violation.hpp"
@@ -23,6 +24,104 @@ namespace wirebond {
 
 /// The two ends of a link; the sender of a message is one of them, or both.
 enum class End : std::uint8_t { host, mcu, both };
+
+namespace detail {
+
+/// How many tests the frames of a message are sent by (`Info::match`).
+template <class Message, class = void>
+inline constexpr std::size_t match_count = 0;
+template <class Message>
+inline constexpr std::size_t match_count<Message, std::void_t<decltype(Message::Info::match)>> =
+    sizeof(Message::Info::match) / sizeof(MatchTest);
+
+/// How many of them are about header fields, the id among them.
+template <class Message>
+constexpr std::size_t count_header_tests() {
+  std::size_t count = 0;
+  if constexpr (match_count<Message> != 0) {
+    for (const MatchTest& test : Message::Info::match) count += test.of == MatchOf::id || test.of == MatchOf::header;
+  }
+  return count;
+}
+
+/// Must header values be settled before this message is sent?
+template <class Source, class Message, class... Given>
+inline constexpr bool must_settle = count_header_tests<Message>() != 0 &&
+                                    (sizeof...(Given) == 0 || (!std::is_same_v<Given, SettledNumbers<Source>> && ...));
+
+/// Give the header the values that the message's frames have. Of a value that they do not have the default, and one
+/// that can be nothing else, become the first that they have. False: another value that they do not have.
+template <class Source, class Message>
+WIREBOND_INLINE bool settle_match(SettledNumbers<Source>& numbers) {
+  bool is_allowed = false;
+  bool begins = true;
+  std::uint64_t first = 0;
+  constexpr std::size_t count = match_count<Message>;
+  return every<true, count>(0, count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+    const MatchTest& test = Message::Info::match[i];
+    if (test.of != MatchOf::id && test.of != MatchOf::header) return true;
+    std::uint64_t& number = numbers[test.place];
+    if (begins) first = test.low;
+    is_allowed = test.allows(number) || (!begins && is_allowed);
+    begins = !test.or_next;
+    if (test.or_next) return true;
+    numbers.settled |= std::uint32_t{1} << test.place;
+    if (is_allowed) return true;
+    if (!test.is_one && number != default_numbers<Source>[test.place]) return false;
+    number = (number & ~test.mask) | first;
+    return true;
+  });
+}
+
+/// The defaults, or the numbers that were given.
+template <class Source>
+WIREBOND_INLINE SettledNumbers<Source> numbers_to_settle() {
+  return {default_numbers<Source>};
+}
+template <class Source>
+WIREBOND_INLINE SettledNumbers<Source> numbers_to_settle(const HeaderNumbers<Source>& given) {
+  return {given};
+}
+
+template <class Message, class = void>
+inline constexpr bool has_ids = false;
+template <class Message>
+inline constexpr bool has_ids<Message, std::void_t<decltype(Message::Info::id_place)>> = true;
+
+/// The id that is sent: the message's, or the one of the header where it has several.
+template <class Message, class... Numbers>
+WIREBOND_INLINE std::uint32_t id_of([[maybe_unused]] const Numbers&... numbers) {
+  if constexpr (has_ids<Message> && sizeof...(Numbers) != 0) {
+    return static_cast<std::uint32_t>((numbers[Message::Info::id_place], ...));
+  } else {
+    return Message::Info::id;
+  }
+}
+
+/// Has the payload what the message's frames have?
+template <class Message>
+WIREBOND_INLINE bool payload_matches([[maybe_unused]] const std::uint8_t* payload, [[maybe_unused]] std::size_t size) {
+  constexpr std::size_t count = match_count<Message>;
+  if constexpr (count == 0) {
+    return true;
+  } else {
+    bool holds = false;
+    return every<true, count>(0, count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+      const MatchTest& test = Message::Info::match[i];
+      if (test.of != MatchOf::payload && test.of != MatchOf::size) return true;
+      std::uint64_t number = size;
+      const bool is_there = test.of == MatchOf::size ||
+                            payload_number(payload, size, false, test.at, test.bytes, test.order, test.shift, number);
+      holds = holds || (is_there && test.allows(number));
+      if (test.or_next) return true;
+      const bool found = holds;
+      holds = false;
+      return found;
+    });
+  }
+}
+
+}  // namespace detail
 
 /// Write `message` as a whole frame to out[0 .. size). Any thread or interrupt; no allocation.
 /// `capacity`: Message::Info::max_frame_bytes is always enough. On any other answer than `ok` size is 0 and what
@@ -38,19 +137,25 @@ WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, s
     detail::HeaderNumbers<Source> numbers;
     if (!write_header(header..., numbers.data())) return Status::out_of_range;
     return encode_frame<Source, Ending>(message, out, capacity, size, numbers);
+  } else if constexpr (detail::must_settle<Source, Message, Given...>) {
+    detail::SettledNumbers<Source> numbers = detail::numbers_to_settle<Source>(header...);
+    if (!detail::settle_match<Source, Message>(numbers)) return Status::out_of_range;
+    return encode_frame<Source, Ending>(message, out, capacity, size, numbers);
   } else {
+    const std::uint32_t id = detail::id_of<Message>(header...);
     const std::size_t payload = payload_bytes(message);
     if (payload > Message::Info::max_payload_bytes) return Status::out_of_range;
     Status status = Status::out_of_range;
     const auto write = [&](std::size_t form) WIREBOND_INLINE_LAMBDA {
       if (wire_bytes(source.format(), payload, form) > capacity) {
         status = Status::too_small;
-      } else if (write_payload(message, out + payload_lead(source, form))) {
-        size = Ending::end(source, out, capacity, Message::Info::id, payload, form, header.data()...);
+      } else if (write_payload(message, out + payload_lead(source, form)) &&
+                 detail::payload_matches<Message>(out + payload_lead(source, form), payload)) {
+        size = Ending::end(source, out, capacity, id, payload, form, header.data()...);
         if (size != 0) status = Status::ok;
       }
     };
-    detail::with_own_form(source, Message::Info::id, payload, write, detail::values_of<Source>(header)...);
+    detail::with_own_form(source, id, payload, write, detail::values_of<Source>(header)...);
     return status;
   }
 }
@@ -59,11 +164,19 @@ WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, s
 /// 0: no form can carry it, and `encode_frame` refuses it. `numbers`: of the header, or nothing.
 template <class Source, class Message, class... Numbers>
 WIREBOND_INLINE std::size_t frame_room(std::size_t payload, const Numbers&... numbers) {
-  constexpr Source source{};
-  std::size_t room = 0;
-  const auto take = [&](std::size_t form) WIREBOND_INLINE_LAMBDA { room = wire_bytes(source.format(), payload, form); };
-  detail::with_own_form(source, Message::Info::id, payload, take, detail::values_of<Source>(numbers)...);
-  return room;
+  if constexpr (detail::must_settle<Source, Message, Numbers...>) {
+    detail::SettledNumbers<Source> settled = detail::numbers_to_settle<Source>(numbers...);
+    if (!detail::settle_match<Source, Message>(settled)) return 0;
+    return frame_room<Source, Message>(payload, settled);
+  } else {
+    constexpr Source source{};
+    std::size_t room = 0;
+    const auto take = [&](std::size_t form)
+                          WIREBOND_INLINE_LAMBDA { room = wire_bytes(source.format(), payload, form); };
+    const std::uint32_t id = detail::id_of<Message>(numbers...);
+    detail::with_own_form(source, id, payload, take, detail::values_of<Source>(numbers)...);
+    return room;
+  }
 }
 
 namespace detail {

@@ -19,6 +19,8 @@ namespace wirebond {
 //     MessageShape message(std::uint32_t id) const;
 //     void expect(std::int16_t index);  // message() answers so from here on, where several messages share an id
 //     std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t*, std::size_t) const;
+//     // only where more than an id tells messages (match.hpp):
+//     bool matches() const; bool matches_late() const; template <class Asked> MessageShape match(const Asked&) const;
 //     PayloadRules payload_rules(std::int16_t index) const;  // only where a message has some (payload_rules.hpp)
 //     // where it is no constant: the good case (host/fast_path.hpp), and what check_begin and check_end give
 //     using FastPath; const FastPath& fast_path() const;

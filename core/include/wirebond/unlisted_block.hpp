@@ -48,7 +48,7 @@ WIREBOND_INLINE bool is_unlisted_form(const Source& source, const Form& form, co
   if (!is_allowed) return false;
 
   const std::uint32_t number = read_number(form.id, candidate, size);
-  const MessageShape shape = shape_of(source, form, number);
+  const MessageShape shape = shape_of(source, form, number, candidate, size, payload);
   if (fits(form, shape, payload)) return false;
   std::uint64_t registers[max_checks] = {};
   const bool checks_hold = every<unroll, most.checks>(0, form.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {

@@ -98,6 +98,8 @@ CASES = [
     Case("a text's end", "ends_with: 0x00", "ends_with: 0x0D", FROM_HOST,
          BASE.replace("      level:", "      name: {type: text, max: 4, ends_with: 0x00}\n      level:")),
     Case("an id", "id: 1\n", "id: 3\n", FROM_HOST),
+    Case("a match that the default has not", "id: 1\n", "id: 1\n    match: {station: 2}\n", {HOST_OLD}),
+    Case("a match of its only size", "id: 1\n", "id: 1\n    match: {size: 8}\n", set()),
     Case("a message's new name", "  drive:", "  go:", set()),
     Case("a field's new name", "turn: ", "turning: ", set()),
     Case("two fields swapped", f"{SPEED}\n      {TURN}", f"{TURN}\n      {SPEED}", FROM_HOST),
@@ -177,3 +179,19 @@ def _same(read: Any, sent: Any) -> bool:
     if isinstance(sent, dict) and isinstance(read, dict):
         return all(read[name] == value for name, value in sent.items() if name in read)
     return read == pytest.approx(sent)
+
+
+def test_ids_that_a_message_gained_or_lost_break_the_end_that_does_not_know_them() -> None:
+    several = BASE.replace("id: 1\n", "id: 0x01..0x05\n")
+    matched = BASE.replace("id: 1\n", "id: 1\n    match: {station: 1..3}\n")
+    fewer = BASE.replace("id: 1\n", "id: [1, 3]\n")
+    for old, new, breaks, sentence in (
+        (BASE, several, {HOST_NEW}, "id 0x01 became 0x01..0x05"),
+        (several, BASE, {HOST_OLD}, "id 0x01..0x05 became 0x01"),
+        (several, fewer, {HOST_OLD}, "id 0x01..0x05 became 0x01, 0x03"),
+        (several, several, set(), ""),
+        (matched, BASE, {HOST_NEW}, "id 0x01 with station 1..3 became 0x01"),
+    ):
+        changes = compare(loads(old), loads(new)).changes
+        assert {e.flow for change in changes for e in change.effects if e.breaks} == breaks
+        assert not sentence or any(sentence in str(change) for change in changes), changes

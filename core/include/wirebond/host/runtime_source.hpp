@@ -8,6 +8,7 @@
 #include "wirebond/format.hpp"
 #include "wirebond/host/fast_crc.hpp"
 #include "wirebond/host/fast_path.hpp"
+#include "wirebond/match.hpp"
 #include "wirebond/payload_rules.hpp"
 
 namespace wirebond {
@@ -18,15 +19,23 @@ struct MessageRow {
   MessageShape shape{};
   bool only_expected = false;  ///< shares its id: it is meant where it is expected, and only there
   PayloadRules rules{};        ///< points at tables that the caller keeps
+  MatchTests tests{};          ///< the same; none where ids tell all messages
 };
 
 /// What is worked out once when a format is known. Points at the format and the rows: the caller keeps them alive.
 /// Immutable after construction: any thread.
 class RuntimeTables {
  public:
+  /// `matches`: the rows' tests tell the messages, and not their ids; `matches_late`: also by what does not stand
+  /// before the payload.
   RuntimeTables(const FrameFormat& format, const MessageRow* rows, std::size_t row_count,
-                CrcMethod method = CrcMethod::automatic)
-      : format_(&format), start_(one_start(format)), rows_(rows), row_count_(row_count) {
+                CrcMethod method = CrcMethod::automatic, bool matches = false, bool matches_late = false)
+      : format_(&format),
+        start_(one_start(format)),
+        rows_(rows),
+        row_count_(row_count),
+        matches_(matches),
+        matches_late_(matches_late) {
     for (std::size_t i = 0; i < format.algorithm_count; ++i) {
       const CheckAlgorithm& a = format.algorithms[i];
       if (a.kind == CheckKind::crc) crcs_[i] = FastCrc(a, method);
@@ -39,7 +48,7 @@ class RuntimeTables {
       if (rows[i].id < low_ids_.size()) low_ids_[rows[i].id] = rows[i].shape;
     }
     // It asks for messages by their id alone, and looks at no payload.
-    if (!has_expected_ && !has_rules_) fast_path_ = FastPath(format, crcs_);
+    if (!has_expected_ && !has_rules_ && !matches_) fast_path_ = FastPath(format, crcs_);
   }
 
   RuntimeTables(const RuntimeTables&) = delete;  // the fast path points into them
@@ -63,6 +72,24 @@ class RuntimeTables {
       if (!rows_[row].only_expected || rows_[row].shape.index == expected) return rows_[row].shape;
     }
     return unknown_;
+  }
+
+  bool matches() const { return matches_; }
+  bool matches_late() const { return matches_late_; }
+
+  /// The message whose tests hold, while the message `expected` is expected. O(rows).
+  template <class Asked>
+  MessageShape match(const Asked& asked, std::int16_t expected) const {
+    const auto find = [&](bool is_expected) -> const MessageRow* {
+      for (std::size_t row = 0; row < row_count_; ++row) {
+        if (rows_[row].only_expected != is_expected || (is_expected && rows_[row].shape.index != expected)) continue;
+        if (detail::all_hold(rows_[row].tests, asked)) return &rows_[row];
+      }
+      return nullptr;
+    };
+    const MessageRow* found = has_expected_ ? find(true) : nullptr;
+    if (found == nullptr) found = find(false);
+    return found == nullptr ? unknown_ : found->shape;
   }
 
   /// The rules over the payload of the message `index`. O(rows), where any message has some.
@@ -107,6 +134,8 @@ class RuntimeTables {
   std::size_t row_count_;
   bool has_expected_ = false;
   bool has_rules_ = false;
+  bool matches_ = false;
+  bool matches_late_ = false;
   std::array<std::uint64_t, max_algorithms> begins_{};
   std::array<bool, max_algorithms> ends_plainly_{};
   MessageShape unknown_{};
@@ -122,7 +151,10 @@ class RuntimeSource {
   using FastPath = wirebond::FastPath;
 
   explicit RuntimeSource(const RuntimeTables& tables)
-      : format_(&tables.format()), tables_(&tables), ends_by_silence_(format_->framing == Framing::silence) {}
+      : format_(&tables.format()),
+        tables_(&tables),
+        ends_by_silence_(format_->framing == Framing::silence),
+        matches_(tables.matches()) {}
 
   const FrameFormat& format() const { return *format_; }
   bool ends_by_silence() const { return ends_by_silence_; }
@@ -131,6 +163,12 @@ class RuntimeSource {
   MessageShape message(std::uint32_t id) const { return tables_->message(id, expected_); }
   /// For the fast path, which does not apply where an id is shared.
   const MessageShape& message_of(std::uint32_t id) const { return tables_->message(id); }
+  bool matches() const { return matches_; }
+  bool matches_late() const { return tables_->matches_late(); }
+  template <class Asked>
+  MessageShape match(const Asked& asked) const {
+    return tables_->match(asked, expected_);
+  }
   PayloadRules payload_rules(std::int16_t index) const { return tables_->payload_rules(index); }
   void expect(std::int16_t index) { expected_ = index; }
   std::uint64_t check_begin_of(unsigned algorithm) const { return tables_->check_begin_of(algorithm); }
@@ -145,6 +183,7 @@ class RuntimeSource {
   const FrameFormat* format_;
   const RuntimeTables* tables_;
   bool ends_by_silence_;
+  bool matches_;
   std::int16_t expected_ = -1;
 };
 

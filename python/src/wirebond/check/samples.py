@@ -10,6 +10,7 @@ from typing import Any
 
 from wirebond.codec import Codec
 from wirebond.errors import MessageError
+from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message
 from wirebond.protocol.plan import expecting, told_by_request
@@ -61,7 +62,7 @@ def _frame(codec: Codec, message: Message, sender: End, generator: random.Random
 
 def random_values(message: Message, generator: random.Random) -> dict[str, Any]:
     """Valid values for every field, over the whole range that each can carry."""
-    return _struct(message.fields, generator)
+    return fitted_values(message, _struct(message.fields, generator), generator.randint)
 
 
 def _struct(fields: tuple[Field, ...], generator: random.Random) -> dict[str, Any]:

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from wirebond.diff.change import Change, Effect, Sides, carries, changed, end_name, harmless
 from wirebond.diff.fields import Where, field_changes, zeros_or_ignored
 from wirebond.protocol.decimals import decimal_text
+from wirebond.protocol.matching import covers, id_key, overlap, told_by
 from wirebond.protocol.model import End, Field, Message, Part, PartKind, PayloadRule, Protocol
-from wirebond.protocol.plan import id_key
+from wirebond.protocol.spelling import match_text, match_texts
 
 
 def message_changes(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change]:
@@ -36,7 +37,12 @@ def _renamed(before: dict[str, Message], after: dict[str, Message]) -> dict[str,
         if name in before:
             continue
         for was in before.values():
-            same = (id_key(was), was.sender, was.seed) == (id_key(message), message.sender, message.seed)
+            same = (told_by(was), was.has_id, was.sender, was.seed) == (
+                told_by(message),
+                message.has_id,
+                message.sender,
+                message.seed,
+            )
             if was.name not in after and was.name not in found.values() and same and _alike(was.fields, message.fields):
                 found[name] = was.name
                 break
@@ -64,7 +70,7 @@ def _new(message: Message, routes: list[Sides], before: list[Message]) -> Change
         taken = [
             m.name
             for m in before
-            if id_key(m) == id_key(message) and carries(sides, m) and m.name not in _names(sides.new)
+            if overlap(m, message) is not None and carries(sides, m) and m.name not in _names(sides.new)
         ]
         if taken:
             way = (message.name, taken[0]) if sides.flow.from_new else (taken[0], message.name)
@@ -127,11 +133,12 @@ def _pair(old: Message, new: Message, routes: list[Sides]) -> Iterator[Change]:
     both = tuple(s for s in routes if carries(s, old) and carries(s, new))
     if old.sender != new.sender:
         yield _other_sender(old, new, routes)
-    if id_key(old) != id_key(new):
-        was, now = (f"id {m.id:#04x}" if m.has_id else "no id" for m in (old, new))
+    if (told_by(old), old.has_id) != (told_by(new), new.has_id):
+        was, now = (_identity(m) for m in (old, new))
         sentence = f"{was} became {now.removeprefix('id ') if old.has_id else now}"
-        effects = [Effect(s.flow, True, _other_id(s, old, new)) for s in both]
-        yield changed(new.name, sentence, effects, place=(*place, "id"))
+        effects = [Effect(s.flow, True, _other_id(s, old, new)) for s in both if not _still_it(s, old, new)]
+        key = "id" if (id_key(old), old.ids) != (id_key(new), new.ids) else "match"
+        yield changed(new.name, sentence, effects, place=(*place, key))
     if old.seed != new.seed:
         effects = [Effect(s.flow, True, "its check never fits") for s in both]
         yield changed(new.name, f"seed {old.seed} became {new.seed}", effects, place=(*place, "seed"))
@@ -169,10 +176,30 @@ def _other_sender(old: Message, new: Message, routes: list[Sides]) -> Change:
     return changed(new.name, sentence, effects, place=("messages", new.name, "sender"))
 
 
+def _identity(message: Message) -> str:
+    """What its frames have: ``id 0x01``, ``id 0x80..0xff with kind 1``."""
+    if message.ids is not None:
+        number = f"id {match_text(message.ids).replace('0x', '#').lower().replace('#', '0x')}"
+    else:
+        number = f"id {message.id:#04x}" if message.has_id else "no id"
+    texts = match_texts(message)
+    return f"{number} with {' and '.join(texts)}" if texts else number
+
+
+def _still_it(sides: Sides, old: Message, new: Message) -> bool:
+    """Does the receiver still take every frame of the sender for the message?"""
+    sent, read = (new, old) if sides.flow.from_new else (old, new)
+    return covers(read, sent)
+
+
 def _other_id(sides: Sides, old: Message, new: Message) -> str:
     sent = new if sides.flow.from_new else old
-    meant = [m.name for m in sides.receiver.messages if id_key(m) == id_key(sent) and carries(sides, m)]
-    return f"it is taken for {meant[0]}" if meant else _unknown(sides, sent)
+    read = old if sides.flow.from_new else new
+    meant = [m.name for m in sides.receiver.messages if covers(m, sent) and carries(sides, m)]
+    if meant:
+        return f"it is taken for {meant[0]}"
+    some = "" if overlap(read, sent) is None else "of some of its frames: "
+    return some + _unknown(sides, sent)
 
 
 def _other_reply(old: Message, new: Message, routes: list[Sides]) -> Change:

@@ -14,6 +14,7 @@ from wirebond.doc.table import table
 from wirebond.explain import Kind, explain
 from wirebond.explain.examine import hex_of
 from wirebond.protocol.decimals import decimal_text
+from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message, Stuffing
 from wirebond.protocol.plan import expecting
@@ -35,7 +36,7 @@ def examples_of(codec: Codec, message: Message) -> list[str]:
 
 def example_values(message: Message) -> dict[str, Any]:
     """Values for every field, inside their ranges; the same for the same message."""
-    return _values(message.fields)
+    return fitted_values(message, _values(message.fields))
 
 
 def _values(fields: tuple[Field, ...], first: int = 0) -> dict[str, Any]:

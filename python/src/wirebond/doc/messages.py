@@ -27,12 +27,15 @@ from wirebond.protocol.model import (
     Protocol,
     Queue,
 )
-from wirebond.protocol.spelling import field_type, how_counted
+from wirebond.protocol.spelling import field_type, how_counted, match_text, match_texts
 
 
 def id_text(protocol: Protocol, message: Message) -> str:
     parts = protocol.format.parts
-    return "" if id_index(parts) is None or not message.has_id else id_number(parts, message.id)
+    if id_index(parts) is None or not message.has_id:
+        return ""
+    digits = len(id_number(parts, message.id)) - 2
+    return id_number(parts, message.id) if message.ids is None else match_text(message.ids, digits)
 
 
 def sender_text(end: End) -> str:
@@ -65,6 +68,7 @@ def _message(codec: Codec, message: Message) -> list[str]:
         lines += [_stopped(message.description), ""]
     number = id_text(codec.model, message)
     facts = [f"Id {number}"] if number else []
+    facts += [f"with {' and '.join(match_texts(message))}"] if match_texts(message) else []
     facts.append(f"sent by {'both ends' if message.sender == End.BOTH else 'the ' + spoken(message.sender)}")
     if message.every is not None:
         facts.append(f"every {seconds(message.every)}")

@@ -11,7 +11,8 @@ from functools import lru_cache
 
 from wirebond.checksum import checksum
 from wirebond.explain.constants import constants_of
-from wirebond.protocol.forms import Choice, FormParts, parts_of_forms
+from wirebond.protocol.forms import Choice, FormParts, header_of, parts_of_forms
+from wirebond.protocol.matching import Told
 from wirebond.protocol.model import (
     BitRole,
     ByteOrder,
@@ -28,7 +29,7 @@ from wirebond.protocol.model import (
     Subject,
 )
 from wirebond.protocol.payload_rules import bit_places
-from wirebond.protocol.plan import told_by_request
+from wirebond.protocol.plan import matches_late, told_by_request
 from wirebond.protocol.spelling import choices_text
 
 CONSTANTS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
@@ -341,12 +342,16 @@ class _Examination:
         self._need(prefix)
         where = id_index(parts)
         # Without an id the one message there is says how long a payload is that has its message's size.
-        early_id = where < at if where is not None else parts[at].payload == PayloadRule.BY_ID
+        sent = tuple(m for m in self.protocol.messages if m.sent_by(self.sender))
+        is_late = matches_late(sent, self.protocol.format.parts)
+        early_id = (where < at if where is not None else parts[at].payload == PayloadRule.BY_ID) and not is_late
         if early_id:
-            self._read_id(before)
+            self._read_id(before, 0)
         size = self._payload_size(prefix)
+        if early_id and parts[at].payload != PayloadRule.BY_ID:
+            self._read_id(before, size)
         self.payload = prefix, prefix + size
-        knows_size = early_id or where is None or not parts[at].trims_zeros
+        knows_size = early_id or (where is None and not is_late) or not parts[at].trims_zeros
         if knows_size:
             self._size_choices(size, prefix)
         if early_id and (self.block is not None or not self.protocol.format.length_on_wire):
@@ -360,7 +365,7 @@ class _Examination:
         for index in range(at + 1, len(parts)):
             self._constant(index, places[index][0], extent=total)
         if not early_id:
-            self._read_id(places)
+            self._read_id(places, size, self.data[prefix : prefix + size])
             if not knows_size:
                 self._size_choices(size, total)
             self._message_fits(size, total)
@@ -456,7 +461,8 @@ class _Examination:
         number = read_number(part, found)
         return f"0x{value:0{digits}X} in the bits 0x{mask:0{digits}X}", f"0x{number & mask:0{digits}X}"
 
-    def _read_id(self, places: list[tuple[int, int]]) -> None:
+    def _read_id(self, places: list[tuple[int, int]], size: int, payload: bytes = b"") -> None:
+        """And what message it is, with what else tells that: ``size`` and ``payload``, as far as they are known."""
         index = id_index(self.parts)
         self.id = 0
         if index is not None:
@@ -466,8 +472,26 @@ class _Examination:
         # Of messages that share an id, those that only a request tells are not meant: no request is known here.
         dependent = told_by_request(self.protocol.messages, self.sender)
         sent = (m for m in self.protocol.messages if m.sent_by(self.sender) and m.name not in dependent)
-        fitting = (m for m in sent if (m.id, m.has_id) == (self.id, index is not None))
-        self.message = next(fitting, None)
+        told = Told(
+            self.id if index is not None else None,
+            self._header_numbers(places),
+            size,
+            payload,
+            self.parts[payload_index(self.parts)].trims_zeros,
+        )
+        self.message = next((m for m in sent if told.is_of(m)), None)
+
+    def _header_numbers(self, places: list[tuple[int, int]]) -> dict[str, int]:
+        """Those of the parts that are there, as bits."""
+        found: dict[str, int] = {}
+        for part, (start, stop) in zip(self.parts, places, strict=False):
+            if stop > len(self.data) or not header_of(part):
+                continue
+            data = self.data[start:stop]
+            number = int.from_bytes(data, "big") if part.kind == PartKind.MAGIC else read_number(part, data)
+            found |= {} if part.header is None else {part.header.name: number}
+            found |= {run.header.name: number >> run.shift & run.mask for run in part.bits if run.header is not None}
+        return found
 
     def _payload_size(self, prefix: int) -> int:
         parts = self.parts

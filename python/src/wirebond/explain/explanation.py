@@ -17,8 +17,10 @@ from wirebond.explain.rows import rows_of
 from wirebond.explain.scan import Candidate, Found, Scan, scan, start_bytes
 from wirebond.explain.stuffing import Unstuffed, plain
 from wirebond.explain.values import faults_of, read_fields, values_of, values_text
+from wirebond.protocol.matching import one_id
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import End, Part, Protocol
+from wirebond.protocol.spelling import match_texts
 
 MOST_BYTES = 4096  # or one largest frame: what is more is for `decode`
 MOST_SEARCHES = 8  # refused stretches whose nearest explanation is looked for
@@ -123,7 +125,12 @@ class _Stretches:
         if message is None or payload is None:
             if id_index(verdict.parts) is None:
                 return f"no message{whose} is without an id, and this frame has none"
-            return f"no message{whose} has the id {id_text(verdict.parts, verdict.id or 0)}"
+            number = id_text(verdict.parts, verdict.id or 0)
+            sharing = [m for m in self._protocol.messages if m.match and (m.ids or one_id(m.id)).holds(verdict.id or 0)]
+            if sharing:
+                texts = [f"{m.name} ({', '.join(match_texts(m)) or 'all'})" for m in sharing]
+                return f"of the messages with the id {number} it is none: {', '.join(texts)}"
+            return f"no message{whose} has the id {number}"
         return f"{message.name} needs {message.min_payload} payload bytes, and here are {payload[1] - payload[0]}"
 
     def _with_delimiters(self, rows: tuple[Row, ...], start: int, begin: int, end: int, stop: int) -> tuple[Row, ...]:

@@ -20,6 +20,7 @@ from wirebond.explain.examine import (
 )
 from wirebond.explain.values import read_number as read_value
 from wirebond.protocol.forms import header_of
+from wirebond.protocol.matching import one_id
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import Address, BitRole, End, HeaderField, LengthCounts, Message, Part, PartKind, Protocol
 from wirebond.protocol.spelling import range_text, sequence_text
@@ -113,8 +114,10 @@ def _id(context: Context) -> str:
 
 
 def id_meaning(context: Context, number: int) -> str:
-    messages = [m for m in context.protocol.messages if m.id == number]
+    messages = [m for m in context.protocol.messages if (m.ids or one_id(m.id)).holds(number)]
     own = next((m for m in messages if m.sent_by(context.sender)), None)
+    if sum(m.sent_by(context.sender) for m in messages) > 1 and any(m.match for m in messages):
+        return f"of {', '.join(m.name for m in messages if m.sent_by(context.sender))}"
     if own is not None:
         return f"{own.name}, {sent_by(own)}"
     if messages:

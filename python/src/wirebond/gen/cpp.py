@@ -42,13 +42,24 @@ from wirebond.protocol.model import (
     CheckKind,
     End,
     HeaderDefault,
+    MatchOf,
     Message,
     PartKind,
     PayloadRule,
     Protocol,
     Queue,
 )
-from wirebond.protocol.plan import Exclusion, Framing, HeaderNumber, MessageRow, Number, Plan, Position, plan_for
+from wirebond.protocol.plan import (
+    Exclusion,
+    Framing,
+    HeaderNumber,
+    MatchTest,
+    MessageRow,
+    Number,
+    Plan,
+    Position,
+    plan_for,
+)
 
 
 def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
@@ -134,6 +145,8 @@ class MessageView:
     every_us: int
     queue: str
     reply: int  # index of the message that answers it, or -1
+    match: tuple[str, ...]  # tests of what it is sent with, as initialisers
+    id_place: int | None  # place of the header field that has its id, where it has several
     types: list[list[str]]  # declared in it
     members: list[str]
     enums: list[tuple[str, list[str]]]
@@ -199,6 +212,8 @@ def _message_views(protocol: Protocol) -> list[MessageView]:
             every_us=round((message.every or 0) * 1e6),
             queue=message.queue.value,
             reply=indices.get(message.reply or "", -1),
+            match=sent_tests(protocol, message),
+            id_place=None if message.ids is None else plan_for(protocol, End.HOST).id_place,
             types=type_blocks(structs[message.name]),
             members=member_lines(structs[message.name]),
             enums=known_enums(structs[message.name]),
@@ -400,6 +415,65 @@ def _update(algorithm: Algorithm, index: int) -> str:
     return f"wirebond::sum_update(format_from_host.algorithms[{index}], reg, bytes, size)"
 
 
+# ---- what tells messages apart beside their ids -----------------------------------------------------------------
+
+
+def _asked(test: MatchTest) -> str:
+    """A test as a question to a frame (``wirebond/match.hpp``)."""
+    bounds = f"0x{test.mask:X}U, 0x{test.low:X}U, 0x{test.high:X}U"
+    if test.of == MatchOf.HEADER:
+        return f"asked.header({test.place}, {bounds})"
+    if test.of == MatchOf.PAYLOAD:
+        return f"asked.payload({test.at}, {test.bytes}, wirebond::ByteOrder::{test.order}, {test.shift}, {bounds})"
+    return f"asked.{test.of}({bounds})"
+
+
+def _groups(tests: tuple[MatchTest, ...]) -> list[list[MatchTest]]:
+    """Those joined by ``or_next`` together."""
+    groups: list[list[MatchTest]] = []
+    joins = False
+    for test in tests:
+        if joins:
+            groups[-1].append(test)
+        else:
+            groups.append([test])
+        joins = test.or_next
+    return groups
+
+
+def match_lines(row: MessageRow) -> list[str]:
+    """The condition that a frame is this message, one line for each that must hold."""
+    expected = [f"expected == {row.index}"] if row.only_expected else []
+    texts = []
+    for group in _groups(row.tests):
+        text = " || ".join(_asked(test) for test in group)
+        texts.append(text if len(group) == 1 else f"({text})")
+    return [*expected, *texts] or ["true"]
+
+
+def sent_tests(protocol: Protocol, message: Message) -> tuple[str, ...]:
+    """The tests that say something to a sender: of header fields, and of what a value of the message can break."""
+    plan = plan_for(protocol, End.HOST if message.sent_by(End.HOST) else End.MCU)
+    row = next(row for row in plan.messages if protocol.messages[row.index] is message)
+    found: list[str] = []
+    for group in _groups(row.tests):
+        of, is_one = group[0].of, group[0].is_one
+        says_nothing = {
+            MatchOf.ID: plan.id_place is None or not message.has_id,
+            MatchOf.HEADER: False,
+            MatchOf.PAYLOAD: is_one,  # a constant of the payload
+            MatchOf.SIZE: message.min_payload == message.max_payload,
+        }[of]
+        for test in () if says_nothing else group:
+            place = plan.id_place if of == MatchOf.ID else test.place
+            numbers = f"{test.bytes}, wirebond::ByteOrder::{test.order}, {test.shift}, {test.at}"
+            bounds = f"0x{test.mask:X}U, 0x{test.low:X}U, 0x{test.high:X}U"
+            found.append(
+                f"{{wirebond::MatchOf::{of}, {place}, {_bool(test.or_next)}, {_bool(is_one)}, {numbers}, {bounds}}}"
+            )
+    return tuple(found)
+
+
 @dataclass(frozen=True)
 class RulesView:
     """The rules over one message's payload, each as an initialiser."""
@@ -434,6 +508,8 @@ class SourceView:
     expected: tuple[tuple[int, str, str], ...]  # index, id, shape of the messages that only their request tells
     rules: tuple[RulesView, ...]
     counts_bytes: bool  # do the rules need to know that counts tell bytes, of elements or beside their number?
+    matches: tuple[tuple[list[str], str, str], ...]  # what a frame has, its shape, its message; those expected first
+    matches_late: bool
     structs: tuple[str, ...]
     latest: tuple[str, ...]  # of these, those of `queue: latest`
     header_defaults: tuple[str, ...]  # on the wire, of all header fields, also those of the other end's frames alone
@@ -458,6 +534,12 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         expected=tuple((row.index, key(row), shape(row)) for row in plan.messages if row.only_expected),
         rules=rules_views(protocol, plan),
         counts_bytes=any(c.step > 1 or c.agrees_with is not None for row in plan.messages for c in row.rules.counts),
+        matches=tuple(
+            (match_lines(row), shape(row), protocol.messages[row.index].name)
+            for row in sorted(plan.messages, key=lambda row: not row.only_expected)
+            if plan.matches
+        ),
+        matches_late=plan.matches_late,
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
         latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
         header_defaults=tuple(f"{field.default_bits(end)}U" for field in plan.header),

@@ -2,7 +2,7 @@
 
 In it: stuffing and delimiter; of every part its kind, size, byte order and bytes, what a length counts, the
 payload's rule, a check's parameters and range, what header fields mean where they are more than unsigned numbers;
-of every message its name, id, sender and the layout of its
+of every message its name, id, match, sender and the layout of its
 fields (name, kind, size, byte order, elements, scale, offset, enum, flags, bits and their order, what counts them, and
 the same of the fields in them); which messages serve as which service.
 
@@ -141,7 +141,8 @@ def _header_meaning(field: Field) -> dict[str, Any]:
 
 def _message(message: Message, mixed: bool) -> dict[str, Any]:
     """``mixed``: some frames of one sender have an id and others not, so that 0 and none are two things."""
-    return {
+    match = [[m.of.value, m.name, m.mask, [list(bounds) for bounds in m.ranges]] for m in message.match]
+    return ({"match": match} if match else {}) | {
         "id": None if mixed and not message.has_id else message.id,
         "sender": message.sender.value,
         "seed": message.seed,

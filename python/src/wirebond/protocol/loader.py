@@ -8,6 +8,7 @@ from wirebond.protocol.meaning import references
 from wirebond.protocol.meaning.draft import delivers_unknown, finish, skips_failed, validate_first_bytes, validate_sizes
 from wirebond.protocol.meaning.examples import read_examples
 from wirebond.protocol.meaning.frames import read_frame
+from wirebond.protocol.meaning.matching import read_matches
 from wirebond.protocol.meaning.messages import read_messages, validate_ids
 from wirebond.protocol.meaning.structs import Types
 from wirebond.protocol.model import ByteOrder, End, LinkSettings, Parity, Protocol
@@ -44,6 +45,8 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     types = Types(root.get("types"), order, problems)
     types.read_all()
     messages = read_messages(root.get("messages"), types, problems)
+    if draft is not None:
+        draft, messages = read_matches(draft, messages, problems)
     deadlines = references.read_deadlines(root.get("deadlines"), messages, problems)
     emergency_stop = references.read_emergency_stop(root.get("emergency_stop"), messages, draft, problems)
     services = references.read_services(root.get("services"), messages, problems)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Message
+from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Message, PayloadPlace
 
 MAX_CONSTANT_BYTES = 64  # of one message
 MAX_COUNTS = 8  # of one message, where a rule needs them
@@ -71,6 +71,25 @@ def payload_rules(message: Message) -> PayloadRules:
     )
 
 
+def named_numbers(fields: tuple[Field, ...]) -> Iterator[tuple[str, tuple[Field, PayloadPlace]]]:
+    """The unsigned numbers of a message at places that are always the same: its own, and those among their bits."""
+    lowering = _Lowering()
+    for one in fields:
+        lowering.name = one.name
+        is_lost = lowering.is_lost or bool(lowering.counts)
+        before = lowering.at
+        lowering.read(one)
+        if is_lost or one.is_list or one.count is not None or one.packed is not None:
+            continue
+        if one.kind == FieldKind.UNSIGNED and not one.is_scaled:
+            yield one.name, (one, PayloadPlace(before, one.size, one.order, 0, (1 << one.width) - 1))
+        if one.kind == FieldKind.BITS:
+            for member, shift in bit_places(one):
+                if member.kind == FieldKind.UNSIGNED and not member.is_scaled:
+                    mask = (1 << member.width) - 1
+                    yield member.name, (member, PayloadPlace(before, one.size, one.order, shift, mask))
+
+
 def bit_places(container: Field) -> Iterator[tuple[Field, int]]:
     """The values that share a number's bits, and the place of each one's lowest bit."""
     passed = 0
@@ -92,7 +111,7 @@ class _Lowering:
     counts: list[PayloadCount] = field(default_factory=list)
     faults: dict[str, str] = field(default_factory=dict)
     tells_size: bool = True
-    _is_lost: bool = False  # behind a string that a byte ends, or elements of which each has its own size
+    is_lost: bool = False  # behind a string that a byte ends, or elements of which each has its own size
     _numbers: list[dict[str, CountingNumber]] = field(
         default_factory=lambda: [{}]
     )  # of the lists of fields that are open
@@ -133,7 +152,7 @@ class _Lowering:
         self.at += container.size
 
     def _add(self, wire: bytes, masks: bytes) -> None:
-        if self._is_lost:
+        if self.is_lost:
             self._fail(f"`{self.name}` stands behind something whose size no count tells; move it before that")
         for place, (byte, mask) in enumerate(zip(wire, masks, strict=True)):
             if mask:
@@ -149,7 +168,7 @@ class _Lowering:
             )
         numbers = self._numbers[-1]
         if one.counted_by not in numbers or any(member.is_variable for member in one.fields):
-            self.tells_size, self._is_lost = False, True
+            self.tells_size, self.is_lost = False, True
             return
         size = 1 if one.is_string else one.element_min_bytes
         most = one.max_size if one.is_string else one.max_count

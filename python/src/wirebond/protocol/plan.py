@@ -18,6 +18,7 @@ from wirebond.protocol.forms import (
     own_forms,
     parts_of_forms,
 )
+from wirebond.protocol.matching import are_matched, id_key, one_id, overlap, told_by
 from wirebond.protocol.model import (
     Address,
     Algorithm,
@@ -29,6 +30,8 @@ from wirebond.protocol.model import (
     HeaderField,
     Insertion,
     LengthCounts,
+    Match,
+    MatchOf,
     Message,
     Part,
     PartKind,
@@ -168,6 +171,27 @@ class Form:
 
 
 @dataclass(frozen=True)
+class MatchTest:
+    """A number of a frame: its bits of ``mask`` lie from ``low`` to ``high``; with ``or_next`` or the next test holds.
+
+    ``place``: of a header field, in ``Plan.header``. ``at`` to ``shift``: of a number of the payload.
+    """
+
+    of: MatchOf
+    mask: int
+    low: int
+    high: int
+    or_next: bool
+    is_one: bool  # the whole number has one value, which a sender gives it by itself
+    name: str  # of the header field, or of the field of the payload
+    place: int = 0
+    at: int = 0
+    bytes: int = 0
+    order: ByteOrder = ByteOrder.LITTLE
+    shift: int = 0
+
+
+@dataclass(frozen=True)
 class MessageRow:
     """``index`` is the message's place in ``Protocol.messages``."""
 
@@ -178,6 +202,7 @@ class MessageRow:
     seed: int
     only_expected: bool  # shares its id with others of its sender: it is meant where its request has gone out
     rules: PayloadRules  # those that a receiver applies
+    tests: tuple[MatchTest, ...] = ()  # all of what the message's frames have, where ids do not tell all messages
 
 
 class Framing(StrEnum):
@@ -222,6 +247,9 @@ class Plan:
     sequence: int | None  # place of the number that counts a sender's frames; None: a receiver has nothing to count by
     sequence_per_message: bool  # it counts the frames of each message
     algorithms: tuple[Algorithm, ...]
+    matches: bool  # a message of this sender needs more than one id to be told; then each row has its tests
+    matches_late: bool  # a test needs bytes that do not stand before the payload
+    id_place: int | None  # place in ``header`` of the id, where a message has several
     messages: tuple[MessageRow, ...]  # by rising id; of one id those that are only expected first
 
 
@@ -234,6 +262,8 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     address = _place_of(header, Address.RECEIVER, Address.MCU if sender == End.HOST else None)
     peer = _place_of(header, Address.SENDER, Address.MCU if sender == End.MCU else None)
     sequence = next((place for place, field in enumerate(header) if field.is_sequence), None)
+    sent = tuple(m for m in protocol.messages if m.sent_by(sender))
+    matches = are_matched(sent)
     rows = [
         MessageRow(
             m.id if m.has_id else no_id,
@@ -243,6 +273,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
             m.seed or 0,
             m.name in dependent,
             _applied_rules(m, frame_format.parts),
+            _match_tests(m, header, no_id) if matches else (),
         )
         for index, m in enumerate(protocol.messages)
         if m.sent_by(sender)
@@ -274,6 +305,9 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         sequence=sequence if sender is not None or peer is not None else None,  # two ends in one stream, told apart
         sequence_per_message=sequence is not None and header[sequence].per_message,
         algorithms=tuple(_algorithms(frame_format.parts)),
+        matches=matches,
+        matches_late=matches_late(sent, frame_format.parts),
+        id_place=next((place for place, field in enumerate(header) if is_id(field, frame_format.parts)), None),
         messages=tuple(sorted(rows, key=lambda row: (row.id, not row.only_expected))),
     )
 
@@ -282,6 +316,52 @@ def _place_of(header: tuple[HeaderField, ...], *kinds: Address | None) -> int | 
     """The place of the field that is one of these addresses."""
     found = (place for place, field in enumerate(header) if field.address is not None and field.address in kinds)
     return next(found, None)
+
+
+def is_id(field: HeaderField, parts: tuple[Part, ...]) -> bool:
+    """Is this header field the id, which is one where a message has several?"""
+    return any(
+        (part.kind == PartKind.ID and part.header is field)
+        or any(run.role == BitRole.ID and run.header is field for run in part.bits)
+        for part in parts
+    )
+
+
+def matches_late(messages: tuple[Message, ...], parts: tuple[Part, ...]) -> bool:
+    """Does what tells these messages apart stand behind the payload, or in it?"""
+    payload = next(index for index, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
+    behind = {field.name for field in header_fields(parts[payload:])}
+    behind |= {"id"} if any(part.kind == PartKind.ID for part in parts[payload:]) else set()
+    matched = [match for message in messages for match in message.match]
+    return any(
+        match.of == MatchOf.PAYLOAD or (match.of == MatchOf.HEADER and match.name in behind) for match in matched
+    )
+
+
+def _match_tests(message: Message, header: tuple[HeaderField, ...], no_id: int) -> tuple[MatchTest, ...]:
+    places = {field.name: place for place, field in enumerate(header)}
+    without = () if message.has_id or no_id == 0 else (one_id(no_id),)
+    return tuple(test for match in (*without, *told_by(message)) for test in _tests_of(match, places))
+
+
+def _tests_of(match: Match, places: dict[str, int]) -> list[MatchTest]:
+    in_payload = {} if match.place is None else {k: v for k, v in vars(match.place).items() if k != "mask"}
+    place = places[match.name] if match.of == MatchOf.HEADER else 0
+    mask = match.mask if match.place is None else match.mask & match.place.mask
+    return [
+        MatchTest(
+            match.of,
+            mask,
+            low,
+            high,
+            number + 1 < len(match.ranges),
+            match.is_one_value,
+            match.name,
+            place=place,
+            **in_payload,
+        )
+        for number, (low, high) in enumerate(match.ranges)
+    ]
 
 
 def _applied_rules(message: Message, parts: tuple[Part, ...]) -> PayloadRules:
@@ -303,11 +383,6 @@ def forms(parts: tuple[Part, ...], sender: End | None) -> tuple[Form, ...]:
 def mixes_ids(parts: tuple[Part, ...], sender: End | None) -> bool:
     """Have some frames of this sender an id, and others none?"""
     return len({form.id is None for form in forms(parts, sender)}) > 1
-
-
-def id_key(message: Message) -> int | None:
-    """What tells a message from others of its sender: its id, or that it has none."""
-    return message.id if message.has_id else None
 
 
 def _algorithms(parts: tuple[Part, ...]) -> list[Algorithm]:
@@ -335,6 +410,9 @@ def told_by_request(messages: tuple[Message, ...], sender: End | None) -> set[st
     """Names of the replies that share their id with another message of ``sender``: only their request tells them."""
     replies = {m.reply for m in messages}
     sent = [m for m in messages if m.sent_by(sender)]
+    if are_matched(sent):
+        asked = [m for m in sent if m.name in replies]
+        return {m.name for m in asked if any(o is not m and overlap(m, o) is not None for o in sent)}
     uses = Counter(id_key(m) for m in sent)
     return {m.name for m in sent if uses[id_key(m)] > 1 and m.name in replies}
 
@@ -348,7 +426,7 @@ def expecting(protocol: Protocol, name: str) -> Protocol:
         m.name
         for m in protocol.messages
         if m is not reply
-        and id_key(m) == id_key(reply)
+        and overlap(m, reply) is not None
         and any(m.sent_by(e) and reply.sent_by(e) for e in (End.HOST, End.MCU))
     }
     return replace(protocol, messages=tuple(m for m in protocol.messages if m.name not in hidden))
@@ -356,6 +434,12 @@ def expecting(protocol: Protocol, name: str) -> Protocol:
 
 def ids_collide(protocol: Protocol) -> list[tuple[Message, Message]]:
     """Pairs of messages of different senders that share an id: such streams need ``sender`` to be told apart."""
+    if are_matched(protocol.messages):
+        return [
+            (one, other)
+            for one, other in itertools.combinations(protocol.messages, 2)
+            if one.sender != other.sender and overlap(one, other) is not None
+        ]
     by_id: dict[int | None, Message] = {}
     pairs = []
     for message in protocol.messages:
@@ -414,6 +498,8 @@ def _form(form_parts: FormParts, algorithms: list[Algorithm], places: dict[str, 
             length = _whole(at, part)
         elif part.kind == PartKind.ID:
             message_id = _whole(at, part)
+            if part.header is not None:
+                header.append(held(part.header, message_id))
         elif part.header is not None:
             header.append(held(part.header, _whole(at, part)))
         elif part.kind == PartKind.CHECK:
@@ -425,6 +511,7 @@ def _form(form_parts: FormParts, algorithms: list[Algorithm], places: dict[str, 
                 length = number
             elif run.role == BitRole.ID:
                 message_id = number
+                header += [] if run.header is None else [held(run.header, number)]
             elif run.role == BitRole.CONSTANT:
                 place.extend(_bits_constant(number, run.value))
             elif run.header is not None:

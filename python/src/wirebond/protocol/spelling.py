@@ -21,6 +21,9 @@ from wirebond.protocol.model import (
     FieldKind,
     HeaderField,
     LengthCounts,
+    Match,
+    MatchOf,
+    Message,
     Part,
     PartKind,
     PayloadRule,
@@ -275,3 +278,23 @@ _SPELLINGS: dict[PartKind, Callable[[tuple[Part, ...], int], str]] = {
     PartKind.SEQUENCE: _number,
     PartKind.BITS: _number,
 }
+
+
+def match_text(match: Match, digits: int = 2) -> str:
+    """``0x80..0xFF``, ``8``, ``3 with mask 0x07``: what a number is, behind its name. ``digits``: of an id."""
+
+    def spelled(number: int) -> str:
+        return f"0x{number:0{digits}X}" if match.of == MatchOf.ID or match.name == "magic" else str(number)
+
+    texts = [spelled(low) if low == high else f"{spelled(low)}..{spelled(high)}" for low, high in match.ranges]
+    masked = "" if match.mask == match.whole else f" with mask 0x{match.mask:02X}"
+    return ", ".join(texts) + masked
+
+
+def match_texts(message: Message) -> list[str]:
+    """What its frames have beside the id."""
+    return [
+        f"{'payload size' if match.of == MatchOf.SIZE else match.name} {match_text(match)}"
+        for match in message.match
+        if match.of != MatchOf.ID
+    ]

@@ -16,6 +16,7 @@ from typing import Any
 
 from wirebond.codec import Codec, Message
 from wirebond.protocol.decimals import decimal_text
+from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Recover
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import plan_for
@@ -190,7 +191,7 @@ class VirtualMcu:
 
     def _made_up(self, message: MessageModel, t: float, amounts: Mapping[str, int] | None = None) -> dict[str, Any]:
         """``amounts``: how many elements a request asked for, of lists that have no more than their ``max``."""
-        return self._struct(message.fields, 0, t, amounts or {})
+        return fitted_values(message, self._struct(message.fields, 0, t, amounts or {}))
 
     def _struct(
         self, fields: tuple[Field, ...], phase: int, t: float, amounts: Mapping[str, int] | None = None

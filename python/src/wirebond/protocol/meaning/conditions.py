@@ -21,6 +21,7 @@ from wirebond.protocol.model import (
 from wirebond.protocol.problems import Place, suggestion
 from wirebond.protocol.spelling import bytes_text
 from wirebond.protocol.text.conditions import ComparisonText, ConditionText, ValueText
+from wirebond.protocol.text.matching import MatchText
 
 Wrong = Callable[[Place, str], None]
 _WORDS = {subject.value: subject for subject in Subject if subject != Subject.FIELD}
@@ -31,13 +32,13 @@ def read_condition(text: ConditionText, parts: list[Part], index: int, place: Pl
     """The condition of ``parts[index]``; None after saying what is wrong. ``parts`` have their header fields."""
     try:
         return _Reader(parts, index).condition(text)
-    except _Fault as fault:
+    except Fault as fault:
         wrong(place, str(fault))
         return None
 
 
-class _Fault(Exception):  # noqa: N818  (a sentence for the file's author)
-    pass
+class Fault(Exception):  # noqa: N818
+    """A sentence for the file's author."""
 
 
 class _Reader:
@@ -59,7 +60,7 @@ class _Reader:
         if subject == Subject.ID:
             return self._of_id(text)
         if subject is not None and text.mask is not None:
-            raise _Fault(f"`{text.name}` has no bits to select; compare it with `==` or `in`")
+            raise Fault(f"`{text.name}` has no bits to select; compare it with `==` or `in`")
         if subject == Subject.MAGIC:
             return self._of_magic(text)
         if subject == Subject.SENDER:
@@ -67,18 +68,18 @@ class _Reader:
         if subject == Subject.SIZE:
             return self._of_size(text)
         known = dict.fromkeys([*self._fields, *_WORDS])
-        raise _Fault(f"the header has no field `{text.name}`; {suggestion(text.name, known)}")
+        raise Fault(f"the header has no field `{text.name}`; {suggestion(text.name, known)}")
 
     def _of_field(self, text: ComparisonText, field: HeaderField) -> Comparison:
         self._stands_before(next(i for i, part in enumerate(self._parts) if field in header_of(part)), field.name)
         if field.is_sequence:
-            raise _Fault(
+            raise Fault(
                 f"`{field.name}` is a sequence number: the link gives it when the frame is whole already, so no part "
                 "can depend on it; name another field of the header"
             )
         kind = "scaled" if field.value.is_scaled else "signed" if field.value.kind == FieldKind.SIGNED else ""
         if kind and text.mask is None:
-            raise _Fault(f"`{field.name}` is {kind}; compare its bits, such as `{field.name} & 0x01`")
+            raise Fault(f"`{field.name}` is {kind}; compare its bits, such as `{field.name} & 0x01`")
         names = dict(field.value.enum)
         ranges = self._ranges(text, field.value.width, names, f"`{field.name}`")
         return Comparison(Subject.FIELD, ranges, field.name, text.mask)
@@ -92,60 +93,73 @@ class _Reader:
                 self._stands_before(index, "id")
             widths += found
         if not widths:
-            raise _Fault("the frame has no `id` part; add `- id: u8`, or name a field of the header")
+            raise Fault("the frame has no `id` part; add `- id: u8`, or name a field of the header")
         return Comparison(Subject.ID, self._ranges(text, max(widths), {}, "the id"), mask=text.mask)
 
     def _of_magic(self, text: ComparisonText) -> Comparison:
-        listed = [value for part in self._parts if part.kind == PartKind.MAGIC for value in _values(part)]
+        listed = [value for part in self._parts if part.kind == PartKind.MAGIC for value in magic_values(part)]
         if self._part.kind == PartKind.MAGIC or not listed:
-            raise _Fault("there is no magic that could decide this; name a field of the header")
-        ranges = []
-        for low, high in text.ranges:
-            if low is not high or low.is_name or not all(word.startswith("0x") for word in low.words):
-                raise _Fault(f"a magic is written in bytes, such as `magic == {bytes_text(listed[0])}`")
-            numbers = [int(word, 16) for word in low.words]
-            if max(numbers) > 0xFF or bytes(numbers) not in listed:
-                raise _Fault("no magic of this frame has that value; take one of its list")
-            ranges.append((int.from_bytes(bytes(numbers), "big"),) * 2)
-        return Comparison(Subject.MAGIC, tuple(sorted(set(ranges))), size=len(listed[0]))
+            raise Fault("there is no magic that could decide this; name a field of the header")
+        return Comparison(Subject.MAGIC, tuple(sorted(magic_ranges(text, listed))), size=len(listed[0]))
 
     def _of_sender(self, text: ComparisonText) -> Comparison:
         ranges = []
         for low, high in text.ranges:
             if low is not high or str(low) not in (End.HOST, End.MCU):
-                raise _Fault("the sender is `host` or `mcu`; write `sender == host`")
+                raise Fault("the sender is `host` or `mcu`; write `sender == host`")
             ranges.append((SENDER_NUMBERS[End(str(low))],) * 2)
         return Comparison(Subject.SENDER, _merged(ranges))
 
     def _of_size(self, text: ComparisonText) -> Comparison:
         payload = self._parts[self._payload] if self._payload < len(self._parts) else None
         if payload is not None and payload.payload == PayloadRule.FIXED:
-            raise _Fault(f"every payload has {payload.fixed_payload} bytes in this frame; remove this condition")
+            raise Fault(f"every payload has {payload.fixed_payload} bytes in this frame; remove this condition")
         return Comparison(Subject.SIZE, self._ranges(text, 16, {}, "the payload's size"))
 
     def _stands_before(self, index: int, name: str) -> None:
         if index > min(self._index, self._payload) or index == self._index:
-            raise _Fault(f"`{name}` must stand in the header, before what it decides about; move it forward")
+            raise Fault(f"`{name}` must stand in the header, before what it decides about; move it forward")
 
     def _ranges(
         self, text: ComparisonText, width: int, names: dict[str, int], what: str
     ) -> tuple[tuple[int, int], ...]:
-        most = (1 << width) - 1
-        if text.mask is not None and text.mask > most:
-            raise _Fault(f"{what} has {width} bits; take a lower one")
-        ranges = []
-        for low, high in text.ranges:
-            start = _number(low, names, what)
-            stop = most if str(high) == str(_MOST) else _number(high, names, what)
-            for value, word in ((start, low), (stop, high)):
-                if value > most:
-                    raise _Fault(f"{what} has {width} bits, and {word} does not fit them; its greatest is {most}")
-                if text.mask is not None and low is high and value & ~text.mask:
-                    raise _Fault(f"{word} has bits that 0x{text.mask:02X} does not select, so that this never holds")
-            if start > stop:
-                raise _Fault(f"the range {low}..{high} is empty; write the smaller bound first")
-            ranges.append((start, stop))
-        return _merged(ranges)
+        return ranges_of(text, width, names, what)
+
+
+def magic_ranges(text: ComparisonText | MatchText, listed: list[bytes]) -> tuple[tuple[int, int], ...]:
+    """The magics that the text names, of those of the frame, in their order. Raises ``Fault``."""
+    ranges = []
+    for low, high in text.ranges:
+        if low is not high or low.is_name or not all(word.startswith("0x") for word in low.words):
+            sign = " ==" if isinstance(text, ComparisonText) else ":"
+            raise Fault(f"a magic is written in bytes, such as `magic{sign} {bytes_text(listed[0])}`")
+        numbers = [int(word, 16) for word in low.words]
+        if max(numbers) > 0xFF or bytes(numbers) not in listed:
+            raise Fault("no magic of this frame has that value; take one of its list")
+        ranges.append((int.from_bytes(bytes(numbers), "big"),) * 2)
+    return tuple(dict.fromkeys(ranges))
+
+
+def ranges_of(
+    text: ComparisonText | MatchText, width: int, names: dict[str, int], what: str
+) -> tuple[tuple[int, int], ...]:
+    """The numbers of ``width`` bits that the text allows. Raises ``Fault``."""
+    most = (1 << width) - 1
+    if text.mask is not None and text.mask > most:
+        raise Fault(f"{what} has {width} bits; take a lower one")
+    ranges = []
+    for low, high in text.ranges:
+        start = _number(low, names, what)
+        stop = most if str(high) == str(_MOST) else _number(high, names, what)
+        for value, word in ((start, low), (stop, high)):
+            if value > most:
+                raise Fault(f"{what} has {width} bits, and {word} does not fit them; its greatest is {most}")
+            if text.mask is not None and low is high and value & ~text.mask:
+                raise Fault(f"{word} has bits that 0x{text.mask:02X} does not select, so that this never holds")
+        if start > stop:
+            raise Fault(f"the range {low}..{high} is empty; write the smaller bound first")
+        ranges.append((start, stop))
+    return _merged(ranges)
 
 
 def _number(value: ValueText, names: dict[str, int], what: str) -> int:
@@ -153,14 +167,14 @@ def _number(value: ValueText, names: dict[str, int], what: str) -> int:
         if str(value) in names:
             return names[str(value)]
         if names:
-            raise _Fault(f"{what} has no value `{value}`; {suggestion(str(value), names)}")
-        raise _Fault(f"{what} has no named values; write a number where `{value}` stands")
+            raise Fault(f"{what} has no value `{value}`; {suggestion(str(value), names)}")
+        raise Fault(f"{what} has no named values; write a number where `{value}` stands")
     if len(value.words) > 1:
-        raise _Fault(f"{what} is a number; write it as one, and not byte by byte: `{value}`")
+        raise Fault(f"{what} is a number; write it as one, and not byte by byte: `{value}`")
     return value.number
 
 
-def _values(part: Part) -> list[bytes]:
+def magic_values(part: Part) -> list[bytes]:
     return [value for _, value in part.by_sender] or list(part.alternatives or (part.value,))
 
 

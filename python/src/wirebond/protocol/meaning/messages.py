@@ -6,12 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from wirebond.protocol import names
+from wirebond.protocol.matching import id_key
 from wirebond.protocol.meaning.log_text import log_fault
 from wirebond.protocol.meaning.structs import Types, read_fields
 from wirebond.protocol.model import End, Field, FieldKind, LogLevel, Message, Queue
-from wirebond.protocol.plan import NO_ID, id_key
+from wirebond.protocol.plan import NO_ID
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.grammar import MessageHead
+from wirebond.protocol.text.matching import MatchText
 from wirebond.protocol.text.syntax import readable
 from wirebond.protocol.text.yaml_tree import Mapping, Node
 
@@ -25,6 +27,8 @@ class Entry:
     node: Mapping
     message: Message | None
     has_all_fields: bool
+    ids: MatchText | None = None  # several, which `matching.py` reads
+    match: tuple[tuple[str, MatchText], ...] = ()
 
     @property
     def complete(self) -> Message | None:
@@ -74,7 +78,7 @@ def _read_message(name: str, place: Place, node: Mapping, types: Types, problems
         problems.add(node.key_place("level"), "`level` belongs to a log line; add `log: ...`, or remove it")
     message = Message(
         name=name,
-        id=head.id or 0,
+        id=head.id if isinstance(head.id, int) else 0,
         has_id=head.id is not None,
         sender=End(head.sender),
         fields=fields,
@@ -86,7 +90,8 @@ def _read_message(name: str, place: Place, node: Mapping, types: Types, problems
         log_level=LogLevel(head.level or LogLevel.INFO),
         description=head.description,
     )
-    return Entry(name, place, node, message, complete)
+    ids = head.id if isinstance(head.id, MatchText) else None
+    return Entry(name, place, node, message, complete, ids, tuple(head.match.items()))
 
 
 def _validate_type_names(messages: Messages, types: Types, problems: Problems) -> None:
@@ -187,7 +192,7 @@ def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id
                 f"id {message.id} does not fit the frame's id part, whose greatest is {limit}; take a smaller one",
             )
         for end in (End.HOST, End.MCU):
-            if not message.sent_by(end):
+            if not message.sent_by(end) or entry.match or entry.ids is not None:  # their matches are compared
                 continue
             other = taken.setdefault((end, id_key(message)), entry)
             if other is entry:

@@ -65,6 +65,11 @@ def parse(text: str) -> ConditionText:
     return _Parser(text).whole()
 
 
+def parse_values(text: str) -> tuple[tuple[ValueText, ValueText], ...]:
+    """What stands behind `in`: a value, a range, or a list of these. Raises the error of a wrong value."""
+    return _Parser(text).values()
+
+
 class _Parser:
     def __init__(self, text: str) -> None:
         self._text = text
@@ -96,6 +101,12 @@ class _Parser:
         found = self._all(0)
         if self._peek() == "or":
             raise self._wrong("`or` is not possible; write a list (`kind in [1, 2]`) or `not (... and ...)`")
+        if self._peek():
+            raise self._wrong(f"`{self._peek()}` is not expected there")
+        return found
+
+    def values(self) -> tuple[tuple[ValueText, ValueText], ...]:
+        found = self._list()
         if self._peek():
             raise self._wrong(f"`{self._peek()}` is not expected there")
         return found

@@ -13,12 +13,12 @@ from pydantic import AfterValidator, ConfigDict, Discriminator, Field, PlainVali
 from wirebond.protocol.model import MAX_LATENCY
 from wirebond.protocol.text.field_grammar import Fields, FieldSyntax
 from wirebond.protocol.text.frame_grammar import MAX_PARTS, Part
+from wirebond.protocol.text.matching import Ids, MatchValue
 from wirebond.protocol.text.scalars import (
     Baud,
     Duration,
     ExampleValue,
     FrameBytes,
-    Id,
     Name,
     OwnValue,
     PayloadBytes,
@@ -99,7 +99,17 @@ class MessageHead(Syntax):
 
     noun = "a message"
 
-    id: Id | None = Field(None, description="Number on the wire; decimal or 0x...", examples=["0x01"])
+    id: Ids | None = Field(
+        None,
+        description="Number on the wire; decimal or 0x... Several: a list, a range or a mask.",
+        examples=["0x01", "[0x10, 0x11]", "0x80..0xFF", "{mask: 0x80, value: 0x80}"],
+    )
+    match: dict[Name, MatchValue] = Field(
+        default_factory=dict,
+        description="What its frames have beside the id, or instead of one: a value, a list, a range or a mask, for a "
+        "header field, for a number of its payload, or for `size` (payload bytes).",
+        examples=["{kind: reply, size: 8}"],
+    )
     sender: Annotated[str, one_word("host", "mcu", "both")] = Field(description="Who sends it.", examples=["host"])
     every: Period | None = Field(None, description="How often it is due: a period or a rate.", examples=["50 ms"])
     reply: Name | None = Field(None, description="The message that answers it.", examples=["status"])
