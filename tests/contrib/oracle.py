@@ -7,7 +7,7 @@ import struct
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 from tests.streams import random_values
 from wirebond.protocol.model import End, Field, FieldKind, Message
@@ -27,7 +27,12 @@ class Case:
 
 
 class Oracle(ABC):
-    """Adapts one library. Knows nothing about how Wirebond reads or writes."""
+    """Adapts one library. Knows nothing about how Wirebond reads or writes.
+
+    :cvar lacks: messages of the file that it neither writes nor reads.
+    """
+
+    lacks: ClassVar[frozenset[str]] = frozenset()
 
     def values(self, message: Message, source: random.Random) -> dict[str, Any]:
         """Random values that the library can carry; the file's own rules are kept already."""

@@ -120,10 +120,18 @@ def test_mavlink_of_version_1_and_signed_frames_are_read(version_1: bool, secret
         assert (message.name, valued(message, values), message.violations) == (case.message, values, [])
 
 
-def test_a_dynamixel_status_with_errors_is_unknown_and_its_id_is_the_flags() -> None:
+def test_a_dynamixel_status_has_its_error_flags_as_id() -> None:
     codec = load(CONTRIB / "dynamixel_1.yaml")
     (message,) = decoded(codec, bytes.fromhex("FF FF 01 02 24 D8"), End.MCU)  # overload and overheating
-    assert (message.name, message.id, message.header) == ("unknown", 0x24, {"servo": 1})
+    assert (message.name, message.id, message.header) == ("status", 0x24, {"servo": 1, "id": 0x24})
+
+
+def test_an_hdlc_frame_of_a_receiver_that_is_not_ready() -> None:
+    codec = load(CONTRIB / "hdlc.yaml")
+    frame = codec.encode("not_ready", header={"receive": 3})
+    assert frame[1:3] == bytes([0xFF, 0x65])  # ISO/IEC 13239: 1 0 1 0 P/F and the number, from the lowest bit
+    (message,) = decoded(codec, frame, End.MCU)
+    assert (message.name, message.header["receive"]) == ("not_ready", 3)
 
 
 def test_msp_of_version_1_is_read_and_an_error_reply_tells_the_request() -> None:
@@ -131,9 +139,9 @@ def test_msp_of_version_1_is_read_and_an_error_reply_tells_the_request() -> None
     source = random.Random("msp")
     for _ in range(300):
         case, values = random_case(codec, oracle, source)
-        if case.message == "set_air_speed":
+        if case.message == "set_air_speed" or case.header.get("id", 0) > 0xFF:
             continue  # its id has two bytes
         (message,) = decoded(codec, pack_msp(case, version_1=True), case.sender)
         assert (message.name, message.fields, message.violations) == (case.message, values, [])
     (message,) = decoded(codec, b"$M!\x00\x6c\x6c", End.MCU)
-    assert (message.name, message.id, message.header) == ("unknown", 108, {"magic": 0x244D21})
+    assert (message.name, message.id, message.header) == ("failed", 108, {"magic": 0x244D21, "id": 108})

@@ -19,7 +19,8 @@ class Dynamixel1(Oracle):
         self._handler = Protocol1PacketHandler()
 
     def header(self, message: Message, source: random.Random) -> dict[str, int]:
-        return {"servo": 254 if message.name == "sync_write" else source.randrange(253)}
+        errors = {"id": source.randrange(128)} if message.name == "status" else {}
+        return {"servo": 254 if message.name == "sync_write" else source.randrange(253), **errors}
 
     def values(self, message: Message, source: random.Random) -> dict[str, Any]:
         values = super().values(message, source)
@@ -60,7 +61,7 @@ class Dynamixel1(Oracle):
         code, parameters = packet[4], bytes(packet[5:-1])
         header = {"servo": packet[2]}
         if sender == End.MCU:
-            return Case("status" if code == 0 else "unknown", sender, [parameters], header)
+            return Case("status", sender, [parameters], {**header, "id": code})  # the error flags
         name = _INSTRUCTIONS.get(code, "unknown")
         if name in ("write", "write_later"):
             return Case(name, sender, [parameters[0], parameters[1:]], header)

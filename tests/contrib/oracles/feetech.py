@@ -17,7 +17,8 @@ _LITTLE_ENDIAN = 0
 
 class Feetech(Oracle):
     def header(self, message: Message, source: random.Random) -> dict[str, int]:
-        return {"servo": 254 if message.name.startswith("sync") else source.randrange(253)}
+        faults = {"id": source.randrange(128)} if message.name == "status" else {}
+        return {"servo": 254 if message.name.startswith("sync") else source.randrange(253), **faults}
 
     def values(self, message: Message, source: random.Random) -> dict[str, Any]:
         values = super().values(message, source)
@@ -57,7 +58,7 @@ class Feetech(Oracle):
         code, parameters = packet[4], bytes(packet[5:-1])
         header = {"servo": packet[2]}
         if sender == End.MCU:
-            return Case("status" if code == 0 else "unknown", sender, [parameters], header)
+            return Case("status", sender, [parameters], {**header, "id": code})  # the error flags
         name = _INSTRUCTIONS.get(code, "unknown")
         if name in ("write", "write_later"):
             return Case(name, sender, [parameters[0], parameters[1:]], header)

@@ -25,22 +25,28 @@ _MOST = 18  # channels
 
 class Msp(Oracle):
     def header(self, message: Message, source: random.Random) -> dict[str, Any]:
-        return {"flag": source.randrange(256)}
+        number = {"id": source.choice([*_MCU, 0x2001])} if message.name == "failed" else {}
+        return {"flag": source.randrange(256), **number}
 
     def encode(self, case: Case) -> bytes | None:
         return pack(case)
 
     def decode(self, frame: bytes, sender: End) -> Case | None:
         parser = {b"$M": MSPv1, b"$X": MSPv2}.get(frame[:2])
-        starts = (b"$M<", b"$X<") if sender == End.HOST else (b"$M>", b"$X>")
+        starts = (b"$M<", b"$X<") if sender == End.HOST else (b"$M>", b"$X>", b"$M!", b"$X!")
         if parser is None or frame[:3] not in starts:
             return None
+        is_error = frame[2:3] == b"!"  # no check covers the direction, and the library reads replies only
+        plain = frame[:2] + b">" + frame[3:] if is_error else frame
         try:
-            found = parser().unpack(frame)
+            found = parser().unpack(plain)
         except (MSPException, IndexError):
             return None
-        if found.to_bytes() != frame:
+        if found.to_bytes() != plain:
             return None  # the library leaves what follows
+        if is_error:
+            header = {"flag": found.flags[0], "id": found.message_id} if found.flags else {"id": found.message_id}
+            return Case("failed", sender, [], header) if not found.payload else None
         known = _KINDS[sender].get(found.message_id)
         if known is None:
             return None
@@ -60,6 +66,10 @@ class Msp(Oracle):
 
 def pack(case: Case, version_1: bool = False) -> bytes:
     """The frame that pymsp sends, of either version. It only sends as a host, so of a reply it sets the direction."""
+    if case.message == "failed":
+        number, flag = case.header["id"], bytes([case.header["flag"]])
+        packed = MSPv1().pack(number, b"") if version_1 else MSPv2().pack(number, b"", flag)
+        return packed[:2] + b"!" + packed[3:]
     number, layout = next((n, layout) for n, (name, layout) in _KINDS[case.sender].items() if name == case.message)
     flat = [n for value in case.wire for n in (value if isinstance(value, list) else [value])]
     payload = struct.pack(layout.replace("*", f"{len(flat)}H"), *flat)
