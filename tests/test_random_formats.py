@@ -122,7 +122,8 @@ def drawn_address(
     value = source.choice(used)
     addresses = [field.value for field in header_fields(drawn.codec.model.format.parts) if field.address is not None]
     bits = header_bits(described.value, value)
-    return (bits, value) if bits < 2 ** min(field.width for field in addresses) else (None, None)
+    fits = bits < 2 ** min(field.width for field in addresses) and bits not in described.broadcast_bits
+    return (bits, value) if fits else (None, None)
 
 
 def verify_host(
