@@ -143,7 +143,9 @@ std::size_t settled_frame(const Message& message, std::vector<std::uint8_t>& out
                           const wirebond::detail::HeaderNumbers<Generated>& given) {
   const SharedSource source = shared<Generated>();
   auto numbers = wirebond::detail::numbers_to_settle<Generated>(given);
-  if (!wirebond::detail::settle_match<Generated, Message>(numbers)) return 0;
+  if constexpr (wirebond::detail::must_settle<Generated, Message>) {
+    if (!wirebond::detail::settle_match<Generated, Message>(numbers)) return 0;
+  }
   const std::uint32_t id = wirebond::detail::id_of<Message>(numbers);
   std::size_t size = 0;
   const auto write = [&](std::size_t form) {
