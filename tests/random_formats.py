@@ -649,11 +649,11 @@ class _FormatSource:
         padding = f", end: {{type: padding, size: {self._unit - 1}}}" if self._unit > 1 else ""
         byte = f"{{type: u8}}{padding}"
         lines = []
-        if self._chance(0.5):
+        room = int(self._parts[self._payload_index()].value) if self._rule == "fixed" else ROOM
+        if room and self._chance(0.5):
             masked = "{mask: 0xFB, value: 0x43}" if self._id_bits == 8 else "0x43..0x46"
             ids = self._random.choice(("0x40..0x47", "[0x40, 0x43..0x45]", masked))
             lines.append(f"several: {{id: {ids}, sender: {sender}, fields: {{x: {byte}}}}}")
-        room = int(self._parts[self._payload_index()].value) if self._rule == "fixed" else ROOM
         if self._rule != "by_id" and room >= 1 + self._unit and self._chance(0.6):
             lines.append(f"one: {{id: 0x48, sender: {sender}, match: {{x: 1}}, fields: {{x: {byte}}}}}")
             values = self._random.choice(("[2, 7..9]", "{mask: 0x81, value: 0x80}", "0x80..0xFF"))
@@ -662,7 +662,8 @@ class _FormatSource:
             lines.append(f"short: {{id: 0x49, sender: {sender}, match: {{size: 1}}, fields: {{x: {{type: u8}}}}}}")
             lines.append(f"wide: {{id: 0x49, sender: {sender}, match: {{size: 2}}, fields: {{x: {{type: u16}}}}}}")
         plain = [name for name, bits in self._fields if name in self._plain and bits > 1]
-        if plain and self._forms == 1 and self._chance(0.6):
+        has_address = any("address:" in str(part) for part in self._parts)  # which tells no message
+        if plain and not has_address and self._forms == 1 and room and self._chance(0.6):
             name = self._random.choice(plain)
             for number, values in enumerate(("1", "{mask: 0x01, value: 0x00}")):
                 lines.append(
