@@ -291,3 +291,9 @@ def test_of_two_forms_that_blame_as_much_the_one_that_was_examined_further_is_to
         assert dict(reference.decode(codec.model, bytes(wrong), End.MCU).rejected_candidates) == {
             "header_check_mismatch": 1
         }
+
+
+def test_magics_of_two_lengths_are_refused_with_what_to_do() -> None:
+    text = "wirebond: 1\nprotocol: p\nframe: [magic: {host: 0xFF 0xFE, mcu: 0xFF}, payload: 1]\n"
+    with pytest.raises(ProtocolFileError, match="the same number of bytes; fill up with a `constant` part"):
+        loads(text + "messages: {m: {sender: both}}\n")

@@ -480,7 +480,7 @@ def _magic(value: object) -> Magic:
         )
     by_end = tuple((str(end), one) for end in ("host", "mcu") for one in _magics(value[end]))
     if len({len(one) for _, one in by_end}) != 1:
-        raise wrong("both directions' magics need the same number of bytes")
+        raise wrong("both directions' magics need the same number of bytes; fill up with a `constant` part")
     return Magic(by_end=by_end)
 
 
