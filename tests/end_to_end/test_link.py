@@ -319,7 +319,7 @@ class TestPortThatCannotBeOpened:
             wirebond.open(codec("diffdrive"), file)
 
     def test_folder_is_no_port(self, tmp_path: Path) -> None:
-        with pytest.raises(PortError, match="cannot open"):
+        with pytest.raises(PortError, match="is a folder, and a serial port is expected"):
             wirebond.open(codec("diffdrive"), tmp_path)
 
     def test_port_without_permission_says_what_to_do(self, port: PtyPort) -> None:

@@ -285,6 +285,12 @@ class PayloadDraft {
   bool is_possible_ = true;
 };
 
+/// Are these the same bits of a frame?
+bool stands_at(const wirebond::Number& one, const wirebond::Number& other) {
+  return one.bytes == other.bytes && one.at.offset == other.at.offset && one.at.from_end == other.at.from_end &&
+         one.shift == other.shift && one.mask == other.mask;
+}
+
 /// A frame of one of the messages that are meant now; empty where its form cannot carry what was drawn.
 Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebond::MessageRow>& rows,
                  FuzzedDataProvider& input) {
@@ -311,6 +317,8 @@ Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebo
     const std::uint64_t drawn =
         input.ConsumeBool() ? input.ConsumeIntegral<std::uint64_t>() & mask : form.header[i].default_value;
     header[form.header[i].place] = of_form(form, form.header[i].number, drawn, form.prefix + size + form.suffix);
+    if (stands_at(form.header[i].number, form.id))
+      header[form.header[i].place] = row.id;  // of a message with several ids
   }
   // A sender takes another form for these.
   const bool is_refused =

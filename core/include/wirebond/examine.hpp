@@ -152,18 +152,7 @@ WIREBOND_INLINE bool id_comes_early(const Form& form) {
   return !form.id.at.from_end && form.id.at.offset + form.id.bytes <= static_cast<std::int32_t>(form.prefix);
 }
 
-/// Does the source tell messages by more than their ids?
-template <class Source>
-WIREBOND_INLINE bool does_match(const Source& source) {
-  if constexpr (HasMatch<Source>::value) {
-    return source.matches();
-  } else {
-    static_cast<void>(source);
-    return false;
-  }
-}
-
-/// And by something that is not there yet when the head is examined?
+/// Is a message told by something that is not there yet when the head is examined?
 template <class Source>
 WIREBOND_INLINE bool does_match_late(const Source& source) {
   if constexpr (HasMatch<Source>::value) {
@@ -239,12 +228,12 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   const bool has_early_id = id_comes_early(form);
   const bool is_late = does_match_late(source);
   const bool early = has_early_id && !is_late;  // the message is known by the head
-  const bool sizes_tell = does_match(source) && form.payload_size != PayloadSize::by_id;  // it is asked for below
   if (has_early_id && form.id.present()) head.id = read_number(form.id, candidate, 0);
   // Without an id: one message, known before its seed is counted.
-  if ((early || (!form.id.present() && !is_late)) && !sizes_tell) {
-    head.shape = shape_of(source, form, head.id, candidate, 0, 0);
-  }
+  const bool is_told = early || (!form.id.present() && !is_late);
+  const bool tells_size =
+      form.payload_size == PayloadSize::by_id;  // else a size out of range costs no look at messages
+  if (is_told && tells_size) head.shape = shape_of(source, form, head.id, candidate, 0, 0);
   std::size_t payload = form.fixed_payload;
   const std::size_t outside = static_cast<std::size_t>(form.prefix) + form.suffix;
   if (form.payload_size == PayloadSize::by_length) {
@@ -280,10 +269,7 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
     }
     payload = available - outside;
   }
-  if (sizes_tell && (early || (!form.id.present() && !is_late))) {
-    head.shape = shape_of(source, form, head.id, candidate, 0, payload);
-  }
-  const bool is_told = early || (!form.id.present() && !is_late);
+  if (is_told && !tells_size) head.shape = shape_of(source, form, head.id, candidate, 0, payload);
   const bool size_tells = is_told || !form.trims_zeros;  // else examine_rest asks
   if (size_tells && size_is_excluded<unroll, exclusions>(format, form, restored(form, head.shape, payload))) {
     return {Outcome::reject, Cause::length_out_of_range, form.prefix};

@@ -173,8 +173,8 @@ NUMBERED = BASE.replace("magic: 0xA5,", "magic: 0xA5, {sequence: u8},")
         (
             ADDRESSED,
             "broadcast: 0xFE",
-            "broadcast: [0xFE, 1]",
-            {"old host to new MCU": "breaks: the MCU takes 1 for a broadcast, and does not answer"},
+            "broadcast: [0xFE, 2]",
+            {"new host to old MCU": "breaks: the MCU takes a broadcast to 2 for a frame for another"},
         ),
         (
             ADDRESSED,

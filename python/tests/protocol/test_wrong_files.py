@@ -101,7 +101,7 @@ SYNTAX = [
     ("{baud: 115200}", "{max_age: @31 s}", "frames can wait for 1 ms to 30 s"),
     ("{baud: 115200}", "{max_run: @1}", "`1` has no unit"),
     ("every: 50 ms", "every: @often", "`often` is not a duration"),
-    ("0x01", "@one", "`one` is not a whole number"),
+    ("0x01", "@one", "the id has no named values; write a number where `one` stands"),
     ("0x01", "@-1", "`-1` is out of range"),
     ("sender: host", "sender: @hots", "did you mean `host`?"),
     ("sender: host", "sender: @3", "`3` is not possible here; write host, mcu or both"),

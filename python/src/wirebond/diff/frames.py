@@ -9,7 +9,8 @@ from typing import Any
 
 from wirebond.diff.addresses import miscounts, misses, strangers
 from wirebond.diff.change import Change, Effect, Sides, changed, harmless
-from wirebond.protocol.model import End, FrameFormat, Part, PartKind, PayloadRule, Protocol
+from wirebond.protocol.forms import header_fields
+from wirebond.protocol.model import End, FrameFormat, MatchOf, Part, PartKind, PayloadRule, Protocol
 from wirebond.protocol.plan import Form, Plan, plan_for
 from wirebond.protocol.spelling import bytes_text, part_text
 
@@ -138,8 +139,8 @@ def _step_text(before: tuple[Part, ...], after: tuple[Part, ...], step: _Step) -
 
 
 def _with_step(old: Protocol, new: Protocol, step: _Step) -> Protocol | None:
-    """The old protocol with this one difference; None where no frame is left: what a check covers or where a frame
-    begins is not there then."""
+    """The old protocol with this one difference; None where no frame is left: what a check covers, where a frame
+    begins, or what tells a message is not there then."""
     before, after = old.format.parts, new.format.parts
     named = [
         *((part, before) for part in before[: step.a]),
@@ -161,6 +162,9 @@ def _with_step(old: Protocol, new: Protocol, step: _Step) -> Protocol | None:
         return None
     made = replace(old.format, parts=tuple(parts))
     if made.is_sized and made.parts[0].kind != PartKind.MAGIC:  # nothing would tell where a stuffed frame begins
+        return None
+    fields = {field.name for field in header_fields(made.parts)}
+    if any(m.of == MatchOf.HEADER and m.name not in fields for message in old.messages for m in message.match):
         return None
     return replace(old, format=made)
 
