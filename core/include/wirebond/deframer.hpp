@@ -167,7 +167,8 @@ class Deframer {
       const std::size_t available = size - at;
       if (available < needed_ && !give_up) break;  // examined before: this many bytes decide
       Frame frame;
-      if constexpr (Source::is_constant && detail::part_counts<Source>.forms > 1) frame = {};  // else GCC 12 warns of it at -Os
+      if constexpr (Source::is_constant && detail::part_counts<Source>.forms > 1)
+        frame = {};  // else GCC 12 warns of it at -Os
       if constexpr (tells_unlisted) frame.size = 0;
       Verdict verdict = examine_candidate(window + at, available, frame);
       if (verdict.outcome == Outcome::need_more) {
