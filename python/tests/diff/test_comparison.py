@@ -202,8 +202,8 @@ NUMBERED = BASE.replace("magic: 0xA5,", "magic: 0xA5, {sequence: u8},")
             "{sequence: u8}",
             "{reserved: 1}",
             {
-                "new host to old MCU": "the old MCU counts repeats and gaps in numbers that nobody raises",
-                "new MCU to old host": "the old host counts repeats and gaps in numbers that nobody raises",
+                "new host to old MCU": "the old MCU counts repeats and gaps in numbers that are not raised there",
+                "new MCU to old host": "the old host counts repeats and gaps in numbers that are not raised there",
             },
         ),
     ],

@@ -50,7 +50,7 @@ def miscounts(sides: Sides) -> str:
     if reading.sequence is None:
         return ""
     if sending.sequence is None:
-        return f"the {sides.receiving} counts repeats and gaps in numbers that nobody raises"
+        return f"the {sides.receiving} counts repeats and gaps in numbers that are not raised there"
     if sending.sequence_per_message == reading.sequence_per_message:
         return ""
     whose = "each message" if sending.sequence_per_message else "all messages together"

@@ -157,7 +157,7 @@ def _type(field: Field) -> str:
 def _how_many(field: Field) -> str:
     if field.ends_with is not None:
         return f"up to {field.max_size} bytes and a 0x{field.ends_with:02X} behind them"
-    asked = f"; {field.asked_by} of the request asks for so many" if field.asked_by else ""
+    asked = f"; {field.asked_by} of the request says how many" if field.asked_by else ""
     return (how_counted(field) or "to the payload's end") + asked
 
 

@@ -114,8 +114,8 @@ class Field:
     counted_by: str = ""  # the field that tells how many; `state.number` for one among the bits of `state`
     counted_in_bytes: bool = False  # it tells the bytes of all elements, and not their number
     bytes_counted_by: str = ""  # the field that tells their bytes beside one that tells their number
-    asked_by: str = ""  # of a list in a reply: the field of the request that asks for so many elements
-    is_count: bool = False  # it counts others: its value follows from theirs, and nobody gives it
+    asked_by: str = ""  # of a list in a reply: the field of the request that says how many elements it wants
+    is_count: bool = False  # it counts others: its value follows from theirs, and is not given
     ends_with: int | None = None  # of a string: the byte behind it
     type_name: str = ""  # of kind STRUCT: the type of the file that it is; empty for one of its own
     constant: int | None = None  # of kind PADDING: the number that its ``width`` bits must be; None: any

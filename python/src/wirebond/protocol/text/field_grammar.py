@@ -81,8 +81,8 @@ class CountSyntax(Syntax):
     )
     asked_by: Name | None = Field(
         None,
-        description="In a reply: the field of the request that asks for so many elements. `wirebond sim` answers with "
-        "as many.",
+        description="In a reply: the field of the request that says how many elements it wants. `wirebond sim` "
+        "answers with as many.",
         examples=["number"],
     )
 
