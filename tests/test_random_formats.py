@@ -172,7 +172,7 @@ def verify_intact(drawn: Drawn, source: random.Random) -> None:
             try:
                 frame = codec.encode(message.name, values, sender=end)
             except MessageError:
-                continue  # empty, so that nobody could tell it from none
+                continue  # empty, so that it cannot be told from none
             if holds_delimiter(codec.model.format, frame):
                 continue
             decoder = codec.decoder(end)
@@ -207,7 +207,7 @@ def verify_sent(drawn: Drawn, source: random.Random) -> None:
         try:
             given = codec.encode(message.name, values, sender=End.HOST)
         except MessageError:
-            continue  # empty, so that nobody could tell it from none
+            continue  # empty, so that it cannot be told from none
         heard = reference.decode(codec.model, given, End.HOST).frames
         if len(heard) != 1:
             continue  # a delimiter stands among what is not stuffed

@@ -60,7 +60,7 @@ def test_a_frame_waits_for_no_byte_more_than_its_counts_tell() -> None:
 
 
 def test_columns_read_what_bits_count() -> None:
-    """The bits are columns of their own, and the list behind them is told by one of them."""
+    """The bits are columns of their own, and one of them says how long the list behind them is."""
     frames = [
         CODEC.encode("in_bits", head={"kind": 1}, levels=[*range(n)], samples=[], name={"text": "x" * n})
         for n in (0, 3, 9)

@@ -57,7 +57,7 @@ def test_a_received_header_is_no_value_of_the_message(tmp_path: Path) -> None:
     assert one == other == headers.Answer(angle=0.5)
     changed = replace(one, angle=0.25)
     assert changed == headers.Answer(angle=0.25)
-    assert changed.header == {}  # nobody sent it
+    assert changed.header == {}  # it was not sent
     assert changed.encode() == headers.Answer(angle=0.25).encode()  # to the file's address, as any other
     assert copy(one).header == one.header
     with pytest.raises(ValueError, match="header is declared with init=False"):

@@ -133,7 +133,7 @@ def _validate_replies(messages: Messages, problems: Problems) -> None:
 
 
 def _validate_asked(entry: Entry, message: Message, messages: Messages, problems: Problems) -> None:
-    """The requests of a reply have the fields that ask for so many elements."""
+    """The requests of a reply have the fields that say how many elements they want."""
     fields = entry.node.get("fields")
     for one in message.fields:
         if not isinstance(fields, Mapping):
