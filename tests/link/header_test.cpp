@@ -324,7 +324,7 @@ TEST_CASE("a receiver without a link listens to an address in the same way") {
 
 namespace {
 
-struct Asker {
+struct Asker : wirebond::ServesBothEnds {
   void on(const peers::Pong& pong, const peers::Header& header) { pongs.emplace_back(pong.number, header.source); }
   std::vector<std::pair<std::uint32_t, unsigned>> pongs;
 };

@@ -7,6 +7,15 @@
 
 #include "wirebond/examine.hpp"
 #include "wirebond/header.hpp"
+#include "wirebond/message_list.hpp"
+
+namespace wirebond {
+
+/// A handler derives from it if receivers or links of both ends use its class. It may then have an `on` for every
+/// message of the protocol.
+struct ServesBothEnds {};
+
+}  // namespace wirebond
 
 namespace wirebond::detail {
 
@@ -66,6 +75,55 @@ struct RightOn {
   static constexpr bool value = true;
 };
 
+/// No message of a protocol: only a template takes it.
+struct AnyMessage {};
+
+/// Takes the place of an argument of one type. No template finds out which.
+template <class Argument>
+struct InPlaceOf {
+  operator Argument() const;
+};
+
+template <class Always, class Handler, class... Arguments>
+struct TakesOn : std::false_type {};
+template <class Handler, class... Arguments>
+struct TakesOn<std::void_t<decltype(std::declval<Handler&>().on(std::declval<Arguments>()...))>, Handler, Arguments...>
+    : std::true_type {};
+
+/// Is there an `on` that is written for this message? A template is written for none.
+template <class Handler, class Message, class... Header>
+inline constexpr bool has_own_on = (TakesOn<void, Handler, InPlaceOf<const Message&>, Header...>::value ||
+                                    TakesOn<void, Handler, InPlaceOf<Message&>, Header...>::value) &&
+                                   !TakesOn<void, Handler, AnyMessage&, Header...>::value;
+
+/// The compiler says here that a handler waits for a message that its own end sends.
+template <class Handler, class Message>
+struct OnOfRightEnd {
+  static_assert(!has_own_on<Handler, Message> && !has_own_on<Handler, Message, Something>,
+                "the handler has an `on` for this message, which only its own end sends: it would never be called. "
+                "Remove it, or derive the handler from `wirebond::ServesBothEnds` if it serves both ends");
+  static constexpr bool value = true;
+};
+
+template <class Handler, class NeverReceived, bool = std::is_base_of_v<ServesBothEnds, Handler>>
+struct OnsOfRightEnd : std::true_type {};
+template <class Handler, class... Messages>
+struct OnsOfRightEnd<Handler, MessageList<Messages...>, false>
+    : std::bool_constant<(OnOfRightEnd<Handler, Messages>::value && ...)> {};
+
+template <class Source, class = void>
+struct NeverIn {
+  using Messages = MessageList<>;
+};
+template <class Source>
+struct NeverIn<Source, std::void_t<typename Source::NeverSent>> {
+  using Messages = typename Source::NeverSent;
+};
+
+/// True, unless the compiler refuses the handler. `Source`: the frames that are handed to it.
+template <class Handler, class Source>
+inline constexpr bool has_ons_of_right_end = OnsOfRightEnd<Handler, typename NeverIn<Source>::Messages>::value;
+
 template <class Handler, class = void>
 struct HasUnknown : std::false_type {};
 template <class Handler>
@@ -86,9 +144,6 @@ struct HasFill : std::false_type {};
 template <class Handler, class Message>
 struct HasFill<Handler, Message, std::void_t<decltype(std::declval<Handler&>().fill(std::declval<Message&>()))>>
     : std::true_type {};
-
-/// No message of a protocol: only a template takes it.
-struct AnyMessage {};
 
 template <class Handler, class Message, class Header, class = void>
 struct HasFillWithHeader : std::false_type {};

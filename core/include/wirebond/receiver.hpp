@@ -7,6 +7,7 @@
 
 #include "wirebond/address.hpp"
 #include "wirebond/deadline.hpp"
+#include "wirebond/handler.hpp"
 #include "wirebond/sequence.hpp"
 #include "wirebond/stream_deframer.hpp"
 #include "wirebond/violation.hpp"
@@ -32,8 +33,10 @@ class Receiver : public Listening<Source>, public SequenceWatch<Source>, private
   /// rules, where the handler has that overload; `handler.unknown(const Frame&)` for other frames, where it has it.
   template <class Handler>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Handler& handler) {
+  /// The compiler refuses an `on` for a message that never comes, because only this end sends it: see ServesBothEnds.
     deframer_.feed(bytes, size, now_us, Unwatched<Handler>{*this, handler});
   }
+    static_assert(detail::has_ons_of_right_end<Handler, Source>);
 
   /// The same, and `deadlines` decide: `deadlines.may_act(message, came_us, now_us)` is asked before each known
   /// message, which reaches no handler where the answer is not `MayAct::yes`; `deadlines.seen(message, came_us)` is
@@ -50,6 +53,7 @@ class Receiver : public Listening<Source>, public SequenceWatch<Source>, private
             Watch& deadlines) {
     const Counter kept_until = this->bytes();
     deframer_.feed(bytes, size, came_us, now_us,
+    static_assert(detail::has_ons_of_right_end<Handler, Source>);
                    Sink<Handler, Watch>{*this, handler, deadlines, came_us, now_us, kept_until});
     if (pending() <= size) kept_since_us_ = came_us;
   }

@@ -51,7 +51,11 @@ MATRIX += [
 def use_of(protocol: Protocol) -> str:
     """A source that instantiates all of a protocol's header: both receivers, every encode, deadlines, the stop."""
     space = namespace(protocol.name)
-    lines = [f'#include "{protocol.name}.hpp"', f"namespace use_{protocol.name} {{", "struct Handler {"]
+    lines = [
+        f'#include "{protocol.name}.hpp"',
+        f"namespace use_{protocol.name} {{",
+        "struct Handler : wirebond::ServesBothEnds {",
+    ]
     lines += [f"  void on(const {space}::{struct}&) {{ ++calls; }}" for struct in struct_names(protocol).values()]
     actions = dict.fromkeys(deadline.then for deadline in protocol.deadlines)
     lines += [f"  void {action}() {{ ++calls; }}" for action in actions]

@@ -25,7 +25,7 @@ struct Port {{
   bool reaches(const void*, std::size_t) const {{ return true; }}
 }};
 struct Other {{}};
-struct Handler {{
+struct Handler {base} {{
   void stop() {{}}
   void safe_mode() {{}}
   void rest() {{}}
@@ -50,9 +50,12 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def words(folder: Path, protocol: str, function: str, statement: str = "") -> str:
-    """What the compiler says; empty where it compiles."""
-    source = USE.format(protocol=protocol, function=function, statement=statement)
+def words(folder: Path, protocol: str, function: str, statement: str = "", base: str = "") -> str:
+    """What the compiler says of a link's handler; empty where it compiles."""
+    return said_of(folder, USE.format(protocol=protocol, function=function, statement=statement, base=base))
+
+
+def said_of(folder: Path, source: str) -> str:
     command = ["g++", "-std=c++17", "-fsyntax-only", f"-I{folder}", "-x", "c++", "-"]
     done = subprocess.run(command, input=source, capture_output=True, text=True, check=False)
     assert (done.returncode == 0) == (not done.stderr), done.stderr
@@ -67,8 +70,11 @@ def words(folder: Path, protocol: str, function: str, statement: str = "") -> st
         ("diffdrive", "template <class Message> void on(const Message&) {}"),
         ("diffdrive", "template <class Message> bool fill(Message&) { return true; }"),
         ("diffdrive", "template <class Message> bool fill(Message&&) { return true; }"),
+        ("diffdrive", "template <class Message, class = typename Message::Info> void on(const Message&) {}"),
+        ("diffdrive", "template <class Message> void on(Message) {}"),
         ("headers", "void on(const headers::Move&, const headers::Header&) {}"),
         ("headers", "void on(const headers::Move&, headers::Header) {}"),
+        ("headers", "void on(const headers::Note&, const headers::Header&) {}"),
         ("headers", "template <class Message, class Header> void on(const Message&, const Header&) {}"),
         ("headers", "bool fill(headers::Beat&, headers::Header&) { return true; }"),
     ],
@@ -96,6 +102,63 @@ def test_right_functions_compile(protocol: str, function: str, generated: Path) 
 )
 def test_a_wrong_signature_is_told(protocol: str, function: str, advice: str, generated: Path) -> None:
     assert advice in words(generated, protocol, function)
+
+
+OF_THIS_END = [
+    ("diffdrive", "void on(const diffdrive::Odometry&) {}", "diffdrive::Odometry"),
+    ("diffdrive", "void on(diffdrive::Odometry) {}", "diffdrive::Odometry"),
+    ("diffdrive", "void on(diffdrive::Odometry&) {}", "diffdrive::Odometry"),
+    ("headers", "void on(const headers::Answer&) {}", "headers::Answer"),
+    ("headers", "void on(const headers::Answer&, const headers::Header&) {}", "headers::Answer"),
+]
+
+
+@pytest.mark.parametrize(("protocol", "function", "message"), OF_THIS_END)
+def test_an_on_for_a_message_of_this_end_is_told(protocol: str, function: str, message: str, generated: Path) -> None:
+    said = words(generated, protocol, function)
+    assert "for this message, which only its own end sends: it would never be called. Remove it, or derive" in said
+    assert f"OnOfRightEnd<Handler, {message}>" in said
+
+
+@pytest.mark.parametrize(("protocol", "function", "message"), OF_THIS_END)
+def test_a_class_that_serves_both_ends_has_an_on_for_each_message(
+    protocol: str, function: str, message: str, generated: Path
+) -> None:
+    assert not words(generated, protocol, function, base=": wirebond::ServesBothEnds")
+
+
+RECEIVER = """
+#include "{protocol}.hpp"
+struct Handler {base} {{
+  void on(const {protocol}::{message}&) {{}}
+}};
+void feed({protocol}::Receiver<{protocol}::{source}>& receiver, Handler& handler) {{
+  receiver.feed(nullptr, 0, 0, handler);
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("protocol", "source", "message", "is_received"),
+    [
+        ("diffdrive", "FromMcu", "Odometry", True),
+        ("diffdrive", "FromMcu", "Velocity", False),
+        ("diffdrive", "FromHost", "Velocity", True),
+        ("diffdrive", "FromHost", "Odometry", False),
+        ("headers", "FromMcu", "Note", True),  # of both ends
+        ("headers", "FromHost", "Note", True),
+    ],
+)
+def test_a_receiver_knows_which_end_it_is_for(
+    protocol: str, source: str, message: str, is_received: bool, generated: Path
+) -> None:
+    def said(base: str) -> str:
+        text = RECEIVER.format(protocol=protocol, source=source, message=message, base=base)
+        return said_of(generated, text)
+
+    assert ("which only its own end sends" in said("")) == (not is_received)
+    assert bool(said("")) == (not is_received)
+    assert not said(": wirebond::ServesBothEnds")
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,9 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 /// - `void parameter_set(index, value)`: a parameter was set; here it is stored
 ///
 /// All of them run inside `poll`, in its context.
+/// The compiler refuses an `on` for a message that only this end sends, because it would never be called. A class that
+/// is the handler of links of both ends derives from `wirebond::ServesBothEnds`.
+///
 ///
 /// Contexts: `send` and `log` from any task or interrupt. `poll` from one: a task, the main loop, or an interrupt. The
 /// `on_...` functions from the UART's interrupt and its DMA's, which must not interrupt each other; it may interrupt
@@ -449,6 +452,7 @@ class Link : private SendPause<Protocol::pause_us>,
       if constexpr (keeps_pause) receiver_.last_came_at(bytes.until_us);
       ring_.consumed(bytes.size);
     }
+    static_assert(detail::has_ons_of_right_end<Handler, Receives>);
     if (ring_.position() != read) line_moved_us_ = now_us;
     if (heard_frames() != frames) {
       heard_us_ = now_us;

@@ -512,6 +512,7 @@ class SourceView:
     matches_late: bool
     structs: tuple[str, ...]
     latest: tuple[str, ...]  # of these, those of `queue: latest`
+    never: tuple[str, ...]  # messages that only the other end sends
     header_defaults: tuple[str, ...]  # on the wire, of all header fields, also those of the other end's frames alone
     address: AddressView | None
     counts_messages: bool  # each message has its own sequence numbers
@@ -542,6 +543,7 @@ def _source_view(protocol: Protocol, end: End, plan: Plan) -> SourceView:
         matches_late=plan.matches_late,
         structs=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end)),
         latest=tuple(structs[m.name] for m in protocol.messages if m.sent_by(end) and m.queue == Queue.LATEST),
+        never=tuple(structs[m.name] for m in protocol.messages if not m.sent_by(end)),
         header_defaults=tuple(f"{field.default_bits(end)}U" for field in plan.header),
         address=address_view(protocol, end),
         counts_messages=plan.sequence_per_message,

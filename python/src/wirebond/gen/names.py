@@ -33,8 +33,10 @@ GENERATED_TYPES = frozenset(
         "HostLink",
         "HostBuffers",
         "Info",
+        "LatestMessages",
         "McuBuffers",
         "McuLink",
+        "NeverSent",
         "Parity",
         "Receiver",
     }
