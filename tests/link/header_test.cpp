@@ -404,6 +404,113 @@ TEST_CASE("a host that asked one takes no other's reply") {
   CHECK(receiver.foreign() == 1);
 }
 
+namespace {
+
+/// A host on a line with many servos.
+struct Master {
+  Master() { poll(); }
+
+  void poll() {
+    link.poll(now_us += ms);
+    if (std::exchange(port.pended, false)) link.on_pended();
+    while (!std::exchange(port.run, {}).empty()) link.on_transmitted();
+  }
+  template <class Message>
+  void ask(const Message& request, std::uint8_t servo) {
+    Header header = link.header();
+    header.servo = servo;
+    REQUIRE(link.send(request, header) == Status::ok);
+    poll();
+  }
+  /// What of these servos' answers reaches the handler.
+  std::vector<unsigned> answers_of(const std::vector<std::uint8_t>& servos) {
+    host.answers.clear();
+    for (const std::uint8_t servo : servos) arrive(headers::Answer{0.5F}, servo);
+    std::vector<unsigned> came;
+    for (const auto& answer : host.answers) came.push_back(answer.second.servo);
+    return came;
+  }
+  template <class Message>
+  void arrive(const Message& message, std::uint8_t servo) {
+    Header header(wirebond::End::mcu);
+    header.servo = servo;
+    Bytes frame(Message::Info::max_frame_bytes);
+    std::size_t size = 0;
+    REQUIRE(wirebond::encode_frame<headers::FromMcu>(message, frame.data(), frame.size(), size, header) == Status::ok);
+    frame.resize(size);
+    port.arrive(frame);
+    link.on_received();
+    poll();
+  }
+
+  std::uint32_t now_us = 0;
+  ScriptedPort port;
+  Host host;
+  headers::HostBuffers<256, 256> buffers;
+  headers::HostLink<Host, ScriptedPort, decltype(buffers)> link{host, port, buffers};
+};
+
+using Servos = std::vector<unsigned>;
+
+}  // namespace
+
+TEST_CASE("a host's link takes a reply from the addresses that it has asked for it") {
+  Master master;
+  CHECK(master.answers_of({3, 4}) == Servos{3, 4});  // nobody was asked
+  master.ask(headers::Ask{}, 3);
+  CHECK(master.answers_of({4, 3, 5}) == Servos{3});
+  CHECK(master.link.counters().foreign == 2);
+  CHECK(master.link.receiver().account().frames == 5);  // delivered all the same
+  master.ask(headers::Ask{}, 5);                        // before the answer to an earlier request came
+  CHECK(master.answers_of({4, 3, 5}) == Servos{3, 5});
+  CHECK(master.link.send(headers::Ask{}) == Status::ok);  // to the file's default
+  CHECK(master.answers_of({4, 1}) == Servos{1});
+}
+
+TEST_CASE("at a host's link each reply has addresses of its own, and what is no reply has none") {
+  Master master;
+  master.ask(headers::Ask{}, 3);
+  master.ask(headers::Move{}, 7);  // has no reply
+  master.arrive(headers::Pong{9}, 4);
+  master.arrive(headers::Beat{9}, 4);
+  CHECK(master.host.pongs.size() == 1);
+  CHECK(master.host.beats.size() == 1);
+  CHECK(master.answers_of({7}).empty());
+}
+
+TEST_CASE("at a host's link a request that was not sent asks nobody") {
+  Master master;
+  Header header = master.link.header();
+  header.servo = 3;
+  header.hops = 21;
+  CHECK(master.link.send(headers::Ask{}, header) == Status::out_of_range);
+  CHECK(master.answers_of({4}) == Servos{4});
+}
+
+TEST_CASE("at a host's link a broadcast asks everybody, and a monitor takes all replies") {
+  Master master;
+  master.ask(headers::Ask{}, 3);
+  CHECK(master.answers_of({4}).empty());
+  SUBCASE("a broadcast") { master.ask(headers::Ask{}, 0xFE); }
+  SUBCASE("the other one") { master.ask(headers::Ask{}, 0xFF); }
+  SUBCASE("a monitor") { master.link.listen_to_all(); }
+  CHECK(master.answers_of({4, 3}) == Servos{4, 3});
+  CHECK(master.link.counters().foreign == 1);
+}
+
+TEST_CASE("a host's link remembers sixteen addresses at least, by the newest request to each") {
+  Master master;
+  for (std::uint8_t round = 0; round < 5; ++round) {
+    for (std::uint8_t servo = 1; servo <= 100; ++servo) {
+      master.ask(headers::Ask{}, 200);  // again and again, so it is never forgotten
+      master.ask(headers::Ask{}, servo);
+      if (servo < 15) continue;
+      const auto oldest = static_cast<std::uint8_t>(servo - 14);
+      CHECK(master.answers_of({servo, oldest, 200, 201}) == Servos{servo, oldest, 200});
+    }
+  }
+}
+
 TEST_CASE("each end listens for its own address, and a service answers whoever asked") {
   McuPeer mcu;
   HostPeer host, other;

@@ -21,8 +21,10 @@ namespace wirebond {
 /// Where frames say whom they are for, it hands out those for this end and broadcasts, as `Listening` says: at first
 /// for the file's default address. What is for others counts in `account()` like any frame, and in `foreign()`; it
 /// reaches no handler and no deadline. Where frames have a sequence number, `sequence()` says how many are missing.
-template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
-class Receiver : public Listening<Source>, public SequenceWatch<Source>, private Asked<Source> {
+/// `Replies` knows whose replies are meant: what `expect` said last or, in a host's link, each request that was sent.
+template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>,
+          class Replies = Asked<Source>>
+class Receiver : public Listening<Source>, public SequenceWatch<Source>, private Replies {
  public:
   /// `idle_us`: the silence after which an incomplete frame is given up.
   explicit Receiver(Counter idle_us = Source::idle_us) : deframer_(Source{}, workspace_.data(), idle_us) {}
@@ -31,12 +33,12 @@ class Receiver : public Listening<Source>, public SequenceWatch<Source>, private
 
   /// Bytes that were read at `now_us`. `handler.on(const Message&)` is called for each message that passes its field
   /// rules, where the handler has that overload; `handler.unknown(const Frame&)` for other frames, where it has it.
+  /// The compiler refuses an `on` for a message that never comes, because only this end sends it: see ServesBothEnds.
   template <class Handler>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Handler& handler) {
-  /// The compiler refuses an `on` for a message that never comes, because only this end sends it: see ServesBothEnds.
+    static_assert(detail::has_ons_of_right_end<Handler, Source>);
     deframer_.feed(bytes, size, now_us, Unwatched<Handler>{*this, handler});
   }
-    static_assert(detail::has_ons_of_right_end<Handler, Source>);
 
   /// The same, and `deadlines` decide: `deadlines.may_act(message, came_us, now_us)` is asked before each known
   /// message, which reaches no handler where the answer is not `MayAct::yes`; `deadlines.seen(message, came_us)` is
@@ -51,9 +53,9 @@ class Receiver : public Listening<Source>, public SequenceWatch<Source>, private
   template <class Handler, class Watch>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter came_us, Counter now_us, Handler& handler,
             Watch& deadlines) {
+    static_assert(detail::has_ons_of_right_end<Handler, Source>);
     const Counter kept_until = this->bytes();
     deframer_.feed(bytes, size, came_us, now_us,
-    static_assert(detail::has_ons_of_right_end<Handler, Source>);
                    Sink<Handler, Watch>{*this, handler, deadlines, came_us, now_us, kept_until});
     if (pending() <= size) kept_since_us_ = came_us;
   }
@@ -97,6 +99,9 @@ class Receiver : public Listening<Source>, public SequenceWatch<Source>, private
     deframer_.expect(Request::Info::reply);
     this->ask(Request::Info::reply, address);
   }
+
+  /// For a link, which hears of requests as they are sent.
+  Replies& replies() { return *this; }
 
   /// Intact frames for others, and replies of others than the one that was asked, modulo 2^32.
   std::uint32_t foreign() const { return Listening<Source>::foreign() + this->from_others(); }

@@ -9,6 +9,7 @@
 #include <type_traits>
 
 #include "wirebond/deadline.hpp"
+#include "wirebond/mcu/asked_addresses.hpp"
 #include "wirebond/mcu/buffers.hpp"
 #include "wirebond/mcu/handshake.hpp"
 #include "wirebond/mcu/outbox.hpp"
@@ -43,7 +44,7 @@ struct LinkCounters {
   std::uint32_t nested_polls = 0;       ///< polls that found the UART's interrupt at work, and returned at once
   std::uint32_t late = 0;               ///< messages as old as their shortest deadline at this end when they were found
   std::uint32_t held_back = 0;          ///< messages held back by a deadline with `recover: explicit`
-  std::uint32_t foreign = 0;            ///< frames for another address, which reached nothing here
+  std::uint32_t foreign = 0;            ///< frames for another address or, at a host, from one that was not asked
   std::uint32_t unlisted = 0;  ///< frames of messages that the file does not list, where checks count a seed: else 0
 };
 
@@ -72,10 +73,10 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 /// - `auto& parameters()`: its `Parameters`, for the parameter service
 /// - `void parameter_set(index, value)`: a parameter was set; here it is stored
 ///
-/// All of them run inside `poll`, in its context.
 /// The compiler refuses an `on` for a message that only this end sends, because it would never be called. A class that
 /// is the handler of links of both ends derives from `wirebond::ServesBothEnds`.
 ///
+/// All of them run inside `poll`, in its context.
 ///
 /// Contexts: `send` and `log` from any task or interrupt. `poll` from one: a task, the main loop, or an interrupt. The
 /// `on_...` functions from the UART's interrupt and its DMA's, which must not interrupt each other; it may interrupt
@@ -100,7 +101,11 @@ class Link : private SendPause<Protocol::pause_us>,
   using Address = detail::AddressOf<Sends>;  ///< an unsigned integer, where frames have an `address`
   using Counts =
       std::conditional_t<counts_unlisted(Receives{}.format()), UnlistedByteCounts, ByteCounts<std::uint32_t>>;
-  using Inlet = Receiver<Receives, std::uint32_t, Counts>;
+  /// Can this end, a host, ask one of several MCUs, and see who answers? Where the file says `address: mcu`.
+  static constexpr bool asks_one = names_receiver<Sends> && names_asked<Receives> && !names_receiver<Receives>;
+  using Replies =
+      std::conditional_t<asks_one, AskedAddresses<Receives, typename Memory::Config::Atomics>, Asked<Receives>>;
+  using Inlet = Receiver<Receives, std::uint32_t, Counts, Replies>;
 
   Link(Handler& handler, Port& port, Memory& memory)
       : handler_(handler),
@@ -118,6 +123,9 @@ class Link : private SendPause<Protocol::pause_us>,
   /// the frame's `Header`, best made by `header()`; a value there that breaks its field's rule is `out_of_range`. The
   /// link raises a sequence number, whatever the header says: the frame gets it as it is handed to DMA, so that numbers
   /// rise in the order of the wire, and what was refused, replaced or has expired leaves no gap.
+  ///
+  /// At a host, where frames carry the MCU's address: once a message with `reply` was sent, its reply is taken from the
+  /// addresses that were asked for it, and from no other; see AskedAddresses. Others count in `counters().foreign`.
   template <class Message, class... Given>
   Status send(const Message& message, const Given&... given) {
     static_assert(Message::Info::sender == Protocol::end || Message::Info::sender == End::both,
@@ -148,6 +156,7 @@ class Link : private SendPause<Protocol::pause_us>,
       if (status != Status::ok) {
         grant.give_back(Refusal::range);
       } else {
+        if constexpr (asks_one && Message::Info::reply >= 0) note_request(Message::Info::reply, given...);
         grant.commit(size);
       }
       if (handshake_.offer()) port_.pend();  // also after a refusal: the room that was given back may be waited for
@@ -209,7 +218,13 @@ class Link : private SendPause<Protocol::pause_us>,
   Address address() const { return own_address().address(); }  ///< any context
   /// Act on frames for every address, for a gateway or a monitor. What this end sends keeps its own address, and its
   /// services answer what is for that one.
-  void listen_to_all() { receiver_.listen_to_all(); }
+  void listen_to_all() {
+    if constexpr (asks_one) {
+      receiver_.replies().listen_to_all();
+    } else {
+      receiver_.listen_to_all();
+    }
+  }
 
   /// Of the message or frame that the handler has now: a broadcast is acted on and not answered. Where frames name no
   /// receiver it is always `own`.
@@ -381,6 +396,11 @@ class Link : private SendPause<Protocol::pause_us>,
     return numbers;
   }
 
+  void note_request(std::int16_t reply) { note_request(reply, detail::default_numbers<Sends>); }
+  void note_request(std::int16_t reply, const detail::HeaderNumbers<Sends>& numbers) {
+    receiver_.replies().asks(reply, static_cast<Address>(numbers[Sends::receiver_place]));
+  }
+
   // Where frames name their receiver, the receiver keeps the own address; else the link does, if it sends one.
   using SenderAddress = detail::SenderAddress<Sends, names_receiver<Receives>>;
   auto& own_address() {
@@ -432,6 +452,7 @@ class Link : private SendPause<Protocol::pause_us>,
     const bool is_late = age_.is_late(before_us, now_us, fill_us);
     if (!ring_.look([this] { return port_.receive_position(); }))
       return;  // on another core, the UART's interrupt restarts
+    static_assert(detail::has_ons_of_right_end<Handler, Receives>);
     Inbox inbox{*this};
     const std::uint32_t frames = heard_frames();
     const ReceiveRing::Count read = ring_.position();
@@ -452,7 +473,6 @@ class Link : private SendPause<Protocol::pause_us>,
       if constexpr (keeps_pause) receiver_.last_came_at(bytes.until_us);
       ring_.consumed(bytes.size);
     }
-    static_assert(detail::has_ons_of_right_end<Handler, Receives>);
     if (ring_.position() != read) line_moved_us_ = now_us;
     if (heard_frames() != frames) {
       heard_us_ = now_us;
