@@ -108,3 +108,48 @@ def test_names_that_are_hard_on_a_link_do_not_meet(tmp_path: Path) -> None:
     assert "(*on_velocity_2)(void* context);" in text
     assert "string_send_link_handlers(string_link_2_t* link);" in text
     assert "STRING_LINK_COUNT_A" in (tmp_path / "string_protocol.h").read_text(encoding="utf-8")
+
+
+IGNORED = """
+#include "diffdrive_link.h"
+void report(diffdrive_link_t* link, const diffdrive_status_t* status) {{
+  uint8_t frame[DIFFDRIVE_STATUS_MAX_FRAME_BYTES];
+  size_t size = 0;
+  diffdrive_status_t read;
+  {statement}
+  diffdrive_link_poll(link, (uint32_t)(frame[0] + read.errors + size));
+}}
+"""
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang-14"])
+@pytest.mark.parametrize(
+    "call",
+    [
+        "diffdrive_send_status(link, status)",
+        "diffdrive_encode_status(status, frame, sizeof frame, &size)",
+        "diffdrive_decode_status(frame, size, &read)",
+    ],
+)
+def test_an_answer_that_nobody_looks_at_is_told(compiler: str, call: str, generated: Path, tmp_path: Path) -> None:
+    """docs/c.md says so, and what to write."""
+
+    def said(statement: str) -> str:
+        source = tmp_path / "ignored.c"
+        source.write_text(IGNORED.format(statement=statement))
+        command = [
+            compiler,
+            "-std=c99",
+            "-Wall",
+            f"-I{generated}",
+            "-c",
+            str(source),
+            "-o",
+            str(tmp_path / "ignored.o"),
+        ]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stderr
+
+    assert "unused-result" in said(f"{call};")
+    assert ("unused-result" in said(f"(void){call};")) == (compiler == "gcc")
+    good = "WIREBOND_OK" if "decode" not in call else "true"
+    assert "unused-result" not in said(f"if ({call} != {good}) {{ /* why */ }}")

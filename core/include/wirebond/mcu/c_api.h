@@ -7,6 +7,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/// Of a function whose answer says that nothing was done: GCC and Clang warn where the answer is not looked at. A cast
+/// to `void` does not help with GCC. Look at it, also where there is nothing to do:
+///     if (..._send_status(link, &status) != WIREBOND_OK) { /* the link has counted it; the next one is due soon */ }
 #if defined(__GNUC__)
 #define WIREBOND_MUST_CHECK __attribute__((warn_unused_result))
 #else
