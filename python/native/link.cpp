@@ -177,6 +177,15 @@ bool Link::note_safe(nb::tuple safe) {
   return core_.note_safe(std::move(frame));
 }
 
+bool Link::end_safely(std::int16_t message, std::uint64_t address) {
+  const std::lock_guard lock(mutex_);
+  const std::uint64_t now = monotonic_us();
+  if (!core_.outbox().end_safely(message, address)) return false;
+  write_some();
+  wake_if_late(now);
+  return true;
+}
+
 void Link::set_address(std::uint64_t address) {
   const std::lock_guard lock(mutex_);
   core_.link().addressing().set_address(address);
@@ -418,6 +427,12 @@ void bind_link(nb::module_& m) {
           nb::arg("address"))
       .def(
           "note_safe", [](LinkHandle& self, nb::tuple safe) { return (*self).note_safe(safe); }, nb::arg("safe"))
+      .def(
+          "end_safely",
+          [](LinkHandle& self, std::int16_t message, std::uint64_t address) {
+            return (*self).end_safely(message, address);
+          },
+          nb::arg("message"), nb::arg("address"))
       .def(
           "set_address", [](LinkHandle& self, std::uint64_t address) { (*self).set_address(address); },
           nb::arg("address"))

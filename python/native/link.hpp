@@ -39,6 +39,7 @@ class Link {
                     std::uint64_t address);
   void stop_repeating(std::int16_t message, std::optional<std::uint64_t> address);
   bool note_safe(nb::tuple safe);
+  bool end_safely(std::int16_t message, std::uint64_t address);
   void set_address(std::uint64_t address);
   void listen_to_all(bool all);
   /// False: the link has ended, and nothing was sent. While `close` still waits a stop leaves before all else.

@@ -287,6 +287,12 @@ void bind_link_core(nb::module_& m) {
       .def(
           "note_safe", [](LinkCore& self, nb::tuple safe) { return self.note_safe(stop_frame(safe)); }, nb::arg("safe"))
       .def(
+          "end_safely",
+          [](LinkCore& self, std::int16_t message, std::uint64_t address) {
+            return self.outbox().end_safely(message, address);
+          },
+          nb::arg("message"), nb::arg("address"))
+      .def(
           "set_address", [](LinkCore& self, std::uint64_t address) { self.link().addressing().set_address(address); },
           nb::arg("address"))
       .def(

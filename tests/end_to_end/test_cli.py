@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import wirebond
 from tests.shared import PROTOCOLS, ROOT, codec
 from wirebond.sim.pty_port import PtyPort
 
@@ -271,6 +272,37 @@ def test_signals_end_a_repeated_send_with_the_emergency_stop(number: signal.Sign
     messages = codec("native").decoder("host").feed(data)
     assert messages[0].fields == {"speed": 1.0, "mode": "manual"}
     assert messages[-1].fields == {"speed": 0.0, "mode": "idle"}
+
+
+@pytest.mark.parametrize(
+    ("stop", "words", "servo"),
+    [
+        ("{message: move,", ["--header", "servo=3"], 3),
+        ("{message: move, header: {servo: 0xFE},", ["--header", "servo=3"], 3),  # the file's stop is for everybody
+        ("{message: move, header: {servo: 0xFE},", ["--header", "servo=0xFE"], 0xFE),
+        ("{message: move, header: {servo: 0xFE},", [], 1),  # the default
+    ],
+)
+def test_a_repeated_send_ends_with_the_safe_value_to_the_address_that_it_commanded(
+    stop: str, words: list[str], servo: int, tmp_path: Path
+) -> None:
+    file = tmp_path / "servo_options.yaml"
+    text = (ROOT / "tests" / "formats" / "servo_options.yaml").read_text()
+    file.write_text(text.replace("emergency_stop: {message: move,", f"emergency_stop: {stop}"))
+    pty = PtyPort()
+    command = [*COMMAND, "send", str(file), pty.path, "move", "angle=0.5", *words, "--rate", "50", "--seconds", "0.3"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        data = first_bytes(pty)
+        while process.poll() is None:
+            data += pty.read(0.05)
+        data += pty.read(0.05)
+        assert process.returncode == 0 and process.stderr is not None
+        assert f", then the safe value to servo {servo}\n" in process.stderr.read().decode()
+    pty.close()
+    messages = wirebond.load(file).decoder("host").feed(data)
+    assert {m.header["servo"] for m in messages} == {servo}
+    assert [m.fields["angle"] for m in messages][-2:] == [0.5, 0.0]
+    assert [m.fields["angle"] for m in messages].count(0.0) == 1
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])

@@ -111,6 +111,35 @@ def test_the_end_of_a_lease_sends_the_safe_value_to_its_address_alone() -> None:
     assert line.run(200_000)[-1] == ("move", 3, {"angle": 0.0, "torque": 0})
 
 
+def test_a_message_ends_with_its_safe_value_at_its_address_alone() -> None:
+    line = Line(BUS)
+    move = BUS._index_of("move")
+    assert not line.core.end_safely(move, 3)  # nothing went there: it has no safe value
+    line.repeat("move", 1.0, header={"servo": 7}, angle=0.7)
+    line.repeat("move", 1.0, header={"servo": 3}, angle=0.3)
+    line.run(20_000)
+    for servo in (7, 3, 3):
+        line.send("move", header={"servo": servo}, angle=1.0)
+    assert line.core.end_safely(move, 3)
+    stop, *rest = line.run(100_000)
+    assert stop == ("move", 3, {"angle": 0.0, "torque": 0})  # before all that waits
+    assert {servo for _, servo, _ in rest} == {7}
+    line.core.close()
+    assert not line.core.end_safely(move, 3)
+    assert line.run(20_000) == [("move", 7, {"angle": 0.0, "torque": 0})]  # whose lease lived
+
+
+def test_a_safe_value_waits_for_the_port() -> None:
+    line = Line(BUS)
+    line.send("move", header={"servo": 3}, angle=1.0)
+    line.run(1000)
+    line.core.port_down(line.now)
+    assert line.core.end_safely(BUS._index_of("move"), 3)
+    assert line.run(1000) == []
+    line.core.port_up(line.now)
+    assert line.run(1000) == [("move", 3, {"angle": 0.0, "torque": 0})]
+
+
 def test_a_stop_reaches_every_address_that_the_message_went_to() -> None:
     line = Line(BUS)
     line.repeat("move", 1.0, header={"servo": 3}, angle=0.3)

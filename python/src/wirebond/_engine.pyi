@@ -112,6 +112,9 @@ class LinkCore:
         address: int = 0,
     ) -> int:
         """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
+    def end_safely(self, message: int, address: int) -> bool:
+        """End the lease of this message and address with its safe value, which leaves before all else."""
+
     def note_safe(self, safe: tuple[int, bytes, int, float, int, bool]) -> bool:
         """One more safe value, as an entry of the settings' ``stop``. False: there is no room."""
     def set_address(self, address: int) -> None:
@@ -172,6 +175,9 @@ class Link:
         """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""
     def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool, address: int) -> int:
         """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
+    def end_safely(self, message: int, address: int) -> bool:
+        """End the lease of this message and address with its safe value, which leaves before all else."""
+
     def note_safe(self, safe: tuple[int, bytes, int, float, int, bool]) -> bool:
         """One more safe value, as an entry of the settings' ``stop``. False: there is no room."""
     def set_address(self, address: int) -> None:

@@ -294,6 +294,13 @@ class Link:
         self._has_safe.add((name, address))
         return address
 
+    def _end_safely(self, name: str, header: Mapping[str, Any]) -> bool:
+        """Send the message's safe value to the address of this header, before all that waits, which is dropped; as the
+        end of a lease does. While the port is away it waits, and is the first to leave. False: it has none, or the link
+        is closed."""
+        address = self._prepare(name, self._with_own_address(header))
+        return self._engine.end_safely(self.codec._index_of(name), address)
+
     # ---- receiving
 
     def receive(self, timeout: float = 0.0) -> list[Message]:

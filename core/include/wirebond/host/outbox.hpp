@@ -148,6 +148,19 @@ class HostOutbox {
     return true;
   }
 
+  /// End the message's lease for this address, drop all that waits of it for that address, and send its safe value
+  /// before all else. Also while the port is down: then it is the first to leave. False: it has none, or the link is
+  /// closed.
+  bool end_safely(std::int16_t message, std::uint64_t address) {
+    SafeValue* const safe = is_closed_ ? nullptr : safe_of(message, address);
+    if (safe == nullptr) return false;
+    each_lease(message, [&](Lease& lease) {
+      if (lease.address() == address) lease.end();
+    });
+    send_safe(*safe);
+    return true;
+  }
+
   /// Drop all that waits of the stop's messages, end their leases, send the stop before all else, and again until
   /// `release_stop`. Also while the port is down: then it is the first to leave.
   void stop(std::uint64_t now_us) {
@@ -381,9 +394,13 @@ class HostOutbox {
     SafeValue* const safe = safe_of(lease.message(), lease.address());
     if (safe == nullptr) return end_silently(lease);
     lease.end();
-    drop(
-        [&](const QueuedFrame& frame) { return frame.message == safe->message() && frame.address == safe->address(); });
-    offer_safe(*safe);
+    send_safe(*safe);
+  }
+
+  /// In the place of all that waits of its message for its address.
+  void send_safe(SafeValue& safe) {
+    drop([&](const QueuedFrame& frame) { return frame.message == safe.message() && frame.address == safe.address(); });
+    offer_safe(safe);
   }
 
   void offer_value(std::size_t index, std::uint64_t now_us) {

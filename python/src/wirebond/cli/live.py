@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -117,23 +118,34 @@ def _send_once(link: Link, codec: Codec, name: str, values: dict[str, Any], head
     reply = codec.model.message(name).reply
     if reply is None:
         return 0
-    whom = ""
-    plan = plan_for(codec.model, End.HOST)
-    if plan.address is not None:
-        field = plan.header[plan.address]
-        address = header.get(field.name, field.default(End.HOST))
-        if address in field.broadcast:
-            errors.print(f"{name} was sent to {field.name} {address}, the broadcast, which is not answered")
-            return 0
-        whom = f" to {field.name} {address}"
+    whom = _addressee(codec, header)
+    if whom is not None and whom.is_broadcast:
+        errors.print(f"{name} was sent to {whom.name}, the broadcast, which is not answered")
+        return 0
     end = time.monotonic() + _REPLY_WAIT
     while (left := end - time.monotonic()) > 0:
         for message in link.receive(left):
             if message.name == reply:
                 print_message(message, codec)
                 return 0
-    errors.print(f"{name} was sent{whom}; no {reply} came back within {_REPLY_WAIT:g} s")
+    errors.print(f"{name} was sent{f' to {whom.name}' if whom else ''}; no {reply} came back within {_REPLY_WAIT:g} s")
     return 1
+
+
+@dataclass(frozen=True)
+class _Addressee:
+    name: str  # such as "servo 3"
+    is_broadcast: bool
+
+
+def _addressee(codec: Codec, header: dict[str, Any]) -> _Addressee | None:
+    """For whom a frame with this header is; None where frames do not say that."""
+    plan = plan_for(codec.model, End.HOST)
+    if plan.address is None:
+        return None
+    field = plan.header[plan.address]
+    address = header.get(field.name, field.default(End.HOST))
+    return _Addressee(f"{field.name} {address}", address in field.broadcast)
 
 
 def _send_repeatedly(
@@ -157,17 +169,23 @@ def _send_repeatedly(
                 missed += 1  # the port may come back, the line may catch up: go on
             due = max(due + 1 / rate, time.monotonic())  # after a stall: no burst of old commands
     told = f"sent {name} {sent} times"
-    ends_with_stop = name in {stop.message for stop in codec.model.emergency_stop}
-    if ends_with_stop:
-        link.emergency_stop()  # also while the port is away: it leaves if the port comes back in time
+    last = ""
+    if name in {stop.message for stop in codec.model.emergency_stop}:
+        # Also while the port is away: it leaves if the port comes back in time.
+        if (whom := _addressee(codec, header)) is not None:
+            last = f"the safe value to {whom.name}"  # others are commanded by others
+            link._end_safely(name, header)
+        else:
+            last = "the emergency stop"
+            link.emergency_stop()
     is_away = link.state == "down"
-    if ends_with_stop and not is_away:
-        told += ", then the emergency stop"
+    if last and not is_away:
+        told += f", then {last}"
     if missed:
         told += f"; {missed} times the port was away or its queue full"
     if is_away:
         told += f"; {link.port} is away"
-        told += ", and the emergency stop could not be sent" if codec.model.emergency_stop else ""
+        told += f", and {last} could not be sent" if last else ""
     errors.print(told)
     return 3 if is_away else 0
 
