@@ -340,6 +340,48 @@ def test_a_message_that_the_conditions_leave_no_form_for_is_refused() -> None:
         )
 
 
+def test_every_id_of_a_message_needs_a_form() -> None:
+    frame = f"magic: 0xA1, id: u8, {{length: u8, when: %s}}, payload: by_length, {CRC}"
+    for condition, left_out in (("id in [0..0x7F]", 0x80), ("not (id & 0x04)", 0x74), ("id != 0x90", 0x90)):
+        sentence = rf"no frame of the MCU carries `m` with 1 payload bytes and the id {left_out} "
+        with pytest.raises(ProtocolFileError, match=sentence):
+            protocol("refused", frame % f'"{condition}"', "{m: {id: 0x70..0x90, sender: mcu, fields: {x: {type: u8}}}}")
+    split = f"magic: 0xA1, id: u8, {{constant: 0x07, when: %s}}, length: u8, payload: by_length, {CRC}"
+    for condition in ("id in [0..0x7F]", "not (id & 0x04)", "id != 0x90"):
+        protocol("taken", split % f'"{condition}"', "{m: {id: 0x70..0x90, sender: mcu}}")
+
+
+def test_the_id_that_is_sent_chooses_the_form(tmp_path: Path) -> None:
+    model = protocol(
+        "by_id",
+        'magic: 0xA1, id: u8, {field: extra, type: u8, default: 7, when: "id in [0x80..0x8F]"}, '
+        f"{{constant: 0x09, when: id & 0x04}}, length: u8, payload: by_length, {CRC}",
+        "{m: {id: 0x70..0x90, sender: mcu, fields: {x: {type: u8}}}, other: {id: [1, 4], sender: mcu}}",
+    )
+    codec = Codec(model)
+    stream, calls, frames = b"", [], []
+    for name, number, head in (
+        ("m", 0x70, "A1 70 01"),
+        ("m", 0x74, "A1 74 09 01"),
+        ("m", 0x80, "A1 80 07 01"),
+        ("m", 0x8C, "A1 8C 07 09 01"),
+        ("m", 0x90, "A1 90 01"),
+        ("other", 1, "A1 01 00"),
+        ("other", 4, "A1 04 09 00"),
+    ):
+        values = {"x": 5} if name == "m" else {}
+        frame = codec.encode(name, values, header={"id": number})
+        assert frame.startswith(bytes.fromhex(head))
+        stream += frame
+        frames.append(frame.hex())
+        struct = "M{5}" if name == "m" else "Other{}"
+        calls.append(f"[&] {{ Header h; h.id = {number}; return encode({struct}, h, out, sizeof out, size); }}()")
+    assert [name for name, _ in found_by_all(model, End.MCU, stream, tmp_path)] == ["m"] * 5 + ["other"] * 2
+    assert printed_by_cpp(model, calls, tmp_path) == frames
+    with pytest.raises(MessageError, match="no form of the frame"):
+        codec.encode("m", {"x": 5}, header={"id": 0x70, "extra": 1})
+
+
 def test_what_a_length_run_counts_is_said_beside_the_runs() -> None:
     with pytest.raises(ProtocolFileError, match="write `counts` beside `fields`"):
         protocol(

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from wirebond.protocol.forms import MAX_SIZE
-from wirebond.protocol.meaning.messages import Messages, spoken
+from wirebond.protocol.meaning.carried import uncarried
+from wirebond.protocol.meaning.messages import Messages
 from wirebond.protocol.model import (
     BitRole,
     ByteOrder,
@@ -21,10 +22,9 @@ from wirebond.protocol.model import (
     PartKind,
     PayloadRule,
     Stuffing,
-    Subject,
 )
 from wirebond.protocol.payload_rules import MAX_COUNTS, payload_rules
-from wirebond.protocol.plan import Form, forms
+from wirebond.protocol.plan import forms
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.text.yaml_tree import Mapping
 
@@ -77,20 +77,12 @@ class Draft:
     def payload(self) -> Part:
         return self.parts[self.payload_index]
 
-    def _number(self, kind: PartKind, role: BitRole) -> tuple[Part, int] | None:
-        """The part that holds the id or the length, and its bits."""
-        for part in self.parts:
-            if part.kind == kind:
-                return part, 8 * part.size
-            for run in part.bits:
-                if run.role == role:
-                    return part, run.width
-        return None
-
     @property
     def id_bits(self) -> int:
-        found = self._number(PartKind.ID, BitRole.ID)
-        return 0 if found is None else found[1]
+        """Bits of the id, of the widest where several forms of the frame have one; 0 where none has."""
+        wholes = [8 * part.size for part in self.parts if part.kind == PartKind.ID]
+        runs = [run.width for part in self.parts for run in part.bits if run.role == BitRole.ID]
+        return max((*wholes, *runs), default=0)
 
     def has_id_from(self, end: End, *, always: bool = False) -> bool:
         """Whether frames of this end have an id, some or all: a part may stand in those of one magic only."""
@@ -99,8 +91,12 @@ class Draft:
 
     @property
     def length_part(self) -> Part | None:
-        found = self._number(PartKind.LENGTH, BitRole.LENGTH)
-        return None if found is None else found[0]
+        found = (
+            part
+            for part in self.parts
+            if part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits)
+        )
+        return next(found, None)
 
     def longest_by_length(self, sender: End | None = None) -> int | None:
         """The longest payload that a length can tell, of all forms that frames of this sender have; None without a
@@ -153,9 +149,9 @@ def validate_sizes(
         if untold:
             problems.add(entry.place, f"`{entry.name}` has {message.max_payload} payload bytes; {untold}")
         elif limit is None or message.max_payload <= limit:
-            uncarried = _uncarried(draft, message)
-            if uncarried:
-                problems.add(entry.place, uncarried)
+            fault = uncarried(draft.parts, draft.id_bits, message)
+            if fault:
+                problems.add(entry.place, fault)
         field = next((one for one in message.fields if _needs_size(message.fields, one, draft.payload)), None)
         fields = entry.node.get("fields")
         if field is not None and isinstance(fields, Mapping):
@@ -211,26 +207,6 @@ def _size_untold(draft: Draft, message: Message) -> str:
         f"the frame's length counts by {form.length_unit} and cannot tell them; add "
         f"`{{type: padding, size: {form.length_unit - over}}}`"
     )
-
-
-def _uncarried(draft: Draft, message: Message) -> str:
-    """Why the frame's conditions leave no form for a size of this message; empty if they do."""
-    for end in (End.HOST, End.MCU):
-        if not message.sent_by(end):
-            continue
-        for size in (message.min_payload, message.max_payload):
-            if not any(_allows(form, message, size) for form in forms(draft.parts, end)):
-                return (
-                    f"no frame of the {spoken(end)} carries `{message.name}` with {size} payload bytes; let the "
-                    "conditions of the frame (`when`) leave a form for it"
-                )
-    return ""
-
-
-def _allows(form: Form, message: Message, size: int) -> bool:
-    """Do its conditions on the payload's size and on the id hold?"""
-    values = {Subject.SIZE: size, Subject.ID: message.id}
-    return all(held.choice.holds(values[held.choice.subject]) for held in form.choices if held.choice.subject in values)
 
 
 def _needs_size(fields: tuple[Field, ...], field: Field, payload: Part) -> bool:

@@ -1,0 +1,104 @@
+"""Whether a message has a form of the frame for each of its ids and for its sizes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wirebond.protocol.forms import Choice, complement, some_value
+from wirebond.protocol.matching import ID_BITS, one_id
+from wirebond.protocol.meaning.messages import spoken
+from wirebond.protocol.model import End, Match, MatchOf, Message, Part, Subject
+from wirebond.protocol.plan import Form, forms
+
+
+def uncarried(parts: tuple[Part, ...], id_bits: int, message: Message) -> str:
+    """Why no form of the frame carries one of the ids or sizes of this message; empty if all are carried.
+
+    ``id_bits``: of the frame's widest id. An id beyond it is refused elsewhere.
+    """
+    if message.has_id and message.id >> id_bits:
+        return ""
+    for end in (End.HOST, End.MCU):
+        if not message.sent_by(end):
+            continue
+        own = [form for form in forms(parts, end) if (form.id is not None) == message.has_id]
+        if not own:  # which is said elsewhere, too
+            continue
+        widest = max((form.id.mask for form in own if form.id is not None), default=0)
+        if message.has_id and 0 < widest < message.id:
+            return (
+                f"`{message.name}` has the id {_number(message.id)}, and those of the {spoken(end)}'s frames go up to "
+                f"{_number(widest)}; take a smaller one, or a wider `id` part"
+            )
+        for size in (message.min_payload, message.max_payload):
+            allowed = [form for form in own if _allows(form, message, size)]
+            found = _uncarried_id(allowed, message, id_bits)
+            if found is None:
+                continue
+            named = f" and the id {_number(found)}" if message.ids is not None else ""
+            return (
+                f"no frame of the {spoken(end)} carries `{message.name}` with {size} payload bytes{named}; let the "
+                "conditions of the frame (`when`) leave a form for it"
+            )
+    return ""
+
+
+def _number(value: int) -> str:
+    return f"{value} (0x{value:02X})"
+
+
+def _allows(form: Form, message: Message, size: int) -> bool:
+    """Can such a frame carry the message, as far as everything but its id says?"""
+    if size > form.most_payload:
+        return False
+    sizes = [held.choice for held in form.choices if held.choice.subject == Subject.SIZE]
+    matched = [match for match in message.match if match.of == MatchOf.HEADER]
+    return all(choice.holds(size) for choice in sizes) and all(_has(form, match) for match in matched)
+
+
+def _has(form: Form, match: Match) -> bool:
+    """Can a header field of this form have a value that tells the message?"""
+    field = next((field for field in form.header if field.name == match.name), None)
+    if field is None:
+        return False
+    fixed = Choice(Subject.FIELD, field.name, field.fixed_mask, ((field.fixed_value, field.fixed_value),))
+    asked = [held.choice for held in form.choices if held.choice.number == fixed.number]
+    return some_value((_choice(match), fixed, *asked), match.width) is not None
+
+
+def _uncarried_id(allowed: list[Form], message: Message, id_bits: int) -> int | None:
+    """An id of the message that none of these forms carries; None if there is no such id."""
+    if not message.has_id:
+        return None if allowed else 0
+    asked = [_id_choices(form) for form in allowed]
+    return _breaking(asked, (_room(id_bits), _choice(message.ids or one_id(message.id))))
+
+
+def _id_choices(form: Form) -> list[Choice]:
+    assert form.id is not None, "a message with an id is carried by forms that have one"
+    room = _room(form.id.mask.bit_length())
+    return [room, *(held.choice for held in form.choices if held.choice.subject == Subject.ID)]
+
+
+def _room(bits: int) -> Choice:
+    """An id that has no more bits."""
+    return Choice(Subject.ID, "", (1 << ID_BITS) - 1, ((0, (1 << bits) - 1),))
+
+
+def _breaking(asked: list[list[Choice]], so_far: tuple[Choice, ...]) -> int | None:
+    """An id with which all of ``so_far`` hold, and of each form one choice does not."""
+    found = some_value(so_far, ID_BITS)
+    if found is None or not asked:
+        return found
+    for choice in asked[0]:
+        others = complement(choice.allowed, choice.mask)
+        if not others:
+            continue
+        broken = _breaking(asked[1:], (*so_far, replace(choice, allowed=others)))
+        if broken is not None:
+            return broken
+    return None
+
+
+def _choice(match: Match) -> Choice:
+    return Choice(Subject.FIELD, match.name, match.mask, tuple(sorted(match.ranges)))
