@@ -56,6 +56,17 @@ NO_ID = protocol(
 )
 
 
+TWO_IDS = (
+    "magic: {any: [0xA1, 0xA2]}, {id: u8, when: magic == 0xA1}, {id: u16, when: magic == 0xA2}, length: u8, "
+    f"payload: by_length, {CRC}"
+)
+ID_MESSAGES = (
+    "{near: {id: 0x12, sender: host, fields: {x: {type: u8}}}, far: {id: 0x112, sender: host, "
+    "fields: {x: {type: u8}}}, any: {id: 0x20..0xFFF, sender: mcu, fields: {x: {type: u8}}}}"
+)
+ID_WIDTHS = protocol("id_widths", TWO_IDS, ID_MESSAGES)
+
+
 def round_trip(codec: Codec, message: str, sender: str, **values: object) -> bytes:
     frame = codec.encode(message, values, sender=sender)
     decoder = codec.decoder(sender)
@@ -297,3 +308,72 @@ def test_magics_of_two_lengths_are_refused_with_what_to_do() -> None:
     text = "wirebond: 1\nprotocol: p\nframe: [magic: {host: 0xFF 0xFE, mcu: 0xFF}, payload: 1]\n"
     with pytest.raises(ProtocolFileError, match="the same number of bytes; fill up with a `constant` part"):
         loads(text + "messages: {m: {sender: both}}\n")
+
+
+def test_a_sender_takes_the_first_form_that_has_room_for_the_id() -> None:
+    codec = Codec(ID_WIDTHS)
+    assert round_trip(codec, "near", "host", x=5).startswith(bytes.fromhex("A1 12 01 05"))
+    assert round_trip(codec, "far", "host", x=5).startswith(bytes.fromhex("A2 12 01 01 05"))
+    for number, start in ((0x20, "A1 20"), (0xFF, "A1 FF"), (0x100, "A2 00 01"), (0xFFF, "A2 FF 0F")):
+        frame = codec.encode("any", x=5, header={"id": number})
+        assert frame.startswith(bytes.fromhex(start))
+        (found,) = codec.decoder("mcu").feed(frame)
+        assert (found.name, found.header["id"]) == ("any", number)
+        assert [(f.name, f.wire, f.header["id"]) for f in reference.decode(ID_WIDTHS, frame, End.MCU).frames] == [
+            ("any", frame, number)
+        ]
+
+
+def test_an_id_that_the_asked_form_has_no_room_for_is_refused_and_never_cut() -> None:
+    codec = Codec(ID_WIDTHS)
+    sentence = r"far has the id 274 \(0x112\), and a frame with these header values has room for ids up to 255; give"
+    with pytest.raises(MessageError, match=sentence):
+        codec.encode("far", x=5, header={"magic": 0xA1})
+    with pytest.raises(MessageError, match=r"any has the id 256 \(0x100\), and .* up to 255; give"):
+        codec.encode("any", x=5, header={"magic": 0xA1, "id": 0x100})
+    assert codec.encode("any", x=5, header={"magic": 0xA1, "id": 0xFF})[:2] == bytes.fromhex("A1 FF")
+    assert codec.encode("near", x=5, header={"magic": 0xA2})[:3] == bytes.fromhex("A2 12 00")
+
+
+def test_generated_code_takes_the_forms_that_have_room_for_the_id(tmp_path: Path) -> None:
+    codec = Codec(ID_WIDTHS)
+    calls = ["encode(Near{5}, out, sizeof out, size)", "encode(Far{5}, out, sizeof out, size)"]
+    expected = [codec.encode("near", x=5).hex(), codec.encode("far", x=5).hex()]
+    for number in (0x20, 0xFF, 0x100, 0xFFF):
+        calls.append(f"[&] {{ Header h; h.id = {number}; return encode(Any{{5}}, h, out, sizeof out, size); }}()")
+        expected.append(codec.encode("any", x=5, header={"id": number}).hex())
+    assert printed_by_cpp(ID_WIDTHS, calls, tmp_path) == expected
+
+
+def test_generated_code_never_cuts_an_id(tmp_path: Path) -> None:
+    wide_first = protocol("id_widths_2", TWO_IDS.replace("0xA1, 0xA2]", "0xA2, 0xA1]"), ID_MESSAGES)
+    codec = Codec(wide_first)
+    with_narrow = "[&] { Header h; h.magic = 0xA1; h.id = %d; return encode(%s{5}, h, out, sizeof out, size); }()"
+    calls = [
+        with_narrow % (0, "Near"),
+        with_narrow % (0, "Far"),
+        with_narrow % (0xFF, "Any"),
+        with_narrow % (0x100, "Any"),
+    ]
+    near = codec.encode("near", x=5, header={"magic": 0xA1}).hex()
+    one = codec.encode("any", x=5, header={"magic": 0xA1, "id": 0xFF}).hex()
+    assert printed_by_cpp(wide_first, calls, tmp_path) == [near, "status 1 size 0", one, "status 1 size 0"]
+
+
+def test_an_id_that_fits_only_the_other_end_s_frames_is_refused_and_the_widest_counts_in_any_order() -> None:
+    frame = (
+        "magic: {host: 0xA1, mcu: 0xA2}, {id: u8, when: sender == host}, {id: u16, when: sender == mcu}, "
+        f"length: u8, payload: by_length, {CRC}"
+    )
+    assert protocol("ends", frame, "{far: {id: 0x112, sender: mcu}}").messages[0].id == 0x112
+    sentence = r"`far` has the id 274 \(0x112\), and those of the host's frames go up to 255 \(0xFF\); take a smaller"
+    with pytest.raises(ProtocolFileError, match=sentence):
+        protocol("ends", frame, "{far: {id: 0x112, sender: host}}")
+    with pytest.raises(ProtocolFileError, match=r"id 65536 does not fit the frame's id part, whose greatest is 65535"):
+        protocol("ends", frame, "{far: {id: 0x10000, sender: mcu}}")
+    with pytest.raises(ProtocolFileError, match=r"no frame of the host carries `far` with 0 payload bytes; let the"):
+        protocol("match", TWO_IDS, "{far: {id: 0x112, sender: host, match: {magic: 0xA1}}}")
+    with pytest.raises(
+        ProtocolFileError, match=r"no frame of the host .* with 0 payload bytes and the id 256 \(0x100\)"
+    ):
+        protocol("match", TWO_IDS, "{far: {id: 0x10..0x112, sender: host, match: {magic: 0xA1}}}")

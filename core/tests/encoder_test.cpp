@@ -18,6 +18,28 @@ TEST_CASE("a fixed frame is padded with zeros and closed by check and tail") {
   });
 }
 
+TEST_CASE("an id that its place has no room for makes no frame") {
+  for_both_sources<HeaderChecked>([](const auto& source) { CHECK(frame_of(source, 0x1A2, Bytes(20)).empty()); });
+  for_both_sources<BigEndian>([](const auto& source) { CHECK(frame_of(source, 0x1'0102, Bytes(5)).empty()); });
+  for_both_sources<FixedSize>([](const auto& source) { CHECK(frame_of(source, 0x101, Bytes(4)).empty()); });
+}
+
+TEST_CASE("without a mask a number has all bits of its bytes, eight of them, too") {
+  for (const wirebond::ByteOrder order : {wirebond::ByteOrder::little, wirebond::ByteOrder::big}) {
+    for (std::uint8_t bytes = 1; bytes <= 8; ++bytes) {
+      const wirebond::Number number{{1, false}, bytes, order};
+      const std::uint64_t value = 0x8877665544332211u >> (8 * (8 - bytes));
+      std::uint8_t frame[10] = {};
+      wirebond::detail::write_number(number, frame, sizeof frame, value);
+      CHECK(wirebond::detail::read_wide(number, frame, sizeof frame) == value);
+      CHECK(wirebond::Form{}.length.most() == 0);
+      if (bytes <= 4) CHECK(number.most() == static_cast<std::int64_t>(~std::uint64_t{0} >> (8 * (8 - bytes))));
+      wirebond::detail::clear_number(number, frame, sizeof frame);
+      for (const std::uint8_t byte : frame) CHECK(byte == 0);
+    }
+  }
+}
+
 TEST_CASE("a length that counts itself, big-endian numbers, an id behind the payload") {
   for_both_sources<BigEndian>([](const auto& source) {
     const Bytes frame = frame_of(source, 0x0102, {'1', '2', '3', '4', '5'});

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "formats.hpp"
+#include "wirebond/encoder.hpp"
 #include "wirebond/source.hpp"
 
 using wirebond::HeaderField;
@@ -111,6 +112,20 @@ TEST_CASE("of forms for some ids the first that carries the id is taken") {
     CHECK(form_of(source, 0x80, 50) == 2);
     CHECK(form_of(source, 0x80, 101) == 1);
     CHECK(form_of(source, 0xFF, 255) == 1);
+  });
+}
+
+TEST_CASE("a form whose id has no room for this one does not carry it") {
+  formats::for_both_sources<Chosen>([](const auto& source) {
+    CHECK(form_of(source, 0xFF, 101) == 1);
+    CHECK(form_of(source, 0x100, 101) == none);
+    CHECK(form_of(source, 0x1'007F, 50) == none);
+    std::uint8_t buffer[200] = {};
+    for (const std::size_t form : {0u, 1u, 2u}) {
+      CHECK(wirebond::seal(source, buffer, sizeof buffer, 0x0100, 50, form) == 0);
+      CHECK(wirebond::seal(source, buffer, sizeof buffer, 0x0180, 50, form) == 0);
+      CHECK(wirebond::seal(source, buffer, sizeof buffer, 0x0180, 150, form) == 0);
+    }
   });
 }
 

@@ -25,6 +25,7 @@ struct Answer {
   std::vector<std::size_t> forms;  ///< those that nothing but the payload's size could keep from carrying it
   bool agreed = false;             ///< the header values allow one
   bool id_differs = false;         ///< one of those has an id and the message has none, or the other way round
+  std::int64_t most_id = -1;       ///< the greatest id that they have room for
 };
 
 Answer ask_forms(const FrameFormat& format, std::uint32_t id, std::size_t payload, const GivenHeader& header,
@@ -35,6 +36,7 @@ Answer ask_forms(const FrameFormat& format, std::uint32_t id, std::size_t payloa
     if (wanted >= 0 && i != static_cast<std::size_t>(wanted)) continue;
     if (!agrees(form, header.view())) continue;
     answer.agreed = true;
+    if (form.id.present()) answer.most_id = std::max(answer.most_id, form.id.most());
     if (format.no_id != 0 && form.id.present() == (id == format.no_id)) {
       answer.id_differs = true;
     } else if (carries_id(format, form, id) && !is_excluded(format, form, id, payload, header.values.data())) {
@@ -142,6 +144,11 @@ std::uint32_t settle_match(const FormatTable& format, const MessageTable& messag
                         ", and a frame with these header values has " + (has_id ? "none" : "one") +
                         "; give header values that ask for " + (has_id ? "one" : "none") +
                         ", or take another `when` for the id in the protocol file");
+  }
+  if (answer.most_id >= 0 && id > answer.most_id) {
+    throw_message_error(message.name + " has the id " + number_text(id) +
+                        ", and a frame with these header values has room for ids up to " +
+                        std::to_string(answer.most_id) + "; give header values that ask for a wider one");
   }
   if (answer.agreed) {
     throw_message_error("no form of the frame carries " + message.name + " with " + std::to_string(payload) +

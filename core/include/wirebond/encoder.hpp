@@ -169,8 +169,8 @@ WIREBOND_INLINE std::size_t close_frame(const Source& source, std::uint8_t* buff
 /// form takes those that it has; null: their defaults.
 /// Returns the size on the wire. 0: no frame was made, because
 /// - it does not fit `capacity`,
-/// - the form cannot carry it: its length cannot tell the payload's size, one of form and message has an id and the
-///   other has none, or a condition of the form says otherwise,
+/// - the form cannot carry it: its length cannot tell the payload's size, its id has no room for this one, one of form
+///   and message has an id and the other has none, or a condition of the form says otherwise,
 /// - it would have no byte at all, which a receiver cannot tell from fill or from silence.
 /// Any thread or interrupt; no allocation.
 template <class Source>

@@ -31,17 +31,20 @@ struct Constant {
   std::uint8_t value = 0;
 };
 
-/// A number in the frame's own parts: (wire integer >> shift) & mask. Absent when `bytes` is 0.
+/// A number in the frame's own parts: (wire integer >> shift) & mask. Absent when `bytes` is 0. Default mask: all bits
+/// that its bytes have, which are up to 64.
 struct Number {
   Position at{};
   std::uint8_t bytes = 0;
   ByteOrder order = ByteOrder::little;
   std::uint8_t shift = 0;
-  std::uint64_t mask = 0xFFFFFFFFu;
+  std::uint64_t mask = ~std::uint64_t{0};
 
   constexpr bool present() const { return bytes != 0; }
   /// The greatest number of an id or a length, which has 32 bits at most.
-  constexpr std::int64_t most() const { return static_cast<std::int64_t>(mask & 0xFFFFFFFFu); }
+  WIREBOND_INLINE constexpr std::int64_t most() const {
+    return static_cast<std::int64_t>(mask & (detail::mask_of(8u * bytes) >> shift) & 0xFFFFFFFFu);
+  }
 };
 
 /// How the payload's size is known.
@@ -308,10 +311,11 @@ WIREBOND_INLINE constexpr bool carries_all(const FrameFormat& format, const Form
          static_cast<std::int64_t>(format.max_payload) - form.length_bias <= form.length.most();
 }
 
-/// Can a frame of this form carry message `id`? `no_id` is the message that frames without an id carry, and no others.
+/// Can a frame of this form carry message `id`? Its id has room for it. `no_id` is the message that frames without an
+/// id carry, and no others.
 WIREBOND_INLINE constexpr bool carries_id(const FrameFormat& format, const Form& form, std::uint32_t id) {
   if (!form.id.present()) return id == format.no_id;
-  return (format.no_id == 0 || id != format.no_id) && (id & form.id_mask) == form.id_value;
+  return (format.no_id == 0 || id != format.no_id) && id <= form.id.most() && (id & form.id_mask) == form.id_value;
 }
 
 /// Do these header values allow a frame of this form? It has every field that was given, and the bits that tell it from

@@ -97,9 +97,10 @@ class FastPath {
                                    std::size_t payload) const {
     const std::size_t size = payload + outside_;
     if (!seals_ || payload > max_payload_ || size < sizeof(std::uint64_t) || size > capacity) return 0;
+    if (id > id_.mask) return 0;
     const std::int64_t units = static_cast<std::int64_t>(payload) - length_bias_;
     if (units < 0) return 0;
-    const std::uint64_t numbers = (static_cast<std::uint64_t>(id & id_.mask) << id_.shift) |
+    const std::uint64_t numbers = (static_cast<std::uint64_t>(id) << id_.shift) |
                                   ((static_cast<std::uint64_t>(units) & length_.mask) << length_.shift);
     const std::uint64_t payload_bits = load<std::uint64_t>(buffer) & behind_prefix_;
     store(buffer, payload_bits | constants_ | (swaps_ ? __builtin_bswap64(numbers) : numbers));

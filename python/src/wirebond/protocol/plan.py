@@ -75,8 +75,8 @@ class Number:
     at: Position
     bytes: int
     order: ByteOrder
-    shift: int = 0
-    mask: int = 0xFFFFFFFF
+    shift: int
+    mask: int
 
 
 @dataclass(frozen=True)
