@@ -39,8 +39,8 @@ def answer(link: wirebond.Link, name: str) -> dict[str, Any]:
 
 
 def cut_frames(link: wirebond.Link) -> int:
-    """Frames that the host gave up because the line was silent within them. A test that reads only what comes again and
-    again would not miss them: a machine that stops for longer than ``STALLS`` must be seen, not taken for a lost frame."""
+    """Frames that the host gave up because the line was silent inside them, as it is when the machine stops for longer
+    than ``STALLS``. A test that reads what comes again and again would not miss them."""
     return link.stats.receive.rejected_candidates["incomplete"]
 
 
