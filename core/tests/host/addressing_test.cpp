@@ -139,6 +139,18 @@ TEST_CASE("where only the request tells what a reply is, an earlier one is over"
   CHECK_FALSE(is_foreign(addressing, 0, 0, 3, 2));
 }
 
+TEST_CASE("an address that is asked again is not the first to be forgotten") {
+  HostAddressing addressing(format, sender_rules());
+  for (std::uint16_t address = 0; address < HostAddressing::remembered; ++address) addressing.asks(2, address);
+  addressing.asks(2, 0);
+  addressing.asks(2, HostAddressing::remembered);
+  CHECK_FALSE(is_foreign(addressing, 0, 0, 0, 2));
+  CHECK(is_foreign(addressing, 0, 0, 1, 2));
+  for (std::uint16_t address = 2; address <= HostAddressing::remembered; ++address) {
+    CHECK_FALSE(is_foreign(addressing, 0, 0, address, 2));
+  }
+}
+
 TEST_CASE("of more addresses than are remembered the one that was asked first is forgotten") {
   HostAddressing addressing(format, sender_rules());
   for (std::uint16_t address = 0; address < HostAddressing::remembered; ++address) addressing.asks(2, address);

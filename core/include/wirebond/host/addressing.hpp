@@ -60,12 +60,12 @@ class HostAddressing {
   void asks(std::int16_t reply, std::uint64_t address) {
     if (rules_.sender_place < 0) return;
     if (rules_.only_last_asked) count_ = 0;
-    for (std::size_t i = 0; i < count_; ++i) {
-      if (asked_[i].reply == reply && asked_[i].address == address) return;
-    }
-    if (count_ == remembered) {
-      for (std::size_t i = 1; i < count_; ++i) asked_[i - 1] = asked_[i];
+    std::size_t old = 0;
+    while (old < count_ && (asked_[old].reply != reply || asked_[old].address != address)) ++old;
+    if (old == remembered) old = 0;
+    if (old < count_) {  // it becomes the newest, or makes room
       --count_;
+      for (std::size_t i = old; i < count_; ++i) asked_[i] = asked_[i + 1];
     }
     asked_[count_++] = {reply, address};
   }
