@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from wirebond.gen import generate_cpp
-from wirebond.protocol.loader import load
+from wirebond.protocol.loader import load, loads
 
 HERE = Path(__file__).parent
 PROTOCOLS = HERE.parents[2] / "protocols"
@@ -137,6 +137,11 @@ void feed({protocol}::Receiver<{protocol}::{source}>& receiver, Handler& handler
 }}
 """
 
+LISTS = """\
+  never_sent: {id: 0x7E, sender: host}
+  latest_messages: {id: 0x7D, sender: mcu, queue: latest}
+"""
+
 
 @pytest.mark.parametrize(
     ("protocol", "source", "message", "is_received"),
@@ -159,6 +164,15 @@ def test_a_receiver_knows_which_end_it_is_for(
     assert ("which only its own end sends" in said("")) == (not is_received)
     assert bool(said("")) == (not is_received)
     assert not said(": wirebond::ServesBothEnds")
+
+
+def test_messages_may_be_called_as_the_lists_of_messages_are(tmp_path: Path) -> None:
+    text = (PROTOCOLS / "diffdrive.yaml").read_text(encoding="utf-8")
+    named = text.replace("\nmessages:\n", "\nmessages:\n" + LISTS)
+    assert named != text
+    generate_cpp(loads(named), tmp_path)
+    for source, message in (("FromHost", "NeverSentMessage"), ("FromMcu", "LatestMessagesMessage")):
+        assert not said_of(tmp_path, RECEIVER.format(protocol="diffdrive", source=source, message=message, base=""))
 
 
 @pytest.mark.parametrize(
