@@ -341,6 +341,25 @@ class TestPortThatCannotBeOpened:
             wirebond.open(codec("diffdrive"), port.path, baud=baud)
 
 
+def test_an_action_that_no_deadline_has_is_answered_with_those_that_there_are(port: PtyPort) -> None:
+    both = "it has warn, stop_navigation"
+    near = f"did you mean stop_navigation? {both}"
+    sentences = {
+        "nope": f"diffdrive has no deadline 'nope' at the host; {both}",
+        "stop_navigatoin": f"diffdrive has no deadline 'stop_navigatoin' at the host; {near}",
+        "odometry": f"diffdrive has no deadline 'odometry' at the host; {near}",
+        7: f"7 is no action of a deadline; {both}",
+    }
+    with wirebond.open(codec("diffdrive"), port.path) as link:
+        for action, sentence in sentences.items():
+            with pytest.raises(UsageError) as raised:
+                link.recover(action)  # type: ignore[arg-type]
+            assert str(raised.value) == sentence
+    with wirebond.open(codec("enterprize"), port.path) as link, pytest.raises(UsageError) as raised:
+        link.recover("nope")
+    assert str(raised.value).startswith("enterprize has no deadline at the host, so that there is nothing to recover;")
+
+
 def test_a_link_knows_its_replies_from_what_it_sends(port: PtyPort) -> None:
     proto = wirebond.load(ROOT / "tests" / "formats" / "by_request.yaml")
     with wirebond.open(proto, port.path) as link:

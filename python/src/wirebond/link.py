@@ -19,7 +19,7 @@ from wirebond.errors import LinkDownError, MessageError, QueueFullError, Stopped
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
 from wirebond.protocol.plan import plan_for, told_by_request
-from wirebond.protocol.problems import no_message
+from wirebond.protocol.problems import nearest, no_message
 from wirebond.typed import TypedMessage, name_and_values
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
@@ -356,9 +356,7 @@ class Link:
         :raises UsageError: the file has no such deadline at the host.
         """
         if action not in self._actions:
-            raise UsageError(
-                f"{self.codec.name} has no deadline {action!r} at the host; it has {', '.join(self._actions)}"
-            )
+            raise UsageError(_no_action(self.codec, action, self._actions))
         self._engine.recover_deadline(self._actions.index(action))
 
     @property
@@ -409,6 +407,20 @@ class Link:
             raise MessageError(no_message(self.codec.name, message, known))
         if not known[message].sent_by(End.HOST):
             raise MessageError(f"{message} is sent by the mcu, not by the host")
+
+
+def _no_action(codec: Codec, wanted: object, actions: list[str]) -> str:
+    """That no deadline at the host has this action; the nearest, and all that there are."""
+    name = codec.name
+    if not actions:
+        return f"{name} has no deadline at the host, so that there is nothing to recover; see `deadlines` in its file"
+    listing = f"it has {', '.join(actions)}"
+    if not isinstance(wanted, str):
+        return f"{wanted!r:.80} is no action of a deadline; {listing}"
+    own = [d.then for d in codec.model.deadlines if d.at == End.HOST and d.message == wanted]
+    near = own[0] if own else nearest(wanted, actions)
+    hint = f"did you mean {near}? " if near else ""
+    return f"{name} has no deadline {wanted!r:.80} at the host; {hint}{listing}"
 
 
 def _port_name(port: str | os.PathLike[str]) -> str:

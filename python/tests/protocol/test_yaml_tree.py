@@ -78,6 +78,26 @@ ONE_SENTENCE = [
         "a: 'x\nb: 2\n",
         "f:1:4: this is not YAML (while scanning a quoted scalar found unexpected end of stream); close",
     ),
+    (
+        'a: 1\nb: "c\nd: 2\n',
+        "f:2:4: this is not YAML (while scanning a quoted scalar found unexpected end of stream); "
+        "close the quotes that open here",
+    ),
+    (
+        "a: {b: 1\nc: 2\n",
+        "f:2:2: this is not YAML (while parsing a flow mapping expected ',' or '}', but got ':'); "
+        "separate with commas, and close the `{` of line 1, column 4",
+    ),
+    (
+        "a:\n  - b: 1\n  -c: 2\n",
+        "f:3:3: this is not YAML (while parsing a block collection expected <block end>, but "
+        "found '?'); write a space behind the dash",
+    ),
+    (
+        "a: {b: 1}}\n",
+        "f:1:10: this is not YAML (while parsing a block mapping expected <block end>, but found '}'); remove "
+        "this `}`, which closes nothing",
+    ),
     ("a:\n\tb: 1", "f:2:1: this is not YAML (while scanning for the next token found character '\\t'"),
     ("a: 1\n b: 2", "f:2:3: this is not YAML (mapping values"),
     ("a: *x", "f:1:4: the alias `*x` has no anchor before it; write `&x` there"),

@@ -59,6 +59,8 @@ def _field_type(value: object) -> WireType:
     if value.endswith(("le", "be")) and (_WHOLE_TYPES.get(value[:-2]) or _any_width(value[:-2])) is not None:
         raise wrong(f"{quoted(value)} has no byte order to choose; write `{value[:-2]}`")
     known = FOREIGN_TYPES.get(value.lower())
+    if value.lower() == "char":
+        raise wrong(f"{quoted(value)} is not a type here; write `text` for letters (`size: 8`), or `u8` for a number")
     if known is not None:
         raise wrong(f"{quoted(value)} is not a type here; write `{known}`")
     raise wrong(f"{quoted(value)} is not a type here; possible: {_POSSIBLE}; {_ORDERS}")

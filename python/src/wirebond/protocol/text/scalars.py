@@ -117,6 +117,8 @@ def one_of_numbers(*allowed: float) -> Callable[[object], float]:
 
 
 def _exact(value: object) -> Fraction:
+    if isinstance(value, str) and re.fullmatch(r"[-+]?[0-9]+,[0-9]+", value):
+        raise wrong(f"{describe(value)} is not a number; write a point for the comma: {value.replace(',', '.')}")
     if not isinstance(value, Number):
         raise wrong(f"{describe(value)} is not a number; write a decimal, such as 0.001")
     if not math.isfinite(value.value):

@@ -62,6 +62,8 @@ class Syntax(BaseModel):
             return PydanticCustomError(kind, "{sentence}", facts)  # worded already, further in
         if kind == "missing":
             return wrong(f"{cls.noun} needs `{key}`; {cls._advice(key)}", "wrong_key")
+        if kind == "extra_forbidden" and value is None and key.isdecimal():  # behind a comma
+            return wrong(f"`{key}` is not a key; write a decimal number with a point, such as `0.{key}`", "wrong_key")
         if kind == "extra_forbidden":
             return wrong(f"{quoted(key)} is not a key of {cls.noun}; {suggestion(key, cls.known_keys())}", "wrong_key")
         if kind in ("dict_type", "model_type", "model_attributes_type"):

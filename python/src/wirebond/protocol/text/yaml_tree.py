@@ -153,7 +153,9 @@ def parse(text: str, problems: Problems) -> Node:
             mark = error.context_mark  # what was never closed, not the end of the file
         place = WHOLE_FILE if mark is None else _place(mark)
         what = " ".join(part for part in (error.context, error.problem) if part)
-        problems.stop(place, f"this is not YAML ({_one_line(what)}); {_advice(what)}")
+        problems.stop(
+            place, f"this is not YAML ({_one_line(what)}); {_advice_at(text, what, place, error.context_mark)}"
+        )
     except (YAMLError, ValueError) as error:
         problems.stop(WHOLE_FILE, f"this is not YAML ({_one_line(str(error))}); see https://yaml.org/spec/1.2.2")
     if builder.root is None:
@@ -189,7 +191,7 @@ _ADVICE = (
     ("expected <block end>", "let lines of one block begin in the same column"),
     ("expected ',' or", "separate with commas, and close every `{` and `[`"),
     ("could not find expected ':'", "after a key come a colon and a space"),
-    ("found unexpected end of stream", "close the quotes"),
+    ("found unexpected end of stream", "close the quotes that open here"),
     ("found character '%'", "put a text that begins with % in quotes"),
     ("found character '@'", "put a text that begins with @ in quotes"),
     ("found character '`'", "put a text that begins with ` in quotes"),
@@ -200,6 +202,21 @@ _ADVICE = (
 
 def _advice(what: str) -> str:
     return next((advice for part, advice in _ADVICE if part in what), "check quotes, colons and indentation here")
+
+
+def _advice_at(text: str, what: str, place: Place, context: Any) -> str:
+    """What to do about it, with what the lines there tell."""
+    lines = text.splitlines()
+    line = lines[place.line - 1].strip() if 0 < place.line <= len(lines) else ""
+    if "expected <block end>" in what and re.match(r"-[A-Za-z_]", line):
+        return "write a space behind the dash"
+    if "expected <block end>" in what and (closed := re.search(r"found '([\]}])'", what)):
+        return f"remove this `{closed[1]}`, which closes nothing"
+    if "expected ',' or" in what and context is not None:
+        opened = _place(context)
+        bracket = "{" if "mapping" in what else "["
+        return f"separate with commas, and close the `{bracket}` of line {opened.line}, column {opened.column}"
+    return _advice(what)
 
 
 def _one_line(text: str) -> str:
