@@ -41,6 +41,65 @@ def test_an_explicit_deadline_holds_its_message_back_until_somebody_recovers() -
     assert run(mcu, 10.5, 13.0) == ["no velocity for 1 s: stop", "no velocity for 3 s: safe_mode"]
 
 
+BUS = Codec(
+    loads(
+        "wirebond: 1\nprotocol: bus\nframe: [magic: 0xA5, {field: servo, type: u8, default: 1, address: mcu, "
+        "broadcast: 0xFE}, id: u8, payload: by_id, check: crc-16/modbus]\n"
+        "messages:\n  move: {id: 1, sender: host, fields: {angle: {type: u8}}}\n"
+        "deadlines: [{message: move, at: mcu, after: 1 s, then: stop}, "
+        "{message: move, at: mcu, after: 2 s, then: fault, recover: explicit}]\n"
+    )
+)
+
+
+def moved(servo: int) -> bytes:
+    return BUS.encode("move", angle=1, header={"servo": servo})
+
+
+def told_at(mcu: VirtualMcu, t: float) -> list[str]:
+    mcu.tick(t)
+    told, mcu.events[:] = list(mcu.events), []
+    return told
+
+
+def test_each_address_keeps_its_own_deadlines() -> None:
+    mcu = VirtualMcu(BUS, 0.0, (3, 4))
+    mcu.feed(moved(3), 0.5)
+    assert told_at(mcu, 1.2) == ["no move to servo 4 for 1 s: stop"]
+    mcu.feed(moved(4), 1.3)
+    assert told_at(mcu, 1.3) == ["move to servo 4 is back: stop ends"]
+    mcu.feed(moved(5), 1.4)  # nobody's
+    assert mcu.foreign == 1
+    assert told_at(mcu, 1.6) == ["no move to servo 3 for 1 s: stop"]
+    mcu.feed(moved(0xFE), 1.7)
+    assert told_at(mcu, 1.7) == ["move to servo 3 is back: stop ends"]
+    mcu.feed(moved(4), 2.5)
+    assert told_at(mcu, 3.8) == [
+        "no move to servo 3 for 1 s: stop",
+        "no move to servo 3 for 2 s: fault",
+        "no move to servo 4 for 1 s: stop",
+    ]
+    mcu.feed(moved(3), 3.9)
+    assert mcu.held_back == 1
+    assert told_at(mcu, 3.9) == []
+    mcu.feed(moved(0xFE), 4.0)  # the one acts, the other does not
+    assert mcu.held_back == 2
+    assert told_at(mcu, 4.0) == ["move to servo 4 is back: stop ends"]
+    mcu.recover("fault", 4.1)
+    mcu.feed(moved(3), 4.2)
+    assert mcu.held_back == 2
+
+
+def test_any_address_that_is_asked_has_deadlines_where_none_is_named() -> None:
+    mcu = VirtualMcu(BUS, 0.0)
+    mcu.feed(moved(1), 0.5)
+    assert told_at(mcu, 1.6) == ["no move for 1 s: stop"]
+    mcu.feed(moved(7), 1.7)
+    assert told_at(mcu, 1.8) == []
+    mcu.feed(moved(1), 2.0)
+    assert told_at(mcu, 2.8) == ["move to servo 1 is back: stop ends", "no move to servo 7 for 1 s: stop"]
+
+
 def test_where_silence_ends_a_frame_the_virtual_mcu_pauses_between_its_frames() -> None:
     codec = Codec(
         loads(

@@ -3,7 +3,7 @@
 It sends every MCU message that has ``every`` with moving values, answers requests (a field of the reply that has the
 request's name and kind carries its value back, and a list has as many elements as the request asks for with the field
 that ``asked_by`` names) from the address that was asked, serves hello, clock and parameters, and keeps the deadlines at
-``mcu``.
+``mcu``, of each address by itself.
 """
 
 from __future__ import annotations
@@ -39,6 +39,17 @@ class _Watch:
 
 
 @dataclass
+class _Device:
+    """The deadlines of one address."""
+
+    address: object  # as the header field gives it; None where frames have no address
+    watches: list[_Watch]
+
+    def holds_back(self, message: str) -> bool:
+        return any(watch.holds_back for watch in self.watches if watch.rule.message == message)
+
+
+@dataclass
 class VirtualMcu:
     """Call ``feed`` with what the host sent and ``tick`` often; both return bytes for the host.
 
@@ -57,7 +68,7 @@ class VirtualMcu:
         self._decoder = self.codec.decoder("host")
         self._addressing = _Addressing(self.codec, self.addresses)
         self._due = {m.name: self.start for m in model.messages if m.sent_by(End.MCU) and m.every is not None}
-        self._watches = [_Watch(d, self.start) for d in model.deadlines if d.at == End.MCU]
+        self._devices = {bits: self._device(one, self.start) for bits, one in self._addressing.devices.items()}
         self._parameters: dict[int, float] = {}
         self._hello_due = model.service("hello") is not None
         self._waiting: deque[bytes] = deque()  # frames
@@ -69,14 +80,17 @@ class VirtualMcu:
             if message.name == "unknown":
                 self.events.append(f"frame with unknown id 0x{message.id:02X}")
                 continue
-            if any(w.holds_back for w in self._watches if w.rule.message == message.name):
-                self.held_back += 1
-                continue
             asked = self._addressing.asked(message)
             if asked is None:
                 self.foreign += 1
                 continue
-            self._seen(message, t)
+            heard_by = self._heard_by(message, t)
+            acting = [device for device in heard_by if not device.holds_back(message.name)]
+            self.held_back += len(heard_by) - len(acting)
+            if not acting:
+                continue
+            for device in acting:
+                self._seen(device, message.name, t)
             for header in asked:
                 self._waiting += self._answer(message, header, t)
         return self._leaving(t)
@@ -94,10 +108,12 @@ class VirtualMcu:
             self._due[name] = due + (math.floor((t - due) / message.every) + 1) * message.every
             for header in self._addressing.own:
                 self._waiting.append(self._encoded(name, self._made_up(message, t), header))
-        for watch in self._watches:
-            if not watch.struck and t - watch.since >= watch.rule.after:
-                watch.struck = True
-                self.events.append(f"no {watch.rule.message} for {watch.rule.after:g} s: {watch.rule.then}")
+        for device in self._devices.values():
+            for watch in device.watches:
+                if not watch.struck and t - watch.since >= watch.rule.after:
+                    watch.struck = True
+                    which = f"{watch.rule.message}{self._whose(device)}"
+                    self.events.append(f"no {which} for {watch.rule.after:g} s: {watch.rule.then}")
         return self._leaving(t)
 
     def _leaving(self, t: float) -> bytes:
@@ -114,11 +130,13 @@ class VirtualMcu:
         return frame
 
     def recover(self, action: str, t: float) -> None:
-        """End what struck with ``recover: explicit``: its message acts again, and all its deadlines begin again."""
-        ended = {w.rule.message for w in self._watches if w.struck and w.rule.then == action}
-        for watch in self._watches:
-            if watch.rule.message in ended and (watch.rule.then == action or not watch.holds_back):
-                watch.since, watch.struck = t, False
+        """End what struck with ``recover: explicit``, at each address: its message acts again, and all its deadlines
+        begin again."""
+        for device in self._devices.values():
+            ended = {w.rule.message for w in device.watches if w.struck and w.rule.then == action}
+            for watch in device.watches:
+                if watch.rule.message in ended and (watch.rule.then == action or not watch.holds_back):
+                    watch.since, watch.struck = t, False
 
     @property
     def stats(self) -> dict[str, Any]:
@@ -126,15 +144,32 @@ class VirtualMcu:
 
     # ---- receiving
 
-    def _seen(self, message: Message, t: float) -> None:
-        for watch in self._watches:
-            if watch.rule.message != message.name:
+    def _device(self, address: object, t: float) -> _Device:
+        return _Device(address, [_Watch(d, t) for d in self.codec.model.deadlines if d.at == End.MCU])
+
+    def _heard_by(self, message: Message, t: float) -> list[_Device]:
+        """The devices that the message is for: a broadcast is for all. An address that is asked for the first time is
+        a device from then on, where it is not said which ones there are."""
+        bits = self._addressing.address_bits(message)
+        if bits is None:
+            return list(self._devices.values())
+        if bits not in self._devices:
+            self._devices[bits] = self._device(self._addressing.address_of(message), t)
+        return [self._devices[bits]]
+
+    def _whose(self, device: _Device) -> str:
+        """Which device this is, where there are several."""
+        return f" to {self._addressing.field} {device.address}" if len(self._devices) > 1 else ""
+
+    def _seen(self, device: _Device, message: str, t: float) -> None:
+        for watch in device.watches:
+            if watch.rule.message != message:
                 continue
             watch.since = t
             watch.came = True
             if watch.struck:
                 watch.struck = False
-                self.events.append(f"{message.name} is back: {watch.rule.then} ends")
+                self.events.append(f"{message}{self._whose(device)} is back: {watch.rule.then} ends")
 
     def _answer(self, message: Message, header: dict[str, Any], t: float) -> list[bytes]:
         hello = self.codec.model.service("hello")
@@ -246,6 +281,27 @@ class _Addressing:
         self._played = None if self._to is None or not played else {self._to.value.wire_bits(one) for one in played}
         default = None if self._to is None else self._to.default(End.HOST)
         self.own = [self._header(one, None) for one in played or (default,)]
+        #: Addresses that are known from the start, by their bits; None: frames have none.
+        self.devices: dict[int | None, object] = {self._bits(one): one for one in played or (default,)}
+
+    def _bits(self, address: int | float | str | None) -> int | None:
+        if self._to is None:
+            return None
+        return self._to.default_bits(End.HOST) if address is None else self._to.value.wire_bits(address)
+
+    @property
+    def field(self) -> str:
+        return "" if self._to is None else self._to.name
+
+    def address_of(self, message: Message) -> object:
+        return None if self._to is None else message.header.get(self._to.name)
+
+    def address_bits(self, message: Message) -> int | None:
+        """The one address that the message is for; None: for all that there are."""
+        if self._to is None or self._to.name not in message.header:
+            return None
+        bits = self._to.value.wire_bits(message.header[self._to.name])
+        return None if bits in self._to.broadcast_bits else bits
 
     def asked(self, message: Message) -> list[dict[str, Any]] | None:
         """The header of each answer: one, or none to a broadcast; None where the frame is for others."""
