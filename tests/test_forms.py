@@ -9,7 +9,8 @@ import pytest
 
 from tests import reference
 from tests.conformance.build import build_decoder, decode
-from wirebond import Codec, MessageError, UsageError
+from tests.shared import PROTOCOLS
+from wirebond import Codec, MessageError, UsageError, load
 from wirebond.check.holdback import directions
 from wirebond.doc import markdown
 from wirebond.errors import ProtocolFileError
@@ -377,3 +378,14 @@ def test_an_id_that_fits_only_the_other_end_s_frames_is_refused_and_the_widest_c
         ProtocolFileError, match=r"no frame of the host .* with 0 payload bytes and the id 256 \(0x100\)"
     ):
         protocol("match", TWO_IDS, "{far: {id: 0x10..0x112, sender: host, match: {magic: 0xA1}}}")
+
+
+def test_the_first_version_of_msp_carries_no_id_that_it_has_no_room_for() -> None:
+    codec = load(PROTOCOLS / "contrib" / "msp.yaml")
+    speed = {"instance": 1, "time": 1.0, "pressure": 2.0, "temperature": 20.0}
+    assert codec.encode("set_air_speed", speed)[:6] == bytes.fromhex("24 58 3C 00 03 1F")
+    with pytest.raises(MessageError, match=r"set_air_speed has the id 7939 \(0x1F03\), .* room for ids up to 255"):
+        codec.encode("set_air_speed", speed, header={"magic": 0x244D3C})
+    with pytest.raises(MessageError, match=r"failed has the id 300 \(0x12C\), .* room for ids up to 255"):
+        codec.encode("failed", header={"magic": 0x244D21, "id": 300})
+    assert codec.encode("failed", header={"magic": 0x244D21, "id": 200})[:5] == bytes.fromhex("24 4D 21 00 C8")
