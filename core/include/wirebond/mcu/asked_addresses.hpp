@@ -97,16 +97,20 @@ class AskedAddresses {
 
   bool was_asked(std::int16_t reply, Address address) const {
     if (reply < 0 || hears_all_) return true;
-    bool was_asked = false;
-    for (const Pair& pair : pairs_) {
-      if (!pair.of(reply)) continue;
-      if (pair.has(reply, address)) return true;
-      for (const Address everybody : Source::asked_broadcasts) {
-        if (pair.has(reply, everybody)) return true;
+    for (;;) {
+      const std::uint32_t next = next_.load(std::memory_order_acquire);
+      bool was_asked = false;
+      for (const Pair& pair : pairs_) {
+        if (!pair.of(reply)) continue;
+        if (pair.has(reply, address)) return true;
+        for (const Address everybody : Source::asked_broadcasts) {
+          if (pair.has(reply, everybody)) return true;
+        }
+        was_asked = true;
       }
-      was_asked = true;
+      // A pair that came again while this looked has a new place, and its old one may be gone.
+      if (next_.load(std::memory_order_acquire) == next) return !was_asked;
     }
-    return !was_asked;
   }
 
   std::array<Pair, remembered> pairs_{};
