@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 import wirebond
 from wirebond.protocol.apart import ends_look_alike
 from wirebond.protocol.model import Protocol
@@ -15,6 +17,11 @@ from wirebond.protocol.plan import ids_collide
 ROOT = Path(__file__).resolve().parents[1]
 PROTOCOLS = ROOT / "protocols"
 VECTORS = ROOT / "tests" / "vectors"
+
+
+def few_or_many(few: int, many: int) -> pytest.MarkDecorator:
+    """Runs a test with ``number`` twice: with few in `make test`, and with many in `make prove`."""
+    return pytest.mark.parametrize("number", [few, pytest.param(many, marks=pytest.mark.long)])
 
 
 @dataclass(frozen=True)

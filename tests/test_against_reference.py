@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import random
 
 import pytest
 
 from tests import reference
-from tests.shared import PROTOCOLS, ROOT, account_closes, needs_sender
+from tests.shared import PROTOCOLS, ROOT, account_closes, few_or_many, needs_sender
 from tests.streams import chunks, hard_stream, random_frame, random_values
 from wirebond import Codec, load
 from wirebond.protocol.model import End
 
 FORMATS = {path.stem: path for folder in (PROTOCOLS, ROOT / "tests" / "formats") for path in folder.glob("*.yaml")}
 FORMATS |= {f"contrib-{path.stem}": path for path in (PROTOCOLS / "contrib").glob("*.yaml")}
-STREAMS = int(os.environ.get("WIREBOND_STREAMS", "12"))  # a format and sender
 
 
 def stream_for(proto: Codec, source: random.Random) -> bytes:
@@ -32,13 +30,14 @@ def can_be_told(proto: Codec, sender: End | None) -> bool:
     return any(m.sent_by(sender) for m in proto.model.messages)
 
 
+@few_or_many(3, 30)
 @pytest.mark.parametrize("sender", [None, End.HOST, End.MCU])
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_engine_and_reference_agree_on_hard_streams(name: str, sender: End | None) -> None:
+def test_engine_and_reference_agree_on_hard_streams(name: str, sender: End | None, number: int) -> None:
     proto = load(FORMATS[name])
     if not can_be_told(proto, sender):
         return
-    for seed in range(STREAMS):
+    for seed in range(number):
         source = random.Random(f"{name} {sender} {seed}")
         stream = stream_for(proto, source)
         expected = reference.decode(proto.model, stream, sender)
@@ -74,11 +73,12 @@ def test_columns_hold_what_the_decoder_delivers(name: str) -> None:
         assert table.offset.tolist() == [m.offset for m in rows]
 
 
+@few_or_many(60, 600)
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_every_message_survives_encoding_and_decoding(name: str) -> None:
+def test_every_message_survives_encoding_and_decoding(name: str, number: int) -> None:
     proto = load(FORMATS[name])
     source = random.Random(name)
-    for _ in range(200):
+    for _ in range(number):
         sent = source.choice(proto.model.messages)
         frame = proto.encode(sent.name, random_values(sent, source))
         decoder = proto.decoder(End.HOST if sent.sender == End.BOTH else sent.sender)

@@ -12,6 +12,8 @@ from bench.peers.work import Flat
 import wirebond
 from tests.shared import ROOT
 
+LONG = pytest.mark.long
+
 
 def test_intact_frames_survive_their_neighbours_faults() -> None:
     for figure in collateral.measure(frames=20_000):
@@ -64,7 +66,12 @@ def test_a_link_on_a_cortex_m4_takes_little_memory_and_its_stack_has_a_bound() -
 
 
 @pytest.mark.parametrize(
-    "name", ["native", "enterprize", "servo_bus", *(f"contrib/{name}" for name in ("mavlink", "sphero", "xbee_api_2"))]
+    "name",
+    [
+        "servo_bus",
+        "contrib/mavlink",
+        *(pytest.param(name, marks=LONG) for name in ("native", "enterprize", "contrib/sphero", "contrib/xbee_api_2")),
+    ],
 )
 def test_no_table_of_the_frame_format_lies_in_flash(name: str) -> None:
     """It has room for the largest format that there can be, ten kilobytes: all of it folds into the code. Of the

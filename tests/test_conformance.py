@@ -45,7 +45,8 @@ def cases() -> list[object]:
 @pytest.mark.parametrize(("name", "sender", "run_time"), cases())
 def test_generated_code_and_engine_agree(name: str, sender: End, run_time: bool, tmp_path: Path) -> None:
     proto = load(FORMATS[name])
-    program = build_decoder(proto.model, sender, run_time=run_time, sanitize=name in SANITIZED and not run_time)
+    is_sanitized = name in SANITIZED and not run_time
+    program = build_decoder(proto.model, sender, run_time=run_time, optimize=True, sanitize=is_sanitized)
     source = random.Random(f"{name} {sender}")
     file = tmp_path / "stream.bin"
     for chunk in CHUNKS:
@@ -69,7 +70,7 @@ def test_generated_code_finds_every_vector_between_noise(name: str, sender: End,
     frames = [v.frame for v in accepted_vectors() if v.protocol == name and v.sender == sender.value]
     if not frames:
         return  # no vector of this end
-    program = build_decoder(codec(name).model, sender, sanitize=name in SANITIZED)
+    program = build_decoder(codec(name).model, sender, optimize=True, sanitize=name in SANITIZED)
     file = tmp_path / "vectors.bin"
     for gap in (b"", b"\x01\x02\x03noise\xff"):
         file.write_bytes(gap + gap.join(frames) + gap)
@@ -80,7 +81,7 @@ def test_generated_code_finds_every_vector_between_noise(name: str, sender: End,
 
 def test_generated_code_refuses_what_must_be_refused(tmp_path: Path) -> None:
     for rejected in rejected_vectors():
-        program = build_decoder(codec(rejected.protocol).model, End.HOST)
+        program = build_decoder(codec(rejected.protocol).model, End.HOST, optimize=True)
         file = tmp_path / "rejected.bin"
         file.write_bytes(rejected.frame)
         for chunk in CHUNKS:

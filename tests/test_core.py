@@ -4,24 +4,33 @@ from __future__ import annotations
 
 import subprocess
 
+import pytest
+
 from tests.shared import ROOT
 
 SYSTEM = "/usr/aarch64-linux-gnu"  # the C library of the cross compiler
 
+optimised = pytest.mark.parametrize("level", ["-O0", pytest.param("-O2", marks=pytest.mark.long)])
 
-def test_core_unit_tests_pass() -> None:
-    build = ROOT / "build" / "core"
-    _run(["cmake", "-S", str(ROOT / "core"), "-B", str(build), "-G", "Ninja"])
+
+@optimised
+def test_core_unit_tests_pass(level: str) -> None:
+    build = ROOT / "build" / f"core{level}"
+    _run(["cmake", "-S", str(ROOT / "core"), "-B", str(build), "-G", "Ninja", f"-DWIREBOND_OPTIMISE={level}"])
     _run(["cmake", "--build", str(build)])
     _run([str(build / "core_tests"), "--no-version"])
 
 
-def test_core_unit_tests_pass_on_aarch64_with_its_carry_less_crc() -> None:
+@optimised
+def test_core_unit_tests_pass_on_aarch64_with_its_carry_less_crc(level: str) -> None:
     """The processor is emulated. The tests themselves refuse a build whose CRCs take another way."""
-    build = ROOT / "build" / "core-aarch64"
-    flags = "-march=armv8-a+crypto -DWIREBOND_EXPECTS_CARRYLESS"
-    compiler = "-DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++"
-    _run(["cmake", "-S", str(ROOT / "core"), "-B", str(build), "-G", "Ninja", compiler, f"-DCMAKE_CXX_FLAGS={flags}"])
+    build = ROOT / "build" / f"core-aarch64{level}"
+    options = [
+        f"-DWIREBOND_OPTIMISE={level}",
+        "-DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++",
+        "-DCMAKE_CXX_FLAGS=-march=armv8-a+crypto -DWIREBOND_EXPECTS_CARRYLESS",
+    ]
+    _run(["cmake", "-S", str(ROOT / "core"), "-B", str(build), "-G", "Ninja", *options])
     _run(["cmake", "--build", str(build)])
     _run(["qemu-aarch64", "-L", SYSTEM, str(build / "core_tests"), "--no-version"])
 

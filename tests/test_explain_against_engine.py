@@ -7,7 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.shared import PROTOCOLS, ROOT, Rejected, Vector, accepted_vectors, codec, needs_sender, rejected_vectors
+from tests.shared import (
+    PROTOCOLS,
+    ROOT,
+    Rejected,
+    Vector,
+    accepted_vectors,
+    codec,
+    few_or_many,
+    needs_sender,
+    rejected_vectors,
+)
 from tests.streams import hard_stream, random_frame, random_values
 from wirebond import Codec, Message, load
 from wirebond.explain import Kind, explain, values
@@ -41,15 +51,16 @@ def any_sender(proto: Codec) -> End | None:
     return End.MCU if needs_sender(proto.model) else None
 
 
+@few_or_many(3, 20)
 @pytest.mark.parametrize("sender", [None, End.HOST, End.MCU])
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_frames_and_causes_agree_on_hard_streams(name: str, sender: End | None) -> None:
+def test_frames_and_causes_agree_on_hard_streams(name: str, sender: End | None, number: int) -> None:
     proto = load(FORMATS[name])
     if not any(message.sent_by(sender) for message in proto.model.messages):
         return  # this end never speaks
     if sender is None and any_sender(proto) is not None:
         return  # an id means a message of each end
-    for seed in range(20):
+    for seed in range(number):
         stream = stream_for(proto, random.Random(f"{name} {sender} {seed}"), pieces=40)
         found = scan(proto.model, stream, sender)
         decoder = proto.decoder(sender)
@@ -62,13 +73,14 @@ def test_frames_and_causes_agree_on_hard_streams(name: str, sender: End | None) 
         assert len(found.fill) == stats["fill_bytes"], f"seed {seed}"
 
 
+@few_or_many(40, 400)
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_random_bytes_are_examined_alike(name: str) -> None:
+def test_random_bytes_are_examined_alike(name: str, number: int) -> None:
     """Bytes of few values, so that starts, lengths and delimiters occur."""
     proto = load(FORMATS[name])
     source = random.Random(name)
     first = random_frame(proto, source)
-    for _ in range(200):
+    for _ in range(number):
         stream = bytes(source.choices([*first[:6], 0, 1, 2, 0xFF], k=source.randrange(1, 80)))
         found = scan(proto.model, stream, any_sender(proto))
         decoder = proto.decoder(any_sender(proto))

@@ -25,11 +25,13 @@ HOST_HEADERS = sorted((core_include() / "wirebond" / "host").glob("*.hpp"))  # g
 FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror")
 # GCC's points-to analysis takes minutes over the sanitizers' checks.
 SANITIZE = ("-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-tree-pta")
-PLAIN = ("-O2",)
+OPTIMIZE = ("-O2",)
+QUICK = ("-O0",)  # to compile
 
 
 def build_decoder(
-    protocol: Protocol, sender: End, *, run_time: bool = False, sanitize: bool = False, build: Path = BUILD
+    protocol: Protocol, sender: End, *, run_time: bool = False, optimize: bool = False, sanitize: bool = False,
+    build: Path = BUILD
 ) -> Path:
     """The program that decodes what ``sender`` sends: with the constant source, or with the run-time source.
 
@@ -42,7 +44,8 @@ def build_decoder(
         f"-DSENDER={'FromMcu' if sender == End.MCU else 'FromHost'}",
         f"-DRUN_TIME={int(run_time)}",
     )
-    flags = (*FLAGS, *(SANITIZE if sanitize else PLAIN), *definitions)
+    level = SANITIZE if sanitize else OPTIMIZE if optimize else QUICK
+    flags = (*FLAGS, *level, *definitions)
     kind = f"{'run_time' if run_time else 'constant'}{'_sanitized' if sanitize else ''}"
     build.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=build) as name:

@@ -12,13 +12,12 @@ from tests.contrib.cases import CONTRIB, random_case
 from tests.contrib.oracles import ORACLES
 from tests.contrib.oracles.mavlink import pack
 from tests.contrib.oracles.msp import pack as pack_msp
-from tests.shared import account_closes
+from tests.shared import account_closes, few_or_many
 from wirebond import Codec, Message, load
 from wirebond.protocol.model import End
 
 DAMAGES = 3  # to each frame
 
-few_or_many = pytest.mark.parametrize("number", [300, pytest.param(10_000, marks=pytest.mark.long)])
 each_format = pytest.mark.parametrize("name", sorted(ORACLES))
 
 
@@ -38,7 +37,7 @@ def valued(message: Message, values: dict[str, Any]) -> dict[str, Any]:
     return {name: message.fields.get(name) for name in values}
 
 
-@few_or_many
+@few_or_many(100, 10_000)
 @each_format
 def test_both_write_and_read_the_same_bytes(name: str, number: int) -> None:
     codec, oracle = load(CONTRIB / f"{name}.yaml"), ORACLES[name]
@@ -58,7 +57,7 @@ def test_both_write_and_read_the_same_bytes(name: str, number: int) -> None:
     assert compared == number  # each message was written or read by the other side
 
 
-@few_or_many
+@few_or_many(100, 10_000)
 @each_format
 def test_damaged_frames_are_refused_where_the_other_side_refuses_them(name: str, number: int) -> None:
     codec, oracle = load(CONTRIB / f"{name}.yaml"), ORACLES[name]

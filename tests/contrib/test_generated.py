@@ -13,6 +13,7 @@ from tests.conformance.fields import difference
 from tests.conformance.formats import Answer, Chunk, Job, build_formats, decode_all
 from tests.contrib.cases import CONTRIB, frame_of, random_case
 from tests.contrib.oracles import ORACLES
+from tests.shared import few_or_many
 from tests.streams import chunks, hard_pieces
 from wirebond import Codec, Decoder, load
 from wirebond.protocol.model import End
@@ -22,7 +23,6 @@ NAMES = sorted(ORACLES)
 ENDS = (End.HOST, End.MCU)
 CODECS = {name: load(CONTRIB / f"{name}.yaml") for name in NAMES}
 
-few_or_many = pytest.mark.parametrize("number", [60, pytest.param(10_000, marks=pytest.mark.long)])
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def heard(codec: Codec, end: End, stream: list[Chunk]) -> tuple[list, Decoder]:
     return messages + decoder.finish(), decoder
 
 
-@few_or_many
+@few_or_many(60, 10_000)
 def test_it_reads_and_writes_what_the_other_side_does(number: int, program: Path, tmp_path: Path) -> None:
     jobs, expected = [], []
     for row, name in enumerate(NAMES):
@@ -78,7 +78,7 @@ def test_it_reads_and_writes_what_the_other_side_does(number: int, program: Path
             assert (handed.with_header if message.header else handed.again) == message.raw, (name, message)
 
 
-@few_or_many
+@few_or_many(60, 10_000)
 def test_it_finds_in_noisy_streams_what_the_engine_finds(number: int, program: Path, tmp_path: Path) -> None:
     jobs = []
     for row, name in enumerate(NAMES):

@@ -14,6 +14,7 @@ import pytest
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT, codec
+from wirebond.cli.main import main
 from wirebond.sim.pty_port import PtyPort
 
 COMMAND = [str(Path(sys.executable).with_name("wirebond"))]
@@ -29,11 +30,12 @@ def run(*arguments: str, stdin: bytes | None = b"") -> subprocess.CompletedProce
     return subprocess.CompletedProcess(result.args, result.returncode, out, err)
 
 
-def test_check_finds_no_error_in_the_files_that_come_with_it() -> None:
+def test_check_finds_no_error_in_the_files_that_come_with_it(capsys: pytest.CaptureFixture[str]) -> None:
     for path in sorted(PROTOCOLS.glob("*.yaml")):
-        result = run("check", str(path))
-        assert (result.returncode, result.stderr) == (0, "")
-        assert f"protocol {path.stem}, " in result.stdout
+        code = main(["check", str(path)])
+        told = capsys.readouterr()
+        assert (code, told.err) == (0, "")
+        assert f"protocol {path.stem}, " in told.out
     assert "no problem found" in run("check", NATIVE).stdout
 
 
@@ -170,10 +172,14 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
         (["frobnicate"], 2, "No such command"),
     ],
 )
-def test_wrong_use_gets_a_sentence_and_an_exit_code(arguments: list[str], code: int, sentence: str) -> None:
-    result = run(*arguments)
-    assert result.returncode == code, result.stderr
-    assert sentence in " ".join(result.stderr.split())
+def test_wrong_use_gets_a_sentence_and_an_exit_code(
+    arguments: list[str], code: int, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without a process for each: a start takes half a second."""
+    found = main(arguments)
+    told = capsys.readouterr().err
+    assert found == code, told
+    assert sentence in " ".join(told.split())
 
 
 def test_output_into_a_closed_pipe_is_no_error() -> None:

@@ -15,6 +15,7 @@ import pytest
 
 import wirebond
 from tests.host_link.protocol import manipulator
+from tests.shared import few_or_many
 from wirebond.sim.pty_port import PtyPort
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -168,11 +169,12 @@ time.sleep(0.1)
 """
 
 
+@few_or_many(1, 10)
 @pytest.mark.parametrize(
     "call", ["link.receive(60)", "link.receive(0.001)", "link.receive()", "list(link)", "link.stats"]
 )
-def test_daemon_threads_in_a_link_do_not_abort_the_interpreter(port: PtyPort, call: str) -> None:
-    for _ in range(3):
+def test_daemon_threads_in_a_link_do_not_abort_the_interpreter(port: PtyPort, call: str, number: int) -> None:
+    for _ in range(number):
         imports = BEGIN[: BEGIN.index("def drive")]
         program = Program(port, imports + DAEMON.format(call=call))
         code, told = program.end()

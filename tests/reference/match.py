@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from wirebond.protocol.model import BitRole, ByteOrder, End, Match, MatchOf, Message, Part, PartKind, Protocol
 
@@ -86,6 +87,7 @@ def _sets(message: Message) -> dict[object, Match]:
     return found
 
 
+@lru_cache(maxsize=4096)
 def _meet(one: Match, other: Match) -> bool:
     """Is there a number that both allow? One exists whose bits above 16 are those of a bound."""
     if one.mask == other.mask:

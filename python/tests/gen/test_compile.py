@@ -122,7 +122,9 @@ messages:
 """
 
 
-@pytest.mark.parametrize("optimise", ["-O0", "-Og", "-O1", "-Os", "-O2", "-O3"])
+@pytest.mark.parametrize(
+    "optimise", ["-O0", "-O2", *(pytest.param(level, marks=pytest.mark.long) for level in ("-Og", "-O1", "-Os", "-O3"))]
+)
 def test_messages_without_fields_compile_without_a_warning_at_every_level(
     optimise: str, strict: list[str], shell: Shell, tmp_path: Path
 ) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import lru_cache
+from typing import Generic, TypeVar
 
 from wirebond.checksum import checksum
 from wirebond.explain.constants import constants_of
@@ -31,6 +32,8 @@ from wirebond.protocol.model import (
 from wirebond.protocol.payload_rules import bit_places
 from wirebond.protocol.plan import matches_late, told_by_request
 from wirebond.protocol.spelling import choices_text
+
+T = TypeVar("T")
 
 CONSTANTS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 
@@ -215,29 +218,37 @@ def shown_check(part: Part, value: bytes) -> str:
     return value.decode("ascii", errors="replace") if part.as_hex else hex_of(value)
 
 
-class _FormsOf:
-    """A frame and a sender as a key that compares by identity: a frame's parts are long to compare."""
+class _Heard(Generic[T]):
+    """A part of a protocol and the sender that is listened to, as a key that compares by identity: protocols are long
+    to compare."""
 
-    __slots__ = ("format", "sender")
+    __slots__ = ("of", "sender")
 
-    def __init__(self, frame_format: FrameFormat, sender: End | None) -> None:
-        self.format, self.sender = frame_format, sender
+    def __init__(self, of: T, sender: End | None) -> None:
+        self.of, self.sender = of, sender
 
     def __hash__(self) -> int:
-        return hash((id(self.format), self.sender))
+        return hash((id(self.of), self.sender))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _FormsOf) and other.format is self.format and other.sender == self.sender
+        return isinstance(other, _Heard) and other.of is self.of and other.sender == self.sender
 
 
 @lru_cache(maxsize=256)
-def _forms(key: _FormsOf) -> list[FormParts]:
-    return parts_of_forms(key.format.parts, key.sender)
+def _forms(key: _Heard[FrameFormat]) -> list[FormParts]:
+    return parts_of_forms(key.of.parts, key.sender)
 
 
 def forms(protocol: Protocol, sender: End | None) -> list[FormParts]:
     """The forms that a frame can have, by magic and by the header's bits; most formats have one."""
-    return _forms(_FormsOf(protocol.format, sender))
+    return _forms(_Heard(protocol.format, sender))
+
+
+@lru_cache(maxsize=256)
+def _meant(key: _Heard[tuple[Message, ...]]) -> list[Message]:
+    """Of messages that share an id, those that only a request tells are not meant: no request is known here."""
+    dependent = told_by_request(key.of, key.sender)
+    return [m for m in key.of if m.sent_by(key.sender) and m.name not in dependent]
 
 
 def fixed_bits(part: Part, choices: tuple[Choice, ...]) -> tuple[int, int]:
@@ -469,9 +480,6 @@ class _Examination:
             part = self.parts[index]
             start, stop = places[index]
             self.id = run_value(part, read_number(part, self.data[start:stop]), BitRole.ID)
-        # Of messages that share an id, those that only a request tells are not meant: no request is known here.
-        dependent = told_by_request(self.protocol.messages, self.sender)
-        sent = (m for m in self.protocol.messages if m.sent_by(self.sender) and m.name not in dependent)
         told = Told(
             self.id if index is not None else None,
             self._header_numbers(places),
@@ -479,7 +487,8 @@ class _Examination:
             payload,
             self.parts[payload_index(self.parts)].trims_zeros,
         )
-        self.message = next((m for m in sent if told.is_of(m)), None)
+        meant = _meant(_Heard(self.protocol.messages, self.sender))
+        self.message = next((m for m in meant if told.is_of(m)), None)
 
     def _header_numbers(self, places: list[tuple[int, int]]) -> dict[str, int]:
         """Those of the parts that are there, as bits."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.text.frame_grammar import Part
@@ -13,7 +13,7 @@ from wirebond.protocol.text.wording import Syntax
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence, plain
 
 _Model = TypeVar("_Model", bound=Syntax)
-_PART: TypeAdapter[Syntax] = TypeAdapter(Part)
+_PART: TypeAdapter[Syntax] = TypeAdapter(Part, config=ConfigDict(defer_build=True))
 
 
 def validate_syntax(root: Node, problems: Problems) -> None:
