@@ -57,7 +57,18 @@ def test_engine_is_clean_under_the_sanitizers() -> None:
         "PYTHONDONTWRITEBYTECODE": "1",
     }
     # -S: without it the development install of the package would come first.
-    command = [sys.executable, "-S", "-m", "pytest", "-p", "no:cacheprovider", "-m", "not long", "-k", f"not ({NOT_WITH_SANITIZERS})"]
+    command = [
+        sys.executable,
+        "-S",
+        "-m",
+        "pytest",
+        "-p",
+        "no:cacheprovider",
+        "-m",
+        "not long",
+        "-k",
+        f"not ({NOT_WITH_SANITIZERS})",
+    ]
     proof = "import wirebond._engine as e; print(e.__file__)"
     found = subprocess.run(
         [sys.executable, "-S", "-c", proof], capture_output=True, text=True, env=environment, check=True

@@ -30,8 +30,13 @@ QUICK = ("-O0",)  # to compile
 
 
 def build_decoder(
-    protocol: Protocol, sender: End, *, run_time: bool = False, optimize: bool = False, sanitize: bool = False,
-    build: Path = BUILD
+    protocol: Protocol,
+    sender: End,
+    *,
+    run_time: bool = False,
+    optimize: bool = False,
+    sanitize: bool = False,
+    build: Path = BUILD,
 ) -> Path:
     """The program that decodes what ``sender`` sends: with the constant source, or with the run-time source.
 

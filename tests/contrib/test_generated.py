@@ -24,7 +24,6 @@ ENDS = (End.HOST, End.MCU)
 CODECS = {name: load(CONTRIB / f"{name}.yaml") for name in NAMES}
 
 
-
 @pytest.fixture(scope="module")
 def program() -> Path:
     """Frames of several forms need an encoder of their own, which chooses."""
