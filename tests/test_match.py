@@ -197,7 +197,7 @@ def with_messages(messages: str, frame: str = LENGTH) -> str:
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {id: 3}}\n"),
-            "the id stands beside `match`: write `id: 0x80..0xFF` in the message",
+            "the id stands beside `match`; write `id: 0x80..0xFF` in the message",
         ),
         (
             with_messages("  a: {id: [1, 2], sender: host}\n", LENGTH.replace("kind", "id")),
@@ -228,7 +228,7 @@ def with_messages(messages: str, frame: str = LENGTH) -> str:
         ),
         (
             with_messages("  a: {id: {mask: 0x80, value: 0x81}, sender: host}\n"),
-            "0x81 has bits that 0x80 does not select, so that no frame has it",
+            "0x81 has bits that 0x80 does not select; a frame never has them",
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {kind: {}}}\n"),

@@ -582,7 +582,7 @@ ONE_MESSAGE = "wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages
             "magic: 0x01, id: u8, payload: 2, check: {type: crc-16/modbus, seed: message}",
             "{id: 1, sender: mcu, seed: 1}\n  two:\n    {id: 1, sender: mcu, seed: 2}\n  ask:\n"
             "    {id: 1, sender: host, reply: two}",
-            "8:3: `two` and `one` (line 6) share their id, so they need the same `seed`",
+            "8:3: `two` and `one` (line 6) share their id; give both the same `seed`",
         ),
     ],
 )

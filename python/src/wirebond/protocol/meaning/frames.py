@@ -208,7 +208,7 @@ class _FrameReader:
 
     def _validate_run(self, run: Bits, syntax: BitRun, node: Mapping, place: Place) -> None:
         if (syntax.bits is None) == (syntax.type is None):
-            self._wrong(place, f"`{run.name}` needs its number of bits: `bits: 4`, or a `type`, and not both")
+            self._wrong(place, f"`{run.name}` needs its number of bits; write `bits: 4` or a `type`, not both")
         if syntax.per is not None and run.role != BitRole.SEQUENCE:
             self._wrong(node.key_place("per"), "`per` is for a run `sequence`; remove it")
         if run.role == BitRole.FIELD:

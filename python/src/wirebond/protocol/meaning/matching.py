@@ -80,7 +80,7 @@ class _Reader:
             if name == "size":
                 self._add(places.value_place(name), lambda text=text: self._of_size(text))  # type: ignore[misc]
             elif name == ID:
-                self.problems.add(place, "the id stands beside `match`: write `id: 0x80..0xFF` in the message")
+                self.problems.add(place, "the id stands beside `match`; write `id: 0x80..0xFF` in the message")
             elif name in header and name in numbers:
                 self.problems.add(
                     place, f"`{name}` is a field of the header, and a number of this message, too; rename one of them"

@@ -200,7 +200,7 @@ def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id
             if message.name in replies and message.seed != (other.message.seed if other.message else None):
                 problems.add(
                     entry.place,
-                    f"`{entry.name}` and `{other.name}` (line {other.place.line}) share their id, so they need the "
+                    f"`{entry.name}` and `{other.name}` (line {other.place.line}) share their id; give both the "
                     "same `seed`",
                 )
                 break

@@ -49,7 +49,7 @@ def _masked(value: dict[str, object]) -> MatchText:
     if mask == 0:
         raise wrong("a mask of 0 selects no bit; write the bits that count, such as `mask: 0x80`")
     if wanted & ~mask:
-        raise wrong(f"0x{wanted:02X} has bits that 0x{mask:02X} does not select, so that no frame has it")
+        raise wrong(f"0x{wanted:02X} has bits that 0x{mask:02X} does not select; a frame never has them")
     text = ValueText((str(wanted),))
     return MatchText(((text, text),), mask)
 
