@@ -42,7 +42,7 @@ def test_program_is_plain_c_everywhere(compiler: str, generated: Path) -> None:
 @pytest.mark.parametrize(
     "compiler", ["cortex-m0", *(pytest.param(c, marks=LONG) for c in ("gcc", "clang", "cortex-m4"))]
 )
-@pytest.mark.parametrize("optimise", ["-O2", pytest.param("-Os", marks=LONG)])
+@pytest.mark.parametrize("optimise", ["-O0", *(pytest.param(level, marks=LONG) for level in ("-O2", "-Os"))])
 def test_source_compiles_without_a_warning(compiler: str, optimise: str, generated: Path, tmp_path: Path) -> None:
     for name in ("headers", "headers_link"):
         source = str(generated / f"{name}.cpp")

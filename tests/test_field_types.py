@@ -316,7 +316,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
         encoding="utf-8",
     )
     made = folder / "fields"
-    sanitize = ["-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-tree-pta"]
+    sanitize = ["-O0", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     command = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", *sanitize, f"-I{folder}"]
     command += [str(folder / "main.cpp"), "-o", str(made)]
     result = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -12,7 +12,7 @@ from tests.shared import PROTOCOLS, ROOT
 from wirebond.gen import generate_cpp
 
 FIRMWARE = ROOT / "firmware"
-FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O1", "-g1"]
+FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O0", "-g1"]
 
 
 @pytest.mark.parametrize(("firmware", "protocol"), [("balance", "pid_tuner")])

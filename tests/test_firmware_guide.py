@@ -178,5 +178,5 @@ def test_its_rover_stands_still_in_safe_mode_until_somebody_recovers(project: Pa
     folders = ("generated", "Core/Inc", "Core/Src", ports / "stm32_hal/tests", ports / "fake/include")
     includes = [f"-I{project / folder}" for folder in folders]
     double = ports / "stm32_hal/tests/stm32f4xx_hal.cpp"
-    run("c++", "-std=c++17", "-O1", "-Wall", "-Wextra", *includes, main, double, "-o", "drives", cwd=project)
+    run("c++", "-std=c++17", "-O0", "-Wall", "-Wextra", *includes, main, double, "-o", "drives", cwd=project)
     run("./drives", cwd=project)

@@ -1,6 +1,6 @@
 """The slots of `latest` messages under a model checker: two writers that replace each other's frames, one consumer.
 
-Searched whole, every schedule and every value that a load may see: one frame from each writer while the consumer looks
+Searched whole (in `make prove`), every schedule and every value that a load may see: one frame from each writer while the consumer looks
 once. Beyond that, with cells used again, given back and expired, schedules are drawn at random.
 """
 
@@ -31,6 +31,7 @@ def test_the_memory_orders_are_the_ones_that_are_weakened_below() -> None:
     assert tuple(re.findall(r"std::memory_order (\w+) = ", header)) == SITES
 
 
+@pytest.mark.long
 def test_no_schedule_of_one_frame_from_each_writer_is_bad(relacy: Path) -> None:
     result = run(relacy, "meeting", "none", "full", "0")
     assert result.returncode == 0, result.stdout

@@ -24,7 +24,7 @@ from wirebond.sim.process import FirmwareProcess
 
 PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
 FIRMWARE = ROOT / "firmware"
-FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O1", "-pthread"]
+FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O0", "-pthread"]
 
 Running = tuple[FirmwareProcess, wirebond.Link]
 

@@ -13,6 +13,8 @@ from wirebond.protocol import loads
 
 Shell = Callable[[list[str]], str]
 
+LONG = pytest.mark.long
+
 C_HEADERS = (
     "complex", "math", "signal", "stdbool", "stdint", "stdio", "stdlib", "stdnoreturn", "string", "tgmath", "threads",
     "time", "unistd",
@@ -33,10 +35,11 @@ def protocol_text(protocol: str, messages: tuple[str, ...], fields: tuple[str, .
     [
         ("p", ("mcu_buffers", "host_buffers", "mcu_link", "at_mcu"), ("v",)),
         ("p", ("size", "size_t"), ("size", "size_t")),
-        ("p", ("size_t", "size"), ("v",)),
+        pytest.param("p", ("size_t", "size"), ("v",), marks=LONG),
         ("p", ("link_t", "link", "m_t", "m", "handlers_t", "link_handlers"), ("v",)),
         ("p", ("m",), ("complex", "imaginary", "noreturn", "i", "restrict")),
-        *((protocol, ("m",), ("v",)) for protocol in ("main", "uint8_t", "size_t", "time_t", "complex")),
+        *((protocol, ("m",), ("v",)) for protocol in ("main", "uint8_t", "complex")),
+        *(pytest.param(protocol, ("m",), ("v",), marks=LONG) for protocol in ("size_t", "time_t")),
     ],
 )
 def test_taken_names_compile_beside_the_standard_headers(
