@@ -243,6 +243,15 @@ def import_header(
 
 
 @app.command()
+def ports(as_json: AsJson = False) -> None:
+    """List the serial ports of this machine, each with a name that it keeps. Exit 1 if there is none."""
+    from wirebond.ports.command import list_ports
+
+    raise_from_here()
+    raise typer.Exit(list_ports(as_json))
+
+
+@app.command()
 def demo(seconds: Seconds = None) -> None:
     """Drive a simulated rover over a tty and watch the link, until Ctrl-C."""
     from wirebond.cli.demo import run_demo

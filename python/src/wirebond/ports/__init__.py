@@ -1,0 +1,24 @@
+"""The serial ports of this machine: which there are, what they are called, who may open them. Opens none.
+
+>>> from wirebond.ports import resolve, serial_ports
+>>> [port.path for port in serial_ports()]  # doctest: +SKIP
+['/dev/ttyACM0', '/dev/ttyUSB0']
+>>> resolve("usb:1a86:55d3")  # doctest: +SKIP
+'/dev/ttyACM0'
+"""
+
+from wirebond.ports.discovery import serial_ports
+from wirebond.ports.names import resolve, stable_name, which_there_are
+from wirebond.ports.permission import group_of, no_permission
+from wirebond.ports.serial_port import SerialPort, UsbInterface
+
+__all__ = [
+    "SerialPort",
+    "UsbInterface",
+    "group_of",
+    "no_permission",
+    "resolve",
+    "serial_ports",
+    "stable_name",
+    "which_there_are",
+]

@@ -1,0 +1,42 @@
+"""How ``wirebond ports`` shows ports to a person: two lines for each, and a third where something is in the way."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from wirebond.cli.output import console, plain
+
+_NONE = """\
+There is no serial port on this machine.
+Check that the board is plugged in and has power, and that its USB cable carries data:
+some only charge. `wirebond doctor` looks for what is in the way on this machine."""
+
+
+def print_ports(rows: list[dict[str, Any]]) -> None:
+    """`rows`: what the command prints of each port as JSON."""
+    if not rows:
+        console.print(plain_lines(_NONE), soft_wrap=True)
+        return
+    width = max(len("port"), *(len(row["path"]) for row in rows))
+    console.print(f"[dim]{'port':<{width}}  what it is, and the name that it keeps[/]")
+    for row in rows:
+        driver = f", driver {row['driver']}" if row["driver"] else ""
+        shown = plain(f"{row['description']}{driver}")
+        console.print(f"[bold]{plain(row['path']):<{width}}[/]  {shown}", soft_wrap=True)
+        if row["name"] != row["path"]:
+            console.print(f"{'':<{width}}  [cyan]{plain(row['name'])}[/]", soft_wrap=True)
+        if obstacle := _obstacle(row):
+            console.print(f"{'':<{width}}  [yellow]{plain(obstacle)}[/]", soft_wrap=True)
+
+
+def plain_lines(text: str) -> str:
+    return "\n".join(plain(line) for line in text.splitlines())
+
+
+def _obstacle(row: dict[str, Any]) -> str | None:
+    doctor = f"`wirebond doctor {row['path']}` says what to do"
+    if not row["has_device"]:
+        return f"there is no file {row['path']}; {doctor}"
+    if not row["may_open"]:
+        return f"you may not open it; {doctor}"
+    return None
