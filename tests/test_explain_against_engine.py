@@ -25,6 +25,7 @@ from wirebond.explain.examine import check_value, spans
 from wirebond.explain.scan import scan
 from wirebond.explain.stuffing import stuff
 from wirebond.explain.values import faults_of, read_fields, values_of
+from wirebond.protocol import loads
 from wirebond.protocol.model import End, FieldKind, PartKind
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import expecting
@@ -71,6 +72,50 @@ def test_frames_and_causes_agree_on_hard_streams(name: str, sender: End | None, 
         assert dict(found.discarded) == stats["discarded_bytes"], f"seed {seed}"
         assert dict(found.rejected) == stats["rejected_candidates"], f"seed {seed}"
         assert len(found.fill) == stats["fill_bytes"], f"seed {seed}"
+
+
+STUFFED_AND_COUNTED = """
+wirebond: 1
+protocol: stuffed_and_counted
+frame:
+  - magic: 0xA5
+  - STUFFING
+  - check: crc-16/modbus
+messages:
+  list:
+    id: 1
+    sender: mcu
+    fields:
+      size: {type: u8}
+      one:  {type: u16, count: {bytes: size}, max: 3}
+      more: {type: u8}
+      two:  {type: u8, count: more, max: 5}
+"""
+
+
+@few_or_many(10, 100)
+@pytest.mark.parametrize(
+    "stuffing",
+    [
+        "escaped: {escape: 0x7D, xor: 0x20, also: 0x01 0x02, parts: [id: u8, payload: by_id]}",
+        "inserted: {after: 0x01 0x02, byte: 0x03, parts: [id: u8, payload: by_id]}",
+    ],
+)
+def test_counts_tell_the_size_of_a_stuffed_frame(stuffing: str, number: int) -> None:
+    proto = Codec(loads(STUFFED_AND_COUNTED.replace("STUFFING", stuffing)))
+    for seed in range(number):
+        source = random.Random(seed)
+        sizes = [source.randrange(4), source.randrange(6)]
+        frame = proto.encode("list", one=[0x201] * sizes[0], two=[source.randrange(4) for _ in range(sizes[1])])
+        (stretch,) = explain(proto.model, frame, End.MCU).stretches
+        assert (stretch.kind, stretch.message) == (Kind.FRAME, "list")
+        stream = hard_stream(proto, source, 40) + bytes(source.choices([0xA5, 0, 1, 2, 3, 0x7D, 0x21], k=60))
+        found = scan(proto.model, stream, End.MCU)
+        decoder = proto.decoder(End.MCU)
+        messages = decoder.feed(stream) + decoder.finish()
+        assert [(f.offset, f.size) for f in found.frames] == [(m.offset, len(m.raw)) for m in messages], f"seed {seed}"
+        assert dict(found.discarded) == decoder.stats.as_dict()["discarded_bytes"], f"seed {seed}"
+        assert dict(found.rejected) == decoder.stats.as_dict()["rejected_candidates"], f"seed {seed}"
 
 
 @few_or_many(40, 400)

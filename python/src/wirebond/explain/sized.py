@@ -113,6 +113,14 @@ def examine_sized(protocol: Protocol, data: bytes, sender: End | None) -> SizedV
         return refused(Cause.BAD_STUFFING, undoing.read + 1, undoing.reason)
     if not done:
         return incomplete(verdict)
+    while verdict.outcome == Outcome.INCOMPLETE and verdict.payload is None:  # a count among the fields tells the size
+        if not undoing.run(len(data), verdict.extent, None):
+            if undoing.reason:
+                return refused(Cause.BAD_STUFFING, undoing.read + 1, undoing.reason)
+            return incomplete(verdict)
+        verdict = examine(protocol, bytes(undoing.out), sender)
+        if verdict.outcome == Outcome.REFUSED:
+            return SizedVerdict(verdict.outcome, verdict.cause, undoing.read, verdict, undoing.so_far())
     if frame_format.length_on_wire:
         on_wire = verdict.extent
         end = on_wire - back
