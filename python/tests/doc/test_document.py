@@ -120,7 +120,7 @@ def test_text_of_the_file_cannot_break_a_table(tmp_path: Path) -> None:
 
 def test_every_kind_of_the_model_has_its_words_and_example_values() -> None:
     assert set(frame._CONTENTS) == set(PartKind)
-    assert set(examples._VALUES) == set(FieldKind)
+    assert {*examples._VALUES, FieldKind.TEXT, FieldKind.BYTES} == set(FieldKind)
 
 
 def test_a_log_line_stands_with_its_text_and_level() -> None:
@@ -129,3 +129,43 @@ def test_a_log_line_stands_with_its_text_and_level() -> None:
     section = markdown(Codec(loads(logged))).split("### Message status\n")[1].split("\n### ")[0]
     assert "a log line (warning)" in section
     assert "The host shows it as: `battery at {battery} V`" in section
+
+
+def test_example_values_leave_out_the_byte_that_ends_a_string_and_agree_with_their_count() -> None:
+    codec = Codec(
+        loads("""
+wirebond: 1
+protocol: strings
+frame: [magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+messages:
+  m:
+    id: 1
+    sender: host
+    fields:
+      text:   {type: text, max: 3, ends_with: 0x00}
+      word:   {type: text, max: 9, ends_with: 0x77}
+      octets: {type: bytes, max: 9, ends_with: 0x02}
+      number: {type: u8}
+      name:   {type: text, size: number, max: 9}
+      list:   {type: u8, count: number, max: 9}
+""")
+    )
+    assert "Example, text = wir, word = ireb, octets = 01 03 04 05, name = wi, list = [" in markdown(codec)
+
+
+CUT_BY_A_DELIMITER = """
+wirebond: 1
+protocol: cut
+frame: [delimiter: 0x24, id: u8, payload: rest, check: xor8, delimiter: 0x02]
+messages:
+  free: {id: 1, sender: host, fields: {x: {type: u8}}}
+  cut:  {id: 3, sender: host, fields: {x: {type: u8, enum: {dollar: 0x24}}}}
+"""
+
+
+def test_an_example_has_no_delimiter_within_if_that_can_be() -> None:
+    sections = markdown(Codec(loads(CUT_BY_A_DELIMITER))).split("### Message ")
+    free, cut = (next(s for s in sections if s.startswith(f"{name}\n")) for name in ("free", "cut"))
+    assert "24 01" in free
+    assert "A receiver does not find this frame" not in free
+    assert "A receiver does not find this frame: one of its bytes is a delimiter, which cuts it." in cut

@@ -11,13 +11,15 @@ from typing import Any
 
 from wirebond.codec import Codec
 from wirebond.doc.table import table
-from wirebond.explain import Kind, explain
+from wirebond.explain import Kind, Stretch, explain
 from wirebond.explain.examine import hex_of
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message, Stuffing
 from wirebond.protocol.plan import expecting
+
+_TRIES = 16  # values that are tried, where some hold a delimiter
 
 
 def examples_of(codec: Codec, message: Message) -> list[str]:
@@ -31,21 +33,48 @@ def examples_of(codec: Codec, message: Message) -> list[str]:
             codec.encode(message.name, values, header=header, sender=example.sender) != example.frame
         ):  # the lint says why
             lines += [f"The protocol file gives other bytes for it, which are wrong: `{hex_of(example.frame)}`.", ""]
-    return lines if own else _example(codec, message, example_values(message))
+    return lines if own else _example(codec, message, _carried_values(codec, message))
 
 
-def example_values(message: Message) -> dict[str, Any]:
-    """Values for every field, inside their ranges; the same for the same message."""
-    return fitted_values(message, _values(message.fields))
+def example_values(message: Message, first: int = 0) -> dict[str, Any]:
+    """Values for every field, inside their ranges; the same for the same message and ``first``, which shifts them."""
+    return fitted_values(message, _values(message.fields, first))
+
+
+def _carried_values(codec: Codec, message: Message) -> dict[str, Any]:
+    """The first values whose frame has no delimiter within, if there are any."""
+    sender = _first_sender(message)
+    for first in range(_TRIES):
+        values = example_values(message, first)
+        frame = codec.encode(message.name, values, sender=sender)
+        if _is_found(explain(expecting(codec.model, message.name), frame, sender).stretches, message):
+            return values
+    return example_values(message)
+
+
+def _first_sender(message: Message) -> End:
+    return End.HOST if message.sender == End.BOTH else message.sender
+
+
+def _is_found(stretches: tuple[Stretch, ...], message: Message) -> bool:
+    """Is it one frame for a receiver? A byte that is not stuffed and is a delimiter cuts it."""
+    return [(stretch.kind, stretch.message) for stretch in stretches] == [(Kind.FRAME, message.name)]
 
 
 def _values(fields: tuple[Field, ...], first: int = 0) -> dict[str, Any]:
-    """What counts others is left out: it is counted."""
+    """What counts others is left out: it is counted. All that one field counts has one size."""
+    counted = [field for field in fields if field.counted_by]
+    sizes = {name: min(_few(f) for f in counted if f.counted_by == name) for name in {f.counted_by for f in counted}}
     return {
-        field.name: _field_value(field, first + index)
+        field.name: _field_value(field, first + index, sizes.get(field.counted_by, _few(field)))
         for index, field in enumerate(fields)
         if field.kind != FieldKind.PADDING and not field.is_count
     }
+
+
+def _few(field: Field) -> int:
+    """So many bytes or elements has a value that may vary."""
+    return min(field.room, 4) if field.is_string else min(field.max_count, 2)
 
 
 def values_line(values: dict[str, Any]) -> str:
@@ -60,13 +89,17 @@ def _example(
     header: dict[str, Any] | None = None,
     sender: End | None = None,
 ) -> list[str]:
-    sender = sender or (End.HOST if message.sender == End.BOTH else message.sender)
+    sender = sender or _first_sender(message)
     frame = codec.encode(message.name, values, header=header, sender=sender)
-    (stretch,) = explain(expecting(codec.model, message.name), frame, sender).stretches
-    assert (stretch.kind, stretch.message) == (Kind.FRAME, message.name), "the engine's frame is explained as itself"
     shown = values_line(values)
     if header:
         shown += f"{', ' if shown else ''}header {values_line(header)}"
+    title = f"Example, {shown}:" if shown else "Example:"
+    stretches = explain(expecting(codec.model, message.name), frame, sender).stretches
+    stretch = stretches[0]
+    if not _is_found(stretches, message):
+        cut = "A receiver does not find this frame: one of its bytes is a delimiter, which cuts it."
+        return [title, "", "```text", hex_of(frame), "```", "", cut, ""]
     stuffed = codec.model.format.stuffing != Stuffing.NONE
     heads = (">at", "bytes" if not stuffed else "on the wire", "unstuffed", "part", "meaning")
     rows = [
@@ -79,7 +112,6 @@ def _example(
         )
         for row in stretch.rows
     ]
-    title = f"Example, {shown}:" if shown else "Example:"
     return [title, "", "```text", hex_of(frame), "```", "", *table(heads, rows), ""]
 
 
@@ -95,14 +127,16 @@ def _shown(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _field_value(field: Field, index: int) -> Any:
-    if field.kind not in _VALUES:
-        raise NotImplementedError(f"examples.py has no entry for the field type '{field.kind}'")
+def _field_value(field: Field, index: int, size: int) -> Any:
+    """``size``: bytes of a string, or elements of a list."""
+    if field.kind == FieldKind.TEXT:
+        return _text(field, size)
+    if field.kind == FieldKind.BYTES:
+        return _bytes(field, size)
     make = _VALUES[field.kind]
     if field.count is None and not field.is_list:
         return make(field, index)
-    count = min(field.max_count, 2) if field.count is None else field.count
-    return [make(field, index + element) for element in range(count)]
+    return [make(field, index + element) for element in range(size if field.count is None else field.count)]
 
 
 def _whole(field: Field, index: int) -> Any:
@@ -133,22 +167,21 @@ def _float(field: Field, index: int) -> float:
     return (field.minimum + field.maximum) / 2
 
 
-def _text(field: Field, _: int) -> str:
-    return "wire"[: field.max_wire_bytes]
+def _text(field: Field, size: int) -> str:
+    letters = "wirebond".replace(chr(field.ends_with), "") if field.ends_with else "wire"
+    return letters[:size]
 
 
-def _bytes(field: Field, _: int) -> bytes:
-    return bytes(range(1, min(field.max_wire_bytes, 4) + 1))
+def _bytes(field: Field, size: int) -> bytes:
+    return bytes(octet for octet in range(1, 6) if octet != field.ends_with)[:size]
 
 
-# One entry for each kind of field in the model.
+# One entry for each kind of field in the model that is no string.
 _VALUES: dict[FieldKind, Callable[[Field, int], Any]] = {
     FieldKind.UNSIGNED: _whole,
     FieldKind.SIGNED: _whole,
     FieldKind.FLOAT: _float,
     FieldKind.BOOL: lambda field, index: index % 2 == 0,  # noqa: ARG005  (the table's signature)
-    FieldKind.TEXT: _text,
-    FieldKind.BYTES: _bytes,
     FieldKind.PADDING: lambda field, index: None,  # noqa: ARG005  (it has no value)
     FieldKind.BITS: lambda field, index: _values(field.fields, index),
     FieldKind.STRUCT: lambda field, index: _values(field.fields, index),
