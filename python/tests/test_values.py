@@ -53,8 +53,11 @@ def test_words_become_values_within_structs(message: str, words: list[str], valu
         (["origin.at.x=0x1_0"], "x is '0x1_0'; expected a number"),
         (["origin.at.x=\u0661\u0662"], "x is '\u0661\u0662'; expected a number"),
         (["echoes=1,\uff12"], "echoes is '\uff12'; expected a number"),
+        (["echoes=1,,2"], "echoes is '1,,2'; there is no value beside one of its commas"),
+        (["echoes=1,2,"], "echoes is '1,2,'; there is no value beside one of its commas"),
+        (["echoes=[1,2"], "echoes is '[1,2'; write 'echoes=[1, 2]', or without brackets"),
     ],
-    ids=range(15),
+    ids=range(18),
 )
 def test_wrong_words_are_told(words: list[str], sentence: str) -> None:
     with pytest.raises(WirebondError) as caught:
@@ -72,6 +75,17 @@ def test_wrong_words_are_told(words: list[str], sentence: str) -> None:
 def test_numbers_are_written_as_usual(text: str, value: float) -> None:
     given = parse_assignments(SHAPES.model.message("scan"), [f"origin.at.x={text}"])
     assert given == {"origin": {"at": {"x": value}}}
+
+
+def test_a_whole_number_in_json_may_have_any_number_of_digits() -> None:
+    """`encode` refuses such a number, as it does one that stands by itself."""
+    values = parse_assignments(SHAPES.model.message("scan"), ['points=[{"x": ' + "1" * 5000 + "}]"])
+    assert values == {"points": [{"x": float("inf")}]}
+
+
+def test_nothing_is_an_empty_list() -> None:
+    message = SHAPES.model.message("scan")
+    assert parse_assignments(message, ["echoes="]) == parse_assignments(message, ["echoes=[]"]) == {"echoes": []}
 
 
 def test_padding_is_no_field() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from functools import partial
 from typing import Any
 
 from wirebond.errors import MessageError, UsageError
@@ -112,17 +113,18 @@ def _parse(described: Field, text: str) -> Any:
         return _from_json(described, text)
     is_array = described.count is not None or described.is_list
     if described.flags and not is_array:
-        return [_number_or_name(word) for word in _items(text)]
+        return [_number_or_name(word) for word in _items(described, text)]
     if is_array and text.lstrip().startswith(("[[", '["')):
         return _from_json(described, text)
     if is_array:
-        return [_parse_one(described, item) for item in _items(text)]
+        return [_parse_one(described, item) for item in _items(described, text)]
     return _parse_one(described, text)
 
 
 def _from_json(described: Field, text: str) -> Any:
     try:
-        return _with_bytes(described, json.loads(text, object_pairs_hook=lambda pairs: _unique(described, pairs)))
+        unique = partial(_unique, described)
+        return _with_bytes(described, json.loads(text, object_pairs_hook=unique, parse_int=_number_or_name))
     except (json.JSONDecodeError, RecursionError) as error:
         reason = error.msg if isinstance(error, json.JSONDecodeError) else "nested too deep"
         names = ", ".join(f'"{f.name}": 0' for f in described.fields[:2])
@@ -153,8 +155,17 @@ def _with_bytes(described: Field, value: Any) -> Any:
     return parse_hex(value) if described.kind == FieldKind.BYTES and isinstance(value, str) else value
 
 
-def _items(text: str) -> list[str]:
-    return [item.strip() for item in text.strip().removeprefix("[").removesuffix("]").split(",") if item.strip()]
+def _items(described: Field, text: str) -> list[str]:
+    """``1,2`` and ``[1, 2]``; nothing at all is an empty list."""
+    listed = text.strip()
+    if listed.startswith("[") != listed.endswith("]"):
+        raise UsageError(f"{described.name} is '{text[:60]}'; write '{described.name}=[1, 2]', or without brackets")
+    items = [item.strip() for item in listed.removeprefix("[").removesuffix("]").split(",")]
+    if items == [""]:
+        return []
+    if "" in items:
+        raise UsageError(f"{described.name} is '{text[:60]}'; there is no value beside one of its commas")
+    return items
 
 
 def _parse_one(described: Field, text: str) -> Any:
