@@ -45,6 +45,11 @@ messages:
       errno:      {bits: {type: u8, fields: {int: {type: u3}, None: {type: bool}}}}
   int: {id: 2, sender: host, reply: float}
   float: {id: 3, sender: mcu}
+  true:
+    id: 4
+    sender: mcu
+    fields: {uint8_t: {type: u8}, size: {type: u8}, octets: {type: bytes, size: size, max: 4}}
+  false: {id: 5, sender: both, fields: {size_t: {type: u8}, int16_t: {type: i16, count: 2}, more: {type: i16}}}
 deadlines: [{message: NAV_PVT, at: mcu, after: 1 s, then: Switch}, {message: NAV_PVT, at: mcu, after: 2 s, then: union}]
 emergency_stop:
   - message: NAV_PVT
@@ -276,3 +281,59 @@ def test_a_field_without_a_value_may_be_called_like_an_option() -> None:
     messages = "messages: {m: {sender: host, fields: {sender: {type: padding, size: 1}}}}\n"
     text = f"wirebond: 1\nprotocol: p\n{frame}{messages}"
     assert Codec(loads(text)).encode("m", sender="host") == bytes.fromhex("A5 00 0A")
+
+
+TAKEN = """
+wirebond: 1
+protocol: taken
+frame: [magic: {host: 0xA5, mcu: 0xA6}, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+messages:
+"""
+# Names of template parameters and of types of the generated link; those of services that the file does not have.
+TAKEN_NAMES = (
+    "handler", "source", "counter", "scheduled", "latest", "sends", "receives", "port", "memory", "hello", "ping",
+    "clock", "log", "parameter",
+)  # fmt: skip
+TAKEN_MAIN = """
+#include "taken_link.hpp"
+struct Mine {
+  void on(const taken::Handler& message) { sum += message.x; }
+  unsigned sum = 0;
+};
+int main() {
+  std::uint8_t frame[taken::Source::Info::max_frame_bytes];
+  std::size_t size = 0;
+  taken::Source source;
+  if (taken::encode<taken::FromMcu>(source, frame, sizeof frame, size) != wirebond::Status::ok) return 1;
+  Mine mine;
+  taken::Receiver<taken::FromHost> receiver;
+  receiver.feed(frame, size, 0, mine);
+  return 0;
+}
+"""
+
+
+def test_messages_may_be_called_as_what_generated_code_has(tmp_path: Path) -> None:
+    messages = [
+        f"  {name}: {{id: {number}, sender: both, every: 1 s, queue: latest, fields: {{x: {{type: u8}}}}}}"
+        for number, name in enumerate(TAKEN_NAMES)
+    ]
+    model = loads(TAKEN + "\n".join(messages))
+    generate_cpp(model, tmp_path)
+    generate_c(model, tmp_path)
+    (tmp_path / "main.cpp").write_text(TAKEN_MAIN)
+    for name in ("main.cpp", "taken.cpp", "taken_link.cpp"):
+        run(
+            [
+                "g++",
+                "-std=c++17",
+                "-O0",
+                "-Wall",
+                "-Wextra",
+                "-Werror",
+                "-fsyntax-only",
+                "-I",
+                tmp_path,
+                tmp_path / name,
+            ]
+        )

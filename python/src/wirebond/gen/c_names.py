@@ -19,6 +19,8 @@ SYSTEM_HEADERS = frozenset({
 C_KEYWORDS = frozenset({"restrict", "typeof", "typeof_unqual"})
 # Macros of C's own headers (complex.h, stdnoreturn.h) that are none in C++.
 C_MACROS = frozenset({"complex", "imaginary", "noreturn"})
+# Types of members. A member of the same name would hide its type in C++, which reads the header, too.
+C_TYPES = frozenset({"size_t", *(f"{sign}int{bits}_t" for sign in ("", "u") for bits in (8, 16, 32, 64))})
 
 
 def header_name(protocol: str) -> str:
@@ -33,7 +35,7 @@ def link_name(protocol: str) -> str:
 
 def member_name(name: str) -> str:
     """A member of a struct, from what it is called in C++."""
-    return name + "_" if name in C_KEYWORDS | C_MACROS else name
+    return name + "_" if name in C_KEYWORDS | C_MACROS | C_TYPES else name
 
 
 class Names:

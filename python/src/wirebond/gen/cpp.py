@@ -582,7 +582,7 @@ class EndView:
     name: str
     other: str
     title: str
-    scheduled: tuple[str, ...]  # structs of what it sends by itself
+    scheduled: tuple[str, ...]  # structs of what it sends by itself, with their namespace
     max_sent: int
     urgent_bytes: int  # of the ring of urgent messages; 0: there are none
     rules: tuple[str, ...]
@@ -597,7 +597,7 @@ def _end_view(protocol: Protocol, end: End) -> EndView:
         name=end.value.title(),
         other=(End.HOST if end == End.MCU else End.MCU).value.title(),
         title=deadlines.title,
-        scheduled=tuple(structs[m.name] for m in sent if m.every is not None),
+        scheduled=tuple(f"{names.namespace(protocol.name)}::{structs[m.name]}" for m in sent if m.every is not None),
         max_sent=max((protocol.max_wire_bytes(m.max_payload) for m in sent), default=1),
         urgent_bytes=_urgent_bytes(protocol, end),
         rules=deadlines.rules,

@@ -20,8 +20,8 @@ from wirebond.protocol.model import Default, Field, FieldKind, HeaderField, Prot
 
 # Names of the module itself, and of each class. A message or field of the same name gets a suffix.
 _MODULE = frozenset({
-    "Any", "AnyMessage", "Callable", "ClassVar", "Codec", "IntEnum", "IntFlag", "Mapping", "Message", "None",
-    "TypeAlias",
+    "Any", "AnyMessage", "Callable", "ClassVar", "Codec", "False", "IntEnum", "IntFlag", "Mapping", "Message",
+    "None", "True", "TypeAlias",
 })  # fmt: skip
 _CLASS = frozenset({"bytes", "dict", "encode", "float", "from_values", "int", "bool", "self", "str", "tuple", "values"})
 # The same where frames have fields of their own.
