@@ -115,7 +115,10 @@ def test_sixteen_fields_are_possible() -> None:
         ("{field: x, type: u8, address: host}", "`host` is not possible here; possible: mcu, receiver, sender"),
         ("{field: x, type: u8, address: mcu, scale: 2}", "`x` is an address, and those are whole numbers"),
         ("{bits: u8, fields: {a: f32}}", "`f32` is not a type of a run of bits; possible: u1 to u64, i2 to i64"),
-        ("{bits: u8, fields: {a: {default: 1}}}", "`a` needs its number of bits; write `bits: 4` or a `type`, not both"),
+        (
+            "{bits: u8, fields: {a: {default: 1}}}",
+            "`a` needs its number of bits; write `bits: 4` or a `type`, not both",
+        ),
         ("{bits: u8, fields: {a: {bits: 8, type: u8}}}", "`a` needs its number of bits; write `bits: 4` or a `type`"),
         (
             "{bits: u8, fields: {a: {bits: 8, constant: 1, scale: 2}}}",
