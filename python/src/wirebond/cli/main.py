@@ -252,6 +252,21 @@ def ports(as_json: AsJson = False) -> None:
 
 
 @app.command()
+def doctor(
+    port: Annotated[
+        str | None,
+        typer.Argument(metavar="PORT", help="A tty, or a name such as usb:1a86:55d3. Without it: all ports."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what is in the way of the serial ports on this machine, and how to cure it. Exit 1 for a problem."""
+    from wirebond.ports.doctor.command import examine_machine
+
+    raise_from_here()
+    raise typer.Exit(examine_machine(port, as_json))
+
+
+@app.command()
 def demo(seconds: Seconds = None) -> None:
     """Drive a simulated rover over a tty and watch the link, until Ctrl-C."""
     from wirebond.cli.demo import run_demo

@@ -49,13 +49,21 @@ def resolve(name: str, root: Path = Path("/")) -> str:
     return name
 
 
+def matching(name: str, ports: Iterable[SerialPort]) -> list[SerialPort]:
+    """All of `ports` that a name with ``usb:`` fits.
+
+    :raises UsageError: as `resolve`.
+    """
+    wanted = _parse(name)
+    return [port for port in ports if wanted.fits(port)]
+
+
 def stable_name(port: SerialPort, ports: Iterable[SerialPort]) -> str:
     """A name that means this port alone among `ports`, and stays: by serial number, by ids, by socket, by device."""
     if port.usb is not None:
         ports = list(ports)
         for name in _names(port.usb):
-            wanted = _parse(name)
-            if [other for other in ports if wanted.fits(other)] == [port]:
+            if matching(name, ports) == [port]:
                 return name
     return port.by_path or port.path
 
