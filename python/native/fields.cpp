@@ -244,7 +244,8 @@ nb::object item(nb::handle sequence, std::size_t index) {
   return steal(PySequence_GetItem(sequence.ptr(), static_cast<Py_ssize_t>(index)));
 }
 
-/// A field that repeats. Without a value, a fixed number of structures takes its fields' defaults.
+/// A field that repeats. None stands for a value that was left out: a fixed number of structures takes its fields'
+/// defaults.
 std::size_t encode_elements(const FieldTable& field, std::size_t place, nb::handle value, const Path& path,
                             Build& build) {
   const bool is_list = field.repeat == Repeat::listed;
@@ -337,6 +338,7 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::ha
       if (field.ends_with >= 0) *build.at(here) = static_cast<std::uint8_t>(field.ends_with);
       count_in(field, counts, size, own, build);
     } else if (field.repeat != Repeat::once) {
+      if (is_given && value.is_none()) sequence_size(field, value, own);  // refuses it
       count_in(field, counts, encode_elements(field, here, value, own, build), own, build);
     } else if (field.kind == FieldKind::structure) {
       encode_all(field.fields, here, value, own, build, field.counts ? &counts : nullptr);

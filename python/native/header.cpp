@@ -156,9 +156,12 @@ std::uint32_t settle_match(const FormatTable& format, const MessageTable& messag
   }
   std::string names;
   for (std::size_t i = 0; i < format.header().size(); ++i) {
-    if ((header.given >> i) & 1u) names += (names.empty() ? "" : ", ") + format.header()[i].name;
+    if (((header.given >> i) & 1u) == 0) continue;
+    const std::string& name = format.header()[i].name;
+    names += (names.empty() ? "" : ", ") + name + (name == "magic" ? " " + number_text(header.values[i]) : "");
   }
-  throw_message_error("no form of the frame has the header fields " + names + " together");
+  throw_message_error("no form of the frame has the header fields " + names +
+                      " together; see the magics and the conditions (`when`) in the protocol file");
 }
 
 }  // namespace

@@ -61,6 +61,7 @@ def test_wrong_value_is_refused_with_a_sentence(message: str, fields: dict[str, 
         ({"q": 1.0}, "expected a list of 4"),
         ({"q": "abcd"}, "expected a list of 4"),
         ({"q": [1, 2, 3, math.nan]}, "gimbal_msg.q is nan, not a finite number"),
+        ({"q": None}, "gimbal_msg.q is None (NoneType); expected a list of 4"),
         ({"bullet_speed": 1e39}, "does not fit a 32-bit float"),
     ],
 )
@@ -69,6 +70,31 @@ def test_wrong_array_or_float_is_refused(fields: dict[str, object], sentence: st
     with pytest.raises(MessageError) as caught:
         ENTERPRIZE.encode("gimbal_msg", good | fields)
     assert sentence in str(caught.value)
+
+
+REPEATED = """
+wirebond: 1
+protocol: repeated
+frame: [magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+messages:
+  m:
+    id: 1
+    sender: host
+    fields:
+      n:      {type: u8}
+      counted: {group: {count: n, max: 5, fields: {x: {type: u8, default: 1}}}}
+      twice:   {group: {count: 2, fields: {x: {type: u8, default: 1}}}}
+      open:    {group: {count: to_end, max: 3, fields: {x: {type: u8, default: 1}}}}
+"""
+
+
+@pytest.mark.parametrize(("name", "wanted"), [("counted", "at most 5"), ("twice", "2"), ("open", "at most 3")])
+def test_none_is_no_list_of_structs(name: str, wanted: str) -> None:
+    """It was sent as one element, or as those of the default."""
+    codec = wirebond.Codec(loads(REPEATED))
+    assert codec.encode("m") == codec.encode("m", counted=[], open=[], twice=[{"x": 1}, {"x": 1}])
+    with pytest.raises(MessageError, match=rf"m\.{name} is None \(NoneType\); expected a list of {wanted}"):
+        codec.encode("m", {name: None})
 
 
 def test_text_that_is_too_long_is_refused_with_its_size() -> None:
