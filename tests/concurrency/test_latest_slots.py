@@ -1,7 +1,7 @@
 """The slots of `latest` messages under a model checker: two writers that replace each other's frames, one consumer.
 
-Searched whole (in `make prove`), every schedule and every value that a load may see: one frame from each writer while the
-consumer looks once. Beyond that, with cells used again, given back and expired, schedules are drawn at random.
+Searched whole (in `make prove`), every schedule and every value that a load may see: one frame from each writer while
+the consumer looks once. Beyond that, with cells used again, given back and expired, schedules are drawn at random.
 """
 
 from __future__ import annotations

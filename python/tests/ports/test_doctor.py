@@ -89,6 +89,11 @@ def test_an_address_is_no_port_of_this_machine(machine):
     assert said(machine, "tcp://robot:4000")["tcp://robot:4000", "port"] is Verdict.CANNOT_TELL
 
 
+def test_a_system_that_is_not_linux_cannot_be_examined(tmp_path):
+    (found,) = examine(Machine(tmp_path), "COM3")
+    assert (found.port, found.verdict) == ("COM3", Verdict.CANNOT_TELL)
+
+
 def test_a_link_that_leads_to_itself_is_no_port(machine):
     machine.link("dev/loop", "dev/loop")
     assert said(machine, "/dev/loop")["/dev/loop", "port"] is Verdict.PROBLEM

@@ -176,6 +176,12 @@ def test_a_name_that_is_written_wrong(desk, name, sentence):
     assert str(caught.value).startswith(sentence)
 
 
+def test_a_system_that_is_not_linux_has_paths_only(tmp_path):
+    assert resolve("COM3", tmp_path) == "COM3"
+    with pytest.raises(UsageError, match="which only Linux has; give the port's path"):
+        resolve("usb:1a86:55d3", tmp_path)
+
+
 def test_resolving_imports_nothing_heavy():
     program = (
         "import sys; from wirebond.ports import resolve; resolve('/dev/ttyUSB0');"

@@ -73,6 +73,11 @@ def test_where_there_is_no_port_it_says_what_to_check(machine, capsys):
     assert json.loads(capsys.readouterr().out) == {"ports": []}
 
 
+def test_a_system_that_is_not_linux_is_said_to_be_the_reason(tmp_path, capsys):
+    assert list_ports(False, tmp_path) == 1
+    assert capsys.readouterr().out.startswith("Ports are listed from /sys/class/tty, which only Linux has.\n")
+
+
 def test_what_a_device_says_of_itself_cannot_command_the_terminal(machine, capsys):
     machine.usb_serial("ttyUSB0", "1-1", "10c4:ea60", product="\x1b[2J[red]x")
     list_ports(False, machine.root)

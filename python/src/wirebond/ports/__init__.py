@@ -7,7 +7,7 @@
 '/dev/ttyACM0'
 """
 
-from wirebond.ports.discovery import serial_ports
+from wirebond.ports.discovery import can_list_ports, serial_ports
 from wirebond.ports.names import resolve, stable_name, which_there_are
 from wirebond.ports.permission import group_of, no_permission
 from wirebond.ports.serial_port import SerialPort, UsbInterface
@@ -15,6 +15,7 @@ from wirebond.ports.serial_port import SerialPort, UsbInterface
 __all__ = [
     "SerialPort",
     "UsbInterface",
+    "can_list_ports",
     "group_of",
     "no_permission",
     "resolve",

@@ -8,7 +8,7 @@ from typing import Any
 
 from wirebond.cli.output import write
 from wirebond.cli.values import to_json
-from wirebond.ports.discovery import serial_ports
+from wirebond.ports.discovery import can_list_ports, serial_ports
 from wirebond.ports.names import stable_name
 from wirebond.ports.permission import permission
 from wirebond.ports.serial_port import SerialPort
@@ -22,7 +22,7 @@ def list_ports(as_json: bool, root: Path = Path("/")) -> int:
     if as_json:
         write(to_json({"ports": rows}) + "\n")
     else:
-        print_ports(rows)
+        print_ports(rows, can_list_ports(root))
     return 0 if any(port.has_device for port in ports) else 1
 
 

@@ -25,6 +25,7 @@ _REAL_WITHOUT_DEVICE = {
     "rfcomm": "Bluetooth serial port",
 }
 _ISA_DRIVER = "serial8250"  # the one that makes ports in advance
+_TTYS = "sys/class/tty"
 
 
 def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
@@ -32,10 +33,15 @@ def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
 
     Reads only small files of sysfs, opens no port, needs no rights. Without sysfs (not Linux) the list is empty.
     """
-    folder = root / "sys/class/tty"
+    folder = root / _TTYS
     links = _Links(root)
     found = [port for name in sysfs.names(folder) if (port := _port(root, folder / name, links)) is not None]
     return sorted(found, key=lambda port: (not port.is_usb, _natural(port.path)))
+
+
+def can_list_ports(root: Path = Path("/")) -> bool:
+    """Whether this system shows its ports in sysfs. Where it does not, ports have no names but their paths."""
+    return (root / _TTYS).is_dir()
 
 
 def _natural(name: str) -> list[tuple[str, int]]:

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from wirebond.errors import PortError, UsageError
 from wirebond.ports import sysfs
-from wirebond.ports.discovery import link_target, serial_ports
+from wirebond.ports.discovery import can_list_ports, link_target, serial_ports
 from wirebond.ports.serial_port import SerialPort, UsbInterface
 
 _PREFIX = "usb:"
@@ -39,10 +39,13 @@ _MOST_LISTED = 8  # ports that a sentence names
 def resolve(name: str, root: Path = Path("/")) -> str:
     """The device that `name` means now. Opens nothing and is quick: call it before every attempt to open.
 
-    :raises UsageError: `name` begins with ``usb:`` and is not written as it must be. It will not get better by itself.
+    :raises UsageError: `name` begins with ``usb:`` and is not written as it must be, or this is not Linux. Waiting does
+        not help.
     :raises PortError: no port fits now (``errno.ENOENT``), or more than one (``errno`` is None). Both may change.
     """
     if name.startswith(_PREFIX):
+        if not can_list_ports(root):
+            raise UsageError(f"'{name}' is looked up in /sys/class/tty, which only Linux has; give the port's path")
         return _only_one(_parse(name), serial_ports(root))
     if name.startswith(_LINK_FOLDERS):
         return _link(name, root)

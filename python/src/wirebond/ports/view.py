@@ -12,10 +12,15 @@ Check that the board is plugged in and has power, and that its USB cable carries
 some only charge. `wirebond doctor` looks for what is in the way on this machine."""
 
 
-def print_ports(rows: list[dict[str, Any]]) -> None:
-    """`rows`: what the command prints of each port as JSON."""
+_NOT_HERE = """\
+Ports are listed from /sys/class/tty, which only Linux has.
+Name the port by its path, such as COM3 or /dev/cu.usbmodem1."""
+
+
+def print_ports(rows: list[dict[str, Any]], can_list: bool) -> None:
+    """`rows`: what the command prints of each port as JSON. `can_list`: whether this system shows its ports."""
     if not rows:
-        console.print(plain_lines(_NONE), soft_wrap=True)
+        console.print(_lines(_NONE if can_list else _NOT_HERE), soft_wrap=True)
         return
     width = max(len("port"), *(len(row["path"]) for row in rows))
     console.print(f"[dim]{'port':<{width}}  what it is, and the name that it keeps[/]")
@@ -29,7 +34,7 @@ def print_ports(rows: list[dict[str, Any]]) -> None:
             console.print(f"{'':<{width}}  [yellow]{plain(obstacle)}[/]", soft_wrap=True)
 
 
-def plain_lines(text: str) -> str:
+def _lines(text: str) -> str:
     return "\n".join(plain(line) for line in text.splitlines())
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from wirebond.errors import PortError
 from wirebond.ports import sysfs
-from wirebond.ports.discovery import link_target
+from wirebond.ports.discovery import can_list_ports, link_target
 from wirebond.ports.doctor.brltty import check_brltty
 from wirebond.ports.doctor.console import check_console
 from wirebond.ports.doctor.device import check_device, check_permission
@@ -39,6 +39,9 @@ def examine(machine: Machine, name: str | None = None) -> list[Finding]:
 
     :raises UsageError: `name` begins with ``usb:`` and is written wrong.
     """
+    if not can_list_ports(machine.root):
+        said = "what is in the way is looked up in files such as /sys/class/tty, which only Linux has"
+        return [Finding("port", Verdict.CANNOT_TELL, said, name)]
     ports, findings = _ports(machine, name)
     for port in ports:
         mine = [finding for check in PORT_CHECKS if (finding := check(machine, port)) is not None]
