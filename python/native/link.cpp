@@ -1,4 +1,4 @@
-// A supervised link over a tty: thread, port and clock around a LinkCore. What a link does is decided in core.
+// A supervised link: thread, port and clock around a LinkCore. What a link does is decided in core.
 #include "link.hpp"
 
 #include <nanobind/stl/optional.h>
@@ -23,7 +23,12 @@ namespace wirebond::engine {
 
 namespace {
 
-constexpr std::uint64_t reopen_interval_us = 100'000;
+// How long after a port went away, or could not be opened, it is tried again: twice as long each time, up to the last
+// one. What appears in its folder ends the wait.
+constexpr std::uint64_t first_open_wait_us = 20'000;
+constexpr std::uint64_t last_open_wait_us = 1'000'000;
+constexpr std::uint64_t least_open_wait_us = 5'000;    // however much appears
+constexpr std::uint64_t settled_after_us = 1'000'000;  // a port that lasted so long is no port that fails at once
 constexpr std::uint64_t drain_on_close_us = 1'000'000;
 constexpr std::uint64_t longest_sleep_us = 500'000;
 constexpr std::size_t read_bytes = 4096;
@@ -40,33 +45,6 @@ std::uint64_t to_us(double seconds) { return static_cast<std::uint64_t>(std::llr
 
 const std::uint8_t* data_of(const nb::bytes& bytes) { return static_cast<const std::uint8_t*>(bytes.data()); }
 
-std::string sentence(const std::string& path, const posix::SerialSettings& settings, const posix::SerialError& error) {
-  using Step = posix::SerialError::Step;
-  const std::string reason = std::strerror(error.code);
-  switch (error.step) {
-    case Step::not_a_tty:
-      return path + " is not a serial port (" + reason + "); give a tty such as /dev/ttyUSB0, /dev/ttyACM0 or a pty";
-    case Step::busy:
-      return path + " is in use by another program; close that one, or find it with `fuser " + path + "`";
-    case Step::baud:
-      return path + " cannot run at " + std::to_string(settings.baud) + " baud (its driver offers " +
-             std::to_string(error.actual_baud) + "); choose a rate that the adapter knows";
-    case Step::configure:
-      return path + " refused the settings of the link (" + reason + "); check baud rate, parity and stop bits";
-    case Step::open:
-    case Step::none: break;
-  }
-  if (error.code == EACCES) {
-    return "no permission to open " + path +
-           "; add your user to the port's group (often `sudo usermod -aG dialout $USER`, then log in again)";
-  }
-  if (error.code == ENOENT)
-    return "there is no port " + path + "; plug it in, or look for its name with `ls /dev/tty*`";
-  if (error.code == EISDIR)
-    return path + " is a folder, and a serial port is expected; give a tty such as /dev/ttyUSB0, /dev/ttyACM0 or a pty";
-  return "cannot open " + path + ": " + reason + "; check its name with `ls -l " + path + "`";
-}
-
 /// `code`: the system's error number; 0 where it gave none.
 [[noreturn]] void throw_port_error(const std::string& text, int code, const std::string& path) {
   const nb::object type = nb::module_::import_("wirebond.errors").attr("PortError");
@@ -77,19 +55,31 @@ std::string sentence(const std::string& path, const posix::SerialSettings& setti
 
 }  // namespace
 
-Link::Link(LinkSetup setup, Port port) : options_(std::move(port)), core_(std::move(setup), monotonic_us()) {
-  posix::SerialError error;
-  port_ = posix::open_serial(options_.path, options_.serial, error);
-  if (!port_.is_open()) {
-    throw_port_error(sentence(options_.path, options_.serial, error), error.code, options_.path);
+Link::Link(LinkSetup setup, std::unique_ptr<Opener> opener, bool waits_for_port)
+    : opener_(std::move(opener)),
+      core_(std::move(setup), monotonic_us()),
+      appearance_(opener_->path()),
+      open_wait_us_(first_open_wait_us) {
+  PortProblem problem;
+  {
+    const WithoutGil released;
+    port_ = opener_->open(stops_opening_, problem);
   }
+  if (!port_.is_open() && !waits_for_port) throw_port_error(problem.sentence, problem.code, opener_->name());
   wakeup_ = posix::Descriptor(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
   if (!wakeup_.is_open()) {
     const int code = errno;
     throw_port_error(std::string("the system has no event descriptor left: ") + std::strerror(code), code,
-                     options_.path);
+                     opener_->name());
   }
-  core_.port_up(monotonic_us());
+  const std::uint64_t now = monotonic_us();
+  if (port_.is_open()) {
+    up_since_us_ = now;
+    core_.port_up(now);
+  } else {
+    why_ = std::move(problem.sentence);
+    look_again(now);
+  }
   thread_ = std::thread([this] { run(); });
 }
 
@@ -99,6 +89,7 @@ void Link::begin_close() {
   const std::lock_guard lock(mutex_);
   if (is_closing_) return;
   is_closing_ = true;
+  stops_opening_.store(true);
   close_by_us_ = monotonic_us() + drain_on_close_us;
   core_.outbox().close();
   write_some();
@@ -126,6 +117,7 @@ void Link::close() {
 void Link::abandon() {
   port_.reset();
   wakeup_.reset();
+  appearance_.stop();
 }
 
 void Link::wake() const {
@@ -255,6 +247,11 @@ const char* Link::state() {
   return name_of(core_.link().state(monotonic_us()));
 }
 
+std::string Link::why() {
+  const std::lock_guard lock(mutex_);
+  return why_;
+}
+
 std::vector<std::uint8_t> Link::struck_deadlines() {
   const std::lock_guard lock(mutex_);
   return core_.struck_deadlines();
@@ -273,7 +270,7 @@ void Link::run() {
     const std::uint64_t now = monotonic_us();
     if (is_closing_ && (!port_.is_open() || core_.outbox().is_empty() || now >= close_by_us_)) break;
     watches_room_ = core_.link().is_blocked();
-    pollfd watched[2] = {{wakeup_.get(), POLLIN, 0}, {-1, 0, 0}};
+    pollfd watched[2] = {{wakeup_.get(), POLLIN, 0}, {appearance_.get(), POLLIN, 0}};
     if (port_.is_open()) {
       watched[1].fd = port_.get();
       watched[1].events = static_cast<short>(POLLIN | (watches_room_ ? POLLOUT : 0));
@@ -296,7 +293,9 @@ void Link::run() {
     core_.link().poll(monotonic_us());
     write_some();
   }
-  go_down(monotonic_us());
+  go_down(0, monotonic_us());
+  why_.clear();
+  appearance_.stop();
   core_.outbox().end();
   is_done_ = true;
   arrived_.notify_all();
@@ -312,7 +311,7 @@ void Link::read_some() {
   } else if (got < 0 && (errno == EAGAIN || errno == EINTR)) {
     if (errno == EAGAIN) core_.idle(began_us);
   } else {  // 0 is a hang-up; EIO, ENXIO and others a device that went away
-    go_down(began_us);
+    go_down(got == 0 ? 0 : errno, began_us);
   }
   if (core_.has_arrivals()) arrived_.notify_all();
 }
@@ -326,32 +325,53 @@ void Link::write_some() {
     }
     const Outgoing out = core_.link().to_write(now);
     if (out.size == 0) return;
-    const ssize_t done = ::write(port_.get(), out.bytes, out.size);
-    if (done < 0 && errno != EAGAIN && errno != EINTR) return go_down(now);
+    const ssize_t done = opener_->write(port_.get(), out.bytes, out.size);
+    if (done < 0 && errno != EAGAIN && errno != EINTR) return go_down(errno, now);
     if (done < 0 && errno == EINTR) continue;
     core_.link().written(done < 0 ? 0 : static_cast<std::size_t>(done), now);
     if (done <= 0) return;
   }
 }
 
-void Link::go_down(std::uint64_t now_us) {
+/// `code`: of the read or write that failed; 0: the port ended, or the link does.
+void Link::go_down(int code, std::uint64_t now_us) {
+  why_ = opener_->why_gone(code);
   port_.reset();
   core_.port_down(now_us);
-  next_open_us_ = now_us + reopen_interval_us;
+  if (now_us - std::min(up_since_us_, now_us) > settled_after_us) open_wait_us_ = first_open_wait_us;
+  look_again(now_us);
   if (core_.has_arrivals()) arrived_.notify_all();
+}
+
+/// The next try, and what may bring it forward.
+void Link::look_again(std::uint64_t now_us) {
+  next_open_us_ = now_us + open_wait_us_;
+  open_wait_us_ = std::min(2 * open_wait_us_, last_open_wait_us);
+  if (appearance_.get() < 0 && !opener_->path().empty()) appearance_.watch();
 }
 
 /// Without the mutex while the port is opened: that may take its time, and a stop must not wait for it.
 void Link::open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us) {
+  if (appearance_.changed()) {
+    open_wait_us_ = first_open_wait_us;
+    next_open_us_ = std::min(next_open_us_, now_us + least_open_wait_us);
+  }
   if (is_closing_ || now_us < next_open_us_) return;
-  posix::SerialError error;
+  PortProblem problem;
   lock.unlock();
-  posix::Descriptor port = posix::open_serial(options_.path, options_.serial, error);
+  posix::Descriptor port = opener_->open(stops_opening_, problem);
   lock.lock();
-  next_open_us_ = monotonic_us() + reopen_interval_us;
-  if (!port.is_open() || is_closing_) return;
+  if (is_closing_) return;
+  now_us = monotonic_us();
+  if (!port.is_open()) {
+    why_ = std::move(problem.sentence);
+    return look_again(now_us);
+  }
   port_ = std::move(port);
-  core_.port_up(monotonic_us());
+  why_.clear();
+  appearance_.stop();
+  up_since_us_ = now_us;
+  core_.port_up(now_us);
 }
 
 // ---- binding ---------------------------------------------------------------------------------------------------
@@ -361,8 +381,8 @@ namespace {
 /// A Link that a forked child does not touch: it has neither its thread nor its locks.
 class LinkHandle {
  public:
-  LinkHandle(LinkSetup setup, Link::Port port)
-      : link_(std::make_unique<Link>(std::move(setup), std::move(port))), process_(::getpid()) {}
+  LinkHandle(LinkSetup setup, std::unique_ptr<Opener> opener, bool waits_for_port)
+      : link_(std::make_unique<Link>(std::move(setup), std::move(opener), waits_for_port)), process_(::getpid()) {}
   ~LinkHandle() { leave_in_child(); }
 
   /// Null in a forked child.
@@ -392,6 +412,21 @@ class LinkHandle {
   pid_t process_;
 };
 
+/// `port`: `name`, and either nothing more (a tty) or `host` and `service` (TCP).
+std::unique_ptr<Opener> opener_of(const nb::dict& port, const nb::dict& settings) {
+  auto name = nb::cast<std::string>(port["name"]);
+  if (port.contains("host")) {
+    return tcp_opener(std::move(name), nb::cast<std::string>(port["host"]), nb::cast<std::string>(port["service"]));
+  }
+  posix::SerialSettings serial;
+  const auto parity = nb::cast<std::string>(settings["parity"]);
+  serial.baud = nb::cast<std::uint32_t>(settings["baud"]);
+  serial.data_bits = nb::cast<std::uint8_t>(settings["data_bits"]);
+  serial.parity = parity == "even" ? posix::Parity::even : parity == "odd" ? posix::Parity::odd : posix::Parity::none;
+  serial.stop_bits = nb::cast<std::uint8_t>(settings["stop_bits"]);
+  return serial_opener(std::move(name), serial);
+}
+
 }  // namespace
 
 void bind_link(nb::module_& m) {
@@ -399,19 +434,11 @@ void bind_link(nb::module_& m) {
       .def(
           "__init__",
           [](LinkHandle* self, std::shared_ptr<const ProtocolTable> protocol,
-             std::shared_ptr<const FormatTable> receive, const std::string& path, nb::dict settings) {
-            Link::Port port;
-            port.path = path;
-            const auto parity = nb::cast<std::string>(settings["parity"]);
-            port.serial.baud = nb::cast<std::uint32_t>(settings["baud"]);
-            port.serial.data_bits = nb::cast<std::uint8_t>(settings["data_bits"]);
-            port.serial.parity = parity == "even"  ? posix::Parity::even
-                                 : parity == "odd" ? posix::Parity::odd
-                                                   : posix::Parity::none;
-            port.serial.stop_bits = nb::cast<std::uint8_t>(settings["stop_bits"]);
-            new (self) LinkHandle(link_setup(std::move(protocol), std::move(receive), settings), std::move(port));
+             std::shared_ptr<const FormatTable> receive, nb::dict port, nb::dict settings) {
+            LinkSetup setup = link_setup(std::move(protocol), std::move(receive), settings);
+            new (self) LinkHandle(std::move(setup), opener_of(port, settings), nb::cast<bool>(port["waits"]));
           },
-          nb::arg("protocol"), nb::arg("receive"), nb::arg("path"), nb::arg("settings"))
+          nb::arg("protocol"), nb::arg("receive"), nb::arg("port"), nb::arg("settings"))
       .def(
           "send",
           [](LinkHandle& self, std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number,
@@ -451,6 +478,7 @@ void bind_link(nb::module_& m) {
           "receive", [](LinkHandle& self, double timeout) { return (*self).receive(timeout); }, nb::arg("timeout"))
       .def("stats", [](LinkHandle& self) { return (*self).stats(); })
       .def("state", [](LinkHandle& self) { return (*self).state(); })
+      .def("why", [](LinkHandle& self) { return (*self).why(); })
       .def("is_closed", [](LinkHandle& self) { return (*self).is_closed(); })
       .def("struck_deadlines", [](LinkHandle& self) { return (*self).struck_deadlines(); })
       .def(

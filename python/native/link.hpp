@@ -1,4 +1,4 @@
-// A supervised link over a tty: thread, port and clock around a LinkCore. What a link does is decided in core.
+// A supervised link: thread, port and clock around a LinkCore. What a link does is decided in core.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -6,6 +6,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -13,7 +14,8 @@
 #include <vector>
 
 #include "link_core.hpp"
-#include "wirebond/posix/serial.hpp"
+#include "opener.hpp"
+#include "wirebond/posix/appearance.hpp"
 
 namespace wirebond::engine {
 
@@ -23,13 +25,9 @@ void bind_link(nb::module_& m);
 /// others hold the mutex for microseconds, and the thread never asks for the GIL.
 class Link {
  public:
-  struct Port {
-    std::string path;
-    posix::SerialSettings serial;
-  };
-
-  /// Opens the port; throws PortError with a sentence when it cannot be opened the first time.
-  Link(LinkSetup setup, Port port);
+  /// Opens the port, without the GIL. Throws PortError with a sentence where that fails; `waits_for_port`: the link
+  /// begins without it, and looks for it.
+  Link(LinkSetup setup, std::unique_ptr<Opener> opener, bool waits_for_port);
   ~Link();
   Link(const Link&) = delete;
   Link& operator=(const Link&) = delete;
@@ -53,6 +51,8 @@ class Link {
 
   nb::dict stats();
   const char* state();
+  /// Why the port is away, as a sentence; empty while it is there.
+  std::string why();
   bool is_closed() const { return is_closed_.load(); }
   std::vector<std::uint8_t> struck_deadlines();
   void recover_deadline(std::uint8_t action);
@@ -72,17 +72,23 @@ class Link {
   void open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us);
   void read_some();
   void write_some();
-  void go_down(std::uint64_t now_us);
+  void go_down(int code, std::uint64_t now_us);
+  void look_again(std::uint64_t now_us);
   void wake() const;
   void wake_if_late(std::uint64_t now_us) const;
 
-  Port options_;
+  std::unique_ptr<Opener> opener_;  ///< the thread's, once that runs; what is const is everybody's
   std::mutex mutex_;
   std::condition_variable arrived_;
   LinkCore core_;
   posix::Descriptor port_;
   posix::Descriptor wakeup_;
+  posix::Appearance appearance_;  ///< the thread's: watches while the port is away
+  std::string why_;
+  std::uint64_t up_since_us_ = 0;
   std::uint64_t next_open_us_ = 0;
+  std::uint64_t open_wait_us_;  ///< between two tries; grows
+  std::atomic<bool> stops_opening_{false};
   std::uint64_t planned_us_ = 0;  ///< when the thread wakes by itself
   bool watches_room_ = false;     ///< the thread also waits for the port to take bytes
   bool is_closing_ = false;

@@ -135,7 +135,7 @@ def test_link_comes_back_when_the_device_does(tmp_path: Path) -> None:
         name.unlink()  # before its number is free: another pty may get it
         first.close()
         wait_for_state(link, "down")
-        with pytest.raises(LinkDownError, match="is not connected; velocity was not sent"):
+        with pytest.raises(LinkDownError, match="velocity was not sent: "):
             link.send("velocity", linear=0, angular=0)
         name.symlink_to(second.path)
         wait_for_state(link, "stale")

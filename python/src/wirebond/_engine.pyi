@@ -169,8 +169,11 @@ class LinkCore:
 class Link:
     """One port and its thread, as ``wirebond.Link`` drives it. Any thread may call any method."""
 
-    def __init__(self, protocol: ProtocolTable, receive: FormatTable, path: str, settings: dict[str, Any]) -> None:
-        """``settings`` is what ``wirebond.link.engine_settings`` gives."""
+    def __init__(
+        self, protocol: ProtocolTable, receive: FormatTable, port: dict[str, Any], settings: dict[str, Any]
+    ) -> None:
+        """``port``: ``name``; ``waits``: a port that cannot be opened is no error; ``host`` and ``service`` for TCP.
+        ``settings`` is what ``wirebond.link.engine_settings`` gives."""
     def send(self, message: int, frame: bytes, reply: int, takes_number: bool, address: int) -> int:
         """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""
     def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool, address: int) -> int:
@@ -198,6 +201,8 @@ class Link:
         """The account, as the fields of ``wirebond.LinkStats``."""
     def state(self) -> str:
         """``up``, ``stale`` or ``down``."""
+    def why(self) -> str:
+        """Why the port is away; empty while it is there."""
     def is_closed(self) -> bool:
         """Was it closed?"""
     def struck_deadlines(self) -> list[int]:

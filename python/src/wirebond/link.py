@@ -16,6 +16,7 @@ from typing import Any, Self
 from wirebond import _engine
 from wirebond.codec import Codec, Message, Stats, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, StoppedError, UsageError
+from wirebond.port_name import TCP_LATENCY, PortName, port_name
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
 from wirebond.protocol.plan import plan_for, told_by_request
@@ -88,6 +89,7 @@ class Link:
         hold_back: bool = True,
         adapter_latency: float | None = None,
         listen: str = "own",
+        wait_for_port: bool = False,
     ) -> None:
         model = codec.model
         settings = model.link
@@ -98,17 +100,19 @@ class Link:
             raise UsageError(f"a Linux tty has 1 or 2 stop bits, and {model.name} asks for {settings.stop_bits:g}")
         _refuse_at_the_end()
         self.codec = codec
-        self.port = _port_name(port)
+        name = port_name(port)
+        self.port = name.text
         self.baud = speed
         self.paced = paced
-        self.adapter_latency = _latency(codec, self.port, speed, adapter_latency)
+        self.adapter_latency = _latency(codec, name, speed, adapter_latency)
         self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
         self._header = header_fields(model.format.parts)
         self._taken: deque[Message] = deque()  # taken from the engine, and not yet by the program
         self._engine = _engine.Link(
             codec._table,
             codec._format_for(End.MCU),
-            self.port,
+            {"name": name.text, "waits": wait_for_port}
+            | ({"host": name.host, "service": name.service} if name.is_tcp else {}),
             engine_settings(codec, speed, paced, hold_back, self.adapter_latency),
         )
         self._has_safe: set[tuple[str, int]] = set()  # addresses of the stop's messages that have a safe value
@@ -344,6 +348,11 @@ class Link:
         return self._engine.state()
 
     @property
+    def why(self) -> str:
+        """Why the port is away, as a sentence with what to do; empty while it is there. Any thread."""
+        return self._engine.why()
+
+    @property
     def deadlines(self) -> dict[str, bool]:
         """The host's deadlines: has this action struck, and not ended yet?"""
         struck = set(self._engine.struck_deadlines())
@@ -397,7 +406,8 @@ class Link:
         if answer == _DOWN and self._engine.is_closed():
             raise LinkDownError(f"the link to {self.port} is closed; {message} was not sent")
         if answer == _DOWN:
-            raise LinkDownError(f"{self.port} is not connected; {message} was not sent")
+            why = self.why or f"{self.port} was not connected a moment ago; try again"
+            raise LinkDownError(f"{message} was not sent: {why}")
         if answer == _FULL:
             raise QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
 
@@ -423,21 +433,6 @@ def _no_action(codec: Codec, wanted: object, actions: list[str]) -> str:
     return f"{name} has no deadline {wanted!r:.80} at the host; {hint}{listing}"
 
 
-def _port_name(port: str | os.PathLike[str]) -> str:
-    """The port as text that the system takes whole.
-
-    :raises UsageError: it names none.
-    """
-    name = os.fsdecode(port)
-    if not name:
-        raise UsageError("the port's name is empty; give a tty such as /dev/ttyUSB0")
-    if "\0" in name or (not name.isascii() and any("\udc80" <= c <= "\udcff" for c in name)):
-        raise UsageError(
-            f"the port's name {name!r} has a byte that no port's name has; give a tty such as /dev/ttyUSB0"
-        )
-    return name
-
-
 def open_link(
     protocol: str | os.PathLike[str] | Codec,
     port: str | os.PathLike[str],
@@ -447,11 +442,12 @@ def open_link(
     hold_back: bool = True,
     adapter_latency: float | None = None,
     listen: str = "own",
+    wait_for_port: bool = False,
 ) -> Link:
-    """Open a tty with the protocol file's settings.
+    """Open a port with the protocol file's settings.
 
     :param protocol: a protocol file's path, or a ``Codec``.
-    :param port: the tty's path.
+    :param port: a tty's path, or ``tcp://host:port``: a server that gives a serial line as raw bytes, such as ser2net.
     :param baud: bits per second; default: the file's.
     :param paced: frames are handed to the port at the pace of its baud rate, so that at most 5 ms of line, or one
         frame, lie before an emergency stop. False: as fast as the port takes them, for ports whose baud rate means
@@ -459,19 +455,30 @@ def open_link(
     :param hold_back: messages that are late, or that a deadline with ``recover: explicit`` holds back, are counted and
         not given to the program. False: they are given all the same, for programs that only show or record.
     :param adapter_latency: seconds that the port may hold received bytes back, 0 to 1; they are added to ``idle``.
-        Default: the file's ``adapter_latency``; without one 16 ms for a device behind USB, the time of 16 bytes for
-        other ttys, and 0 for what is no device, such as a pty.
+        Default: the file's ``adapter_latency``; without one 16 ms for a device behind USB and for TCP, the time of 16
+        bytes for other ttys, and 0 for what is no device, such as a pty.
     :param listen: ``"own"``: frames for other addresses, and replies from an address that was not asked, are counted as
         foreign and not given to the program. ``"all"``: they are given, for programs that only show or record.
+    :param wait_for_port: a port that cannot be opened at first is no error: the link is ``down``, says ``why``, and
+        looks for it, as it does for one that goes away later.
     :returns: a link that reads already; close it, or use it in a ``with`` block.
     :raises ProtocolFileError: the file cannot be used.
     :raises PortError: the port cannot be opened; the sentence says why and what to do.
     """
     codec = protocol if isinstance(protocol, Codec) else load(protocol)
-    return Link(codec, port, baud, paced=paced, hold_back=hold_back, adapter_latency=adapter_latency, listen=listen)
+    return Link(
+        codec,
+        port,
+        baud,
+        paced=paced,
+        hold_back=hold_back,
+        adapter_latency=adapter_latency,
+        listen=listen,
+        wait_for_port=wait_for_port,
+    )
 
 
-def _latency(codec: Codec, port: str, baud: int, given: float | None) -> float:
+def _latency(codec: Codec, port: PortName, baud: int, given: float | None) -> float:
     """Seconds that this port may hold bytes back."""
     if given is not None:
         if not 0 <= given <= MAX_LATENCY:
@@ -480,7 +487,9 @@ def _latency(codec: Codec, port: str, baud: int, given: float | None) -> float:
     settings = codec.model.link
     if settings.adapter_latency is not None:
         return settings.adapter_latency
-    return _engine.port_latency_us(port, baud / settings.bits_per_byte) / 1e6
+    if port.is_tcp:
+        return TCP_LATENCY
+    return _engine.port_latency_us(port.text, baud / settings.bits_per_byte) / 1e6
 
 
 def engine_settings(

@@ -1,0 +1,132 @@
+// What opening a tty or a TCP connection takes, and its sentences.
+#include "opener.hpp"
+
+#include <netdb.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "wirebond/posix/tcp.hpp"
+
+namespace wirebond::engine {
+
+namespace {
+
+std::string sentence(const std::string& path, const posix::SerialSettings& settings, const posix::SerialError& error) {
+  using Step = posix::SerialError::Step;
+  const std::string reason = std::strerror(error.code);
+  switch (error.step) {
+    case Step::not_a_tty:
+      return path + " is not a serial port (" + reason + "); give a tty such as /dev/ttyUSB0, /dev/ttyACM0 or a pty";
+    case Step::busy:
+      return path + " is in use by another program; close that one, or find it with `fuser " + path + "`";
+    case Step::baud:
+      return path + " cannot run at " + std::to_string(settings.baud) + " baud (its driver offers " +
+             std::to_string(error.actual_baud) + "); choose a rate that the adapter knows";
+    case Step::configure:
+      return path + " refused the settings of the link (" + reason + "); check baud rate, parity and stop bits";
+    case Step::open:
+    case Step::none: break;
+  }
+  if (error.code == EACCES) {
+    return "no permission to open " + path +
+           "; add your user to the port's group (often `sudo usermod -aG dialout $USER`, then log in again)";
+  }
+  if (error.code == ENOENT)
+    return "there is no port " + path + "; plug it in, or look for its name with `ls /dev/tty*`";
+  if (error.code == EISDIR)
+    return path + " is a folder, and a serial port is expected; give a tty such as /dev/ttyUSB0, /dev/ttyACM0 or a pty";
+  return "cannot open " + path + ": " + reason + "; check its name with `ls -l " + path + "`";
+}
+
+class SerialOpener final : public Opener {
+ public:
+  SerialOpener(std::string path, const posix::SerialSettings& settings) : path_(std::move(path)), settings_(settings) {}
+
+  posix::Descriptor open(const std::atomic<bool>&, PortProblem& problem) override {
+    posix::SerialError error;
+    posix::Descriptor port = posix::open_serial(path_, settings_, error);
+    if (!port.is_open()) problem = {sentence(path_, settings_, error), error.code};
+    return port;
+  }
+
+  std::string name() const override { return path_; }
+
+  ssize_t write(int descriptor, const std::uint8_t* bytes, std::size_t size) const override {
+    return ::write(descriptor, bytes, size);
+  }
+
+  std::string why_gone(int code) const override {
+    return path_ + " went away (" + (code == 0 ? "hang-up" : std::strerror(code)) +
+           "); plug it in again, or look at what `dmesg` says of it";
+  }
+
+  std::string path() const override { return path_; }
+
+ private:
+  std::string path_;
+  posix::SerialSettings settings_;
+};
+
+class TcpOpener final : public Opener {
+ public:
+  TcpOpener(std::string name, std::string host, std::string port)
+      : name_(std::move(name)), host_(std::move(host)), port_(std::move(port)) {}
+
+  posix::Descriptor open(const std::atomic<bool>& cancelled, PortProblem& problem) override {
+    posix::TcpError error;
+    posix::Descriptor port = posix::open_tcp(host_, port_, cancelled, error);
+    if (!port.is_open()) problem = problem_of(error);
+    return port;
+  }
+
+  std::string name() const override { return name_; }
+
+  ssize_t write(int descriptor, const std::uint8_t* bytes, std::size_t size) const override {
+    return ::send(descriptor, bytes, size, MSG_NOSIGNAL);
+  }
+
+  std::string why_gone(int code) const override {
+    if (code == 0) return name_ + " closed the connection; look at what its server says";
+    return "the connection to " + name_ + " broke (" + std::strerror(code) + "); look at the network and the server";
+  }
+
+ private:
+  PortProblem problem_of(const posix::TcpError& error) const {
+    if (error.step == posix::TcpError::Step::name) {
+      return {"the name of " + name_ + " cannot be found (" + ::gai_strerror(error.code) +
+                  "); check its spelling, or give an address such as 192.168.1.20",
+              0};
+    }
+    switch (error.code) {
+      case ECONNREFUSED:
+        return {"nothing listens at " + name_ + "; start the server there, or check the port's number", error.code};
+      case ETIMEDOUT:
+        return {name_ + " does not answer within " + std::to_string(posix::tcp_answer_ms / 1000) +
+                    " s; check that it is switched on, its address, and the firewall between",
+                error.code};
+      default:
+        return {"cannot connect to " + name_ + ": " + std::strerror(error.code) + "; check its address and the network",
+                error.code};
+    }
+  }
+
+  std::string name_;
+  std::string host_;
+  std::string port_;
+};
+
+}  // namespace
+
+std::unique_ptr<Opener> serial_opener(std::string path, const posix::SerialSettings& settings) {
+  return std::make_unique<SerialOpener>(std::move(path), settings);
+}
+
+std::unique_ptr<Opener> tcp_opener(std::string name, std::string host, std::string port) {
+  return std::make_unique<TcpOpener>(std::move(name), std::move(host), std::move(port));
+}
+
+}  // namespace wirebond::engine
