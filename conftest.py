@@ -2,10 +2,25 @@
 
 import signal
 
+import pytest
 from hypothesis import HealthCheck, settings
+
+from wirebond.protocol.problems import Place, Problems
 
 settings.register_profile("any_speed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any_speed")
 
 # A shell ignores Ctrl-C for what it starts in the background, and children would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True)
+def every_problem_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sentence of a refused protocol file says what is wrong, and behind a semicolon what to write."""
+    add = Problems.add
+
+    def checked(self: Problems, place: Place, sentence: str) -> None:
+        assert "; " in sentence, sentence
+        add(self, place, sentence)
+
+    monkeypatch.setattr(Problems, "add", checked)

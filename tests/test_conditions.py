@@ -289,7 +289,7 @@ def test_conditions_are_read_and_shown(written: str, shown: str) -> None:
         ("flags & 0x0F == 0x10", "0x10 has bits that 0x0F does not select"),
         ("magic == 0xA3", "no magic of this frame has that value"),
         ("magic == 161", "may mean two things"),
-        ("magic in 161..162", "a magic is written in bytes"),
+        ("magic in 161..162", "a magic is compared with bytes; write"),
         ("magic & 1", "`magic` has no bits to select"),
         ("sender == robot", "the sender is `host` or `mcu`"),
         ("later == 1", "`later` must stand in the header, before what it decides about"),

@@ -132,7 +132,7 @@ def magic_ranges(text: ComparisonText | MatchText, listed: list[bytes]) -> tuple
     for low, high in text.ranges:
         if low is not high or low.is_name or not all(word.startswith("0x") for word in low.words):
             sign = " ==" if isinstance(text, ComparisonText) else ":"
-            raise Fault(f"a magic is written in bytes, such as `magic{sign} {bytes_text(listed[0])}`")
+            raise Fault(f"a magic is compared with bytes; write `magic{sign} {bytes_text(listed[0])}`")
         numbers = [int(word, 16) for word in low.words]
         if max(numbers) > 0xFF or bytes(numbers) not in listed:
             raise Fault("no magic of this frame has that value; take one of its list")
@@ -155,7 +155,7 @@ def ranges_of(
             if value > most:
                 raise Fault(f"{what} has {width} bits, and {word} does not fit them; its greatest is {most}")
             if text.mask is not None and low is high and value & ~text.mask:
-                raise Fault(f"{word} has bits that 0x{text.mask:02X} does not select, so that this never holds")
+                raise Fault(f"{word} has bits that 0x{text.mask:02X} does not select; this never holds")
         if start > stop:
             raise Fault(f"the range {low}..{high} is empty; write the smaller bound first")
         ranges.append((start, stop))
