@@ -64,7 +64,10 @@ def _holds_now(term: Comparison | Condition, header: Header, sizes: Sizes | None
 
 
 def telling_values(compared: list[Comparison], most: int) -> set[int]:
-    """Values of one number, up to its greatest, among which each answer to these comparisons occurs."""
+    """Values of one number, up to its greatest, among which each answer to these comparisons occurs. All values of a
+    byte are tried; of a wider number the bounds, and the values around them whose bits are set or clear."""
+    if most <= 0xFF:
+        return set({tuple(c.holds(value) for c in compared): value for value in range(most + 1)}.values())
     bounds = {0} | {n for c in compared for low, high in c.ranges for n in (low - 1, low, high, high + 1) if n >= 0}
     masks = [c.mask for c in compared if c.mask is not None]
     found = set(bounds)
@@ -74,4 +77,5 @@ def telling_values(compared: list[Comparison], most: int) -> set[int]:
             for mask in some:
                 together |= mask
             found |= {value | together for value in bounds} | {value & ~together for value in bounds}
+            found |= {value + together & ~together for value in bounds}
     return {value for value in found if value <= most}
