@@ -412,7 +412,23 @@ class LinkHandle {
   pid_t process_;
 };
 
-/// `port`: `name`, and either nothing more (a tty) or `host` and `service` (TCP).
+/// `resolve` is called without locks, and no link's thread is there any more when the interpreter ends: so the thread
+/// may wait for the GIL here.
+Resolve calling(nb::callable resolve) {
+  return [resolve = std::move(resolve)](PortProblem& problem) -> std::string {
+    const nb::gil_scoped_acquire gil;
+    try {
+      return nb::cast<std::string>(resolve());
+    } catch (nb::python_error& error) {
+      problem = {nb::cast<std::string>(nb::str(error.value())), 0};
+      const nb::object code = nb::getattr(error.value(), "errno", nb::none());
+      if (!code.is_none()) problem.code = nb::cast<int>(code);
+      return {};
+    }
+  };
+}
+
+/// `port`: `name`; and nothing more for a tty, `resolve` for one that moves, or `host` and `service` for TCP.
 std::unique_ptr<Opener> opener_of(const nb::dict& port, const nb::dict& settings) {
   auto name = nb::cast<std::string>(port["name"]);
   if (port.contains("host")) {
@@ -424,6 +440,9 @@ std::unique_ptr<Opener> opener_of(const nb::dict& port, const nb::dict& settings
   serial.data_bits = nb::cast<std::uint8_t>(settings["data_bits"]);
   serial.parity = parity == "even" ? posix::Parity::even : parity == "odd" ? posix::Parity::odd : posix::Parity::none;
   serial.stop_bits = nb::cast<std::uint8_t>(settings["stop_bits"]);
+  if (port.contains("resolve")) {
+    return moving_serial_opener(std::move(name), calling(nb::cast<nb::callable>(port["resolve"])), serial);
+  }
   return serial_opener(std::move(name), serial);
 }
 

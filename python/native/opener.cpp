@@ -71,6 +71,35 @@ class SerialOpener final : public Opener {
   posix::SerialSettings settings_;
 };
 
+class MovingSerialOpener final : public Opener {
+ public:
+  MovingSerialOpener(std::string name, Resolve resolve, const posix::SerialSettings& settings)
+      : name_(std::move(name)), resolve_(std::move(resolve)), settings_(settings) {}
+
+  std::string name() const override { return name_; }
+
+  posix::Descriptor open(const std::atomic<bool>& cancelled, PortProblem& problem) override {
+    const std::string path = resolve_(problem);
+    if (path.empty()) return {};
+    at_ = serial_opener(path, settings_);
+    return at_->open(cancelled, problem);
+  }
+
+  ssize_t write(int descriptor, const std::uint8_t* bytes, std::size_t size) const override {
+    return ::write(descriptor, bytes, size);
+  }
+
+  std::string why_gone(int code) const override { return name_ + ": " + at_->why_gone(code); }
+
+  std::string path() const override { return "/dev/" + name_; }
+
+ private:
+  std::string name_;
+  Resolve resolve_;
+  posix::SerialSettings settings_;
+  std::unique_ptr<Opener> at_;  ///< where it was found last
+};
+
 class TcpOpener final : public Opener {
  public:
   TcpOpener(std::string name, std::string host, std::string port)
@@ -123,6 +152,10 @@ class TcpOpener final : public Opener {
 
 std::unique_ptr<Opener> serial_opener(std::string path, const posix::SerialSettings& settings) {
   return std::make_unique<SerialOpener>(std::move(path), settings);
+}
+
+std::unique_ptr<Opener> moving_serial_opener(std::string name, Resolve resolve, const posix::SerialSettings& settings) {
+  return std::make_unique<MovingSerialOpener>(std::move(name), std::move(resolve), settings);
 }
 
 std::unique_ptr<Opener> tcp_opener(std::string name, std::string host, std::string port) {

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -43,6 +44,12 @@ class Opener {
 };
 
 std::unique_ptr<Opener> serial_opener(std::string path, const posix::SerialSettings& settings);
+
+/// Where the name leads at the moment; empty, and `problem`, where it leads nowhere. Called as `Opener::open` is.
+using Resolve = std::function<std::string(PortProblem& problem)>;
+
+/// A tty whose path may be another one each time, as that of a USB device with a name such as usb:1a86:55d3.
+std::unique_ptr<Opener> moving_serial_opener(std::string name, Resolve resolve, const posix::SerialSettings& settings);
 
 /// `name`: the port as the user wrote it, for sentences.
 std::unique_ptr<Opener> tcp_opener(std::string name, std::string host, std::string port);

@@ -172,7 +172,8 @@ class Link:
     def __init__(
         self, protocol: ProtocolTable, receive: FormatTable, port: dict[str, Any], settings: dict[str, Any]
     ) -> None:
-        """``port``: ``name``; ``waits``: a port that cannot be opened is no error; ``host`` and ``service`` for TCP.
+        """``port``: ``name``; ``waits``: a port that cannot be opened is no error; ``host`` and ``service`` for TCP;
+        ``resolve``, called without arguments, for a tty whose path may change.
         ``settings`` is what ``wirebond.link.engine_settings`` gives."""
     def send(self, message: int, frame: bytes, reply: int, takes_number: bool, address: int) -> int:
         """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""

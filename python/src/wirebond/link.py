@@ -16,7 +16,7 @@ from typing import Any, Self
 from wirebond import _engine
 from wirebond.codec import Codec, Message, Stats, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, StoppedError, UsageError
-from wirebond.port_name import TCP_LATENCY, PortName, port_name
+from wirebond.port_name import ADAPTER_LATENCY, PortName, port_name
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
 from wirebond.protocol.plan import plan_for, told_by_request
@@ -111,8 +111,7 @@ class Link:
         self._engine = _engine.Link(
             codec._table,
             codec._format_for(End.MCU),
-            {"name": name.text, "waits": wait_for_port}
-            | ({"host": name.host, "service": name.service} if name.is_tcp else {}),
+            _engine_port(name, wait_for_port),
             engine_settings(codec, speed, paced, hold_back, self.adapter_latency),
         )
         self._has_safe: set[tuple[str, int]] = set()  # addresses of the stop's messages that have a safe value
@@ -447,7 +446,8 @@ def open_link(
     """Open a port with the protocol file's settings.
 
     :param protocol: a protocol file's path, or a ``Codec``.
-    :param port: a tty's path, or ``tcp://host:port``: a server that gives a serial line as raw bytes, such as ser2net.
+    :param port: a tty's path; a USB device by a name that stays, such as ``usb:1a86:55d3`` (see `wirebond.ports`); or
+        ``tcp://host:port``, a server that gives a serial line as raw bytes, such as ser2net.
     :param baud: bits per second; default: the file's.
     :param paced: frames are handed to the port at the pace of its baud rate, so that at most 5 ms of line, or one
         frame, lie before an emergency stop. False: as fast as the port takes them, for ports whose baud rate means
@@ -478,6 +478,13 @@ def open_link(
     )
 
 
+def _engine_port(port: PortName, waits: bool) -> dict[str, Any]:
+    found: dict[str, Any] = {"name": port.text, "waits": waits}
+    if port.is_tcp:
+        return found | {"host": port.host, "service": port.service}
+    return found | ({"resolve": port.path} if port.moves else {})
+
+
 def _latency(codec: Codec, port: PortName, baud: int, given: float | None) -> float:
     """Seconds that this port may hold bytes back."""
     if given is not None:
@@ -487,8 +494,8 @@ def _latency(codec: Codec, port: PortName, baud: int, given: float | None) -> fl
     settings = codec.model.link
     if settings.adapter_latency is not None:
         return settings.adapter_latency
-    if port.is_tcp:
-        return TCP_LATENCY
+    if port.is_tcp or port.moves:
+        return ADAPTER_LATENCY
     return _engine.port_latency_us(port.text, baud / settings.bits_per_byte) / 1e6
 
 

@@ -1,14 +1,16 @@
-"""What a port's name means: a tty's path, or ``tcp://host:port``. Opens nothing."""
+"""What a port's name means: a tty's path, a USB device, or ``tcp://host:port``. Opens nothing."""
 
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
-from wirebond.errors import UsageError
+from wirebond.errors import PortError, UsageError
+from wirebond.ports import resolve
 
-TCP_LATENCY = 0.016  # seconds: a serial server collects bytes as a USB adapter does
+ADAPTER_LATENCY = 0.016  # seconds that a USB adapter may hold bytes back (FTDI's default); a serial server does as well
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,18 @@ class PortName:
     def is_tcp(self) -> bool:
         return bool(self.host)
 
+    @property
+    def moves(self) -> bool:
+        """May its path be another one each time that it is plugged in?"""
+        return self.text.startswith("usb:")
+
+    def path(self) -> str:
+        """Where the tty is at the moment.
+
+        :raises PortError: a USB device that is not there, or one of several that fit.
+        """
+        return resolve(self.text)
+
 
 def port_name(port: str | os.PathLike[str]) -> PortName:
     """Read a port's name.
@@ -36,11 +50,18 @@ def port_name(port: str | os.PathLike[str]) -> PortName:
         raise UsageError(
             f"the port's name {text!r} has a byte that no port's name has; give a tty such as /dev/ttyUSB0"
         )
+    if text.startswith("usb:"):
+        with suppress(PortError):  # it is not there now: what opens it says so
+            resolve(text)
+        return PortName(text)
     scheme, found, _ = text.partition("://")
     if not found or "/" in scheme:
         return PortName(text)
     if scheme.lower() != "tcp":
-        raise UsageError(f"{text} is no port that can be opened; give a tty such as /dev/ttyUSB0, or tcp://host:port")
+        raise UsageError(
+            f"{text} is no port that can be opened; give a tty such as /dev/ttyUSB0, a USB device such as "
+            "usb:1a86:55d3, or tcp://host:port"
+        )
     return _tcp(text)
 
 
