@@ -402,8 +402,28 @@ def test_monitor_lives_on_when_its_port_goes_away(tmp_path: Path) -> None:
         pty.close()
         assert process.wait(PATIENCE) == 0
         told = process.stderr.read().decode()
-        assert f"{name} is away; waiting for it to come back\n" in told
+        assert "Waiting for it.\n" in told and str(name) in told.splitlines()[0]
         assert told.endswith(f"; {name} was away at the end\n")
+
+
+def test_monitor_waits_for_a_port_that_is_not_there_yet(tmp_path: Path) -> None:
+    name = tmp_path / "tty"
+    assert "there is no port" in run("monitor", DIFFDRIVE, str(name)).stderr
+    command = [*COMMAND, "monitor", DIFFDRIVE, str(name), "--wait", "--json"]
+    pty = PtyPort()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        assert process.stderr.readline().decode().startswith(f"there is no port {name}; ")
+        name.symlink_to(pty.path)
+        os.set_blocking(process.stdout.fileno(), False)
+        end = time.monotonic() + PATIENCE
+        while not (line := process.stdout.readline()) and time.monotonic() < end:
+            pty.write(codec("diffdrive").encode("odometry", left_ticks=1, right_ticks=2))
+            time.sleep(0.05)
+        assert json.loads(line)["message"] == "odometry"
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 0
+    pty.close()
 
 
 def test_a_repeated_send_whose_port_goes_away_says_that_it_could_not_stop(tmp_path: Path) -> None:

@@ -186,7 +186,7 @@ def test_a_usb_device_is_found_again_under_another_name(monkeypatch: pytest.Monk
             raise PortError(f"no USB serial port is {name} at the moment; plug it in", errno.ENOENT, name)
         return where[0]
 
-    monkeypatch.setattr("wirebond.port_name.resolve", find)
+    monkeypatch.setattr("wirebond.ports.port_name.resolve", find)
     with wirebond.open(manipulator(), "usb:1a86:55d3") as link:
         pty.write(POSE)
         assert first(link).name == "pose"

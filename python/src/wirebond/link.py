@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import math
 import os
 import threading
@@ -15,8 +16,9 @@ from typing import Any, Self
 
 from wirebond import _engine
 from wirebond.codec import Codec, Message, Stats, load, refuse_option_for_field, stats_from
-from wirebond.errors import LinkDownError, MessageError, QueueFullError, StoppedError, UsageError
-from wirebond.port_name import ADAPTER_LATENCY, PortName, port_name
+from wirebond.errors import LinkDownError, MessageError, PortError, QueueFullError, StoppedError, UsageError
+from wirebond.ports.permission import no_permission
+from wirebond.ports.port_name import ADAPTER_LATENCY, PortName, port_name
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
 from wirebond.protocol.plan import plan_for, told_by_request
@@ -108,12 +110,15 @@ class Link:
         self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
         self._header = header_fields(model.format.parts)
         self._taken: deque[Message] = deque()  # taken from the engine, and not yet by the program
-        self._engine = _engine.Link(
-            codec._table,
-            codec._format_for(End.MCU),
-            _engine_port(name, wait_for_port),
-            engine_settings(codec, speed, paced, hold_back, self.adapter_latency),
-        )
+        engine_options = engine_settings(codec, speed, paced, hold_back, self.adapter_latency)
+        try:
+            self._engine = _engine.Link(
+                codec._table, codec._format_for(End.MCU), _engine_port(name, wait_for_port), engine_options
+            )
+        except PortError as error:
+            if error.errno != errno.EACCES or name.moves:
+                raise
+            raise PortError(no_permission(name.text), error.errno, name.text) from None
         self._has_safe: set[tuple[str, int]] = set()  # addresses of the stop's messages that have a safe value
         self._address_field = own_address_field(codec)
         self._own_address: int | str | None = None  # what `address` was set to

@@ -15,7 +15,7 @@ from rich.markup import escape
 
 from wirebond.cli.commands import find_message
 from wirebond.cli.dashboard import Dashboard
-from wirebond.cli.output import ReaderGone, console, errors, print_message, stats_line, title_of, values_text
+from wirebond.cli.output import ReaderGone, console, errors, plain, print_message, stats_line, title_of, values_text
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_addresses, parse_assignments, parse_header
 from wirebond.codec import Codec, Message, load
@@ -41,8 +41,9 @@ def _ctrl_c_ends() -> Iterator[None]:
         yield
 
 
-def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None, as_json: bool) -> None:
-    with open_link(path, port, baud, hold_back=False, listen="all") as link:  # a viewer shows everything
+def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None, as_json: bool, waits: bool) -> None:
+    # A viewer shows everything: what is late, held back, or for others.
+    with open_link(path, port, baud, hold_back=False, listen="all", wait_for_port=waits) as link:
         end = _end(seconds)
         with _ctrl_c_ends():
             if as_json or not console.is_terminal:
@@ -59,7 +60,9 @@ def _print_messages(link: Link, end: float, as_json: bool) -> None:
     while (left := end - time.monotonic()) > 0:
         is_away = link.state == "down"
         if is_away != was_away:
-            errors.print(f"{link.port} is away; waiting for it to come back" if is_away else f"{link.port} is back")
+            errors.print(
+                f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there"
+            )
             was_away = is_away
         for message in link.receive(min(_REFRESH, left)):
             if as_json:

@@ -33,7 +33,9 @@ app = typer.Typer(
 )
 
 ProtocolFile = Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file (YAML).")]
-Port = Annotated[str, typer.Argument(metavar="PORT", help="A tty, such as /dev/ttyUSB0 or the path that `sim` prints.")]
+Port = Annotated[
+    str, typer.Argument(metavar="PORT", help="A tty such as /dev/ttyUSB0, usb:VENDOR:PRODUCT, or tcp://HOST:PORT.")
+]
 Baud = Annotated[
     int | None, typer.Option(parser=whole, metavar="INTEGER", help="Bits per second, instead of the file's.")
 ]
@@ -137,13 +139,18 @@ def explain(
 
 @app.command()
 def monitor(
-    file: ProtocolFile, port: Port, baud: Baud = None, seconds: Seconds = None, as_json: AsJson = False
+    file: ProtocolFile,
+    port: Port,
+    baud: Baud = None,
+    seconds: Seconds = None,
+    as_json: AsJson = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Begin without the port, and wait until it is there.")] = False,
 ) -> None:
     """Show what the MCU sends: messages, rates, line use, statistics."""
     from wirebond.cli.live import monitor_port
 
     raise_from_here()
-    monitor_port(file, port, baud, seconds, as_json)
+    monitor_port(file, port, baud, seconds, as_json, wait)
 
 
 @app.command()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from wirebond.errors import PortError, UsageError
-from wirebond.ports import resolve
+from wirebond.ports.names import resolve
 
 ADAPTER_LATENCY = 0.016  # seconds that a USB adapter may hold bytes back (FTDI's default); a serial server does as well
 
