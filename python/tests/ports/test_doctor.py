@@ -40,6 +40,11 @@ def test_without_a_port_all_are_examined_and_what_may_be_meant_is_a_warning(desk
     assert examine_machine(None, False, desk.root) == 0
 
 
+def test_a_usb_device_without_its_file_is_a_problem_also_where_no_port_is_asked_for(machine):
+    machine.usb_serial("ttyUSB0", "1-1", "1a86:7523", has_file=False)
+    assert said(machine)["/dev/ttyUSB0", "device"] is Verdict.PROBLEM
+
+
 def test_the_port_that_is_asked_for_is_examined_alone_and_must_be_free(desk):
     found = said(desk, "/dev/ttyUSB0")
     assert {port for port, _ in found} == {"/dev/ttyUSB0", None}
@@ -156,10 +161,12 @@ def test_nothing_is_changed(desk, capsys):
 
 def test_what_a_device_says_of_itself_cannot_command_the_terminal(machine, capsys):
     machine.usb_serial("ttyUSB0", "1-1", "10c4:ea60", product="\x1b[2J[red]x")
+    machine.write("etc/udev/rules.d/brltty[red].rules", 'ENV{PRODUCT}=="10c4/ea60/*"\n')
     examine_machine(None, False, machine.root)
     shown = capsys.readouterr().out
     assert "\x1b" not in shown
     assert r"\x1b[2J[red]x" in shown
+    assert "/etc/udev/rules.d/brltty[red].rules\n" in shown
 
 
 def test_this_machine_is_examined_without_an_error(capsys):

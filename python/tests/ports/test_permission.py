@@ -59,6 +59,15 @@ def test_where_the_group_may_not_either_joining_it_is_not_advised(machine, devic
     )
 
 
+def test_to_join_the_group_of_root_is_not_advised(machine, device, monkeypatch):
+    machine.write("etc/group", "root:x:0:\n")
+    status = list(device.stat())
+    status[5] = 0  # the group's number
+    monkeypatch.setattr(type(device), "stat", lambda path, **options: os.stat_result(status))
+    ana = User(status[4] + 1, frozenset(), "ana")
+    assert permission("/dev/ttyUSB0", machine.root, ana).refusal is Refusal.GROUP_MAY_NOT
+
+
 def test_owner_and_others_have_their_own_bits(machine, device):
     device.chmod(0o606)
     assert permission("/dev/ttyUSB0", machine.root, user(device)).refusal is None
