@@ -265,3 +265,66 @@ def test_one_end_may_be_the_first_to_change(tmp_path: Path) -> None:
     assert main(["diff", str(old), str(new), "--updated", "mcu"]) == 0  # the old host ignores it
     assert main(["diff", str(old), str(new), "--updated", "host"]) == 1  # the old MCU's frames are too short
     assert main(["diff", str(old), str(new)]) == 1
+
+
+WITH_HEADER = """
+wirebond: 1
+protocol: bus
+frame:
+  - magic: {host: 0xA5, mcu: {any: [0xA6, 0xA7]}}
+  - {field: servo, type: u8, default: 1, address: mcu}
+  - {field: mode, type: u8, enum: {off: 0, on: 1}}
+  - {field: heat, type: i8, scale: 0.5, unit: °C}
+  - bits: u8
+    fields: {parts: {bits: 4, flags: {route: 0, stamp: 1}}, rest: 4}
+  - length: u8
+  - id: u8
+  - {reserved: 2, name: route, when: parts & 0x01}
+  - payload: by_length
+  - check: xor8
+messages:
+  ask: {id: 1, sender: host, match: {kind: 1}, fields: {kind: {type: u8}}}
+  answer: {id: 1, sender: mcu, fields: {spare: {type: padding, size: 1, must_be_zero: true}}}
+"""
+
+
+def header_rows(old: str, new: str) -> dict[str, str]:
+    assert old in WITH_HEADER
+    found = compare(loads(WITH_HEADER), loads(WITH_HEADER.replace(old, new, 1))).changes
+    rows: dict[str, str] = {}
+    for change in found:
+        rows[f"{change.what}: {change.sentence}"] = change.verdict.value
+        rows |= {f"{change.what} {e.flow}": ("breaks: " if e.breaks else "") + e.sentence for e in change.effects}
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where", "sentence"),
+    [
+        ("{off: 0, on: 1}", "{off: 1, on: 0}", "header mode = off", "off arrives as on"),
+        ("route: 0, stamp: 1", "route: 1, stamp: 0", "header parts = route", "route arrives as stamp"),
+        ("scale: 0.5", "scale: 0.25", "header heat", "1 °C arrives as 0.5 °C"),
+        ("type: i8", "type: u8", "header heat", "numbers outside 0 to 127 on the wire are read as others"),
+        ("unit: °C", "unit: K", "header heat", "the same number means another quantity there; if only the spelling was "
+         "corrected, nothing breaks"),
+        ("{field: mode, type: u8, enum: {off: 0, on: 1}}\n  - {field: heat, type: i8, scale: 0.5, unit: °C}",
+         "{field: heat, type: i8, scale: 0.5, unit: °C}\n  - {field: mode, type: u8, enum: {off: 0, on: 1}}", "frame",
+         "its mode is read as heat"),
+    ],
+)  # fmt: skip
+def test_what_header_fields_mean_is_compared(old: str, new: str, where: str, sentence: str) -> None:
+    assert header_rows(old, new)[f"{where} old host to new MCU"] == f"breaks: {sentence}"
+
+
+def test_a_form_that_header_values_ask_for_cannot_go() -> None:
+    lost = "its frames with other header values than the defaults are not found, or are read at other places"
+    rows = header_rows("reserved: 2", "reserved: 1")
+    assert rows["frame old host to new MCU"] == f"breaks: {lost}"
+    rows = header_rows("0xA7", "0xA8")
+    assert rows["frame old MCU to new host"] == f"breaks: {lost}"
+    assert rows["frame new MCU to old host"] == lost  # a program need not send it before the host knows it
+    assert "frame old host to new MCU" not in rows
+
+
+def test_one_byte_has_no_byte_order() -> None:
+    assert header_rows("protocol: bus", "protocol: bus\nbyte_order: big") == {}

@@ -16,7 +16,7 @@ def misses(sent: Protocol, read: Protocol, sender: End) -> str:
         return f"the {receiver} acts on frames for every address" if sending.address is not None else ""
     own = reading.header[reading.address].default_bits(sender)
     heard = {own, *reading.broadcast}
-    entry = _same_number(sending, reading, reading.address)
+    entry = same_number(sending, reading, reading.address)
     if entry is not None and entry.default not in heard:
         return f"its frames are for address {entry.default}, and the {receiver} listens to {own}"
     if sending.address is None or entry is None or entry.place != sending.address:
@@ -38,7 +38,7 @@ def strangers(sent: Protocol, read: Protocol, sender: End) -> str:
         return ""
     field = reading.header[reading.peer]
     asked = field.default_bits(End.HOST)
-    entry = _same_number(sending, reading, reading.peer)
+    entry = same_number(sending, reading, reading.peer)
     if entry is None or entry.default == asked or asked in field.broadcast_bits:
         return ""
     return f"its replies come from address {entry.default}, and the host asks {asked}"
@@ -61,7 +61,7 @@ def _has_replies(protocol: Protocol) -> bool:
     return any(message.reply for message in protocol.messages)
 
 
-def _same_number(sending: Plan, reading: Plan, place: int) -> HeaderNumber | None:
+def same_number(sending: Plan, reading: Plan, place: int) -> HeaderNumber | None:
     """What the sender writes where the receiver reads its field at ``place``: of the first form of each."""
     wanted = _entry(reading.forms[0], place)
     if wanted is None:

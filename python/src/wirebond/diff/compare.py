@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from wirebond.diff.behaviour import behaviour_changes
 from wirebond.diff.change import Change, Effect, Verdict, all_sides, changed
 from wirebond.diff.frames import frame_changes
+from wirebond.diff.header import header_changes
 from wirebond.diff.messages import message_changes
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import End, Protocol
+from wirebond.protocol.model import ByteOrder, End, Field, HeaderField, Match, Part, Protocol
 
 
 @dataclass(frozen=True)
@@ -30,15 +31,45 @@ class Comparison:
 
 def compare(old: Protocol, new: Protocol) -> Comparison:
     """What the change from ``old`` to ``new`` does to a link whose ends have one of them each."""
-    routes = all_sides(old, new)
+    one, other = _without_order_of_a_byte(old), _without_order_of_a_byte(new)
+    routes = all_sides(one, other)
     changes = [
-        *frame_changes(old, new, routes),
-        *message_changes(old, new, routes),
-        *behaviour_changes(old, new, routes),
+        *frame_changes(one, other, routes),
+        *header_changes(one, other, routes),
+        *message_changes(one, other, routes),
+        *behaviour_changes(one, other, routes),
     ]
     on_wire = any(change.verdict != Verdict.HARMLESS for change in changes)
-    if not on_wire and protocol_hash(old) != protocol_hash(new):
+    if not on_wire and protocol_hash(one) != protocol_hash(other):
         # A difference that no rule above knows: better a wrong alarm than none.
         effects = [Effect(sides.flow, True, "it may be read otherwise") for sides in routes]
         changes.append(changed("hash", "the files differ in what bytes mean", effects))
     return Comparison(old, new, tuple(sorted(changes, key=lambda change: change.verdict.rank)))
+
+
+def _without_order_of_a_byte(protocol: Protocol) -> Protocol:
+    """`byte_order` of the file stands at each number, also where it is one byte."""
+
+    def plain_match(match: Match) -> Match:
+        if match.place is None or match.place.bytes > 1:
+            return match
+        return replace(match, place=replace(match.place, order=ByteOrder.LITTLE))
+
+    def plain_field(field: Field) -> Field:
+        order = ByteOrder.LITTLE if field.size <= 1 else field.order
+        return replace(field, order=order, fields=tuple(map(plain_field, field.fields)))
+
+    def plain_header(header: HeaderField | None) -> HeaderField | None:
+        return None if header is None else replace(header, value=plain_field(header.value))
+
+    def plain_part(part: Part) -> Part:
+        order = ByteOrder.LITTLE if part.size == 1 else part.order
+        bits = tuple(replace(run, header=plain_header(run.header)) for run in part.bits)
+        return replace(part, order=order, bits=bits, header=plain_header(part.header))
+
+    messages = tuple(
+        replace(m, match=tuple(map(plain_match, m.match)), fields=tuple(map(plain_field, m.fields)))
+        for m in protocol.messages
+    )
+    parts = tuple(map(plain_part, protocol.format.parts))
+    return replace(protocol, messages=messages, format=replace(protocol.format, parts=parts))

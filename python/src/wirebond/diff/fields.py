@@ -153,7 +153,7 @@ def _pair_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) ->
         if a.min_wire_bytes != b.min_wire_bytes:
             sentence = f"padding of {_bytes_text(a.size)} became {_bytes_text(b.size)}"
             yield _resized(where, sentence)
-        elif (a.constant, a.order) != (b.constant, b.order):
+        elif (a.constant is None, a.constant_bytes) != (b.constant is None, b.constant_bytes):
             yield _other_constant(a, b, where)
         return
     layouts = [(field_type(f) if f.kind != FieldKind.STRUCT else "struct", f.packed, f.first) for f in (a, b)]
@@ -357,6 +357,14 @@ def _runs(field: Field) -> dict[str, tuple[int, Field]]:
 
 
 # ---- what a number means
+
+
+def number_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
+    """Of two numbers with as many bits at one place."""
+    if field_type(a) != field_type(b):
+        yield _other_type(a, b, where)
+    else:
+        yield from value_changes(a, b, where)
 
 
 def value_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:

@@ -87,6 +87,7 @@ def _parts(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change
     matcher = SequenceMatcher(None, texts[0], texts[1], autojunk=False)
     steps = [step for tag, *bounds in matcher.get_opcodes() if tag != "equal" for step in _single(_Step(*bounds))]
     whole = {sides.flow: _breaks(sides.sender, sides.receiver, sides.flow.sender) for sides in routes}
+    others = {s.flow: "" if whole[s.flow] else _loses_others(s.sender, s.receiver, s.flow.sender) for s in routes}
     told: set[object] = set()
     for step in steps:
         only = _with_step(old, new, step)
@@ -97,12 +98,17 @@ def _parts(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change
             if fault and whole[sides.flow]:
                 told.add(sides.flow)
                 effects.append(Effect(sides.flow, True, whole[sides.flow]))
-            elif miscounts(sides) and (only is None or miscounts(_with(sides, only))):
+                continue
+            if others[sides.flow] and (only is None or _loses_others(sent or old, read or old, sides.flow.sender)):
+                told.add(sides.flow)
+                effects.append(Effect(sides.flow, not sides.flow.from_new, others[sides.flow]))  # what is new can wait
+            if miscounts(sides) and (only is None or miscounts(_with(sides, only))):
                 effects.append(Effect(sides.flow, False, miscounts(sides)))
         place = ("frame", step.c if step.d > step.c else step.a)
         sentence = _step_text(before, after, step)
         yield changed("frame", sentence, effects, place=place, gone=step.c == step.d)
     left = [Effect(flow, True, fault) for flow, fault in whole.items() if fault and flow not in told]
+    left += [Effect(flow, not flow.from_new, fault) for flow, fault in others.items() if fault and flow not in told]
     if left:  # each part by itself does no harm
         yield changed("frame", "its parts together make other frames", left, place=_FRAME)
 
@@ -180,6 +186,14 @@ def _breaks(sent: Protocol, read: Protocol, sender: End) -> str:
     if len(missing) < len(own):
         return "some of its frames are not found, or their parts are read at other places"
     return "its frames are not found, or their parts are read at other places"
+
+
+def _loses_others(sent: Protocol, read: Protocol, sender: End) -> str:
+    """Why a receiver does not take the frames that a sender sends where its program asks for other header values."""
+    sending, reading = plan_for(sent, sender), plan_for(read, sender)
+    taken = [_shape(form, reading) for form in reading.forms]
+    lost = any(_shape(form, sending) not in taken for form in sending.forms)
+    return "its frames with other header values than the defaults are not found, or are read at other places" * lost
 
 
 def _sent_forms(plan: Plan) -> list[Form]:
