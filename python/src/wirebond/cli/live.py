@@ -60,9 +60,7 @@ def _print_messages(link: Link, end: float, as_json: bool) -> None:
     while (left := end - time.monotonic()) > 0:
         is_away = link.state == "down"
         if is_away != was_away:
-            errors.print(
-                f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there"
-            )
+            errors.print(f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there")
             was_away = is_away
         for message in link.receive(min(_REFRESH, left)):
             if as_json:
