@@ -63,6 +63,12 @@ ENDS = {
         "threading.Thread(target=lambda: [m for m in link], daemon=True).start()\ntime.sleep(0.2)",
         0,
     ),
+    "handlers": ("link.on()(print)\nlink.on_deadline()(print)\ntime.sleep(0.1)", 0),
+    "ctrl_c_in_run": (_CTRL_C + "link.on()(print)\nlink.run()", -signal.SIGINT),
+    "ctrl_c_in_a_request": (
+        _CTRL_C + "while link.stats.send.queued > 9: time.sleep(0.001)\nlink.request('query', timeout=60)",
+        -signal.SIGINT,
+    ),
     "an_exception_in_a_thread": ("t = threading.Thread(target=lambda: 1 / 0)\nt.start()\nt.join()", 0),
 }
 
@@ -136,7 +142,15 @@ def test_the_safe_value_leaves_when_a_program_ends(port: PtyPort, way: str) -> N
         assert told == ""
 
 
-@pytest.mark.parametrize("way", ["del link", "link.me = link\ndel link\ngc.collect()"])
+@pytest.mark.parametrize(
+    "way",
+    [
+        "del link",
+        "link.me = link\ndel link\ngc.collect()",
+        "link.on()(print)\ndel link",
+        "link.run(0.1)\nlink.me = link\ndel link\ngc.collect()",
+    ],
+)
 def test_the_safe_value_leaves_when_a_link_is_collected(port: PtyPort, way: str) -> None:
     program = Program(port, f"{BEGIN}{way}\nprint('collected', flush=True)\nsys.stdin.readline()\n")
     program.wait_for("ready")
@@ -171,7 +185,18 @@ time.sleep(0.1)
 
 @few_or_many(1, 10)
 @pytest.mark.parametrize(
-    "call", ["link.receive(60)", "link.receive(0.001)", "link.receive()", "list(link)", "link.stats"]
+    "call",
+    [
+        "link.receive(60)",
+        "link.receive(0.001)",
+        "link.receive()",
+        "list(link)",
+        "link.stats",
+        "link.latest('pose')",
+        "link.run(0.1); link.receive(60)",
+        "link.request('query', timeout=60)",
+        "link.on()(lambda m: link.receive(60)); time.sleep(60)",
+    ],
 )
 def test_daemon_threads_in_a_link_do_not_abort_the_interpreter(port: PtyPort, call: str, number: int) -> None:
     for _ in range(number):
@@ -197,10 +222,66 @@ for _ in range(300):
 """
 
 
-def test_a_garbage_collection_within_a_call_may_call_the_link(port: PtyPort) -> None:
+@pytest.mark.parametrize("more", ["", "link.on()(print)\n"])
+def test_a_garbage_collection_within_a_call_may_call_the_link(port: PtyPort, more: str) -> None:
     """A call that made objects under the link's lock would wait for itself."""
-    program = Program(port, BEGIN[: BEGIN.index("def drive")] + GARBAGE)
+    calls = GARBAGE.replace("gc.set_threshold(1)", more + "gc.set_threshold(1)").replace(
+        'link.stop_repeating("drive")', 'link.stop_repeating("drive"); link.receive(); link.latest("pose")'
+    )
+    calls = calls.replace(
+        "Sends()\n", "Sends()\n    link.send('query'), link.latest('pose'), link.off(link.on()(repr))\n"
+    )
+    program = Program(port, BEGIN[: BEGIN.index("def drive")] + calls)
     assert program.end() == (0, "")
+
+
+HANDLERS = """
+link = wirebond.open(manipulator(), sys.argv[1])
+@link.on()
+def show(message):
+    print(message["x"], flush=True)
+    if message["x"] == 3:
+        {act}
+print("open", flush=True)
+link.run()
+print("over", flush=True)
+"""
+
+
+@pytest.mark.parametrize(("act", "expected"), [("link.close()", 0), ("os.kill(os.getpid(), signal.SIGINT)", -2)])
+def test_a_program_of_handlers_needs_no_loop(port: PtyPort, act: str, expected: int) -> None:
+    program = Program(port, BEGIN[: BEGIN.index("def drive")] + HANDLERS.format(act=act) + "print('end', flush=True)\n")
+    program.wait_for("open")
+    for number in range(4):
+        port.write(manipulator().encode("pose", x=number))
+        program.wait_for(str(number))
+    if expected == 0:
+        program.wait_for("over")
+    assert program.end()[0] == expected
+
+
+BUSY = """
+link = wirebond.open(manipulator(), sys.argv[1])
+link.on()(lambda message: print("x" * 200, flush=True))
+print("open", flush=True)
+sys.stdin.readline()
+"""
+
+
+@few_or_many(3, 20)
+def test_handlers_that_are_busy_at_the_end_do_not_abort_the_interpreter(port: PtyPort, number: int) -> None:
+    """They print while the interpreter ends; a thread that dies with the lock of stdout would abort it."""
+    for _ in range(number):
+        program = Program(port, BEGIN[: BEGIN.index("def drive")] + BUSY)
+        program.wait_for("open")
+        for n in range(100):
+            port.write(manipulator().encode("pose", x=n))
+        program.wait_for("x" * 200)
+        program.tell()
+        for n in range(100):
+            port.write(manipulator().encode("pose", x=n))
+        code, told = program.end()
+        assert (code, told) == (0, "")
 
 
 FORK = """
@@ -211,10 +292,19 @@ if child == 0:
         os._exit(1)
     except wirebond.LinkDownError as error:
         assert "its fork" in str(error), error
+    for call in (
+        lambda: link.request("query"), lambda: link.receive(60), lambda: list(link), lambda: link.latest("pose"),
+        lambda: link.on()(print), lambda: link.run(), lambda: link.send("query"),
+    ):
+        try:
+            call()
+            os._exit(2)
+        except wirebond.LinkDownError as error:
+            assert "its fork" in str(error), error
     link.close()
     {end}
-os.waitpid(child, 0)
-print("waited", flush=True)
+status = os.waitpid(child, 0)[1]
+print("waited" if os.waitstatus_to_exitcode(status) in (0, {code}) else status, flush=True)
 link.stop_repeating("drive")
 link.send("lamp", level=1)
 sys.stdin.readline()
@@ -222,12 +312,13 @@ os._exit(0)
 """
 
 
+@pytest.mark.parametrize("more", ["", "link.on()(print)\n"])
 @pytest.mark.parametrize("end", ["sys.exit(0)", "del link; gc.collect(); os._exit(0)", "raise RuntimeError('boom')"])
-def test_a_forked_child_sends_nothing(port: PtyPort, end: str) -> None:
+def test_a_forked_child_sends_nothing(port: PtyPort, end: str, more: str) -> None:
     begin = BEGIN.replace("while True:", "for _ in range(5):").replace(
         "    except wirebond.QueueFullError:\n        print", "    finally:\n        print"
     )
-    program = Program(port, begin + FORK.format(end=end))
+    program = Program(port, begin + more + FORK.format(end=end, code=1 if "raise" in end else 0))
     program.wait_for("ready")
     program.wait_for("waited")
     until = time.monotonic() + PATIENCE

@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from wirebond.aio import Aio
     from wirebond.codec import Codec, Columns, Decoder, Message, SequenceCounts, SequenceStats, Stats, Table, load
     from wirebond.errors import (
         LinkDownError,
@@ -17,10 +18,13 @@ if TYPE_CHECKING:
         ProtocolFileError,
         ProtocolMismatchError,
         QueueFullError,
+        RequestTimeoutError,
         StoppedError,
         UsageError,
         WirebondError,
     )
+    from wirebond.handlers import DeadlineEvent
+    from wirebond.inbox import Latest
     from wirebond.link import Link, LinkStats, SendStats
     from wirebond.link import open_link as open
     from wirebond.log import LogLine
@@ -28,9 +32,12 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Aio",
     "Codec",
     "Columns",
+    "DeadlineEvent",
     "Decoder",
+    "Latest",
     "Link",
     "LinkDownError",
     "LinkStats",
@@ -41,6 +48,7 @@ __all__ = [
     "ProtocolFileError",
     "ProtocolMismatchError",
     "QueueFullError",
+    "RequestTimeoutError",
     "SendStats",
     "SequenceCounts",
     "SequenceStats",
@@ -57,6 +65,7 @@ __all__ = [
 _HOMES = {
     name: module
     for module, names in {
+        "aio": ("Aio",),
         "codec": (
             "Codec",
             "Columns",
@@ -69,6 +78,8 @@ _HOMES = {
             "load",
         ),
         "errors": tuple(name for name in __all__ if name.endswith("Error")),
+        "handlers": ("DeadlineEvent",),
+        "inbox": ("Latest",),
         "link": ("Link", "LinkStats", "SendStats", "open"),
         "log": ("LogLine",),
     }.items()

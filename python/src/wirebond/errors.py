@@ -86,6 +86,19 @@ class QueueFullError(WirebondError):
     """The line does not keep up with what is sent; this frame was refused."""
 
 
+class RequestTimeoutError(WirebondError, TimeoutError):
+    """No reply to a request came in time. ``message`` was asked, ``reply`` was expected, within ``timeout`` seconds."""
+
+    def __init__(self, text: str, message: str, reply: str, timeout: float) -> None:
+        super().__init__(text)
+        self.message = message
+        self.reply = reply
+        self.timeout = timeout
+
+    def __reduce__(self) -> tuple[type[RequestTimeoutError], tuple[str, str, str, float]]:
+        return type(self), (str(self.args[0]), self.message, self.reply, self.timeout)
+
+
 class StoppedError(WirebondError):
     """An emergency stop holds this message until ``release_stop()``; nothing was sent.
 

@@ -8,28 +8,30 @@ import math
 import os
 import threading
 import weakref
-from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
 from wirebond import _engine
-from wirebond.codec import Codec, Message, Stats, load, refuse_option_for_field, stats_from
+from wirebond.codec import Codec, Stats, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, PortError, QueueFullError, StoppedError, UsageError
+from wirebond.inbox import Inbox
 from wirebond.ports.permission import no_permission
 from wirebond.ports.port_name import ADAPTER_LATENCY, PortName, port_name
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
 from wirebond.protocol.plan import plan_for, told_by_request
-from wirebond.protocol.problems import nearest, no_message
+from wirebond.protocol.problems import no_message
+from wirebond.receiving import Receiving
+from wirebond.requests import Outcome, Question
 from wirebond.typed import TypedMessage, name_and_values
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
 MAX_HOLD = 60.0  # seconds: a longer lease would be none
 STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
 MORE_ADDRESSES = 255  # that a link has leases and safe values for, beside the first of each message
-_ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are heard meanwhile
+_HANDLERS_PATIENCE = 1.0  # seconds that `close` waits for handlers
 
 _DOWN, _FULL, _STOPPED = 1, 2, 3  # answers of the engine
 
@@ -68,9 +70,10 @@ class LinkStats:
     late: int  #: as old as the shortest of their deadlines at the host: not given to the program
     held_back: int  #: one of their deadlines with ``recover: explicit`` had struck: not given to the program
     reconnects: int  #: times that the port came back
+    handler_errors: int = 0  #: times that a handler raised
 
 
-class Link:
+class Link(Receiving):
     """The host's end of one port. It reconnects by itself; what waited when the port went away expires, counted.
 
     Threads: any thread may call any method. Iteration and ``receive`` give each message once, to one caller; let one
@@ -109,7 +112,6 @@ class Link:
         self.adapter_latency = _latency(codec, name, speed, adapter_latency)
         self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
         self._header = header_fields(model.format.parts)
-        self._taken: deque[Message] = deque()  # taken from the engine, and not yet by the program
         engine_options = engine_settings(codec, speed, paced, hold_back, self.adapter_latency)
         try:
             self._engine = _engine.Link(
@@ -127,6 +129,8 @@ class Link:
             raise UsageError(f"listen is {listen!r}; expected 'own' or 'all'")
         if listen == "all":
             self._engine.listen_to_all(True)
+        self._inbox = Inbox(codec, self._engine, self.port, self._actions)
+        weakref.finalize(self, self._engine.close).atexit = False  # a thread of the inbox may keep the engine
         _note_open(self)
 
     # ---- sending
@@ -155,12 +159,11 @@ class Link:
         name, given = name_and_values(message, values, fields)
         self._check_sender(name)
         refuse_option_for_field("send", self.codec.model.message(name), {"header": header}, given)
-        whole = self._with_own_address(header)
-        frame = self.codec.encode(name, given, header=whole)
-        address = self._prepare(name, whole)
-        reply = _reply_index(self.codec, name)
-        answer = self._engine.send(self.codec._index_of(name), frame, reply, self._takes_number(header), address)
-        self._raise_for(name, answer)
+        if self.codec.model.message(name).reply is None:
+            self._leave(name, given, header)()
+            return
+        self._engine.is_closed()  # in a forked child it raises
+        self._inbox.requests.submit(self._question(name, given, header, None))
 
     def repeat(
         self,
@@ -309,41 +312,6 @@ class Link:
         address = self._prepare(name, self._with_own_address(header))
         return self._engine.end_safely(self.codec._index_of(name), address)
 
-    # ---- receiving
-
-    def receive(self, timeout: float = 0.0) -> list[Message]:
-        """Messages since the last call, waiting up to ``timeout`` seconds for the first.
-
-        Signals are heard within a moment: Ctrl-C raises ``KeyboardInterrupt`` here.
-
-        :param timeout: seconds; 0 does not wait.
-        :returns: the messages in the order in which they came; none when the time is over.
-        :raises LinkDownError: the link is closed, and all that had come was taken.
-        """
-        messages: list[Message] = []
-        while self._taken:
-            try:
-                messages.append(self._taken.popleft())
-            except IndexError:  # another thread took it
-                break
-        messages += self._engine.receive(0.0 if messages else timeout)
-        if not messages and self._engine.is_closed():
-            raise LinkDownError(f"the link to {self.port} is closed; no message will come")
-        return messages
-
-    def __iter__(self) -> Iterator[Message]:
-        """Messages as they come, until ``close``. Those that are left when a loop ends are for the next one."""
-        while True:
-            try:
-                message = self._taken.popleft()
-            except IndexError:
-                came = self._engine.receive(_ITERATION_WAIT)
-                if not came and self._engine.is_closed():
-                    return
-                self._taken.extend(came)
-            else:
-                yield message
-
     # ---- supervision
 
     @property
@@ -368,8 +336,7 @@ class Link:
         :param action: the deadline's ``then``.
         :raises UsageError: the file has no such deadline at the host.
         """
-        if action not in self._actions:
-            raise UsageError(_no_action(self.codec, action, self._actions))
+        self._check_action(action, "to recover")
         self._engine.recover_deadline(self._actions.index(action))
 
     @property
@@ -377,13 +344,22 @@ class Link:
         """Both accounts, exact at this moment. Any thread."""
         raw = self._engine.stats()
         send = SendStats(**raw.pop("send"))
-        rest = {name: raw.pop(name) for name in ("dropped_messages", "late", "held_back", "reconnects")}
-        return LinkStats(stats_from(raw), send, **rest)
+        rest = {name: raw.pop(name) for name in ("late", "held_back", "reconnects")}
+        dropped = raw.pop("dropped_messages") + self._inbox.dropped
+        return LinkStats(stats_from(raw), send, dropped, **rest, handler_errors=self._inbox.handlers.errors)
 
     def close(self) -> None:
         """End every lease, with its safe value where it has one; send what is queued (a second at most); give the port
-        back. What had come can still be taken. A second call waits for the end of the first one. Any thread."""
+        back. What had come can still be taken. A second call waits for the end of the first one. Any thread.
+
+        Handlers get what had come before ``close`` returns, and are not called after that. One that takes more than a
+        second is not waited for: what waited for it is counted as dropped. In a handler ``close`` does not wait for
+        handlers: they get the rest after it."""
         self._engine.close()
+        if _is_ending:  # the inbox's thread sleeps until the process is gone
+            self._inbox.give_up()
+        else:
+            self._inbox.leave(_HANDLERS_PATIENCE)
         with _open_links_lock:
             _open_links.discard(self)
 
@@ -392,6 +368,9 @@ class Link:
             f"<wirebond.Link {self.codec.name} on {self.port}: {'closed' if self._engine.is_closed() else self.state}>"
         )
 
+    def _begin_close(self) -> None:
+        self._engine.begin_close()
+
     def __enter__(self) -> Self:
         return self
 
@@ -399,6 +378,24 @@ class Link:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _leave(self, name: str, values: Mapping[str, Any], header: Mapping[str, Any] | None) -> _Leaving:
+        """One frame that can leave."""
+        whole = self._with_own_address(header)
+        frame = self.codec.encode(name, values, header=whole)
+        return _Leaving(self, name, frame, self._prepare(name, whole), self._takes_number(header))
+
+    def _question(
+        self,
+        name: str,
+        values: Mapping[str, Any],
+        header: Mapping[str, Any] | None,
+        finish: Callable[[Outcome], None] | None,
+    ) -> Question:
+        leave = self._leave(name, values, header)
+        question = self._inbox.requests.question(name, leave.frame, self._with_own_address(header) or {}, finish)
+        question.leave = leave
+        return question
 
     def _takes_number(self, header: Mapping[str, Any] | None) -> bool:
         """Does the link raise the frame's sequence number? Not where the caller gave it."""
@@ -423,18 +420,21 @@ class Link:
             raise MessageError(f"{message} is sent by the mcu, not by the host")
 
 
-def _no_action(codec: Codec, wanted: object, actions: list[str]) -> str:
-    """That no deadline at the host has this action; the nearest, and all that there are."""
-    name = codec.name
-    if not actions:
-        return f"{name} has no deadline at the host, so that there is nothing to recover; see `deadlines` in its file"
-    listing = f"it has {', '.join(actions)}"
-    if not isinstance(wanted, str):
-        return f"{wanted!r:.80} is no action of a deadline; {listing}"
-    own = [d.then for d in codec.model.deadlines if d.at == End.HOST and d.message == wanted]
-    near = own[0] if own else nearest(wanted, actions)
-    hint = f"did you mean {near}? " if near else ""
-    return f"{name} has no deadline {wanted!r:.80} at the host; {hint}{listing}"
+class _Leaving:
+    """A frame on its way out: called once, it sends, or raises why not."""
+
+    def __init__(self, link: Link, message: str, frame: bytes, address: int, takes_number: bool) -> None:
+        self._link = link
+        self._message = message
+        self.frame = frame
+        self._address = address
+        self._takes_number = takes_number
+
+    def __call__(self) -> None:
+        codec = self._link.codec
+        index, reply = codec._index_of(self._message), _reply_index(codec, self._message)
+        answer = self._link._engine.send(index, self.frame, reply, self._takes_number, self._address)
+        self._link._raise_for(self._message, answer)
 
 
 def open_link(
@@ -623,6 +623,7 @@ def _close_all() -> None:
     for link in links:  # every lease ends before any close waits
         link._engine.begin_close()
     for link in links:
+        link._inbox.handlers.stop(_HANDLERS_PATIENCE)
         link.close()
     _engine.settle_threads()
 

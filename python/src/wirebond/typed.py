@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from enum import IntEnum, IntFlag
 from pathlib import Path
@@ -54,6 +55,29 @@ def name_and_values(
     if values is not None or fields:
         raise UsageError(f"{type(message).__name__} has its values already; change them with dataclasses.replace")
     return message.NAME, message.values()
+
+
+def message_class(kind: type) -> Any:
+    """The class of a generated module that this one is or comes from.
+
+    :raises UsageError: there is none.
+    """
+    for base in kind.__mro__:
+        if isinstance(vars(base).get("NAME"), str):
+            return base
+    raise UsageError(f"{kind.__name__} is no message of a generated module; give a message's name or its class")
+
+
+def maker_of(kind: type) -> Callable[[Message], Any]:
+    """What makes objects of this class from received messages of its name."""
+    name, make = message_class(kind).NAME, kind.from_values  # type: ignore[attr-defined]
+    return lambda message: decoded({name: make}, message)
+
+
+def from_message_of(kind: type) -> Callable[[Message], Any]:
+    """``from_message`` of the generated module that has this class; where none has, the message stays as it is."""
+    module = sys.modules.get(message_class(kind).__module__)
+    return getattr(module, "from_message", lambda message: message)
 
 
 # ---- values of the engine ---------------------------------------------------------------------------------------

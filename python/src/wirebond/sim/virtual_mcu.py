@@ -20,6 +20,7 @@ from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Recover
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import plan_for
+from wirebond.requests import carried_back
 
 _WAVE_HZ = 0.2  # of the made-up values
 _FEW = 3  # elements of made-up lists
@@ -184,7 +185,7 @@ class VirtualMcu:
         reply = self.codec.model.message(request.reply)
         amounts = {f.name: message.fields[f.asked_by] for f in reply.fields if f.asked_by}
         values = self._made_up(reply, t, amounts)
-        values |= {name: message.fields[name] for name in _carried_back(reply, request)}
+        values |= {name: message.fields[name] for name in carried_back(reply, request)}
         values |= self._service_values(message, t)
         return [self._encoded(reply.name, values, header)]
 
@@ -322,20 +323,6 @@ class _Addressing:
         if request is not None and self._to_host is not None and self._from in request.header:
             header[self._to_host] = request.header[self._from]
         return header
-
-
-def _carried_back(reply: MessageModel, request: MessageModel) -> list[str]:
-    """Fields that both have, of one kind; not what counts or is counted, which only fits together."""
-    asked = {f.name: f for f in request.fields if f.kind != FieldKind.PADDING}
-    return [
-        f.name
-        for f in reply.fields
-        if f.name in asked and not f.is_count and not f.counted_by and _shape(f) == _shape(asked[f.name])
-    ]
-
-
-def _shape(f: Field) -> tuple[object, ...]:
-    return f.kind, f.count, f.is_list, f.is_scaled, f.enum, f.flags, f.fields
 
 
 def _number(described: Field, wave: float) -> float | int:

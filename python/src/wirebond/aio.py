@@ -1,0 +1,267 @@
+"""A link within asyncio: only what waits. Everything else of a ``Link`` returns at once, and is called as it is."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import weakref
+from collections import deque
+from collections.abc import Awaitable, Callable, Mapping
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
+
+from wirebond.codec import Message
+from wirebond.errors import LinkDownError, UsageError
+from wirebond.handlers import MAX_WAITING, DeadlineEvent
+from wirebond.requests import DEFAULT_TIMEOUT, Outcome
+from wirebond.typed import TypedMessage
+
+if TYPE_CHECKING:
+    from wirebond.receiving import Receiving
+
+_T = TypeVar("_T", bound=TypedMessage)
+_MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], Awaitable[object]])
+_DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], Awaitable[object]])
+_CLOSE_PATIENCE = 1.0  # seconds for coroutines that handle what came before the end
+
+
+class Aio:
+    """What waits of a link, for one event loop. ``link.aio`` gives it; use it in that loop's thread alone.
+
+    ``async for message in link.aio`` gives messages as ``for message in link`` does; ``async with link.aio`` closes the
+    link at its end. A task that is cancelled while it waits loses no message.
+
+    :param link: the link.
+    :param loop: the event loop.
+    """
+
+    def __init__(self, link: Receiving, loop: asyncio.AbstractEventLoop) -> None:
+        self._link = link
+        self._loop = loop
+        self._waiters: set[asyncio.Future[None]] = set()  # for messages
+        self._calls: deque[tuple[Callable[[Any], Awaitable[object]] | None, object]] = deque()  # None: the end
+        self._has_calls = asyncio.Event()
+        self._lock = threading.Lock()  # between the loop and the handlers' thread
+        self._is_listening = False
+        self._task: asyncio.Task[None] | None = None
+
+    # ---- messages
+
+    async def receive(self, timeout: float | None = None) -> Message:
+        """The next message.
+
+        :param timeout: seconds; None: as long as it takes.
+        :returns: the message.
+        :raises TimeoutError: none came in time.
+        :raises LinkDownError: the link is closed, and all that had come was taken.
+        """
+        inbox = self._link._inbox
+        self._listen()
+        async with asyncio.timeout(timeout):
+            while True:
+                message = inbox.take_now()
+                if message is not None:
+                    return message
+                waiter = self._loop.create_future()
+                self._waiters.add(waiter)
+                try:
+                    message = inbox.take_now()  # one that came before the loop could be told
+                    if message is not None:
+                        return message
+                    await waiter
+                finally:
+                    self._waiters.discard(waiter)
+
+    def __aiter__(self) -> Self:
+        """Messages as they come, until the link is closed."""
+        return self
+
+    async def __anext__(self) -> Message:
+        try:
+            return await self.receive()
+        except LinkDownError:
+            raise StopAsyncIteration from None
+
+    def _listen(self) -> None:
+        if self._is_listening:
+            return
+        self._is_listening = True
+        self._link._start_reading()
+        this = weakref.ref(self)  # the link's thread must not keep the link
+
+        def messages_wait() -> None:
+            aio = this()
+            if aio is not None:
+                aio._messages_wait()
+
+        self._link._inbox.listen(messages_wait)
+
+    def _messages_wait(self) -> None:
+        """In the link's thread."""
+        if self._waiters:
+            self._soon(self._wake)
+
+    def _wake(self) -> None:
+        for waiter in self._waiters:
+            if not waiter.done():
+                waiter.set_result(None)
+
+    def _soon(self, function: Callable[..., object], *arguments: object) -> bool:
+        """Call it in the loop. False: the loop has ended."""
+        try:
+            self._loop.call_soon_threadsafe(function, *arguments)
+        except RuntimeError:
+            return False
+        return True
+
+    # ---- requests
+
+    async def request(
+        self,
+        message: str | TypedMessage,
+        values: Mapping[str, Any] | None = None,
+        /,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        header: Mapping[str, Any] | None = None,
+        **fields: Any,
+    ) -> Any:
+        """As ``Link.request``; other tasks run meanwhile. When the task is cancelled, a reply that still comes goes
+        where other messages go.
+
+        :param message: a message of the host that has a ``reply``, by its name or as an object of a generated module.
+        :param values: its fields by name, in SI units.
+        :param timeout: seconds.
+        :param header: the frame's own named fields, as for ``Link.send``.
+        :param fields: its fields as keywords; they go before those of ``values``.
+        :returns: the reply: a ``Message``, or an object of the generated module.
+        :raises RequestTimeoutError: no reply came in time.
+        """
+        answer: asyncio.Future[Outcome] = self._loop.create_future()
+        asked = self._link._ask(
+            message, values, timeout, header, fields, lambda outcome: self._answered(answer, outcome)
+        )
+        try:
+            async with asyncio.timeout(timeout):
+                outcome = await answer
+        except BaseException as error:
+            if answer.done() and not answer.cancelled():  # it came in the moment in which the task was cancelled
+                self._nobody_waits_for(answer.result())
+            if isinstance(error, TimeoutError):
+                raise asked.timeout_error() from None
+            raise
+        finally:
+            self._link._inbox.requests.withdraw(asked.question)
+        return asked.result(outcome)
+
+    def _answered(self, answer: asyncio.Future[Outcome], outcome: Outcome) -> None:
+        """In the link's thread."""
+        if not self._soon(self._settle, answer, outcome):
+            self._nobody_waits_for(outcome)
+
+    def _settle(self, answer: asyncio.Future[Outcome], outcome: Outcome) -> None:
+        if answer.done():
+            self._nobody_waits_for(outcome)
+        else:
+            answer.set_result(outcome)
+
+    def _nobody_waits_for(self, outcome: Outcome) -> None:
+        if isinstance(outcome, Message):
+            self._link._inbox.give_reply_back(outcome)
+
+    # ---- handlers
+
+    @overload
+    def on(
+        self, message: type[_T], /
+    ) -> Callable[[Callable[[_T], Awaitable[None]]], Callable[[_T], Awaitable[None]]]: ...
+    @overload
+    def on(self, message: str | None = None, /) -> Callable[[_MessageHandler], _MessageHandler]: ...
+    def on(self, message: str | type[TypedMessage] | None = None, /) -> Callable[[Any], Any]:
+        """As ``Link.on``, for a coroutine function: ``@link.aio.on("status")``. One task of this loop awaits all of
+        them, one after the other, in the order in which the messages came.
+
+        :param message: a message's name or its class; none: every message.
+        :returns: the decorator; it gives the function back.
+        :raises UsageError: there is no such message, or the function is no coroutine function.
+        """
+
+        def add(function: Callable[[Any], Awaitable[object]]) -> Callable[[Any], Awaitable[object]]:
+            self._serve(function)
+            self._link._add_handler(message, function, lambda value: self._call(function, value))
+            return function
+
+        self._link._check_kind(message)
+        return add
+
+    def on_deadline(self, action: str | None = None, /) -> Callable[[_DeadlineHandler], _DeadlineHandler]:
+        """As ``Link.on_deadline``, for a coroutine function.
+
+        :param action: the deadline's ``then``; none: every deadline of the host.
+        :returns: the decorator; it gives the function back.
+        :raises UsageError: there is no such deadline, or the function is no coroutine function.
+        """
+
+        def add(function: _DeadlineHandler) -> _DeadlineHandler:
+            self._serve(function)
+            self._link._add_deadline_handler(action, function, lambda event: self._call(function, event))
+            return function
+
+        self._link._check_strikes(action)
+        return add
+
+    def _serve(self, function: Callable[[Any], Awaitable[object]]) -> None:
+        if not asyncio.iscoroutinefunction(function):
+            raise UsageError(f"{function!r:.80} is no coroutine function; register it with link.on, or make it async")
+        if self._task is None:
+            self._task = self._loop.create_task(self._await_calls())
+
+    def _call(self, function: Callable[[Any], Awaitable[object]], value: object) -> None:
+        """In the handlers' thread."""
+        handlers = self._link._inbox.handlers
+        with self._lock:
+            if len(self._calls) >= MAX_WAITING:
+                self._calls.popleft()
+                handlers.dropped += 1
+            self._calls.append((function, value))
+        if not self._soon(self._has_calls.set):
+            raise LinkDownError("the event loop of this handler has ended")
+
+    async def _await_calls(self) -> None:
+        while True:
+            await self._has_calls.wait()
+            self._has_calls.clear()
+            while self._calls:
+                with self._lock:
+                    function, value = self._calls.popleft()
+                if function is None:
+                    return
+                try:
+                    await function(value)
+                except Exception as error:
+                    self._link._inbox.handlers.note_error(function, error)
+
+    # ---- the end
+
+    async def close(self) -> None:
+        """As ``Link.close``; other tasks run meanwhile. Coroutine handlers get what had come, within a second."""
+        self._link._begin_close()  # leases end now, also when this task is cancelled
+        await asyncio.to_thread(self._link.close)
+        task, self._task = self._task, None
+        if task is None or task is asyncio.current_task():
+            return
+        with self._lock:
+            self._calls.append((None, None))
+        self._has_calls.set()
+        await asyncio.wait({task}, timeout=_CLOSE_PATIENCE)
+        if not task.done():
+            self._link._inbox.handlers.dropped += max(len(self._calls) - 1, 0)
+            task.cancel()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()

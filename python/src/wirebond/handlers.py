@@ -1,0 +1,205 @@
+"""Functions that a link calls with messages, and when a deadline strikes or ends. One thread calls all of them."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from wirebond.codec import Message
+
+MAX_WAITING = 65536  # messages that wait for slow handlers; then the oldest are dropped, counted
+_DEADLINE_STEP = 0.01  # seconds between two looks at deadlines, as often as the link itself looks
+_REPORT_EVERY = 1.0  # seconds between two reports of one handler's errors
+
+_log = logging.getLogger("wirebond")
+
+
+@dataclass(frozen=True)
+class DeadlineEvent:
+    """A deadline of the host has struck, or has ended.
+
+    :ivar action: the deadline's ``then``.
+    :ivar struck: True: it has struck; False: it has ended.
+    :ivar t: when this was seen, on ``time.monotonic()``; at most 10 ms later, unless a handler was busy.
+    """
+
+    action: str
+    struck: bool
+    t: float
+
+
+@dataclass(eq=False)
+class _Handler:
+    function: Callable[..., object]  # what the program gave
+    call: Callable[[Any], object]  # what is called with a message or an event
+    name: str | None  # of the message or the action; None: all
+    told: set[str] = field(default_factory=set)  # actions that it knows as struck
+    reported: float = -_REPORT_EVERY
+    unreported: int = 0
+
+
+class Handlers:
+    """The functions, and the thread that calls them. Any thread may add and remove.
+
+    :param place: for the thread's name and for reports.
+    :param struck: the actions that have struck and not ended.
+    :param give_back: takes a message whose handlers were removed while it waited.
+    """
+
+    def __init__(self, place: str, struck: Callable[[], set[str]], give_back: Callable[[Message], None]) -> None:
+        self._place = place
+        self._struck = struck
+        self._give_back = give_back
+        self._lock = threading.RLock()
+        self._of_messages: tuple[_Handler, ...] = ()
+        self._of_deadlines: tuple[_Handler, ...] = ()
+        self._queue: SimpleQueue[Message | None] = SimpleQueue()  # None: look again
+        self._thread: threading.Thread | None = None
+        self._has_ended = False
+        self._is_left = False  # nothing more is called
+        self._is_calling = False
+        self.errors = 0  # handlers that raised
+        self.dropped = 0  # messages that waited too long
+
+    # ---- what programs call
+
+    def add(self, function: Callable[..., object], name: str | None, call: Callable[[Any], object]) -> None:
+        """Call ``call`` with each message of this name; ``function`` is what ``remove`` knows it by."""
+        with self._lock:
+            self._of_messages += (_Handler(function, call, name),)
+
+    def add_deadline(self, function: Callable[..., object], action: str | None, call: Callable[[Any], object]) -> None:
+        """Call ``call`` when this deadline strikes and ends; at once where it has struck."""
+        with self._lock:
+            self._of_deadlines += (_Handler(function, call, action),)
+        self._queue.put(None)
+
+    def remove(self, function: Callable[..., object]) -> bool:
+        """Call it no more. False: it was not called before."""
+        with self._lock:
+            count = len(self._of_messages) + len(self._of_deadlines)
+            self._of_messages = tuple(h for h in self._of_messages if h.function != function)
+            self._of_deadlines = tuple(h for h in self._of_deadlines if h.function != function)
+            return len(self._of_messages) + len(self._of_deadlines) < count
+
+    # ---- what the link calls
+
+    def start(self) -> None:
+        """The thread, once."""
+        with self._lock:
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name=f"handlers of {self._place}", daemon=True)
+                self._thread.start()
+
+    def want(self, message: Message) -> bool:
+        """Is there a handler for it?"""
+        return any(h.name is None or h.name == message.name for h in self._of_messages)
+
+    def put(self, message: Message) -> None:
+        """It waits for its turn. One thread at a time."""
+        if self._queue.qsize() >= MAX_WAITING:
+            self._drop_oldest()
+        self._queue.put(message)
+
+    def end(self) -> None:
+        """No message will come any more: the thread ends behind those that wait."""
+        self._has_ended = True
+        self._queue.put(None)
+
+    def leave(self, patience: float) -> None:
+        """Wait until the thread has called all that waits and has ended; after ``patience`` seconds it calls nothing
+        more, and what is left is dropped. In a handler this returns at once."""
+        thread = self._thread
+        if thread is None or thread is threading.current_thread():
+            return
+        thread.join(patience)
+        if thread.is_alive():
+            self._is_left = True
+            while self._drop_oldest():
+                pass
+
+    def stop(self, patience: float) -> None:
+        """The interpreter ends: begin no further call, and wait for one that has begun."""
+        self._is_left = True
+        self._queue.put(None)
+        until = time.monotonic() + patience
+        while self._is_calling and time.monotonic() < until and self._thread is not threading.current_thread():
+            time.sleep(0.001)
+
+    def note_error(self, function: Callable[..., object], error: BaseException) -> None:
+        """A handler raised: count it, and report it to ``logging``, each handler once a second at most."""
+        with self._lock:
+            self.errors += 1
+            handlers = (*self._of_messages, *self._of_deadlines)
+            handler = next((h for h in handlers if h.function == function), None)
+            more = ""
+            if handler is not None:
+                handler.unreported += 1
+                now = time.monotonic()
+                if now - handler.reported < _REPORT_EVERY:
+                    return
+                if handler.unreported > 1:
+                    more = f" ({handler.unreported} times since the last report)"
+                handler.reported, handler.unreported = now, 0
+        name = getattr(function, "__qualname__", repr(function))
+        _log.error("handler %s of %s raised %s%s; the link goes on", name, self._place, type(error).__name__, more,
+                   exc_info=error)  # fmt: skip
+
+    # ---- the thread
+
+    def _run(self) -> None:
+        looked = 0.0
+        while not self._is_left:
+            watches = bool(self._of_deadlines)
+            try:
+                message = self._queue.get(timeout=_DEADLINE_STEP if watches else None)
+            except Empty:
+                message = None
+            if watches and time.monotonic() - looked >= _DEADLINE_STEP / 2:
+                looked = time.monotonic()
+                self._look_at_deadlines(looked)
+            if message is not None:
+                self._call_for(message)
+            elif self._has_ended and self._queue.empty():
+                return
+
+    def _call_for(self, message: Message) -> None:
+        called = False
+        for handler in self._of_messages:
+            if handler.name is None or handler.name == message.name:
+                called = self._call(handler, message) or called
+        if not called:
+            self._give_back(message)
+
+    def _look_at_deadlines(self, now: float) -> None:
+        struck = self._struck()
+        for handler in self._of_deadlines:
+            for action in sorted(handler.told ^ struck):
+                if handler.name is None or handler.name == action:
+                    handler.told ^= {action}
+                    self._call(handler, DeadlineEvent(action, action in struck, now))
+
+    def _call(self, handler: _Handler, value: object) -> bool:
+        """False: it was removed meanwhile."""
+        self._is_calling = True
+        try:
+            if self._is_left or (handler not in self._of_messages and handler not in self._of_deadlines):
+                return False
+            handler.call(value)
+        except BaseException as error:
+            self.note_error(handler.function, error)
+        finally:
+            self._is_calling = False
+        return True
+
+    def _drop_oldest(self) -> bool:
+        try:
+            self.dropped += self._queue.get_nowait() is not None
+        except Empty:
+            return False
+        return True

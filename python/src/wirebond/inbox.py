@@ -1,0 +1,264 @@
+"""Where each received message goes: to its handlers, to the request that it answers, or to who takes messages.
+
+Until handlers, requests or coroutines are used, whoever takes messages gets them from the engine itself. From then on a
+thread of the link does so for all. It runs nothing of the program: neither handlers nor signals.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from typing import Generic, NamedTuple, TypeVar
+
+from wirebond import _engine
+from wirebond.codec import Codec, Message
+from wirebond.errors import LinkDownError
+from wirebond.handlers import Handlers
+from wirebond.protocol.model import End
+from wirebond.protocol.plan import plan_for
+from wirebond.requests import RequestBook
+
+MAX_WAITING = 65536  # messages that wait to be taken; then the oldest are dropped, counted
+MAX_SENDERS = 4096  # addresses whose newest message is kept, of each message
+_WAIT = 60.0  # seconds that the thread waits at once
+_CLOSING = 2.0  # seconds: longer than a link takes to close
+_TURN = 0.25  # seconds that a caller waits in the engine before it looks whether the thread has begun
+
+_T_co = TypeVar("_T_co", covariant=True)
+
+
+class Latest(NamedTuple, Generic[_T_co]):
+    """The newest message of its kind.
+
+    :ivar message: a ``Message``, or an object of a generated module.
+    :ivar t: when it came, on ``time.monotonic()``.
+    """
+
+    message: _T_co
+    t: float
+
+    @property
+    def age(self) -> float:
+        """Seconds since it came."""
+        return time.monotonic() - self.t
+
+
+class Inbox:
+    """All that a link received and that is not taken. Any thread may call it. It knows no ``Link``, so that a link
+    can become garbage while the thread runs.
+
+    :param place: the port, for sentences.
+    :param actions: of the host's deadlines, as the engine numbers them.
+    """
+
+    def __init__(self, codec: Codec, engine: _engine.Link, place: str, actions: list[str]) -> None:
+        self._engine = engine
+        self._place = place
+        self._lock = threading.RLock()  # a garbage collection within may take messages
+        self._arrived: deque[Message] = deque()  # from the engine, not routed yet
+        self._is_routing = False
+        self._queue: SimpleQueue[Message | None] = SimpleQueue()  # to be taken; None behind the last of all
+        self._dropped = 0
+        self._newest: dict[str, Message] = {}
+        self._newest_of: dict[str, dict[int, Message]] = {}  # by message and sender's address
+        plan = plan_for(codec.model, End.MCU)
+        self._sender = None if plan.peer is None else plan.header[plan.peer]
+        self._actions = actions
+        self._thread: threading.Thread | None = None
+        self._callers = 0  # that take from the engine themselves
+        self._listeners: tuple[Callable[[], None], ...] = ()
+        self.ended = threading.Event()  # no message will come any more
+        self.requests = RequestBook(codec)
+        self.handlers = Handlers(place, self.struck, self.give)
+
+    # ---- taking
+
+    def take(self, timeout: float) -> Message | None:
+        """The next message, or None when the time is over.
+
+        :raises LinkDownError: the link is closed, and all that had come was taken.
+        """
+        until = time.monotonic() + timeout
+        while True:
+            is_closed = self._engine.is_closed()  # before anything else: in a forked child it raises
+            message = self.take_now()
+            if message is not None:
+                return message
+            remaining = max(until - time.monotonic(), 0.0)
+            if not self._pull(min(remaining, _CLOSING if is_closed else _TURN)):
+                return self._wait(remaining)
+            message = self.take_now()
+            if message is not None or (remaining == 0.0 and not is_closed):
+                return message
+            if is_closed:
+                raise self._closed()
+
+    def look(self) -> None:
+        """Get what has come, so that ``take_now`` gives it."""
+        self._pull(0.0)
+
+    def take_now(self) -> Message | None:
+        """The next message that waits here, or None.
+
+        :raises LinkDownError: there will be none any more.
+        """
+        try:
+            return self._or_end(self._queue.get_nowait())
+        except Empty:
+            return None
+
+    def _wait(self, timeout: float) -> Message | None:
+        try:
+            return self._or_end(self._queue.get(timeout=timeout) if timeout > 0 else self._queue.get_nowait())
+        except Empty:
+            return None
+
+    def _or_end(self, message: Message | None) -> Message:
+        if message is None:
+            self._queue.put(None)  # for the next caller
+            raise self._closed()
+        return message
+
+    def _closed(self) -> LinkDownError:
+        return LinkDownError(f"the link to {self._place} is closed; no message will come")
+
+    def listen(self, listener: Callable[[], None]) -> None:
+        """Call it whenever messages wait to be taken, or none will come any more. In any thread."""
+        with self._lock:
+            self._listeners += (listener,)
+
+    # ---- the newest
+
+    def newest(self, name: str, sender: int | None) -> Message | None:
+        """The newest message of this name; of this sender's address, by its bits, unless that is None."""
+        self._pull(0.0)
+        return self._newest.get(name) if sender is None else self._newest_of.get(name, {}).get(sender)
+
+    def _note(self, message: Message) -> None:
+        name = message.name
+        self._newest[name] = message
+        if self._sender is None:
+            return
+        address = message.header.get(self._sender.name)
+        if address is None:
+            return
+        of_senders = self._newest_of.setdefault(name, {})
+        bits = self._sender.value.wire_bits(address)
+        if bits in of_senders or len(of_senders) < MAX_SENDERS:
+            of_senders[bits] = message
+
+    # ---- from the engine
+
+    def start(self) -> None:
+        """The thread, once."""
+        self._engine.is_closed()  # in a forked child it raises
+        with self._lock:
+            if self._thread is None and not self.ended.is_set():
+                self._thread = threading.Thread(target=self._run, name=f"messages of {self._place}", daemon=True)
+                self._thread.start()
+
+    @property
+    def dropped(self) -> int:
+        """Messages that nobody took in time."""
+        return self._dropped + self.handlers.dropped
+
+    def struck(self) -> set[str]:
+        """The actions of the host's deadlines that have struck and not ended."""
+        return {self._actions[index] for index in self._engine.struck_deadlines()}
+
+    def give(self, message: Message) -> None:
+        """To who takes messages."""
+        with self._lock:
+            if self._queue.qsize() >= MAX_WAITING:
+                with contextlib.suppress(Empty):
+                    self._dropped += self._queue.get_nowait() is not None
+            self._queue.put(message)
+        self._tell()
+
+    def give_reply_back(self, reply: Message) -> None:
+        """The request that took it does not wait for it any more. Handlers have had it, where there are any."""
+        if not self.handlers.want(reply):
+            self.give(reply)
+
+    def end(self) -> None:
+        """No message will come any more."""
+        if self.ended.is_set():
+            return
+        self.ended.set()
+        self._queue.put(None)
+        self.requests.end(
+            lambda name: LinkDownError(f"the link to {self._place} was closed before the reply to {name} came")
+        )
+        self.handlers.end()
+        self._tell()
+
+    def give_up(self) -> None:
+        """The interpreter ends, and the thread does not come back: what is here is all that can be taken."""
+        if self._thread is not None:
+            self.end()
+
+    def leave(self, patience: float) -> None:
+        """The link is closed: wait until all that came is where it goes, and handlers have had theirs."""
+        thread = self._thread
+        if thread is not None and thread is not threading.current_thread():
+            thread.join(patience)
+        self.handlers.leave(patience)
+
+    def _pull(self, timeout: float) -> bool:
+        """Get from the engine what came. False: the thread does that."""
+        self._engine.is_closed()  # in a forked child it raises: its locks may be held for ever
+        with self._lock:
+            if self._thread is not None or self.ended.is_set():
+                return False
+            self._callers += 1
+        try:
+            self._receive(timeout)
+        finally:
+            with self._lock:
+                self._callers -= 1
+        return True
+
+    def _run(self) -> None:
+        until = time.monotonic() + 2 * _TURN
+        while self._callers and time.monotonic() < until:  # they route what comes until they look here
+            time.sleep(0.001)
+        try:
+            while True:
+                is_closed = self._engine.is_closed()
+                if not self._receive(_WAIT) and is_closed:
+                    break
+        finally:
+            self.end()
+
+    def _receive(self, timeout: float) -> bool:
+        """Wait for what comes, and route it. False: nothing came in time, or nothing will come."""
+        # In one call of C: a signal between receiving and keeping would lose the messages.
+        self._arrived.extend(itertools.chain.from_iterable(map(self._engine.receive, (timeout,))))
+        has_come = bool(self._arrived)
+        with self._lock:
+            if self._is_routing:  # called by a garbage collection or a signal within: the outer call goes on
+                return has_come
+            self._is_routing = True
+            try:
+                while self._arrived:
+                    self._route(self._arrived.popleft())
+            finally:
+                self._is_routing = False
+        return has_come
+
+    def _route(self, message: Message) -> None:
+        self._note(message)
+        is_taken = self.requests.take(message)
+        if self.handlers.want(message):
+            self.handlers.put(message)
+        elif not is_taken:
+            self.give(message)
+
+    def _tell(self) -> None:
+        for listener in self._listeners:
+            listener()

@@ -1,0 +1,389 @@
+"""What a program does with received messages: take them, see the newest, have functions called, ask for replies."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, TypeVar, overload
+
+from wirebond import _engine
+from wirebond.codec import Codec, Message, refuse_option_for_field
+from wirebond.errors import LinkDownError, RequestTimeoutError, UsageError
+from wirebond.handlers import DeadlineEvent
+from wirebond.inbox import Inbox, Latest
+from wirebond.protocol.model import End
+from wirebond.protocol.plan import plan_for
+from wirebond.protocol.problems import nearest, no_message
+from wirebond.requests import DEFAULT_TIMEOUT, Outcome, Question, check_timeout, timeout_error
+from wirebond.typed import TypedMessage, from_message_of, maker_of, message_class, name_and_values
+
+if TYPE_CHECKING:
+    from wirebond.aio import Aio
+
+_T = TypeVar("_T", bound=TypedMessage)
+_MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], object])
+_DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], object])
+_ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are heard meanwhile
+_PATIENCE = 1.0  # seconds that the end of a link waits for handlers
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A request that is under way."""
+
+    link: Receiving
+    question: Question
+    header: Mapping[str, Any]
+    timeout: float
+    kind: type | None  # of the object that asked; None: a name
+
+    def result(self, outcome: Outcome) -> Any:
+        """The reply as the caller wants it; or raises what went wrong."""
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome if self.kind is None else from_message_of(self.kind)(outcome)
+
+    def timeout_error(self) -> RequestTimeoutError:
+        """That the reply did not come in time."""
+        link = self.link
+        return timeout_error(link.codec, self.question, self.header, self.timeout, link.port, link.state)
+
+
+class Receiving:
+    """The receiving half of a ``Link``. What the other half has is declared here."""
+
+    codec: Codec
+    port: str
+    _engine: _engine.Link
+    _inbox: Inbox
+    _actions: list[str]
+    _aio: Aio | None = None
+
+    # ---- taking messages
+
+    def receive(self, timeout: float = 0.0) -> list[Message]:
+        """Messages since the last call, waiting up to ``timeout`` seconds for the first.
+
+        Signals are heard within a moment: Ctrl-C raises ``KeyboardInterrupt`` here.
+
+        :param timeout: seconds; 0 does not wait.
+        :returns: the messages in the order in which they came; none when the time is over.
+        :raises LinkDownError: the link is closed, and all that had come was taken.
+        """
+        wait = timeout if 0 <= timeout < 1e9 else 0.0 if not timeout > 0 else 1e9
+        messages: list[Message] = []
+        self._inbox.look()
+        message = self._inbox.take(wait)
+        while message is not None:
+            messages.append(message)
+            try:
+                message = self._inbox.take_now()
+            except LinkDownError:  # the next call says so
+                break
+        return messages
+
+    def __iter__(self) -> Iterator[Message]:
+        """Messages as they come, until ``close``. Those that are left when a loop ends are for the next one."""
+        while True:
+            try:
+                message = self._inbox.take(_ITERATION_WAIT)
+            except LinkDownError:
+                if not self._engine.is_closed():
+                    raise
+                return
+            if message is not None:
+                yield message
+
+    # ---- the newest
+
+    @overload
+    def latest(self, message: type[_T], *, header: Mapping[str, Any] | None = None) -> Latest[_T] | None: ...
+    @overload
+    def latest(self, message: str, *, header: Mapping[str, Any] | None = None) -> Latest[Message] | None: ...
+    def latest(
+        self, message: str | type[TypedMessage], *, header: Mapping[str, Any] | None = None
+    ) -> Latest[Any] | None:
+        """The newest message of this name. Takes nothing from a loop, from handlers or from requests. Any thread.
+
+        :param message: its name, or its class of a generated module.
+        :param header: where frames name their sender: whose message, such as ``{"servo": 3}``. None: anybody's.
+        :returns: the message and when it came (``message``, ``t``, ``age``); None before the first one.
+        :raises UsageError: the MCU sends no such message; or ``header`` does not name the sender.
+        :raises MessageError: ``header`` has a wrong name or value.
+        """
+        name = self._received_name(message)
+        found = self._inbox.newest(name, None if header is None else self._sender_bits(header))
+        if found is None:
+            return None
+        return Latest(found if isinstance(message, str) else maker_of(message)(found), found.t)
+
+    # ---- handlers
+
+    @overload
+    def on(self, message: type[_T], /) -> Callable[[Callable[[_T], None]], Callable[[_T], None]]: ...
+    @overload
+    def on(self, message: str | None = None, /) -> Callable[[_MessageHandler], _MessageHandler]: ...
+    def on(self, message: str | type[TypedMessage] | None = None, /) -> Callable[[Any], Any]:
+        """A decorator: call this function with each message of this name. ``@link.on("status")``, ``@link.on()``.
+
+        One thread of the link calls all handlers, one after the other, in the order in which messages came and, for one
+        message, in that of registration. What a handler raises is reported to ``logging`` (``"wirebond"``) and counted
+        (``stats.handler_errors``); the link goes on. A handler may call everything of the link. A message that has a
+        handler is not given to a loop or to ``receive``. Any thread.
+
+        :param message: a message of the MCU by its name, or its class of a generated module, whose objects the function
+            gets then; none: every message, ``unknown`` ones too.
+        :returns: the decorator; it gives the function back.
+        :raises UsageError: the MCU sends no such message; or the function is a coroutine function, which belongs to
+            ``link.aio.on``.
+        """
+
+        def add(function: Callable[[Any], object]) -> Callable[[Any], object]:
+            _refuse_coroutine(function, "on")
+            self._add_handler(message, function, function)
+            return function
+
+        self._check_kind(message)
+        return add
+
+    def on_deadline(self, action: str | None = None, /) -> Callable[[_DeadlineHandler], _DeadlineHandler]:
+        """A decorator: call this function with a ``DeadlineEvent`` when the deadline strikes, and when it ends.
+
+        The handlers' thread looks every 10 ms, between two messages: a deadline that strikes and ends within that time
+        is not seen. One that has struck already is told at once. Any thread.
+
+        :param action: the deadline's ``then``; none: every deadline of the host.
+        :returns: the decorator; it gives the function back.
+        :raises UsageError: the file has no such deadline at the host; or a coroutine function, which belongs to
+            ``link.aio.on_deadline``.
+        """
+
+        def add(function: _DeadlineHandler) -> _DeadlineHandler:
+            _refuse_coroutine(function, "on_deadline")
+            self._add_deadline_handler(action, function, function)
+            return function
+
+        self._check_strikes(action)
+        return add
+
+    def off(self, function: Callable[..., object], /) -> None:
+        """Call this handler no more, of messages and of deadlines. A call that has begun goes on. A message that waited
+        for it alone goes to a loop or to ``receive``. Any thread.
+
+        :param function: what ``on``, ``on_deadline`` or ``aio.on`` got.
+        :raises UsageError: it is no handler of this link.
+        """
+        if not self._inbox.handlers.remove(function):
+            raise UsageError(f"{function!r:.80} is no handler of this link")
+
+    def run(self, timeout: float | None = None) -> bool:
+        """Wait while handlers work, until the link is closed. A program with nothing but handlers calls it last.
+
+        Signals are heard: Ctrl-C raises ``KeyboardInterrupt`` here.
+
+        :param timeout: seconds; None: no limit.
+        :returns: True: the link was closed, and handlers have had what came. False: the time is over.
+        """
+        self._start_reading()
+        if not self._inbox.ended.wait(timeout):
+            return False
+        self._inbox.leave(_PATIENCE)
+        return True
+
+    # ---- requests
+
+    def request(
+        self,
+        message: str | TypedMessage,
+        values: Mapping[str, Any] | None = None,
+        /,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        header: Mapping[str, Any] | None = None,
+        **fields: Any,
+    ) -> Any:
+        """Send a message that has a ``reply``, and wait for that reply. Any thread, also in a handler.
+
+        A reply belongs to the first request of its kind that waits: of the same address, where the MCU names its own,
+        and, where request and reply share fields of one name and type, with the same values. The caller gets it, and
+        handlers of that message do; a loop and ``receive`` do not.
+
+        :param message: a message of the host that has a ``reply``, by its name or as an object of a generated module.
+        :param values: its fields by name, in SI units.
+        :param timeout: seconds, more than 0 and at most 3600.
+        :param header: the frame's own named fields, as for ``send``: whom to ask.
+        :param fields: its fields as keywords; they go before those of ``values``.
+        :returns: the reply: a ``Message``, or an object of the generated module.
+        :raises RequestTimeoutError: no reply came in time.
+        :raises UsageError: the message has no ``reply``, or ``timeout`` is out of its range; or the message has a field
+            of the name of an option, which belongs into ``values``.
+        :raises MessageError: a value is wrong, or the message is the MCU's to send.
+        :raises StoppedError: an emergency stop holds the message.
+        :raises LinkDownError: the port is away at the moment, or the link is closed.
+        :raises QueueFullError: 64 KiB wait already.
+        """
+        answer: SimpleQueue[Outcome] = SimpleQueue()
+        asked = self._ask(message, values, timeout, header, fields, answer.put)
+        outcome: Outcome | None = None
+        try:
+            try:
+                outcome = answer.get(timeout=timeout)
+            except Empty:
+                self._inbox.requests.withdraw(asked.question)
+                try:
+                    outcome = answer.get_nowait()  # it came meanwhile
+                except Empty:
+                    raise asked.timeout_error() from None
+            return asked.result(outcome)
+        finally:
+            self._inbox.requests.withdraw(asked.question)
+            if outcome is None and not answer.empty() and isinstance(left := answer.get_nowait(), Message):
+                self._inbox.give_reply_back(left)  # a signal ended the wait
+
+    @property
+    def aio(self) -> Aio:
+        """What waits, for coroutines: ``async for message in link.aio``, ``await link.aio.request(...)``. In a running
+        event loop.
+
+        :raises UsageError: no event loop runs in this thread.
+        """
+        import asyncio  # noqa: PLC0415 programs without it begin sooner
+
+        from wirebond.aio import Aio  # noqa: PLC0415
+
+        try:
+            loop = asyncio.get_running_loop()
+        except RuntimeError:
+            raise UsageError("link.aio belongs to a running event loop; use it within a coroutine") from None
+        if self._aio is None or self._aio._loop is not loop:
+            self._aio = Aio(self, loop)
+        return self._aio
+
+    # ---- for the parts of a link
+
+    def _ask(
+        self,
+        message: str | TypedMessage,
+        values: Mapping[str, Any] | None,
+        timeout: float,
+        header: Mapping[str, Any] | None,
+        fields: Mapping[str, Any],
+        finish: Callable[[Outcome], None],
+    ) -> Asked:
+        """Send a request; ``finish`` gets what comes of it."""
+        check_timeout(timeout)
+        name, given = name_and_values(message, values, fields)
+        self._check_sender(name)
+        options = {"timeout": None if timeout == DEFAULT_TIMEOUT else timeout, "header": header}
+        refuse_option_for_field("request", self.codec.model.message(name), options, given)
+        self._start_reading()
+        question = self._question(name, given, header, finish)
+        kind = None if isinstance(message, str) else message_class(type(message))
+        self._inbox.requests.submit(question)
+        return Asked(self, question, header or {}, timeout, kind)
+
+    def _start_reading(self) -> None:
+        self._inbox.start()
+
+    def _add_handler(
+        self,
+        message: str | type[TypedMessage] | None,
+        function: Callable[..., object],
+        call: Callable[[Any], object],
+    ) -> None:
+        name = None if message is None else self._received_name(message)
+        if isinstance(message, type):
+            typed, plain = maker_of(message), call
+            call = lambda received: plain(typed(received))  # noqa: E731
+        self._inbox.handlers.add(function, name, call)
+        self._inbox.handlers.start()
+        self._start_reading()
+
+    def _add_deadline_handler(
+        self, action: str | None, function: Callable[..., object], call: Callable[[Any], object]
+    ) -> None:
+        self._inbox.handlers.add_deadline(function, action, call)
+        self._inbox.handlers.start()
+        self._start_reading()
+
+    def _check_kind(self, message: object) -> None:
+        """Of what handlers are called with: all, a name, a class."""
+        if message is not None and not isinstance(message, str | type):
+            raise UsageError(f"on() takes a message's name or class, not {message!r:.80}; write @link.on() for all")
+        if message is not None:
+            self._received_name(message)
+
+    def _check_strikes(self, action: object) -> None:
+        if action is not None or not self._actions:
+            self._check_action(action, "that could strike")
+
+    def _check_action(self, action: object, nothing: str) -> None:
+        if action not in self._actions:
+            raise UsageError(_no_action(self.codec, action, self._actions, nothing))
+
+    def _received_name(self, message: str | type[TypedMessage]) -> str:
+        """Of a message that may come.
+
+        :raises UsageError: none may.
+        """
+        name = message if isinstance(message, str) else message_class(message).NAME
+        known = {m.name: m for m in self.codec.model.messages}
+        if name not in known and name != "unknown":
+            raise UsageError(no_message(self.codec.name, name, known))
+        if name in known and not known[name].sent_by(End.MCU):
+            raise UsageError(f"{name} is sent by the host; it never comes here")
+        return name
+
+    def _sender_bits(self, header: Mapping[str, Any]) -> int:
+        """The address in this header, of a frame of the MCU."""
+        plan = plan_for(self.codec.model, End.MCU)
+        sender = None if plan.peer is None else plan.header[plan.peer].name
+        if plan.peer is None or sender not in header:
+            advice = "leave out header=" if sender is None else f"give {sender}"
+            raise UsageError(f"header is {dict(header)!r:.80}, which does not say who sent the message; {advice}")
+        return _engine.header_bits(self.codec._format_for(End.MCU), dict(header))[plan.peer]
+
+    def _check_sender(self, message: str) -> None:
+        raise NotImplementedError
+
+    def _question(
+        self,
+        name: str,
+        values: Mapping[str, Any],
+        header: Mapping[str, Any] | None,
+        finish: Callable[[Outcome], None] | None,
+    ) -> Question:
+        raise NotImplementedError
+
+    def _begin_close(self) -> None:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """See ``Link``."""
+        raise NotImplementedError
+
+    @property
+    def state(self) -> str:
+        """See ``Link``."""
+        raise NotImplementedError
+
+
+def _refuse_coroutine(function: object, where: str) -> None:
+    if inspect.iscoroutinefunction(function):
+        raise UsageError(f"{function!r:.80} is a coroutine function; register it with link.aio.{where}")
+
+
+def _no_action(codec: Codec, wanted: object, actions: list[str], nothing: str) -> str:
+    """That no deadline at the host has this action; the nearest, and all that there are."""
+    name = codec.name
+    if not actions:
+        return f"{name} has no deadline at the host, so that there is nothing {nothing}; see `deadlines` in its file"
+    listing = f"it has {', '.join(actions)}"
+    if not isinstance(wanted, str):
+        return f"{wanted!r:.80} is no action of a deadline; {listing}"
+    own = [d.then for d in codec.model.deadlines if d.at == End.HOST and d.message == wanted]
+    near = own[0] if own else nearest(wanted, actions)
+    hint = f"did you mean {near}? " if near else ""
+    return f"{name} has no deadline {wanted!r:.80} at the host; {hint}{listing}"

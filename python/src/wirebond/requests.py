@@ -1,0 +1,253 @@
+"""Which request a reply answers: by its message, its address, the fields that it carries back, and the order.
+
+No thread, no port: who sends notes what is asked, and who receives asks whose each message is.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from wirebond.codec import Codec, Message
+from wirebond.errors import RequestTimeoutError, UsageError
+from wirebond.protocol.model import End, Field, FieldKind
+from wirebond.protocol.model import Message as MessageModel
+from wirebond.protocol.plan import plan_for, told_by_request
+
+DEFAULT_TIMEOUT = 1.0  # seconds
+MAX_TIMEOUT = 3600.0  # seconds: a longer wait is a mistake
+_OWN_SEND = 1.0  # seconds that the reply to a message of plain `send` may take
+_LATE = 10.0  # seconds after which no reply to an old request is expected any more
+_MOST = 1024  # questions of one reply that are remembered
+_SLACK = 0.05  # seconds: a message that was read longer than this before its request left is no reply to it
+
+Outcome = Message | Exception
+
+
+@dataclass(eq=False)
+class Question:
+    """One frame that asks for a reply.
+
+    ``finish`` is called once, by any thread, with the reply or what went wrong. None: nobody waits here, because the
+    frame went out by plain ``send``, or its request was given up.
+    """
+
+    message: str
+    reply: str
+    address: int | None  # of whom it asks; None: of anybody
+    frame: bytes
+    finish: Callable[[Outcome], None] | None
+    leave: Callable[[], object] = lambda: None  # sends it; raises where it is refused
+    since: float = 0.0  # time.monotonic()
+    until: float = 0.0  # no reply is expected later than this
+    is_over: bool = False  # its request was given up: it may only take what is surely its own
+    carried: Mapping[str, Any] | None = None  # fields that the reply carries back; None: not looked at yet
+
+
+class RequestBook:
+    """All that was asked and not answered. Any thread.
+
+    :param codec: the protocol.
+    """
+
+    def __init__(self, codec: Codec) -> None:
+        self._codec = codec
+        self._lock = threading.RLock()  # a garbage collection within may send
+        self._asked: dict[str, deque[Question]] = {}  # by reply, in the order of the line
+        # Where only the request tells what a reply is, the next request waits for the end of the one before.
+        self._one_at_a_time = bool(told_by_request(codec.model.messages, End.MCU))
+        self._waiting: deque[Question] = deque()
+        plan = plan_for(codec.model, End.MCU)
+        self._peer = None if plan.peer is None else plan.header[plan.peer]
+        self._shared: dict[str, list[str]] = {}
+
+    def question(
+        self, message: str, frame: bytes, header: Mapping[str, Any], finish: Callable[[Outcome], None] | None
+    ) -> Question:
+        """What this frame asks.
+
+        :raises UsageError: the message has no reply.
+        """
+        reply = self._codec._reply_to(message)
+        address = None
+        if self._peer is not None:
+            asked = self._codec._address_of(header)
+            address = None if asked in self._codec._broadcasts else asked
+        return Question(message, reply, address, frame, finish)
+
+    def submit(self, question: Question) -> None:
+        """Send it, now or when its turn comes; what refuses it at once is raised."""
+        with self._lock:
+            if self._one_at_a_time and question.finish is not None and self._is_busy():
+                self._waiting.append(question)
+                return
+            self._leave(question)
+
+    def withdraw(self, question: Question) -> None:
+        """Nobody waits for it any more; what still comes of it is nobody's. Then the next one leaves."""
+        with self._lock:
+            question.finish = None
+            question.is_over = True
+            question.until = time.monotonic() + _LATE
+            if question in self._waiting:
+                self._waiting.remove(question)
+            asked = self._asked.get(question.reply, ())
+            if question in asked and not self._carried_names(question):  # a late reply could be any
+                self._asked[question.reply].remove(question)
+            self._next()
+
+    def take(self, message: Message) -> bool:
+        """Give a received message to the request that it answers. False: no request waits for it."""
+        if not self._asked.get(message.name):
+            return False
+        with self._lock:
+            question = self._answered_by(message)
+            if question is None:
+                return False
+            self._asked[message.name].remove(question)
+            finish = question.finish
+            if finish is None:
+                return False
+            question.finish = None
+            finish(message)
+            self._next()
+            return True
+
+    def end(self, error: Callable[[str], Exception]) -> None:
+        """No message will come any more: every request ends with its error.
+
+        :param error: makes it, of the message that was sent.
+        """
+        with self._lock:
+            questions = [*self._waiting, *(q for asked in self._asked.values() for q in asked)]
+            self._waiting.clear()
+            self._asked.clear()
+            for question in questions:
+                if question.finish is not None:
+                    question.finish(error(question.message))
+                    question.finish = None
+
+    # ---- whose a message is
+
+    def _answered_by(self, message: Message) -> Question | None:
+        asked = self._asked[message.name]
+        now = time.monotonic()
+        for old in [q for q in asked if q.finish is None and q.until < now]:
+            asked.remove(old)
+        sender = self._sender_of(message)
+        fitting = [
+            q
+            for q in asked
+            if (q.address is None or sender is None or q.address == sender) and message.t >= q.since - _SLACK
+        ]
+        expecting = [q for q in fitting if not q.is_over]
+        same = [q for q in fitting if self._carries(message, q)]
+        if same:  # it says whose it is; of several the first that still waits
+            return next((q for q in same if not q.is_over), same[0])
+        return expecting[0] if expecting else None
+
+    def _sender_of(self, message: Message) -> int | None:
+        if self._peer is None or self._peer.name not in message.header:
+            return None
+        return self._peer.value.wire_bits(message.header[self._peer.name])
+
+    def _is_busy(self) -> bool:
+        return bool(self._waiting) or any(q.finish is not None for asked in self._asked.values() for q in asked)
+
+    def _leave(self, question: Question) -> None:
+        """Send it, and note it in the order of the line."""
+        asked = self._asked.setdefault(question.reply, deque())
+        while len(asked) >= _MOST and (old := next((q for q in asked if q.finish is None), None)) is not None:
+            asked.remove(old)
+        question.since = time.monotonic()
+        question.until = question.since + _OWN_SEND
+        asked.append(question)
+        try:
+            question.leave()
+        except BaseException:
+            asked.remove(question)
+            raise
+        question.leave = _left  # it holds the link
+
+    def _next(self) -> None:
+        """The turn of a request that waited."""
+        while self._waiting and not any(q.finish is not None for asked in self._asked.values() for q in asked):
+            question = self._waiting.popleft()
+            try:
+                self._leave(question)
+            except Exception as error:
+                finish, question.finish = question.finish, None
+                if finish is not None:
+                    finish(error)
+
+    def _carried_names(self, question: Question) -> list[str]:
+        if question.message not in self._shared:
+            message = self._codec.model.message
+            self._shared[question.message] = carried_back(message(question.reply), message(question.message))
+        return self._shared[question.message]
+
+    def _carries(self, message: Message, question: Question) -> bool:
+        """Has this reply the values of the request? False where it carries none back."""
+        names = self._carried_names(question)
+        if not names:
+            return False
+        if question.carried is None:  # as they stand on the wire
+            decoder = self._codec.decoder(End.HOST)
+            sent = [*decoder.feed(question.frame), *decoder.finish()]
+            question.carried = next((m.fields for m in sent if m.name == question.message), {})
+        fields = message.fields
+        return all(name in question.carried and fields[name] == question.carried[name] for name in names)
+
+
+def _left() -> None:
+    raise AssertionError("a question leaves once")
+
+
+def carried_back(reply: MessageModel, request: MessageModel) -> list[str]:
+    """Fields that both have, of one kind; not what counts or is counted, which only fits together."""
+    asked = {f.name: f for f in request.fields if f.kind != FieldKind.PADDING}
+    return [
+        f.name
+        for f in reply.fields
+        if f.name in asked and not f.is_count and not f.counted_by and _shape(f) == _shape(asked[f.name])
+    ]
+
+
+def _shape(f: Field) -> tuple[object, ...]:
+    return f.kind, f.count, f.is_list, f.is_scaled, f.enum, f.flags, f.fields
+
+
+def check_timeout(timeout: float) -> None:
+    """:raises UsageError: no time that a request may wait."""
+    if not 0 < timeout <= MAX_TIMEOUT:
+        raise UsageError(f"timeout is {timeout:g} s; expected more than 0 and at most {MAX_TIMEOUT:g} s")
+
+
+def timeout_error(
+    codec: Codec, question: Question, header: Mapping[str, Any], timeout: float, port: str, state: str
+) -> RequestTimeoutError:
+    """That no reply came: what was asked, of whom, how long, and what to look at."""
+    plan = plan_for(codec.model, End.HOST)
+    whom = ""
+    if codec._address is not None:
+        asked = plan.header[codec._address]
+        whom = f" from {asked.name} {header.get(asked.name, asked.default(End.HOST))}"
+    if question.since == 0.0:
+        advice = "It was not sent, because other requests were not answered before it; give it more time"
+    else:
+        advice = {
+            "down": f"{port} is not connected at the moment; plug it in",
+            "stale": "Nothing at all comes; check the cable, the baud rate, and that the MCU runs",
+            "up": f"Other frames come; check that the MCU answers {question.message}"
+            + (", and the address" if whom else ""),
+        }[state]
+    return RequestTimeoutError(
+        f"no {question.reply}{whom} within {timeout:g} s of {question.message}. {advice}",
+        question.message,
+        question.reply,
+        timeout,
+    )

@@ -1,0 +1,29 @@
+"""What several tests of a link need."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.shared import ROOT
+from wirebond.gen import generate_python
+from wirebond.protocol import load
+
+
+@pytest.fixture
+def diffdrive(tmp_path: Path) -> Iterator[Any]:
+    """The generated module of diffdrive."""
+    (path,) = generate_python(load(ROOT / "protocols" / "diffdrive.yaml"), tmp_path)
+    spec = importlib.util.spec_from_file_location("generated_diffdrive", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules[spec.name]
