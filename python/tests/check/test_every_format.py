@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wirebond.check import check_strength, holdback, line_budget, noise, stuffing
+from wirebond.check import check_strength, cut_frames, holdback, line_budget, noise, stuffing
 from wirebond.check.damage import decode_blocks
 from wirebond.check.frame_facts import senders, wire_bytes
 from wirebond.check.places import Places
@@ -76,3 +76,8 @@ def test_the_usual_form_of_a_frame_is_what_the_line_budget_counts() -> None:
     """MAVLink 2 without its signature: 10 bytes of header, payload, 2 of check."""
     model = format_of("mavlink").model
     assert wire_bytes(model, senders(model)[0], 9) == 10 + 9 + 2
+
+
+def test_texts_and_hex_digits_hold_no_delimiter() -> None:
+    for name in ("nmea", "lines", "modbus_ascii"):
+        assert cut_frames.assess(format_of(name), 1, Places()) == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from python.tests.check.files import DEFAULT_FRAME, made, rules, shipped
 
-from wirebond.check import identity, line_budget, schedule, stuffing, urgent_wait
+from wirebond.check import cut_frames, identity, line_budget, schedule, stuffing, urgent_wait
 from wirebond.check.findings import Finding, Severity
 from wirebond.check.places import Places
 from wirebond.check.wording import percent
@@ -150,3 +150,15 @@ def test_an_id_with_two_meanings_is_a_note() -> None:
 def test_start_bytes_that_values_are_full_of_are_a_warning(magic: str, found: int) -> None:
     codec = made(DEFAULT_FRAME.replace("0xA5", magic))
     assert len(identity.assess_magic(codec.model, NOWHERE)) == found
+
+
+# ---- delimiters among bytes that are not stuffed
+
+
+def test_frames_that_a_delimiter_within_cuts_are_a_warning() -> None:
+    frame = "[delimiter: 0x24, id: u8, payload: rest, check: crc-16/xmodem, delimiter: 0x0A]"
+    (finding,) = cut_frames.assess(made(frame), 1, NOWHERE)
+    assert (finding.rule, finding.severity) == ("cut-frame", Severity.WARNING)
+    assert "of frames with random values hold a delimiter, and no receiver finds them" in finding.sentence
+    stuffed = "[delimiter: 0x00, cobs: [id: u8, payload: rest, check: crc-16/xmodem], delimiter: 0x00]"
+    assert cut_frames.assess(made(stuffed), 1, NOWHERE) == []

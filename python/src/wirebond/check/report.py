@@ -5,7 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from wirebond.check import check_strength, examples, holdback, identity, line_budget, noise, schedule, stuffing
+from wirebond.check import (
+    check_strength,
+    cut_frames,
+    examples,
+    holdback,
+    identity,
+    line_budget,
+    noise,
+    schedule,
+    stuffing,
+)
 from wirebond.check import urgent_wait as urgent
 from wirebond.check.check_strength import Strength
 from wirebond.check.findings import Finding, Severity, worst_first
@@ -89,6 +99,7 @@ def lint(
     zero = stuffing.measure_inserted_zero(measured, seed)
     findings = [
         *examples.assess(codec, where),
+        *cut_frames.assess(measured, seed, where),
         *line_budget.assess(model, budgets, where),
         *([] if stuffing.explains_damage(model, zero) else check_strength.assess(model, strength, where)),
         *check_strength.uncovered(model, where),
