@@ -131,6 +131,21 @@ def test_a_cancelled_request_leaves_its_reply_to_others() -> None:
         assert asyncio.run(program(link, lambda: mcu.send("pose", x=5))) == 5
 
 
+def test_a_reply_that_comes_as_its_request_is_cancelled_is_not_lost() -> None:
+    async def program(link: wirebond.Link) -> int:
+        task = asyncio.create_task(link.aio.request("query", timeout=60))
+        await asyncio.sleep(0)
+        wait_until(lambda: link.latest("pose"), "the reply is here, and the loop was not told yet")
+        time.sleep(0.05)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        return int((await link.aio.receive(10))["x"])
+
+    with linked(ARM, pose) as (link, _):
+        assert asyncio.run(program(link)) == 41
+
+
 def test_coroutine_handlers_run_in_the_loop_in_order(caplog: pytest.LogCaptureFixture) -> None:
     async def program(link: wirebond.Link, send: Any) -> list[int]:
         seen: list[int] = []
