@@ -118,9 +118,9 @@ class Link(Receiving):
                 codec._table, codec._format_for(End.MCU), _engine_port(name, wait_for_port), engine_options
             )
         except PortError as error:
-            if error.errno != errno.EACCES or name.moves:
+            if error.errno != errno.EACCES:
                 raise
-            raise PortError(no_permission(name.text), error.errno, name.text) from None
+            raise PortError(no_permission(name.path()), error.errno, name.text) from None
         self._has_safe: set[tuple[str, int]] = set()  # addresses of the stop's messages that have a safe value
         self._address_field = own_address_field(codec)
         self._own_address: int | str | None = None  # what `address` was set to
