@@ -71,9 +71,10 @@ def _verify_message(codec: Codec, message: Message, source: random.Random) -> No
 
 
 def _splits(protocol: Protocol, frame: bytes) -> bool:
-    """Where nothing is stuffed, a delimiter within the frame ends it too early; the manual says so."""
+    """A delimiter among what is not stuffed ends the frame too early; the manual and `wirebond check` say so."""
     frame_format = protocol.format
-    if frame_format.delimiter is None or frame_format.stuffing != Stuffing.NONE:
+    is_stuffed = frame_format.stuffing != Stuffing.NONE and not any(part.is_plain for part in frame_format.parts)
+    if frame_format.delimiter is None or is_stuffed:
         return False
     body = frame[len(frame_format.opening or b"") : -len(frame_format.delimiter)]
     return any(mark in body for mark in (frame_format.delimiter, frame_format.opening) if mark is not None)
