@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import threading
 import time
@@ -148,7 +147,7 @@ def test_it_always_comes_back_and_sends_nothing_of_before(
                 name[0] = tmp_path / f"ttyUSB{event + 1}"
             name[0].symlink_to(device.plug_in())
             poses = writer.poses
-            wait_until(lambda: len(device.heard) > 0 and writer.poses > poses, link, event)
+            wait_until(lambda poses=poses: len(device.heard) > 0 and writer.poses > poses, link, event)
             assert min(device.heard) > before, (kind, event)
     stats = link.stats
     assert stats.reconnects == away > 0
@@ -176,5 +175,5 @@ def test_the_process_keeps_no_descriptor_of_a_port_that_went_away(tmp_path: Path
             name.unlink()
             port.close()
             wait_until(lambda: link.state == "down", link, event)
-            counts.append(len(os.listdir("/proc/self/fd")))
+            counts.append(len(list(Path("/proc/self/fd").iterdir())))
     assert len(set(counts[1:])) == 1, counts
