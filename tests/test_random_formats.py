@@ -295,6 +295,16 @@ def test_nearly_all_drawn_files_load() -> None:
     assert refused <= 5
 
 
+@pytest.mark.parametrize("seed", [2602, 5587])
+def test_formats_that_once_disagreed(seed: int) -> None:
+    """2602: a number, and a part that is there for some sizes; 5587: a field that a range and a mask ask for."""
+    drawn, source = drawn_format(seed), random.Random(f"streams {seed}")
+    senders = [sender for sender in SENDERS if sender is not None or not needs_sender(drawn.codec.model)]
+    for sender in senders:
+        listen(drawn, sender, source, -(-100 // len(senders)))
+    verify_sent(drawn, source)
+
+
 @pytest.mark.parametrize("first", [0, 12])
 def test_three_decoders_agree_on_random_formats(first: int, tmp_path: Path) -> None:
     verify_formats(range(first, first + 12), 100, tmp_path, BUILD)

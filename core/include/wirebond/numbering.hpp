@@ -14,7 +14,8 @@
 namespace wirebond {
 
 /// The form of a frame as `lay_out_frame` made it, or as it was unstuffed: the first whose constants it has, and none
-/// of whose exclusions holds. Bytes alone tell it: a condition on the payload's size is verified elsewhere.
+/// of whose exclusions holds. Where zeros at the payload's end were cut, its size excludes nothing: there the forms
+/// differ in other bytes.
 template <class Source>
 WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* frame, std::size_t size) {
   constexpr bool unroll = Source::is_constant;
@@ -36,6 +37,8 @@ WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* fr
       const std::uint64_t value = detail::read_wide(exclusion.number, frame, size);
       return value < exclusion.low || value > exclusion.high;
     };
+    const std::size_t payload = size - form.prefix - form.suffix;
+    if (!form.trims_zeros && size_is_excluded<unroll, most.exclusions>(format, form, payload)) return true;
     return !(detail::every<unroll, most.constants>(0, form.constant_count, stands) &&
              detail::every<unroll, most.exclusions>(0, form.exclusion_count, allows));
   });
