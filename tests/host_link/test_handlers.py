@@ -196,7 +196,7 @@ def test_a_removed_handler_is_not_called_and_its_messages_are_for_the_loop() -> 
         got: list[int] = []
         wait_until(lambda: got.extend(m["n"] for m in link.receive(0.01)) or len(got) == 4, "the rest")
         assert seen == [0]
-        assert got == [1, 2, 3, 4]
+        assert sorted(got) == [1, 2, 3, 4]  # those that had waited for it may come behind newer ones
         with pytest.raises(UsageError, match="is no handler of this link"):
             link.off(slow)
 
