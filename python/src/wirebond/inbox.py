@@ -164,7 +164,7 @@ class Inbox:
 
     @property
     def dropped(self) -> int:
-        """Messages that nobody took in time."""
+        """How many messages were dropped because they were not taken in time."""
         return self._dropped + self.handlers.dropped
 
     def struck(self) -> set[str]:

@@ -152,7 +152,7 @@ class Receiving:
         """A decorator: call this function with a ``DeadlineEvent`` when the deadline strikes, and when it ends.
 
         The handlers' thread looks every 10 ms, between two messages: a deadline that strikes and ends within that time
-        is not seen. One that has struck already is told at once. Any thread.
+        is not seen. For one that has struck already, the function is called at once. Any thread.
 
         :param action: the deadline's ``then``; none: every deadline of the host.
         :returns: the decorator; it gives the function back.

@@ -32,7 +32,7 @@ Outcome = Message | Exception
 class Question:
     """One frame that asks for a reply.
 
-    ``finish`` is called once, by any thread, with the reply or what went wrong. None: nobody waits here, because the
+    ``finish`` is called once, by any thread, with the reply or what went wrong. None: no caller waits, because the
     frame went out by plain ``send``, or its request was given up.
     """
 
@@ -88,7 +88,7 @@ class RequestBook:
             self._leave(question)
 
     def withdraw(self, question: Question) -> None:
-        """Nobody waits for it any more; what still comes of it is nobody's. Then the next one leaves."""
+        """End the request without a reply; a reply that still comes belongs to no request. The next one leaves."""
         with self._lock:
             question.finish = None
             question.is_over = True

@@ -73,7 +73,7 @@ def _values(fields: tuple[Field, ...], first: int = 0) -> dict[str, Any]:
 
 
 def _few(field: Field) -> int:
-    """So many bytes or elements has a value that may vary."""
+    """How many bytes or elements the example of a value has whose size may vary."""
     return min(field.room, 4) if field.is_string else min(field.max_count, 2)
 
 
