@@ -68,7 +68,7 @@ def test_each_address_keeps_its_own_deadlines() -> None:
     assert told_at(mcu, 1.2) == ["no move to servo 4 for 1 s: stop"]
     mcu.feed(moved(4), 1.3)
     assert told_at(mcu, 1.3) == ["move to servo 4 is back: stop ends"]
-    mcu.feed(moved(5), 1.4)  # nobody's
+    mcu.feed(moved(5), 1.4)  # of an address that is not played
     assert mcu.foreign == 1
     assert told_at(mcu, 1.6) == ["no move to servo 3 for 1 s: stop"]
     mcu.feed(moved(0xFE), 1.7)

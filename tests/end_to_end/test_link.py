@@ -329,7 +329,7 @@ class TestPortThatCannotBeOpened:
         if is_root:
             os.chown(port.path, -1, grp.getgrnam("dialout").gr_gid)
         expected = "join its group with `sudo usermod -aG dialout $USER`" if is_root else "no permission to open"
-        proto, opens = codec("diffdrive"), wirebond.open  # imported now: nobody may not read all modules
+        proto, opens = codec("diffdrive"), wirebond.open  # imported now: the user `nobody` may not read all modules
         child = os.fork()
         if child == 0:  # as nobody: root may open anything
             if is_root:

@@ -328,7 +328,7 @@ def test_a_deadline_calls_when_it_strikes_and_when_it_ends() -> None:
         late: list[Any] = []
         wait_until(lambda: link.deadlines["warn"], "it strikes again")
         link.on_deadline("warn")(late.append)
-        wait_until(lambda: late, "who comes later is told at once")
+        wait_until(lambda: late, "a handler that is added later is called at once")
         link.off(note)
         with pytest.raises(UsageError, match="did you mean halt"):
             link.on_deadline("hallt")

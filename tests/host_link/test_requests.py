@@ -243,7 +243,7 @@ def test_a_signal_ends_a_request() -> None:
             with pytest.raises(AlarmError):
                 link.request("query", timeout=60)
             mcu.send("pose", x=3)
-            assert [m["x"] for m in link.receive(5)] == [3]  # nobody waits for it
+            assert [m["x"] for m in link.receive(5)] == [3]  # no request waits for it any more
     finally:
         signal.signal(signal.SIGALRM, before)
 
