@@ -46,7 +46,7 @@ def test_an_include_that_no_row_allows_is_refused(
         ("explain/first.py", "from wirebond import _engine"),
         ("check/first.py", "from wirebond.link import Link"),
         ("check/view.py", "from wirebond.gen.cpp import generate_cpp"),
-        ("link.py", "import wirebond.cli.main"),
+        ("link/first.py", "import wirebond.cli.main"),
         ("nowhere/first.py", ""),
         ("codec.py", "import tests.reference"),
     ],

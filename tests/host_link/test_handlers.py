@@ -251,7 +251,7 @@ def test_a_handler_can_close_the_link_and_run_ends() -> None:
 
 
 def test_slow_handlers_drop_the_oldest_and_count_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wirebond.handlers.MAX_WAITING", 10)
+    monkeypatch.setattr("wirebond.link.handlers.MAX_WAITING", 10)
     began, go_on = threading.Event(), threading.Event()
     seen: list[int] = []
     with linked(TWO) as (link, mcu):

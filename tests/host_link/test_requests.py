@@ -16,8 +16,8 @@ from tests.host_link.mcu import linked, wait_until
 from tests.host_link.protocol import manipulator
 from tests.shared import ROOT
 from wirebond import LinkDownError, Message, RequestTimeoutError, UsageError
+from wirebond.link.requests import Question, RequestBook
 from wirebond.protocol import loads
-from wirebond.requests import Question, RequestBook
 
 ARM = manipulator()
 BUS = wirebond.load(ROOT / "tests" / "formats" / "servo_options.yaml")

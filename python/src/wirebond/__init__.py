@@ -9,7 +9,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from wirebond.aio import Aio
     from wirebond.codec import Codec, Columns, Decoder, Message, SequenceCounts, SequenceStats, Stats, Table, load
     from wirebond.errors import (
         LinkDownError,
@@ -23,10 +22,11 @@ if TYPE_CHECKING:
         UsageError,
         WirebondError,
     )
-    from wirebond.handlers import DeadlineEvent
-    from wirebond.inbox import Latest
     from wirebond.link import Link, LinkStats, SendStats
     from wirebond.link import open_link as open
+    from wirebond.link.aio import Aio
+    from wirebond.link.handlers import DeadlineEvent
+    from wirebond.link.inbox import Latest
     from wirebond.log import LogLine
 
 __version__ = "0.1.0"

@@ -20,7 +20,7 @@ from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Recover
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import plan_for
-from wirebond.requests import carried_back
+from wirebond.protocol.replies import carried_back
 
 _WAVE_HZ = 0.2  # of the made-up values
 _FEW = 3  # elements of made-up lists

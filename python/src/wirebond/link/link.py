@@ -2,75 +2,41 @@
 
 from __future__ import annotations
 
-import atexit
 import errno
-import math
 import os
-import threading
 import weakref
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
 from wirebond import _engine
-from wirebond.codec import Codec, Stats, load, refuse_option_for_field, stats_from
+from wirebond.codec import Codec, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, PortError, QueueFullError, StoppedError, UsageError
-from wirebond.inbox import Inbox
+from wirebond.link import ending
+from wirebond.link.accounts import LinkStats, SendStats
+from wirebond.link.inbox import Inbox
+from wirebond.link.receiving import Receiving
+from wirebond.link.requests import Outcome, Question
+from wirebond.link.settings import (
+    MORE_ADDRESSES,
+    engine_port,
+    engine_settings,
+    latency_of,
+    own_address_field,
+    reply_index,
+    safe_value,
+)
 from wirebond.ports.permission import no_permission
-from wirebond.ports.port_name import ADAPTER_LATENCY, PortName, port_name
+from wirebond.ports.port_name import port_name
 from wirebond.protocol.forms import header_fields
-from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
-from wirebond.protocol.plan import plan_for, told_by_request
+from wirebond.protocol.model import Address, End
 from wirebond.protocol.problems import no_message
-from wirebond.receiving import Receiving
-from wirebond.requests import Outcome, Question
 from wirebond.typed import TypedMessage, name_and_values
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
 MAX_HOLD = 60.0  # seconds: a longer lease would be none
-STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
-MORE_ADDRESSES = 255  # that a link has leases and safe values for, beside the first of each message
-_HANDLERS_PATIENCE = 1.0  # seconds that `close` waits for handlers
 
 _DOWN, _FULL, _STOPPED = 1, 2, 3  # answers of the engine
-
-
-@dataclass(frozen=True)
-class SendStats:
-    """What became of every frame. Exact at any time:
-
-    ``offered == accepted + refused_down + refused_full + refused_stopped``
-    ``accepted == sent + queued + replaced + expired + overruled + aborted``
-
-    Repeated values, safe values and stops are offered each time that they are due.
-    """
-
-    offered: int
-    accepted: int
-    refused_down: int  #: the port was away, or the link closed
-    refused_full: int  #: the queue was full
-    refused_stopped: int  #: an emergency stop held the message
-    sent: int  #: handed to the port whole
-    sent_bytes: int
-    queued: int  #: waiting now, or under way
-    replaced: int  #: a repeated value or a stop, by the next one of its message
-    expired: int  #: the port went away, or it waited longer than the file's ``max_age``
-    overruled: int  #: waited when a stop, a safe value or ``stop_repeating`` dropped it
-    aborted: int  #: the port went away in its middle
-
-
-@dataclass(frozen=True)
-class LinkStats:
-    """The accounts of a link: ``receive`` closes as a decoder's does, ``send`` by its two sums."""
-
-    receive: Stats
-    send: SendStats
-    dropped_messages: int  #: came in, were not taken by the program, and made room for newer ones
-    late: int  #: as old as the shortest of their deadlines at the host: not given to the program
-    held_back: int  #: one of their deadlines with ``recover: explicit`` had struck: not given to the program
-    reconnects: int  #: times that the port came back
-    handler_errors: int = 0  #: times that a handler raised
 
 
 class Link(Receiving):
@@ -103,19 +69,19 @@ class Link(Receiving):
             raise UsageError(f"baud is {speed}; expected 1 to 100000000 bits per second")
         if settings.stop_bits not in (1, 2):
             raise UsageError(f"a Linux tty has 1 or 2 stop bits, and {model.name} asks for {settings.stop_bits:g}")
-        _refuse_at_the_end()
+        ending.refuse_at_the_end()
         self.codec = codec
         name = port_name(port)
         self.port = name.text
         self.baud = speed
         self.paced = paced
-        self.adapter_latency = _latency(codec, name, speed, adapter_latency)
+        self.adapter_latency = latency_of(codec, name, speed, adapter_latency)
         self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
         self._header = header_fields(model.format.parts)
         engine_options = engine_settings(codec, speed, paced, hold_back, self.adapter_latency)
         try:
             self._engine = _engine.Link(
-                codec._table, codec._format_for(End.MCU), _engine_port(name, wait_for_port), engine_options
+                codec._table, codec._format_for(End.MCU), engine_port(name, wait_for_port), engine_options
             )
         except PortError as error:
             if error.errno != errno.EACCES:
@@ -131,7 +97,7 @@ class Link(Receiving):
             self._engine.listen_to_all(True)
         self._inbox = Inbox(codec, self._engine, self.port, self._actions)
         weakref.finalize(self, self._engine.close).atexit = False  # a thread of the inbox may keep the engine
-        _note_open(self)
+        ending.note_open(self)
 
     # ---- sending
 
@@ -210,7 +176,7 @@ class Link(Receiving):
         if self.codec.model.message(name).every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; use send()")
         address = self._prepare(name, whole)
-        reply = _reply_index(self.codec, name)
+        reply = reply_index(self.codec, name)
         takes_number = self._takes_number(header)
         answer = self._engine.repeat(self.codec._index_of(name), frame, hold, reply, takes_number, address)
         self._raise_for(name, answer)
@@ -356,12 +322,11 @@ class Link(Receiving):
         second is not waited for: what waited for it is counted as dropped. In a handler ``close`` does not wait for
         handlers: they get the rest after it."""
         self._engine.close()
-        if _is_ending:  # the inbox's thread sleeps until the process is gone
+        if ending.is_ending():  # the inbox's thread sleeps until the process is gone
             self._inbox.give_up()
         else:
-            self._inbox.leave(_HANDLERS_PATIENCE)
-        with _open_links_lock:
-            _open_links.discard(self)
+            self._inbox.leave(ending.HANDLERS_PATIENCE)
+        ending.forget(self)
 
     def __repr__(self) -> str:
         return (
@@ -432,7 +397,7 @@ class _Leaving:
 
     def __call__(self) -> None:
         codec = self._link.codec
-        index, reply = codec._index_of(self._message), _reply_index(codec, self._message)
+        index, reply = codec._index_of(self._message), reply_index(codec, self._message)
         answer = self._link._engine.send(index, self.frame, reply, self._takes_number, self._address)
         self._link._raise_for(self._message, answer)
 
@@ -481,162 +446,3 @@ def open_link(
         listen=listen,
         wait_for_port=wait_for_port,
     )
-
-
-def _engine_port(port: PortName, waits: bool) -> dict[str, Any]:
-    found: dict[str, Any] = {"name": port.text, "waits": waits}
-    if port.is_tcp:
-        return found | {"host": port.host, "service": port.service}
-    return found | ({"resolve": port.path} if port.moves else {})
-
-
-def _latency(codec: Codec, port: PortName, baud: int, given: float | None) -> float:
-    """Seconds that this port may hold bytes back."""
-    if given is not None:
-        if not 0 <= given <= MAX_LATENCY:
-            raise UsageError(f"adapter_latency is {given:g} s; expected 0 to {MAX_LATENCY:g} s, such as 0.016")
-        return given
-    settings = codec.model.link
-    if settings.adapter_latency is not None:
-        return settings.adapter_latency
-    if port.is_tcp or port.moves:
-        return ADAPTER_LATENCY
-    return _engine.port_latency_us(port.text, baud / settings.bits_per_byte) / 1e6
-
-
-def engine_settings(
-    codec: Codec, baud: int, paced: bool = True, hold_back: bool = True, adapter_latency: float = 0.0
-) -> dict[str, Any]:
-    """What the engine's link takes from the protocol."""
-    model = codec.model
-    actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
-    return {
-        "baud": baud,
-        "paced": paced,
-        "hold_back": hold_back,
-        "data_bits": model.link.data_bits,
-        "parity": model.link.parity,
-        "stop_bits": round(model.link.stop_bits),
-        "bits_per_byte": math.ceil(model.link.bits_per_byte),
-        "idle_seconds": model.idle_seconds + adapter_latency,
-        "pause_seconds": model.idle_seconds if model.format.ends_by_silence else 0.0,
-        "send_pause_seconds": model.pause_seconds,
-        "max_age_seconds": model.link.max_age or 0.0,
-        "largest_frame": model.max_wire_bytes(),
-        "send": codec._format_for(End.HOST),
-        "every": [m.every if m.sent_by(End.HOST) and m.every is not None else 0.0 for m in model.messages],
-        "stop": [safe_value(codec, stop, None) for stop in model.emergency_stop],
-        "addressing": _addressing(codec),
-        "deadlines": [
-            (codec._index_of(d.message), round(d.after * 1e6), actions.index(d.then), d.recover == Recover.EXPLICIT)
-            for d in model.deadlines
-            if d.at == End.HOST
-        ],
-    }
-
-
-def safe_value(
-    codec: Codec, stop: StopMessage, header: Mapping[str, Any] | None
-) -> tuple[int, bytes, int, float, int, bool]:
-    """What the engine takes for one message of the stop. ``header``: of a frame whose addresses shall have it, too;
-    None: what the file says. Only the addresses of that header are taken: with a flag such as "wait for the trigger"
-    it would be no stop."""
-    addresses = {f.name for f in header_fields(codec.model.format.parts) if f.address is not None}
-    given = {**dict(stop.header), **{n: v for n, v in (header or {}).items() if n in addresses}}
-    if header is not None and codec._address is not None:
-        receiver = plan_for(codec.model, End.HOST).header[codec._address]
-        given[receiver.name] = header.get(receiver.name, receiver.default(End.HOST))
-    covered = codec._address_of(dict(stop.header)) in codec._broadcasts
-    return (
-        codec._index_of(stop.message),
-        codec.encode(stop.message, dict(stop.values), header=given),
-        _reply_index(codec, stop.message),
-        codec.model.message(stop.message).every or STOP_EVERY,
-        codec._address_of(given) or 0,
-        header is None or not covered,
-    )
-
-
-def own_address_field(codec: Codec) -> tuple[HeaderField, int | str] | None:
-    """The field that holds the host's own address, and that address by default: what the MCU sends as the receiver,
-    else what the host sends as the sender."""
-    fields = header_fields(codec.model.format.parts)
-    receiver = next((f for f in fields if f.address == Address.RECEIVER), None)
-    sender = next((f for f in fields if f.address == Address.SENDER), None)
-    field, end = (receiver, End.MCU) if receiver is not None else (sender, End.HOST)
-    if field is None:
-        return None
-    default = field.default(end)
-    assert not isinstance(default, float), "an address is a whole number"
-    return field, default
-
-
-def _addressing(codec: Codec) -> dict[str, Any]:
-    """Which received frames are foreign: `HostAddressing::Rules`."""
-    asks, answers = plan_for(codec.model, End.HOST), plan_for(codec.model, End.MCU)
-    own = own_address_field(codec)
-    by_mcu = asks.address is not None and asks.header[asks.address].address == Address.MCU
-    return {
-        "receiver_place": -1 if answers.address is None else answers.address,
-        "sender_place": answers.peer if by_mcu and answers.peer is not None else -1,
-        "own": 0 if own is None else own[0].value.wire_bits(own[1]),
-        "only_last_asked": bool(told_by_request(codec.model.messages, End.MCU)),
-        "broadcast": list(asks.broadcast or answers.broadcast),
-        "more_addresses": 0 if asks.address is None else MORE_ADDRESSES,
-    }
-
-
-def _reply_index(codec: Codec, message: str) -> int:
-    reply = codec.model.message(message).reply
-    return -1 if reply is None else codec._index_of(reply)
-
-
-# ---- the end of the process, and forks --------------------------------------------------------------------------
-
-_open_links: weakref.WeakSet[Link] = weakref.WeakSet()
-_open_links_lock = threading.RLock()  # another thread may open a link while the program ends
-_is_ending = False
-
-
-def _refuse_at_the_end() -> None:
-    if _is_ending:
-        raise LinkDownError("the program is ending; a link cannot be opened any more")
-
-
-def _note_open(link: Link) -> None:
-    with _open_links_lock:
-        if not _is_ending:
-            _open_links.add(link)
-            return
-    link._engine.close()
-    _refuse_at_the_end()
-
-
-def _close_all() -> None:
-    """The interpreter ends: safe values leave. Threads that wait in a link do not come back into Python, which is no
-    more there for them."""
-    global _is_ending  # noqa: PLW0603 there is one end
-    _engine.end_of_interpreter()
-    with _open_links_lock:
-        _is_ending = True
-        links = list(_open_links)
-    for link in links:  # every lease ends before any close waits
-        link._engine.begin_close()
-    for link in links:
-        link._inbox.handlers.stop(_HANDLERS_PATIENCE)
-        link.close()
-    _engine.settle_threads()
-
-
-def _leave_to_the_parent() -> None:
-    """In a forked child: its copies of the ports are given back, and nothing is sent."""
-    global _open_links_lock  # noqa: PLW0603 a thread that is not here may have held it
-    _open_links_lock = threading.RLock()
-    _engine.after_fork()
-    for link in list(_open_links):
-        link._engine.after_fork()
-    _open_links.clear()
-
-
-atexit.register(_close_all)
-os.register_at_fork(after_in_child=_leave_to_the_parent)

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
 
 from wirebond.codec import Message
 from wirebond.errors import LinkDownError, UsageError
-from wirebond.handlers import MAX_WAITING, DeadlineEvent
-from wirebond.requests import DEFAULT_TIMEOUT, Outcome
+from wirebond.link.handlers import MAX_WAITING, DeadlineEvent
+from wirebond.link.requests import DEFAULT_TIMEOUT, Outcome
 from wirebond.typed import TypedMessage
 
 if TYPE_CHECKING:
-    from wirebond.receiving import Receiving
+    from wirebond.link.receiving import Receiving
 
 _T = TypeVar("_T", bound=TypedMessage)
 _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], Awaitable[object]])

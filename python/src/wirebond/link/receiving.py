@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 from wirebond import _engine
 from wirebond.codec import Codec, Message, refuse_option_for_field
 from wirebond.errors import LinkDownError, RequestTimeoutError, UsageError
-from wirebond.handlers import DeadlineEvent
-from wirebond.inbox import Inbox, Latest
+from wirebond.link.handlers import DeadlineEvent
+from wirebond.link.inbox import Inbox, Latest
+from wirebond.link.requests import DEFAULT_TIMEOUT, Outcome, Question, check_timeout, timeout_error
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
 from wirebond.protocol.problems import nearest, no_message
-from wirebond.requests import DEFAULT_TIMEOUT, Outcome, Question, check_timeout, timeout_error
 from wirebond.typed import TypedMessage, from_message_of, maker_of, message_class, name_and_values
 
 if TYPE_CHECKING:
-    from wirebond.aio import Aio
+    from wirebond.link.aio import Aio
 
 _T = TypeVar("_T", bound=TypedMessage)
 _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], object])
@@ -251,7 +251,7 @@ class Receiving:
         """
         import asyncio  # noqa: PLC0415 programs without it begin sooner
 
-        from wirebond.aio import Aio  # noqa: PLC0415
+        from wirebond.link.aio import Aio  # noqa: PLC0415
 
         try:
             loop = asyncio.get_running_loop()

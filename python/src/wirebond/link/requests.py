@@ -14,9 +14,9 @@ from typing import Any
 
 from wirebond.codec import Codec, Message
 from wirebond.errors import RequestTimeoutError, UsageError
-from wirebond.protocol.model import End, Field, FieldKind
-from wirebond.protocol.model import Message as MessageModel
+from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for, told_by_request
+from wirebond.protocol.replies import carried_back
 
 DEFAULT_TIMEOUT = 1.0  # seconds
 MAX_TIMEOUT = 3600.0  # seconds: a longer wait is a mistake
@@ -205,20 +205,6 @@ class RequestBook:
 
 def _left() -> None:
     raise AssertionError("a question leaves once")
-
-
-def carried_back(reply: MessageModel, request: MessageModel) -> list[str]:
-    """Fields that both have, of one kind; not what counts or is counted, which only fits together."""
-    asked = {f.name: f for f in request.fields if f.kind != FieldKind.PADDING}
-    return [
-        f.name
-        for f in reply.fields
-        if f.name in asked and not f.is_count and not f.counted_by and _shape(f) == _shape(asked[f.name])
-    ]
-
-
-def _shape(f: Field) -> tuple[object, ...]:
-    return f.kind, f.count, f.is_list, f.is_scaled, f.enum, f.flags, f.fields
 
 
 def check_timeout(timeout: float) -> None:

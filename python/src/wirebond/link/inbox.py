@@ -18,10 +18,10 @@ from typing import Generic, NamedTuple, TypeVar
 from wirebond import _engine
 from wirebond.codec import Codec, Message
 from wirebond.errors import LinkDownError
-from wirebond.handlers import Handlers
+from wirebond.link.handlers import Handlers
+from wirebond.link.requests import RequestBook
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
-from wirebond.requests import RequestBook
 
 MAX_WAITING = 65536  # messages that wait to be taken; then the oldest are dropped, counted
 MAX_SENDERS = 4096  # addresses whose newest message is kept, of each message

@@ -1,0 +1,7 @@
+"""The host's link: `link.py` sends, `receiving.py` and `aio.py` take, `inbox.py` says who gets each message."""
+
+from wirebond.link.accounts import LinkStats, SendStats
+from wirebond.link.link import DEFAULT_HOLD, Link, open_link
+from wirebond.link.settings import engine_settings, safe_value
+
+__all__ = ["DEFAULT_HOLD", "Link", "LinkStats", "SendStats", "engine_settings", "open_link", "safe_value"]

@@ -1,0 +1,76 @@
+"""The end of the process, and forks: every open link is closed with its safe values, and a child has none."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import threading
+import weakref
+from typing import TYPE_CHECKING
+
+from wirebond import _engine
+from wirebond.errors import LinkDownError
+
+if TYPE_CHECKING:
+    from wirebond.link.link import Link
+
+HANDLERS_PATIENCE = 1.0  # seconds that `close` waits for handlers
+
+_open_links: weakref.WeakSet[Link] = weakref.WeakSet()
+_open_links_lock = threading.RLock()  # another thread may open a link while the program ends
+_is_ending = False
+
+
+def is_ending() -> bool:
+    """Does the interpreter end?"""
+    return _is_ending
+
+
+def forget(link: Link) -> None:
+    """It is closed."""
+    with _open_links_lock:
+        _open_links.discard(link)
+
+
+def refuse_at_the_end() -> None:
+    if _is_ending:
+        raise LinkDownError("the program is ending; a link cannot be opened any more")
+
+
+def note_open(link: Link) -> None:
+    with _open_links_lock:
+        if not _is_ending:
+            _open_links.add(link)
+            return
+    link._engine.close()
+    refuse_at_the_end()
+
+
+def _close_all() -> None:
+    """The interpreter ends: safe values leave. Threads that wait in a link do not come back into Python, which is no
+    more there for them."""
+    global _is_ending  # noqa: PLW0603 there is one end
+    _engine.end_of_interpreter()
+    with _open_links_lock:
+        _is_ending = True
+        links = list(_open_links)
+    for link in links:  # every lease ends before any close waits
+        link._engine.begin_close()
+    for link in links:
+        link._inbox.handlers.stop(HANDLERS_PATIENCE)
+        link.close()
+    _engine.settle_threads()
+
+
+def _leave_to_the_parent() -> None:
+    """In a forked child: its copies of the ports are given back, and nothing is sent."""
+    global _open_links_lock  # noqa: PLW0603 a thread that is not here may have held it
+    _open_links_lock = threading.RLock()
+    _engine.after_fork()
+    for link in list(_open_links):
+        link._engine.after_fork()
+    _open_links.clear()
+
+
+atexit.register(_close_all)
+os.register_at_fork(after_in_child=_leave_to_the_parent)

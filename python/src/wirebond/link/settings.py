@@ -1,0 +1,126 @@
+"""What the engine's link takes from a protocol and a port's name: line, rhythms, safe values, addresses, deadlines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from wirebond import _engine
+from wirebond.codec import Codec
+from wirebond.errors import UsageError
+from wirebond.ports.port_name import ADAPTER_LATENCY, PortName
+from wirebond.protocol.forms import header_fields
+from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
+from wirebond.protocol.plan import plan_for, told_by_request
+
+STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
+MORE_ADDRESSES = 255  # that a link has leases and safe values for, beside the first of each message
+
+
+def engine_port(port: PortName, waits: bool) -> dict[str, Any]:
+    found: dict[str, Any] = {"name": port.text, "waits": waits}
+    if port.is_tcp:
+        return found | {"host": port.host, "service": port.service}
+    return found | ({"resolve": port.path} if port.moves else {})
+
+
+def latency_of(codec: Codec, port: PortName, baud: int, given: float | None) -> float:
+    """Seconds that this port may hold bytes back."""
+    if given is not None:
+        if not 0 <= given <= MAX_LATENCY:
+            raise UsageError(f"adapter_latency is {given:g} s; expected 0 to {MAX_LATENCY:g} s, such as 0.016")
+        return given
+    settings = codec.model.link
+    if settings.adapter_latency is not None:
+        return settings.adapter_latency
+    if port.is_tcp or port.moves:
+        return ADAPTER_LATENCY
+    return _engine.port_latency_us(port.text, baud / settings.bits_per_byte) / 1e6
+
+
+def engine_settings(
+    codec: Codec, baud: int, paced: bool = True, hold_back: bool = True, adapter_latency: float = 0.0
+) -> dict[str, Any]:
+    """What the engine's link takes from the protocol."""
+    model = codec.model
+    actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
+    return {
+        "baud": baud,
+        "paced": paced,
+        "hold_back": hold_back,
+        "data_bits": model.link.data_bits,
+        "parity": model.link.parity,
+        "stop_bits": round(model.link.stop_bits),
+        "bits_per_byte": math.ceil(model.link.bits_per_byte),
+        "idle_seconds": model.idle_seconds + adapter_latency,
+        "pause_seconds": model.idle_seconds if model.format.ends_by_silence else 0.0,
+        "send_pause_seconds": model.pause_seconds,
+        "max_age_seconds": model.link.max_age or 0.0,
+        "largest_frame": model.max_wire_bytes(),
+        "send": codec._format_for(End.HOST),
+        "every": [m.every if m.sent_by(End.HOST) and m.every is not None else 0.0 for m in model.messages],
+        "stop": [safe_value(codec, stop, None) for stop in model.emergency_stop],
+        "addressing": _addressing(codec),
+        "deadlines": [
+            (codec._index_of(d.message), round(d.after * 1e6), actions.index(d.then), d.recover == Recover.EXPLICIT)
+            for d in model.deadlines
+            if d.at == End.HOST
+        ],
+    }
+
+
+def safe_value(
+    codec: Codec, stop: StopMessage, header: Mapping[str, Any] | None
+) -> tuple[int, bytes, int, float, int, bool]:
+    """What the engine takes for one message of the stop. ``header``: of a frame whose addresses shall have it, too;
+    None: what the file says. Only the addresses of that header are taken: with a flag such as "wait for the trigger"
+    it would be no stop."""
+    addresses = {f.name for f in header_fields(codec.model.format.parts) if f.address is not None}
+    given = {**dict(stop.header), **{n: v for n, v in (header or {}).items() if n in addresses}}
+    if header is not None and codec._address is not None:
+        receiver = plan_for(codec.model, End.HOST).header[codec._address]
+        given[receiver.name] = header.get(receiver.name, receiver.default(End.HOST))
+    covered = codec._address_of(dict(stop.header)) in codec._broadcasts
+    return (
+        codec._index_of(stop.message),
+        codec.encode(stop.message, dict(stop.values), header=given),
+        reply_index(codec, stop.message),
+        codec.model.message(stop.message).every or STOP_EVERY,
+        codec._address_of(given) or 0,
+        header is None or not covered,
+    )
+
+
+def own_address_field(codec: Codec) -> tuple[HeaderField, int | str] | None:
+    """The field that holds the host's own address, and that address by default: what the MCU sends as the receiver,
+    else what the host sends as the sender."""
+    fields = header_fields(codec.model.format.parts)
+    receiver = next((f for f in fields if f.address == Address.RECEIVER), None)
+    sender = next((f for f in fields if f.address == Address.SENDER), None)
+    field, end = (receiver, End.MCU) if receiver is not None else (sender, End.HOST)
+    if field is None:
+        return None
+    default = field.default(end)
+    assert not isinstance(default, float), "an address is a whole number"
+    return field, default
+
+
+def _addressing(codec: Codec) -> dict[str, Any]:
+    """Which received frames are foreign: `HostAddressing::Rules`."""
+    asks, answers = plan_for(codec.model, End.HOST), plan_for(codec.model, End.MCU)
+    own = own_address_field(codec)
+    by_mcu = asks.address is not None and asks.header[asks.address].address == Address.MCU
+    return {
+        "receiver_place": -1 if answers.address is None else answers.address,
+        "sender_place": answers.peer if by_mcu and answers.peer is not None else -1,
+        "own": 0 if own is None else own[0].value.wire_bits(own[1]),
+        "only_last_asked": bool(told_by_request(codec.model.messages, End.MCU)),
+        "broadcast": list(asks.broadcast or answers.broadcast),
+        "more_addresses": 0 if asks.address is None else MORE_ADDRESSES,
+    }
+
+
+def reply_index(codec: Codec, message: str) -> int:
+    reply = codec.model.message(message).reply
+    return -1 if reply is None else codec._index_of(reply)
