@@ -27,6 +27,15 @@ BRACKETS = (
     "frame: [delimiter: 0x02, escaped: {escape: 0x10, xor: 0x40, parts: "
     "[length: u8, id: u8, payload: by_length, check: xor8]}, delimiter: 0x03]\nunknown: reject\n"
 )
+ESCAPED = (
+    "frame: [magic: 0x7E, escaped: {escape: 0x7D, xor: 0x20, also: 0x61 0x74, parts: "
+    "[length: u8, id: u8, payload: by_length, check: xor8]}]\nunknown: reject\n"
+)
+PARTLY_ESCAPED = (
+    "frame: [magic: 0x7E, length: u8, escaped: {escape: 0x7D, xor: 0x20, parts: "
+    f"[id: u8, payload: by_length]}}, {CHECK}]\n"
+)
+BY_LENGTH = {"escaped": ESCAPED, "partly escaped": PARTLY_ESCAPED}
 SILENCE = "frame: [id: u8, payload: rest, check: xor8, silence: 2 ms]\nunknown: reject\n"
 BLOCKS = {"cobs": COBS, "ended": ENDED, "brackets": BRACKETS}
 LISTED = "  state: {id: 2, sender: mcu, seed: 50, fields: {x: {type: u32}, y: {type: u32}}}\n"
@@ -82,6 +91,23 @@ def test_their_ids_sizes_and_counts_are_told_whatever_the_pieces(frame: str, siz
     assert json.loads(json.dumps(stats.as_dict()))["unlisted"][0].keys() == {"id", "bytes", "frames"}
 
 
+@pytest.mark.parametrize("frame", BY_LENGTH.values(), ids=BY_LENGTH)
+@pytest.mark.parametrize("size", [1, 7, 100_000])
+def test_escapes_move_the_end_that_shows(frame: str, size: int) -> None:
+    peer, codec = pair(frame)
+    frames, kinds = spoken(peer, 400, seed=9)
+    assert any(0x7D in raw[3:-3] for raw in frames)
+    stream = b"".join(frames)
+    decoder = codec.decoder("mcu")
+    got = [m for at in range(0, len(stream), size) for m in decoder.feed(stream[at : at + size])]
+    got += decoder.finish()
+    stats = decoder.stats
+    assert len(got) == len(frames) - sum(kinds.values())
+    assert stats.unlisted == dict(kinds)
+    assert stats.discarded_bytes["unknown_message"] > 0
+    assert sum(stats.discarded_bytes.values()) == sum(size * count for (_, size), count in kinds.items())
+
+
 @pytest.mark.parametrize("frame", BLOCKS.values(), ids=BLOCKS)
 @pytest.mark.parametrize("size", [1, 7, 100_000])
 def test_between_delimiters_they_are_told_too(frame: str, size: int) -> None:
@@ -126,7 +152,9 @@ def test_a_damaged_block_is_not_told(frame: str) -> None:
     assert decoder.stats.unlisted_frames == (18 if frame == COBS else 0)  # a seed that is not known leaves no check
 
 
-@pytest.mark.parametrize("frame", [SEEDED, WEAK, *BLOCKS.values()], ids=["seeded", "weak", *BLOCKS])
+@pytest.mark.parametrize(
+    "frame", [SEEDED, WEAK, *BLOCKS.values(), *BY_LENGTH.values()], ids=["seeded", "weak", *BLOCKS, *BY_LENGTH]
+)
 def test_columns_count_them_as_the_decoder_does(frame: str) -> None:
     peer, codec = pair(frame)
     frames, _ = spoken(peer, 30_000, seed=7)
@@ -166,6 +194,16 @@ def test_a_frame_within_a_false_start_is_found_and_the_false_start_is_not_told()
     got = decoder.feed(false_start + good * 5)
     assert [m.name for m in got] == ["state"] * 5
     assert decoder.stats.unlisted_frames == 0
+
+
+def test_a_start_byte_ends_an_escaped_frame_that_was_cut_short() -> None:
+    peer, codec = pair(ESCAPED)
+    whole = peer.encode("attitude", a=b"}~}~")
+    decoder = codec.decoder("mcu")
+    for size in range(2, len(whole)):
+        decoder.feed(whole[:size] + whole)
+    decoder.feed(codec.encode("state", x=1, y=2))
+    assert decoder.stats.unlisted == {(30, len(whole)): len(whole) - 2}
 
 
 def test_noise_is_hardly_ever_told() -> None:

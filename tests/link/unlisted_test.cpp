@@ -7,6 +7,7 @@
 #include "diffdrive_link.hpp"
 #include "scripted_port.hpp"
 #include "seeded_blocks_link.hpp"
+#include "seeded_escaped_link.hpp"
 #include "seeded_link.hpp"
 #include "wirebond/mcu/c_link.hpp"
 #include "wirebond/mcu/link.hpp"
@@ -16,6 +17,7 @@ namespace {
 struct Counting {
   void on(const seeded::Order&) { orders += 1; }
   void on(const seeded_blocks::Order&) { orders += 1; }
+  void on(const seeded_escaped::Order&) { orders += 1; }
   unsigned orders = 0;
 };
 
@@ -64,6 +66,23 @@ TEST_CASE("between delimiters they do, too") {
   CHECK(link.counters().unlisted == 15);
 }
 
+TEST_CASE("where escapes move the end of a frame, they do, too") {
+  Counting counting;
+  ScriptedPort port;
+  seeded_escaped::McuBuffers<256, 256> buffers;
+  seeded_escaped::McuLink link{counting, port, buffers};
+  std::uint32_t now_us = 0;
+  link.poll(now_us);
+  for (int i = 0; i < 101; ++i) {
+    if (i % 10 == 0) port.arrive({0x7E, 0x03, 0x1E, 0x7D, 0x5D, 0x7D, 0x5E, 0x33, 0xAB, 0x7D, 0x5D});
+    if (i % 10 == 5) port.arrive({0x7E, 0x03, 0x1E, 0x7D, 0x5D, 0x33});  // cut short by the next one
+    link.poll(now_us += 10 * ms);
+  }
+  CHECK(link.state() == wirebond::LinkState::up);
+  CHECK(counting.orders == 0);
+  CHECK(link.counters().unlisted == 10);  // each shows its end where the short one begins
+}
+
 TEST_CASE("noise with the start byte in it does not") {
   Counting counting;
   ScriptedPort port;
@@ -83,5 +102,6 @@ TEST_CASE("a format without seeds has no counter for them") {
   using Source = seeded::FromHost;
   static_assert(wirebond::counts_unlisted(Source{}.format()));
   static_assert(wirebond::counts_unlisted(seeded_blocks::FromHost{}.format()));
+  static_assert(wirebond::counts_unlisted(seeded_escaped::FromHost{}.format()));
   static_assert(!wirebond::counts_unlisted(diffdrive::FromHost{}.format()));
 }

@@ -160,12 +160,14 @@ class Deframer {
     while (at < size) {
       const std::size_t skip = find_start(window + at, size - at);
       if (skip != 0) {
+        pass_unlisted(window + at, skip);
         discard(skip);
         at += skip;
         if (at == size) break;
       }
       const std::size_t available = size - at;
       if (available < needed_ && !give_up) break;  // examined before: this many bytes decide
+      cut_unlisted();
       Frame frame;
       if constexpr (Source::is_constant && detail::part_counts<Source>.forms > 1)
         frame = {};  // else GCC 12 warns of it at -Os
@@ -182,17 +184,19 @@ class Deframer {
       needed_ = 0;
       if (verdict.outcome == Outcome::frame) {
         if constexpr (tells_unlisted) account_.unlisted.begins(settled_);
+        pass_unlisted(window + at, verdict.bytes);
         deliver(frame, window + at, verdict.bytes, sink);
         at += verdict.bytes;
       } else {
         if constexpr (tells_unlisted) {  // a form without a constant would have one at every byte
           const bool is_marked = source_.format().forms[0].prefix_constants != 0;
           if (verdict.cause == Cause::unknown_message && frame.size != 0 && is_marked) {
-            account_.unlisted.failed(settled_, frame.id, frame.size);
+            account_.unlisted.failed(settled_, frame.id, frame.size, source_.format().plain_front);
           }
         }
         reject(verdict.cause, verdict.bytes);
         const std::size_t failed = failed_bytes(verdict);
+        pass_unlisted(window + at, failed);
         discard(failed);
         at += failed;
       }
@@ -515,6 +519,26 @@ class Deframer {
     } else {
       static_cast<void>(frame);
       static_cast<void>(wire_size);
+    }
+  }
+
+  /// A start byte is settled next. Where frames are escaped, those before it end here.
+  WIREBOND_INLINE void cut_unlisted() {
+    if constexpr (tells_unlisted && detail::may_be<Source>(Framing::sized)) {
+      const FrameFormat& format = source_.format();
+      if (grows_by_escapes(format) && detail::escapes_of(source_).starts != 0) {
+        account_.unlisted.cut(settled_, format.plain_back);
+      }
+    }
+  }
+
+  /// These bytes are settled next: escapes among them move the end of a frame that the file does not list.
+  WIREBOND_INLINE void pass_unlisted(const std::uint8_t* bytes, std::size_t size) {
+    if constexpr (tells_unlisted && detail::may_be<Source>(Framing::sized)) {
+      if (grows_by_escapes(source_.format())) account_.unlisted.pass(source_, bytes, size, settled_);
+    } else {
+      static_cast<void>(bytes);
+      static_cast<void>(size);
     }
   }
 

@@ -59,8 +59,8 @@ constexpr bool counts_unlisted(const FrameFormat& format) {
   const Form& form = format.forms[0];
   bool is_seeded = false;
   for (std::size_t i = 0; i < form.check_count; ++i) is_seeded = is_seeded || form.checks[i].seeded;
-  const bool is_found =
-      format.framing == Framing::by_start && form.prefix_constants != 0 && form.payload_size != PayloadSize::by_id;
+  const bool is_by_start = format.framing == Framing::by_start || format.framing == Framing::sized;
+  const bool is_found = is_by_start && form.prefix_constants != 0 && form.payload_size != PayloadSize::by_id;
   return is_seeded && form.id.present() && (is_found || has_marks(format) || format.framing == Framing::silence);
 }
 

@@ -84,8 +84,15 @@ class Unstuffer {
 
 }  // namespace detail
 
+/// Do escapes among a frame's bytes make it longer than the size that it tells?
+WIREBOND_INLINE bool grows_by_escapes(const FrameFormat& format) {
+  return format.framing == Framing::sized && format.stuffing == Stuffing::escape && !format.length_on_wire;
+}
+
 /// Examine the bytes at `candidate`, as `examine` does; sizes in the verdict are those on the wire. `scratch`: room for
-/// max_wire_bytes; the frame points into it. Any thread or interrupt; work is bounded by one pass over max_wire_bytes.
+/// max_wire_bytes; the frame points into it. Where the cause is unknown_message, the frame's size is the one on the
+/// wire, or without escapes where it grows_by_escapes; 0: not known. Any thread or interrupt; work is bounded by one
+/// pass over max_wire_bytes.
 template <class Source>
 WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* candidate, std::size_t available,
                                       std::uint8_t* scratch, Frame& frame) {
@@ -102,7 +109,7 @@ WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* 
   Verdict verdict = examine(source, scratch, unstuffer.written(), nullptr, frame);
   const auto rejected = [&] {
     if (verdict.bytes > 1) verdict.bytes = unstuffer.read();
-    frame.size = 0;  // its size on the wire is not known
+    if (!grows_by_escapes(format)) frame.size = 0;  // its size on the wire is not known
     return verdict;
   };
   if (verdict.outcome == Outcome::reject) return rejected();
@@ -145,7 +152,7 @@ WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* 
   const detail::Received received{candidate, on_wire};
   verdict = examine(source, scratch, size, &received, frame);
   if (verdict.outcome == Outcome::need_more) verdict = {Outcome::reject, Cause::length_out_of_range, size};
-  if (verdict.outcome != Outcome::frame) frame.size = on_wire;
+  if (verdict.outcome != Outcome::frame) frame.size = grows_by_escapes(format) ? size : on_wire;
   verdict.bytes = on_wire;
   return verdict;
 }

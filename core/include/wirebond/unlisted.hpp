@@ -4,8 +4,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 #include "wirebond/deframer.hpp"
+#include "wirebond/format.hpp"
+#include "wirebond/source.hpp"
 
 namespace wirebond {
 
@@ -40,6 +43,33 @@ class UnlistedKinds {
   Kind kinds_[most_kinds];
 };
 
+/// Where a candidate ends on the wire: each escape among its bytes makes it one longer. Places are modulo 2^32 or 2^64.
+template <class Place>
+struct WireEnd {
+  Place end = 0;            ///< as far as its bytes have passed
+  Place stuffed = 0;        ///< its escapes begin here
+  bool is_escaped = false;  ///< the byte that passes next stands behind an escape
+
+  /// These bytes pass, the first of them at the place `at`.
+  template <class Source>
+  void pass(const Source& source, const std::uint8_t* bytes, std::size_t size, Place at) {
+    const std::uint8_t escape = detail::escapes_of(source).escape;
+    for (std::size_t i = 0; i < size; ++i, ++at) {
+      if (is_before(at, stuffed)) continue;
+      if (!is_before(at, end - static_cast<Place>(source.format().plain_back))) return;
+      is_escaped = !is_escaped && bytes[i] == escape;
+      if (is_escaped) end += 1;
+    }
+  }
+
+  /// Does what begins here cut it short? No start stands among its escaped bytes.
+  bool is_cut(Place at, std::size_t plain_back) const {
+    return !is_before(at, stuffed) && is_before(at, end - static_cast<Place>(plain_back));
+  }
+
+  static bool is_before(Place a, Place b) { return static_cast<std::make_signed_t<Place>>(a - b) < 0; }
+};
+
 /// Under `unknown: reject` a candidate of unknown id is a false start, and its bytes are scanned again: its check is
 /// weak, or counts a seed that the file does not give. But a peer that sends such messages is no noise. Counted here,
 /// beside the discard of its bytes, is a candidate that failed by its id alone, if its end shows: a frame or another
@@ -50,11 +80,27 @@ class UnlistedKinds {
 template <class Found>
 class UnlistedIn {
  public:
-  /// A candidate at this place of the stream failed by its id alone; it would have `size` bytes.
-  void failed(std::uint64_t at, std::uint32_t id, std::size_t size) {
+  /// A candidate at this place of the stream failed by its id alone; it would have `size` bytes, and one more for each
+  /// escape that passes behind its `plain_front` bytes.
+  void failed(std::uint64_t at, std::uint32_t id, std::size_t size, std::size_t plain_front) {
     settle(at);
     if (waiting_count_ == most_waiting) return;  // false starts within false starts
-    waiting_[waiting_count_++] = {at, at + size, id, static_cast<std::uint32_t>(size)};
+    waiting_[waiting_count_++] = {at, {at + size, at + plain_front}, id};
+  }
+
+  /// A frame that was escaped begins here: one that has not come to its last `plain_back` bytes was cut short.
+  void cut(std::uint64_t at, std::size_t plain_back) {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < waiting_count_; ++i) {
+      if (!waiting_[i].wire.is_cut(at, plain_back)) waiting_[kept++] = waiting_[i];
+    }
+    waiting_count_ = kept;
+  }
+
+  /// Where frames grow by their escapes: these bytes are settled next, the first of them at the place `at`.
+  template <class Source>
+  void pass(const Source& source, const std::uint8_t* bytes, std::size_t size, std::uint64_t at) {
+    for (std::size_t i = 0; i < waiting_count_; ++i) waiting_[i].wire.pass(source, bytes, size, at);
   }
 
   /// A frame begins at this place.
@@ -74,7 +120,7 @@ class UnlistedIn {
   /// Does one wait for what begins at this place or later?
   bool waits_for(std::uint64_t at) const {
     for (std::size_t i = 0; i < waiting_count_; ++i) {
-      if (waiting_[i].end >= at) return true;
+      if (waiting_[i].wire.end >= at) return true;
     }
     return false;
   }
@@ -84,9 +130,8 @@ class UnlistedIn {
  private:
   struct Waiting {
     std::uint64_t at;
-    std::uint64_t end;
+    WireEnd<std::uint64_t> wire;
     std::uint32_t id;
-    std::uint32_t size;
   };
   static constexpr std::size_t most_waiting = 16;
 
@@ -95,11 +140,11 @@ class UnlistedIn {
     std::size_t kept = 0;
     bool is_confirmed = false;
     for (std::size_t i = 0; i < waiting_count_ && !is_confirmed; ++i) {
-      is_confirmed = waiting_[i].end == at;
-      if (is_confirmed) found_.add(waiting_[i].id, waiting_[i].size);
+      is_confirmed = waiting_[i].wire.end == at;
+      if (is_confirmed) found_.add(waiting_[i].id, static_cast<std::uint32_t>(at - waiting_[i].at));
     }
     for (std::size_t i = 0; i < waiting_count_ && !is_confirmed; ++i) {
-      if (waiting_[i].end > at) waiting_[kept++] = waiting_[i];
+      if (waiting_[i].wire.end > at) waiting_[kept++] = waiting_[i];
     }
     waiting_count_ = kept;
   }
@@ -110,18 +155,27 @@ class UnlistedIn {
   Waiting waiting_[most_waiting];
 };
 
-/// Their number alone, for a link that asks only whether its peer speaks: 12 bytes.
+/// Their number alone, for a link that asks only whether its peer speaks: 20 bytes.
 class UnlistedCount {
  public:
-  void failed(std::uint32_t at, std::uint32_t, std::size_t size) {
+  void failed(std::uint32_t at, std::uint32_t, std::size_t size, std::size_t plain_front) {
     begins(at);
-    if (!waits_) end_ = at + static_cast<std::uint32_t>(size);
+    if (!waits_) wire_ = {at + static_cast<std::uint32_t>(size), at + static_cast<std::uint32_t>(plain_front)};
     waits_ = true;
   }
 
+  void cut(std::uint32_t at, std::size_t plain_back) {
+    if (wire_.is_cut(at, plain_back)) waits_ = false;
+  }
+
+  template <class Source>
+  void pass(const Source& source, const std::uint8_t* bytes, std::size_t size, std::uint32_t at) {
+    if (waits_) wire_.pass(source, bytes, size, at);
+  }
+
   void begins(std::uint32_t at) {
-    if (!waits_ || static_cast<std::int32_t>(at - end_) < 0) return;
-    if (at == end_) frames_ += 1;
+    if (!waits_ || wire_.is_before(at, wire_.end)) return;
+    if (at == wire_.end) frames_ += 1;
     waits_ = false;
   }
 
@@ -130,7 +184,7 @@ class UnlistedCount {
   std::uint32_t frames() const { return frames_; }
 
  private:
-  std::uint32_t end_ = 0;  ///< of a candidate that failed by its id alone, modulo 2^32
+  WireEnd<std::uint32_t> wire_;  ///< of a candidate that failed by its id alone
   std::uint32_t frames_ = 0;
   bool waits_ = false;
 };
