@@ -65,7 +65,7 @@ __all__ = [
 _HOMES = {
     name: module
     for module, names in {
-        "aio": ("Aio",),
+        "link.aio": ("Aio",),
         "codec": (
             "Codec",
             "Columns",
@@ -78,8 +78,8 @@ _HOMES = {
             "load",
         ),
         "errors": tuple(name for name in __all__ if name.endswith("Error")),
-        "handlers": ("DeadlineEvent",),
-        "inbox": ("Latest",),
+        "link.handlers": ("DeadlineEvent",),
+        "link.inbox": ("Latest",),
         "link": ("Link", "LinkStats", "SendStats", "open"),
         "log": ("LogLine",),
     }.items()
