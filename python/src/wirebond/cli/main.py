@@ -138,6 +138,24 @@ def explain(
 
 
 @app.command()
+def identify(
+    source: Annotated[
+        str | None, typer.Argument(metavar="[FILE|-]", help="A capture of raw bytes; - for stdin.")
+    ] = None,
+    hex_text: Annotated[str | None, typer.Option("--hex", help='The bytes themselves, as "AA 55 …".')] = None,
+    also: Annotated[
+        list[Path] | None, typer.Option(metavar="PATH", help="Try this protocol file, or those of this folder, too.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say which known format these bytes are, with the evidence for it. Exit 1 if none fits."""
+    from wirebond.identify.command import identify_bytes
+
+    raise_from_here()
+    raise typer.Exit(identify_bytes(source, hex_text, also or [], as_json))
+
+
+@app.command()
 def monitor(
     file: ProtocolFile,
     port: Port,

@@ -1,0 +1,185 @@
+"""`wirebond identify`: the right format wins on its own damaged bytes, and nothing wins on bytes of no format."""
+
+from __future__ import annotations
+
+import json
+import random
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.contrib.cases import CONTRIB, frame_of, random_case
+from tests.contrib.oracles import ORACLES
+from tests.shared import PROTOCOLS, few_or_many
+from wirebond import load
+from wirebond.check.samples import pool
+from wirebond.cli.main import main
+from wirebond.identify import Candidate, Format, known_formats, rank
+from wirebond.protocol.model import End
+
+DAMAGED = 0.01  # of the bytes
+
+
+@cache
+def formats() -> list[Format]:
+    return known_formats().formats
+
+
+def ranked(data: bytes) -> list[Candidate]:
+    return rank(data, formats())
+
+
+def stream(name: str, source: random.Random, end: End | None = None, frames: int = 80, least: int = 3000) -> bytes:
+    """What a device of this format and its host say, with so many bytes replaced."""
+    codec, oracle = load(CONTRIB / f"{name}.yaml"), ORACLES[name]
+    out = bytearray()
+    number = 0
+    while number < frames or len(out) < least:
+        case, values = random_case(codec, oracle, source, end)
+        out += frame_of(codec, oracle, case, values)
+        number += 1
+    for at in range(len(out)):
+        if source.random() < DAMAGED:
+            out[at] = source.randrange(256)
+    return bytes(out)
+
+
+def says(candidates: list[Candidate], name: str) -> bool:
+    """Is it the best, or the same wire as the best?"""
+    best = candidates[0]
+    alike = {one.format.name for one in candidates if one.format.wire == best.format.wire}
+    return best.fits and name in alike
+
+
+@few_or_many(1, 20)
+@pytest.mark.parametrize("name", sorted(ORACLES))
+def test_a_damaged_stream_of_every_public_format_is_named(name: str, number: int) -> None:
+    for seed in range(number):
+        candidates = ranked(stream(name, random.Random(f"{name} {seed}")))
+        assert says(candidates, name), [(one.format.name, one.evidence) for one in candidates[:3]]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", sorted(ORACLES))
+def test_one_end_alone_is_enough(name: str) -> None:
+    model = load(CONTRIB / f"{name}.yaml").model
+    heard = 0
+    for end in (End.HOST, End.MCU):
+        if any(m.sent_by(end) and m.name not in ORACLES[name].lacks for m in model.messages):
+            heard += 1
+            for seed in range(5):
+                assert says(ranked(stream(name, random.Random(f"{name} {end} {seed}"), end)), name)
+    assert heard
+
+
+@pytest.mark.parametrize("path", sorted(PROTOCOLS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_projects_own_formats_are_named(path: Path) -> None:
+    frames = [frame for end in (End.HOST, End.MCU) if (drawn := pool(load(path), end, 1, 40)) for frame in drawn.frames]
+    random.Random(path.stem).shuffle(frames)
+    assert says(ranked(b"".join(frames)), load(path).name)
+
+
+def test_two_files_of_one_wire_are_said_to_be_the_same(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    capture = tmp_path / "capture"
+    capture.write_bytes(stream("feetech", random.Random("twins")))
+    assert main(["identify", str(capture)]) == 0
+    assert "are the same wire" in capsys.readouterr().out
+    assert main(["identify", str(capture), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert {told["format"], *told["same_wire"]} == {"dynamixel_1", "feetech"}
+
+
+def no_format(source: random.Random) -> dict[str, bytes]:
+    word = source.randbytes(37)
+    return {
+        "random": source.randbytes(30_000),
+        "zeros": bytes(3000),
+        "mostly zeros": bytes(source.choice([0, 0, 0, source.randrange(256)]) for _ in range(30_000)),
+        "few values": bytes(source.choice(b"\x00\x0f\x10\x03\x7e\xc0\xdb\x59\xff\x55\xaa") for _ in range(20_000)),
+        "text": (PROTOCOLS.parent / "docs" / "cli.md").read_bytes(),
+        "counter": b"".join(number.to_bytes(2, "little") for number in range(10_000)),
+        "one thing again and again": 300 * (word[:5] + b"\x0f" + bytes(word[5:28]) + b"\x00" + word[28:]),
+        "nothing": b"",
+    }
+
+
+@pytest.mark.parametrize("kind", sorted(no_format(random.Random("no format"))))
+def test_nothing_fits_bytes_of_no_format(kind: str) -> None:
+    candidates = ranked(no_format(random.Random("no format"))[kind])
+    assert [one.format.name for one in candidates if one.fits] == []
+
+
+def test_few_frames_with_a_strong_check_win_over_formats_without_one() -> None:
+    source = random.Random("few")
+    codec, oracle = load(CONTRIB / "mavlink.yaml"), ORACLES["mavlink"]
+    pieces = [source.randbytes(5000)]
+    for _ in range(3):
+        pieces += [frame_of(codec, oracle, *random_case(codec, oracle, source, End.MCU)), source.randbytes(5000)]
+    candidates = ranked(b"".join(pieces))
+    assert [one.format.name for one in candidates if one.fits] == ["mavlink"]
+
+
+def test_frames_of_messages_that_the_file_does_not_list_count() -> None:
+    source = random.Random("unlisted")
+    pieces = []
+    for _ in range(40):
+        body = bytes([0x0A, 0x77, 12, 0]) + source.randbytes(12)  # a class and an id that the file does not have
+        a = b = 0
+        for byte in body:
+            a = a + byte & 0xFF
+            b = b + a & 0xFF
+        pieces.append(b"\xb5\x62" + body + bytes([a, b]))
+    best = ranked(b"".join(pieces))[0]
+    assert (best.format.name, best.frames, best.known_frames, best.messages) == ("ubx", 40, 0, {"other messages": 40})
+
+
+OWN = """
+wirebond: 1
+protocol: of_my_own
+frame: [magic: 0xC3 0x3C, id: u8, payload: 3, check: crc-16/modbus]
+messages: {beat: {id: 7, sender: mcu, fields: {count: {type: u24}}}}
+"""
+
+
+def test_files_of_the_user_are_tried_and_wrong_ones_are_named(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "mine.yaml").write_text(OWN)
+    (tmp_path / "wrong.yaml").write_text("wirebond: 1\n")
+    codec = load(tmp_path / "mine.yaml")
+    frames = b"".join(codec.encode("beat", {"count": 12345 * number % 2**24}) for number in range(50)).hex()
+    assert main(["identify", "--hex", frames]) == 1
+    assert "No known format fits" in capsys.readouterr().out
+    assert main(["identify", "--hex", frames, "--also", str(tmp_path), "--json"]) == 0
+    shown = capsys.readouterr()
+    told = json.loads(shown.out)
+    assert (told["format"], told["same_wire"]) == ("of_my_own", [])
+    assert told["candidates"][0]["messages"] == {"beat": 50}
+    assert told["candidates"][0]["frame_share"] == 1.0
+    assert "wrong.yaml is left out" in shown.err
+    assert main(["identify", "--hex", frames, "--also", str(tmp_path / "wrong.yaml")]) == 1
+    assert "wrong.yaml:1:1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ([], "give bytes one way"),
+        (["x", "--hex", "00"], "give bytes one way"),
+        (["no_such_capture"], "no such file"),
+        (["--hex", "0"], "no whole number of bytes"),
+        (["--hex", "00", "--also", "no_such_folder"], "no such file"),
+    ],
+)
+def test_wrong_arguments_get_a_sentence(
+    arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["identify", *arguments]) in (1, 2)
+    assert sentence in capsys.readouterr().err
+
+
+def test_no_bytes_are_said_to_be_none(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "empty").write_bytes(b"")
+    assert main(["identify", str(tmp_path / "empty")]) == 1
+    assert "There are no bytes to look at." in capsys.readouterr().out
