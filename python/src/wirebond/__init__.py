@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from wirebond.link.aio import Aio
     from wirebond.link.handlers import DeadlineEvent
     from wirebond.link.inbox import Latest
+    from wirebond.link.peer import Peer
     from wirebond.log import LogLine
 
 __version__ = "0.1.0"
@@ -44,6 +45,7 @@ __all__ = [
     "LogLine",
     "Message",
     "MessageError",
+    "Peer",
     "PortError",
     "ProtocolFileError",
     "ProtocolMismatchError",
@@ -80,6 +82,7 @@ _HOMES = {
         "errors": tuple(name for name in __all__ if name.endswith("Error")),
         "link.handlers": ("DeadlineEvent",),
         "link.inbox": ("Latest",),
+        "link.peer": ("Peer",),
         "link": ("Link", "LinkStats", "SendStats", "open"),
         "log": ("LogLine",),
     }.items()

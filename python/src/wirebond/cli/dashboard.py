@@ -129,6 +129,13 @@ class Dashboard:
             f"{send.expired} expired, {send.overruled} overruled, {send.refused_down + send.refused_full} refused)",
         )
         table.add_row("reconnects", str(stats.reconnects))
+        peer = self._link.peer
+        if peer.state == "different":
+            table.add_row("[red]peer[/]", Text(peer.why, style="bold red", overflow="fold"))
+        elif peer.since is not None:
+            table.add_row("peer", f"has the same protocol, seen for {now - peer.since:.0f} s")
+        elif self._link.codec.model.service("hello") is not None:
+            table.add_row("peer", "has not said hello")
         struck = [name for name, is_struck in self._link.deadlines.items() if is_struck]
         if struck:
             table.add_row("[red]deadlines[/]", f"[bold red]{', '.join(struck)}[/]")

@@ -15,12 +15,23 @@ from rich.markup import escape
 
 from wirebond.cli.commands import find_message
 from wirebond.cli.dashboard import Dashboard
-from wirebond.cli.output import ReaderGone, console, errors, plain, print_message, stats_line, title_of, values_text
+from wirebond.cli.output import (
+    ReaderGone,
+    console,
+    errors,
+    plain,
+    print_message,
+    stats_line,
+    title_of,
+    values_text,
+    warn,
+)
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_addresses, parse_assignments, parse_header
 from wirebond.codec import Codec, Message, load
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
 from wirebond.link import Link, open_link
+from wirebond.link.peer import Peer
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
 from wirebond.sim.pty_port import PtyPort, run, symlinked
@@ -28,6 +39,7 @@ from wirebond.sim.virtual_mcu import VirtualMcu
 
 _REFRESH = 0.1  # seconds between two pictures
 _REPLY_WAIT = 1.0  # seconds
+_HELLO_WAIT = 0.3  # seconds for the MCU to say which protocol it has
 
 
 def _end(seconds: float | None) -> float:
@@ -57,11 +69,16 @@ def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None,
 
 def _print_messages(link: Link, end: float, as_json: bool) -> None:
     was_away = False
+    told: Peer | None = None
     while (left := end - time.monotonic()) > 0:
         is_away = link.state == "down"
         if is_away != was_away:
             errors.print(f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there")
             was_away = is_away
+        peer = link.peer
+        if peer.state == "different" and peer != told:
+            warn(peer.why)
+            told = peer
         for message in link.receive(min(_REFRESH, left)):
             if as_json:
                 print_message(message, link.codec)
@@ -109,9 +126,21 @@ def send_message(
     codec.encode(name, values, header=header)  # wrong values are told before a port is touched
     if rate is None:
         with open_link(codec, port, baud) as link:
-            return _send_once(link, codec, name, values, header)
+            code = _send_once(link, codec, name, values, header)
+            _warn_of_peer(link, _HELLO_WAIT)
+            return code
     with ended_by_signals(), open_link(codec, port, baud) as link:
         return _send_repeatedly(link, codec, name, values, header, rate, _end(seconds))
+
+
+def _warn_of_peer(link: Link, wait: float) -> None:
+    """One line where the MCU was built from another file; ``wait``: seconds for its hello."""
+    end = time.monotonic() + wait
+    says_hello = link.codec.model.service("hello") is not None
+    while says_hello and link.peer.state == "unknown" and (left := end - time.monotonic()) > 0:
+        link.receive(min(left, 0.01))
+    if link.peer.state == "different":
+        warn(link.peer.why)
 
 
 def _send_once(link: Link, codec: Codec, name: str, values: dict[str, Any], header: dict[str, Any]) -> int:
@@ -159,6 +188,7 @@ def _send_repeatedly(
     end: float,
 ) -> int:
     sent = missed = 0
+    warned = False
     due = time.monotonic()
     with _ctrl_c_ends():
         while due < end:
@@ -169,6 +199,9 @@ def _send_repeatedly(
             except (LinkDownError, QueueFullError):
                 missed += 1  # the port may come back, the line may catch up: go on
             due = max(due + 1 / rate, time.monotonic())  # after a stall: no burst of old commands
+            if not warned and link.peer.state != "unknown":
+                warned = True
+                _warn_of_peer(link, 0.0)
     told = f"sent {name} {sent} times"
     last = ""
     if name in {stop.message for stop in codec.model.emergency_stop}:

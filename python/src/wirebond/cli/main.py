@@ -7,6 +7,7 @@ be opened or was lost; 130 ended by Ctrl-C where that is no normal end.
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import sys
 from io import TextIOWrapper
@@ -333,6 +334,7 @@ def common(
 
 def main(arguments: list[str] | None = None) -> int:
     """The whole command, to its exit code: every error that can be foreseen becomes a sentence."""
+    logging.getLogger("wirebond").addHandler(logging.NullHandler())  # the commands say themselves what it would
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal of another encoding shows what it can

@@ -79,6 +79,11 @@ def fail(text: str) -> None:
     errors.print(f"[bold red]wirebond:[/] {shown}")
 
 
+def warn(text: str) -> None:
+    """Something that the command goes on in spite of, on stderr."""
+    errors.print(f"[bold yellow]warning:[/] {plain(text)}")
+
+
 def message_dict(message: Message, codec: Codec) -> dict[str, Any]:
     """What a JSON line says of a message."""
     out: dict[str, Any] = {
@@ -96,10 +101,22 @@ def message_dict(message: Message, codec: Codec) -> dict[str, Any]:
     line = codec.log_line(message)
     if line is not None:
         out["log"] = {"level": line.level, "text": line.text}
+    peer = peer_dict(message, codec)
+    if peer is not None:
+        out["peer"] = peer
     violations = message.violations
     if violations:
         out["violations"] = violations
     return out
+
+
+def peer_dict(message: Message, codec: Codec) -> dict[str, str] | None:
+    """What a hello says of the sender's protocol file; None where the message is none."""
+    service = codec.model.service("hello")
+    if service is None or message.name != service.message("message"):
+        return None
+    theirs = message.fields["protocol_hash"]
+    return {"state": "same" if theirs == codec.hash else "different", "hash": f"{theirs:016x}"}
 
 
 def print_message(message: Message, codec: Codec) -> None:

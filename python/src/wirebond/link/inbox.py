@@ -72,6 +72,7 @@ class Inbox:
         self._thread: threading.Thread | None = None
         self._callers = 0  # that take from the engine themselves
         self._listeners: tuple[Callable[[], None], ...] = ()
+        self._watchers: dict[str, Callable[[Message], None]] = {}
         self.ended = threading.Event()  # no message will come any more
         self.requests = RequestBook(codec)
         self.handlers = Handlers(place, self.struck, self.give)
@@ -131,6 +132,10 @@ class Inbox:
         """Call it whenever messages wait to be taken, or none will come any more. In any thread."""
         with self._lock:
             self._listeners += (listener,)
+
+    def watch(self, name: str, watcher: Callable[[Message], None]) -> None:
+        """Call it with each message of this name, which it does not take. It runs nothing of the program."""
+        self._watchers[name] = watcher
 
     # ---- the newest
 
@@ -253,6 +258,9 @@ class Inbox:
 
     def _route(self, message: Message) -> None:
         self._note(message)
+        watcher = self._watchers.get(message.name)
+        if watcher is not None:
+            watcher(message)
         is_taken = self.requests.take(message)
         if self.handlers.want(message):
             self.handlers.put(message)

@@ -15,8 +15,10 @@ from wirebond.errors import LinkDownError, MessageError, PortError, QueueFullErr
 from wirebond.link import ending
 from wirebond.link.accounts import LinkStats, SendStats
 from wirebond.link.inbox import Inbox
+from wirebond.link.peer import Peer
 from wirebond.link.receiving import Receiving
 from wirebond.link.requests import Outcome, Question
+from wirebond.link.services import Services, may_ask
 from wirebond.link.settings import (
     MORE_ADDRESSES,
     engine_port,
@@ -61,6 +63,7 @@ class Link(Receiving):
         adapter_latency: float | None = None,
         listen: str = "own",
         wait_for_port: bool = False,
+        hello: bool = True,
     ) -> None:
         model = codec.model
         settings = model.link
@@ -97,6 +100,8 @@ class Link(Receiving):
             self._engine.listen_to_all(True)
         self._inbox = Inbox(codec, self._engine, self.port, self._actions)
         weakref.finalize(self, self._engine.close).atexit = False  # a thread of the inbox may keep the engine
+        says_hello = hello and may_ask(codec, listen == "all")
+        self._services = Services(self, codec, self._engine, self._inbox, says_hello=says_hello)
         ending.note_open(self)
 
     # ---- sending
@@ -291,6 +296,12 @@ class Link(Receiving):
         return self._engine.why()
 
     @property
+    def peer(self) -> Peer:
+        """What is known of the file that the MCU was built from: ``unknown``, ``same`` or ``different``. The link says
+        hello each time that the port is opened, and when the MCU restarts; the MCU answers. Any thread."""
+        return self._services.peer
+
+    @property
     def deadlines(self) -> dict[str, bool]:
         """The host's deadlines: has this action struck, and not ended yet?"""
         struck = set(self._engine.struck_deadlines())
@@ -322,6 +333,7 @@ class Link(Receiving):
         second is not waited for: what waited for it is counted as dropped. In a handler ``close`` does not wait for
         handlers: they get the rest after it."""
         self._engine.close()
+        self._services.end()
         if ending.is_ending():  # the inbox's thread sleeps until the process is gone
             self._inbox.give_up()
         else:
@@ -412,6 +424,7 @@ def open_link(
     adapter_latency: float | None = None,
     listen: str = "own",
     wait_for_port: bool = False,
+    hello: bool = True,
 ) -> Link:
     """Open a port with the protocol file's settings.
 
@@ -431,6 +444,8 @@ def open_link(
         foreign and not given to the program. ``"all"``: they are given, for programs that only show or record.
     :param wait_for_port: a port that cannot be opened at first is no error: the link is ``down``, says ``why``, and
         looks for it, as it does for one that goes away later.
+    :param hello: where the file maps ``hello``, say it each time that the port is opened, so that ``link.peer`` tells
+        whether the MCU has the same protocol. False: the link only listens to the MCU's.
     :returns: a link that reads already; close it, or use it in a ``with`` block.
     :raises ProtocolFileError: the file cannot be used.
     :raises PortError: the port cannot be opened; the sentence says why and what to do.
@@ -445,4 +460,5 @@ def open_link(
         adapter_latency=adapter_latency,
         listen=listen,
         wait_for_port=wait_for_port,
+        hello=hello,
     )

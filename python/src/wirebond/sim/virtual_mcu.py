@@ -177,7 +177,10 @@ class VirtualMcu:
         if hello is not None and message.name == hello.message("message"):
             theirs = message.fields.get("protocol_hash")
             if theirs != self.codec.hash:
-                self.events.append(f"the host was built from another protocol (hash {theirs}, here {self.codec.hash})")
+                self.events.append(
+                    f"the host has another protocol file: its hash is {theirs:016x}, and the one here "
+                    f"{self.codec.hash:016x}. Compare the two files with `wirebond diff`"
+                )
             return self._hello(header)
         request = self.codec.model.message(message.name)
         if request.reply is None:

@@ -1,0 +1,111 @@
+"""Who is at the other end: what its hello said of the file that it was built from. No thread, no port, no clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from wirebond.codec import Codec
+
+FIRST_WAIT = 0.5  # seconds for the answer to a hello, before it is said again
+LAST_WAIT = 30.0  # seconds: the wait doubles up to this
+HELLO_VERSION = 1  # of the hello service itself, as core/include/wirebond/mcu/services.hpp has it
+_ANSWER_TIME = 1.0  # seconds in which a hello is the answer to ours; a later one was said by the peer itself
+
+
+@dataclass(frozen=True)
+class Peer:
+    """What is known of the file that the MCU was built from.
+
+    :ivar state: ``unknown``: it has not said hello since the port was opened, or the file maps no hello; ``same``: its
+        bytes mean what they mean here; ``different``: they may mean something else.
+    :ivar hash: the protocol hash that it said; None: unknown.
+    :ivar version: of its hello service; None: unknown.
+    :ivar since: when it first said this, after the port was opened or it restarted, on ``time.monotonic()``; or None.
+    :ivar why: a sentence where the state is not ``same``: what is wrong, and what to do.
+    """
+
+    state: Literal["unknown", "same", "different"]
+    hash: int | None = None
+    version: int | None = None
+    since: float | None = None
+    why: str = ""
+
+
+class PeerBook:
+    """When to say hello, and what the answers tell. One thread at a time.
+
+    :param codec: the protocol.
+    """
+
+    def __init__(self, codec: Codec) -> None:
+        self._name = codec.name
+        self._hash = codec.hash
+        service = codec.model.service("hello")
+        self.message = None if service is None else service.message("message")
+        self._asked: list[float] = []  # when; of hellos that are not answered
+        self._wait = FIRST_WAIT
+        self._connected = 0.0
+        self._next = 0.0  # when to say hello; it is not said to a peer that is known
+        self.restarts = 0  # times that the peer said hello by itself after it had been known
+        self.peer = self._unknown()
+
+    def connected(self, t: float) -> None:
+        """The port is open, or open again: whoever is there now is not known."""
+        self.peer = self._unknown()
+        self._asked.clear()
+        self._connected = t
+        self._wait = FIRST_WAIT
+        self._next = t
+
+    def silent(self, t: float) -> None:
+        """Frames come again after a silence: it may be another peer, so it is asked again."""
+        self._wait = FIRST_WAIT
+        self._next = t
+
+    def is_due(self, t: float) -> bool:
+        """Shall hello be said now?"""
+        return self.message is not None and t >= self._next
+
+    def asked(self, t: float) -> None:
+        """Hello was said, or could not be said."""
+        self._asked.append(t)
+        self._next = t + self._wait
+        self._wait = min(2 * self._wait, LAST_WAIT)
+
+    def heard(self, protocol_hash: int, version: int, t: float) -> bool:
+        """The peer said hello.
+
+        :returns: whether it is another one than before, so that it must be told about.
+        """
+        if t < self._connected:
+            return False  # of whoever was there before
+        self._asked = [asked for asked in self._asked if t - asked < _ANSWER_TIME]
+        before = self.peer
+        is_answer = bool(self._asked)
+        if is_answer:
+            self._asked.pop(0)
+        self._next = float("inf")
+        if not is_answer and before.since is not None:
+            self.restarts += 1
+            self._next = t  # it does not know us: the MCU forgets at its start
+            self._wait = FIRST_WAIT
+        is_known = before.hash == protocol_hash and before.since is not None
+        since = before.since if is_known and is_answer else t
+        if protocol_hash == self._hash:
+            self.peer = Peer("same", protocol_hash, version, since)
+        else:
+            self.peer = Peer("different", protocol_hash, version, since, self._difference(protocol_hash))
+        return not is_known
+
+    def _unknown(self) -> Peer:
+        if self.message is None:
+            return Peer("unknown", why=f"{self._name} maps no `hello` service, so the MCU cannot say which file it has")
+        return Peer("unknown", why="the MCU has not said hello yet; check that its firmware runs")
+
+    def _difference(self, protocol_hash: int) -> str:
+        return (
+            f"the MCU was built from another protocol file: its hash is {protocol_hash:016x}, and that of {self._name} "
+            f"here is {self._hash:016x}. Messages may mean something else. Compare the two files with `wirebond diff`; "
+            "then build the firmware from this file and flash it, or use the file that the firmware was built from"
+        )

@@ -1,0 +1,40 @@
+"""Values for messages of services, whose further fields belong to the protocol's author."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from wirebond.protocol.model import Field, FieldKind, Message
+
+
+def filled(message: Message, values: Mapping[str, Any]) -> dict[str, Any]:
+    """``values``, and for each further field that has no default the value nearest to zero."""
+    return {
+        **{f.name: _least(f) for f in message.fields if f.name not in values and _needs_a_value(f)},
+        **values,
+    }
+
+
+def _needs_a_value(f: Field) -> bool:
+    if f.kind in (FieldKind.PADDING, FieldKind.TEXT, FieldKind.BYTES) or f.is_count or f.is_list:
+        return False
+    return f.default is None
+
+
+def _least(f: Field) -> Any:
+    one = _element(f)
+    return one if f.count is None else [one] * f.count
+
+
+def _element(f: Field) -> Any:
+    if f.fields:
+        return {member.name: _least(member) for member in f.fields if _needs_a_value(member)}
+    if f.kind == FieldKind.BOOL:
+        return False
+    if f.enum:
+        return f.enum[0][0]
+    if f.flags:
+        return []
+    least = 0.0 if f.minimum is None else max(0.0, float(f.minimum))
+    return least if f.maximum is None else min(least, float(f.maximum))
