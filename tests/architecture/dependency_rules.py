@@ -97,7 +97,8 @@ def cpp_folder(rules: Rules, relative: str) -> str:
 
 
 def _cpp_allowed(rules: Rules, path: Path, header: str, allowed: set[str]) -> bool:
-    bases = [ROOT / "core" / "include", *(ROOT / "ports").glob("*/include"), ROOT / "firmware", ROOT / "python/native"]
+    folders = ["core/include", "sim/include", "firmware", "python/native"]
+    bases = [*(ROOT / "ports").glob("*/include"), *(ROOT / folder for folder in folders)]
     beside = [path.parent / header, path.parent.parent / header]
     for candidate in [*beside, *(base / header for base in bases)]:
         if candidate.is_file():

@@ -46,3 +46,8 @@ def protocols() -> Path:
 def firmware() -> Path:
     """The firmwares' sources."""
     return _find("firmware")
+
+
+def sim() -> Path:
+    """The C++ sources of the simulator: ``include``, and a folder for each of its programs."""
+    return _find("sim")

@@ -1,0 +1,380 @@
+// One direction of a simulated wire: bytes and times in, bytes and times out. No clock, no thread, no descriptor.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <vector>
+
+#include "wirebond/sim/random.hpp"
+
+namespace wirebond::sim {
+
+/// Nanoseconds on the one time line that all parts of a simulation share.
+using Time = std::uint64_t;
+inline constexpr Time never = ~Time{0};
+
+/// How often the wire does harm, by itself and at random. Chances are in 10^12; see `certain`.
+struct Faults {
+  std::uint64_t bit_errors = 0;    ///< of each bit on the line. A wrong start or stop bit makes the byte any byte
+  std::uint64_t bursts = 0;        ///< of each byte: from it on, `burst_bytes` become any bytes
+  std::uint32_t burst_bytes = 16;  ///< how long a burst is
+  std::uint64_t drops = 0;         ///< of each byte: it does not come out
+  std::uint64_t inserts = 0;       ///< of each byte: one that nobody sent comes out before it
+  std::uint64_t splits = 0;        ///< of each byte: the line pauses behind it
+  Time split_pause = 2'000'000;    ///< how long
+};
+
+struct WireSettings {
+  std::uint32_t baud = 115'200;
+  unsigned bits_per_byte = 10;  ///< start, data, parity and stop bits: 10 for 8N1, 11 for 8N2
+  Time restart_gap = 0;         ///< before the first start bit of each `put`: what a run of DMA costs
+  Time batch = 0;               ///< an adapter hands bytes over at multiples of this time; 0: each byte at once
+  Time jitter = 0;              ///< at most this much later; needs a `batch`, and is no longer than it
+  Faults faults;
+  std::uint64_t seed = 1;  ///< the same seed and the same calls bring the same faults, on every machine
+};
+
+/// A fault at a place that is written down. Bytes are counted as they are put, from 0.
+struct ScriptedFault {
+  enum class Kind : std::uint8_t { flip, drop, insert, split };
+  std::uint64_t at = 0;
+  Kind kind = Kind::flip;
+  std::uint8_t value = 1;  ///< flip: the bits that change. insert: the byte that comes
+};
+
+/// Exact after every call: put + inserted = handed_over + travelling + dropped + unplugged.
+struct WireCounts {
+  std::uint64_t put = 0;
+  std::uint64_t handed_over = 0;
+  std::uint64_t travelling = 0;  ///< now: put, and not read
+  std::uint64_t dropped = 0;
+  std::uint64_t inserted = 0;
+  std::uint64_t unplugged = 0;  ///< did not get through the cable
+  std::uint64_t bit_errors = 0;
+  std::uint64_t bursts = 0;
+  std::uint64_t burst_bytes = 0;
+  std::uint64_t splits = 0;
+
+  constexpr bool closes() const { return put + inserted == handed_over + travelling + dropped + unplugged; }
+};
+
+/// Bytes leave at the pace of the baud rate, whenever they are put: as from a driver with a buffer that never fills.
+/// What is put costs O(1) and one copy, and each fault O(1); memory grows with what travels. One thread.
+class Wire {
+ public:
+  explicit Wire(const WireSettings& settings)
+      : settings_(settings), random_(settings.seed), hands_over_(settings.seed ^ 0xD1B54A32D192ED03u) {
+    const Faults& faults = settings.faults;
+    gaps_ = {Gaps(faults.bit_errors), Gaps(faults.bursts), Gaps(faults.drops), Gaps(faults.inserts),
+             Gaps(faults.splits)};
+    for (Source source : {bit, burst, drop, insert, split}) pass(source);
+    find_next();
+  }
+
+  const WireSettings& settings() const { return settings_; }
+  /// The time of this many bytes on the line, in whole nanoseconds, rounded up.
+  Time line_time(std::uint64_t bytes) const {
+    return (bytes * settings_.bits_per_byte * 1'000'000'000 + settings_.baud - 1) / settings_.baud;
+  }
+  /// When the line can take the next byte.
+  Time free_at() const { return start_ + line_time(slots_); }
+
+  // ---- the sender's end
+
+  /// This fault happens when its byte is put. In any order, before that.
+  void script(const ScriptedFault& fault) {
+    const auto behind = std::upper_bound(script_.begin(), script_.end(), fault.at,
+                                         [](std::uint64_t at, const ScriptedFault& other) { return at < other.at; });
+    script_.insert(behind, fault);
+    find_next();
+  }
+
+  /// One run: the bytes go onto the line at `now`, or as soon as it is free, behind the restart gap. The end of its
+  /// last stop bit. `now` never falls from call to call.
+  Time put(const std::uint8_t* bytes, std::size_t size, Time now) {
+    if (size == 0) return free_at();
+    // Runs that follow each other without a gap share one start, so that no rounding adds up.
+    if (now > free_at() || settings_.restart_gap != 0 || slots_ > most_slots) {
+      begin_at(std::max(now, free_at()) + settings_.restart_gap);
+    }
+    for (std::size_t i = 0; i < size;) {
+      const std::uint64_t clean = std::min<std::uint64_t>(size - i, next_ - counts_.put);
+      carry(bytes + i, static_cast<std::size_t>(clean));
+      i += static_cast<std::size_t>(clean);
+      if (i < size) damage(bytes[i++]);
+    }
+    return free_at();
+  }
+
+  /// The cable is pulled: what is on the line and what is put from now on does not come out. What an adapter has taken
+  /// off the line before stays in it.
+  void unplug(Time now) {
+    is_plugged_ = false;
+    while (!segments_.empty()) {
+      Segment& last = segments_.back();
+      const std::uint64_t arrived = arrived_of(last, now);
+      if (arrived == last.count) break;
+      const std::uint64_t lost = last.count - arrived;
+      const std::uint64_t from = last.sent + (last.at_once ? 0 : arrived);
+      touch(from, last.sent + (last.at_once ? 1 : last.count));
+      last.count = arrived;
+      bytes_.resize(bytes_.size() - static_cast<std::size_t>(lost));
+      counts_.travelling -= lost;
+      counts_.unplugged += lost;
+      if (last.count != 0) break;
+      segments_.pop_back();
+    }
+  }
+  void plug() { is_plugged_ = true; }
+  bool is_plugged() const { return is_plugged_; }
+
+  // ---- the receiver's end
+
+  /// When `read` has something next; `never`: nothing travels.
+  Time next_handover() const {
+    if (segments_.empty()) return never;
+    const Segment& first = segments_.front();
+    const Time end = first.at_once ? first.start : first.start + line_time(first.slot + 1);
+    return settings_.batch == 0 ? end : handed_over_at((end + settings_.batch - 1) / settings_.batch);
+  }
+
+  /// All that has come out until `now`: `sink(bytes, size)`, once or more often, in order. The bytes live during the
+  /// call. `most`: no more than this at once.
+  template <class Sink>
+  std::size_t read(Time now, Sink&& sink, std::size_t most = ~std::size_t{0}) {
+    const Time until = settings_.batch == 0 ? now : taken_until(now);
+    std::size_t size = 0;
+    while (!segments_.empty() && size < most) {
+      Segment& first = segments_.front();
+      const std::uint64_t taken = std::min<std::uint64_t>(arrived_of(first, until), most - size);
+      size += static_cast<std::size_t>(taken);
+      if (taken != first.count) {
+        first.slot += taken;
+        first.sent += first.at_once ? 0 : taken;
+        first.count -= taken;
+        break;
+      }
+      segments_.pop_front();
+    }
+    if (size == 0) return 0;
+    sink(bytes_.data() + head_, size);
+    head_ += size;
+    counts_.handed_over += size;
+    counts_.travelling -= size;
+    if (head_ > compact_at) {
+      bytes_.erase(bytes_.begin(), bytes_.begin() + static_cast<std::ptrdiff_t>(head_));
+      head_ = 0;
+    }
+    return size;
+  }
+
+  // ---- the truth
+
+  const WireCounts& counts() const { return counts_; }
+
+  /// Did a fault touch one of the bytes from number `from` to before number `to`, or come between two of them? A split
+  /// changes no byte, and touches none. Ask in order, each byte at most once: what lies before `from` is forgotten.
+  bool was_touched(std::uint64_t from, std::uint64_t to) {
+    while (!touched_.empty() && touched_.front().to <= from) touched_.pop_front();
+    for (const Touch& touch : touched_) {
+      if (touch.from >= to) return false;
+      if (!touch.is_between || touch.from > from) return true;
+    }
+    return false;
+  }
+
+ private:
+  enum Source : std::uint8_t { bit, burst, drop, insert, split, sources };
+
+  /// Bytes that come out one after the other: byte i of it ends with slot `slot + i` behind `start`.
+  struct Segment {
+    Time start;
+    std::uint64_t slot;
+    std::uint64_t count;
+    std::uint64_t sent;  ///< number of its first byte; of an inserted one, the number of the byte that it precedes
+    bool at_once;        ///< it takes no time of the line, and comes at `start`
+  };
+  struct Touch {
+    std::uint64_t from;
+    std::uint64_t to;
+    bool is_between;  ///< before byte `from`, which is whole
+  };
+
+  static constexpr std::uint64_t most_slots = std::uint64_t{1} << 26;  ///< of one start: products stay below 2^63
+  static constexpr std::size_t compact_at = 65'536;
+
+  void begin_at(Time start) {
+    start_ = start;
+    slots_ = 0;
+  }
+
+  std::uint64_t arrived_of(const Segment& segment, Time until) const {
+    if (until < segment.start) return 0;
+    if (segment.at_once) return segment.count;
+    const std::uint64_t slots = std::min<Time>(until - segment.start, line_time(segment.slot + segment.count)) *
+                                settings_.baud / (std::uint64_t{settings_.bits_per_byte} * 1'000'000'000);
+    return slots <= segment.slot ? 0 : std::min(slots - segment.slot, segment.count);
+  }
+
+  /// When the batch with this number is handed over.
+  Time handed_over_at(std::uint64_t batch) const {
+    if (settings_.jitter == 0) return batch * settings_.batch;
+    return batch * settings_.batch + Random(hands_over_ + batch).below(settings_.jitter + 1);
+  }
+  /// What had left the line by this time is handed over by `now`.
+  Time taken_until(Time now) const {
+    const std::uint64_t batch = now / settings_.batch;
+    return (batch == 0 || handed_over_at(batch) <= now ? batch : batch - 1) * settings_.batch;
+  }
+
+  /// Bytes as they were put.
+  void carry(const std::uint8_t* bytes, std::size_t size) {
+    if (size == 0) return;
+    const std::uint64_t number = counts_.put;
+    counts_.put += size;
+    const std::uint64_t slot = slots_;
+    slots_ += size;
+    if (!is_plugged_) {
+      touch(number, number + size);
+      counts_.unplugged += size;
+      return;
+    }
+    bytes_.insert(bytes_.end(), bytes, bytes + size);
+    counts_.travelling += size;
+    Segment* const last = segments_.empty() ? nullptr : &segments_.back();
+    if (last != nullptr && !last->at_once && last->start == start_ && last->slot + last->count == slot) {
+      last->count += size;
+    } else {
+      segments_.push_back({start_, slot, size, number, false});
+    }
+  }
+
+  /// The next byte, to which something happens.
+  void damage(std::uint8_t byte) {
+    const std::uint64_t number = counts_.put;
+    bool is_touched = false;
+    bool is_dropped = false;
+    bool pauses = false;
+    while (at_[bit] / settings_.bits_per_byte == number) {
+      const std::uint64_t place = at_[bit] % settings_.bits_per_byte;
+      // Start bit first, then eight data bits; behind them parity and stop bits.
+      byte = place >= 1 && place <= 8 ? static_cast<std::uint8_t>(byte ^ (1u << (place - 1)))
+                                      : static_cast<std::uint8_t>(random_.next());
+      ++counts_.bit_errors;
+      is_touched = true;
+      pass(bit);
+    }
+    if (at_[burst] == number) {
+      burst_until_ = number + settings_.faults.burst_bytes;
+      ++counts_.bursts;
+      pass(burst);
+    }
+    if (number < burst_until_) {
+      byte = static_cast<std::uint8_t>(random_.next());
+      ++counts_.burst_bytes;
+      is_touched = true;
+    }
+    if (at_[insert] == number) {
+      put_in(static_cast<std::uint8_t>(random_.next()));
+      pass(insert);
+    }
+    if (at_[drop] == number) {
+      is_dropped = true;
+      pass(drop);
+    }
+    if (at_[split] == number) {
+      pauses = true;
+      pass(split);
+    }
+    for (; !script_.empty() && script_.front().at <= number; script_.erase(script_.begin())) {
+      const ScriptedFault fault = script_.front();
+      if (fault.at < number) continue;  // written down too late
+      switch (fault.kind) {
+        case ScriptedFault::Kind::flip:
+          byte = static_cast<std::uint8_t>(byte ^ fault.value);
+          ++counts_.bit_errors;
+          is_touched = true;
+          break;
+        case ScriptedFault::Kind::drop: is_dropped = true; break;
+        case ScriptedFault::Kind::insert: put_in(fault.value); break;
+        case ScriptedFault::Kind::split: pauses = true; break;
+      }
+    }
+    if (is_dropped) {
+      touch(number, number + 1);
+      ++counts_.put;
+      ++slots_;
+      ++counts_.dropped;
+    } else {
+      if (is_touched) touch(number, number + 1);
+      carry(&byte, 1);
+    }
+    if (pauses) {
+      ++counts_.splits;
+      begin_at(free_at() + settings_.faults.split_pause);
+    }
+    find_next();
+  }
+
+  /// A byte that nobody sent, before the next one.
+  void put_in(std::uint8_t byte) {
+    if (!is_plugged_) return;
+    touched_.push_back({counts_.put, counts_.put + 1, true});
+    bytes_.push_back(byte);
+    segments_.push_back({free_at(), 0, 1, counts_.put, true});
+    ++counts_.inserted;
+    ++counts_.travelling;
+  }
+
+  void touch(std::uint64_t from, std::uint64_t to) {
+    if (!touched_.empty() && !touched_.back().is_between && touched_.back().to == from) {
+      touched_.back().to = to;
+    } else if (touched_.empty() || touched_.back().from <= from) {
+      touched_.push_back({from, to, false});
+    } else {  // of bytes that were put before others that are touched already: the cable was pulled
+      const auto behind = std::upper_bound(touched_.begin(), touched_.end(), from,
+                                           [](std::uint64_t at, const Touch& other) { return at < other.from; });
+      touched_.insert(behind, {from, to, false});
+    }
+  }
+
+  /// Draw where this source strikes next.
+  void pass(Source source) {
+    const std::uint64_t gap = gaps_[source].next(random_);
+    const std::uint64_t behind = has_begun_[source] ? at_[source] + 1 : 0;
+    at_[source] = gap >= no_place - behind ? no_place : behind + gap;
+    has_begun_[source] = true;
+  }
+
+  /// The number of the next byte to which something happens.
+  void find_next() {
+    next_ = at_[bit] == no_place ? no_place : at_[bit] / settings_.bits_per_byte;
+    for (Source source : {burst, drop, insert, split}) next_ = std::min(next_, at_[source]);
+    if (counts_.put < burst_until_) next_ = std::min(next_, counts_.put);
+    if (!script_.empty()) next_ = std::min(next_, std::max(script_.front().at, counts_.put));
+  }
+
+  WireSettings settings_;
+  Random random_;
+  std::uint64_t hands_over_;  ///< seed of the batches' jitter
+  std::array<Gaps, sources> gaps_{};
+  std::array<std::uint64_t, sources> at_{};  ///< where each strikes next: a byte's number; of `bit`, a bit's
+  std::array<bool, sources> has_begun_{};
+  std::uint64_t burst_until_ = 0;
+  std::uint64_t next_ = no_place;
+  std::vector<ScriptedFault> script_;
+
+  Time start_ = 0;  ///< of the bytes that follow each other without a gap; `slots_` of them were put
+  std::uint64_t slots_ = 0;
+  bool is_plugged_ = true;
+  std::vector<std::uint8_t> bytes_;  ///< from `head_` on: what travels
+  std::size_t head_ = 0;
+  std::deque<Segment> segments_;
+  std::deque<Touch> touched_;
+  WireCounts counts_;
+};
+
+}  // namespace wirebond::sim
