@@ -93,5 +93,5 @@ build/setup-test.stamp: build/setup.stamp build/freertos.stamp
 	  /usr/include/relacy/relacy.hpp=relacy-dev \
 	  /usr/lib/clang/14/lib/linux/libclang_rt.asan-x86_64.a=libclang-rt-14-dev llvm-cov-14=llvm-14 valgrind=valgrind \
 	  aarch64-linux-gnu-g++=g++-aarch64-linux-gnu qemu-aarch64=qemu-user \
-	  qemu-system-arm=qemu-system-arm setpriv=util-linux
+	  qemu-system-arm=qemu-system-arm setpriv=util-linux /usr/sbin/ser2net=ser2net socat=socat
 	@touch $@

@@ -207,6 +207,13 @@ std::deque<Arrivals> LinkCore::take() {
   return std::exchange(arrivals_, {});
 }
 
+nb::bytes LinkCore::hand_over(std::uint64_t now_us) {
+  const Outgoing out = link_->to_write(now_us);
+  const nb::bytes bytes(reinterpret_cast<const char*>(out.bytes), out.size);
+  if (out.size != 0) link_->written(std::max<std::size_t>(out.size - 1, 1), now_us);
+  return bytes;
+}
+
 LinkAccount LinkCore::account() const {
   LinkAccount out;
   out.send = link_->outbox().account();
@@ -337,6 +344,8 @@ void bind_link_core(nb::module_& m) {
           },
           nb::arg("now"))
       .def(
+          "hand_over", [](LinkCore& self, std::uint64_t now) { return self.hand_over(now); }, nb::arg("now"))
+      .def(
           "written", [](LinkCore& self, std::size_t size, std::uint64_t now) { self.link().written(size, now); },
           nb::arg("size"), nb::arg("now"))
       .def("is_blocked", [](LinkCore& self) { return self.link().is_blocked(); })
@@ -346,6 +355,7 @@ void bind_link_core(nb::module_& m) {
           nb::arg("size"), nb::arg("now"))
       .def(
           "next_due", [](LinkCore& self, std::uint64_t now) { return self.link().next_due(now); }, nb::arg("now"))
+      .def("has_arrivals", &LinkCore::has_arrivals)
       .def("receive",
            [](LinkCore& self) {
              nb::list out;

@@ -89,6 +89,11 @@ class LinkCore {
   void port_up(std::uint64_t now_us);
   void port_down(std::uint64_t now_us);
 
+  /// What may be written now, for a driver that writes while others send: all but the last byte count as written, so
+  /// that the frame is under way. That byte follows with `written(1)` when the port has taken all. One lone byte counts
+  /// at once, and nothing follows. With the GIL.
+  nb::bytes hand_over(std::uint64_t now_us);
+
   bool has_arrivals() const { return !arrivals_.empty(); }
   /// All that came and was not taken; without the GIL.
   std::deque<Arrivals> take();

@@ -5,14 +5,23 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.host_link.drivers import no_engine_ports
 from tests.shared import ROOT
 from wirebond.gen import generate_python
 from wirebond.protocol import load
+
+
+@pytest.fixture(params=["engine", "python"])
+def ports(request: pytest.FixtureRequest) -> Iterator[str]:
+    """The test runs with the engine's ports, and where it has none: `pytestmark = pytest.mark.usefixtures("ports")`."""
+    with nullcontext() if request.param == "engine" else no_engine_ports():
+        yield request.param
 
 
 @pytest.fixture

@@ -1,5 +1,5 @@
-"""One face over two links: the core under virtual time with a simulated wire, and the real thread over a pty whose far
-end reads as fast as a wire carries. The same tests run on both."""
+"""One face over three links: the core under virtual time with a simulated wire; and over a pty whose far end reads as
+fast as a wire carries the engine's thread, and the threads in Python. The same tests run on all."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ import sys
 import tempfile
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 import wirebond
 from wirebond import _engine
@@ -293,7 +296,10 @@ class ThreadDriver(Driver):
         self._pty: PtyPort | None = None
         self._reader: FarEnd | None = None
         self._plug_in()
-        self.link = wirebond.open(codec, self._name, **options)
+        self.link = self._open(options)
+
+    def _open(self, options: dict[str, Any]) -> wirebond.Link:
+        return wirebond.open(self.codec, self._name, **options)
 
     def _plug_in(self) -> None:
         self._pty = PtyPort()
@@ -378,6 +384,24 @@ class ThreadDriver(Driver):
             self.reader.close()
             self._pty.close()
         self._folder.cleanup()
+
+
+class PythonDriver(ThreadDriver):
+    """The same where the engine has no ports, as on Windows: pyserial opens the pty."""
+
+    kind = "python"
+
+    def _open(self, options: dict[str, Any]) -> wirebond.Link:
+        with no_engine_ports():
+            return super()._open(options)
+
+
+@contextmanager
+def no_engine_ports() -> Iterator[None]:
+    """Links that are opened meanwhile are driven from Python."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("wirebond.link.settings.HAS_ENGINE_PORTS", False)
+        yield
 
 
 class FarEnd:

@@ -1,5 +1,5 @@
 """What a host's link does: stop, leases, deadlines, account, reconnecting. Each test runs on the core under virtual
-time and on the real thread over a pty."""
+time, and over a pty on the engine's thread and on threads in Python."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import wirebond
-from tests.host_link.drivers import Driver, ThreadDriver, VirtualDriver
+from tests.host_link.drivers import Driver, PythonDriver, ThreadDriver, VirtualDriver
 from tests.host_link.protocol import manipulator
 from wirebond.errors import LinkDownError, StoppedError
 
@@ -18,7 +18,7 @@ FULL_SPEED = {"speed": 1000, "turn": 7}
 STOP = [("arm", {"torque": 0}), ("drive", {"speed": 0, "turn": 0})]
 
 
-@pytest.fixture(params=[VirtualDriver, ThreadDriver], ids=lambda kind: kind.kind)
+@pytest.fixture(params=[VirtualDriver, ThreadDriver, PythonDriver], ids=lambda kind: kind.kind)
 def make(request: pytest.FixtureRequest) -> Iterator[Make]:
     made: list[Driver] = []
 

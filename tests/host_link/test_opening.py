@@ -18,6 +18,7 @@ from tests.shared import account_closes
 from wirebond import LinkDownError, PortError, UsageError
 from wirebond.sim.pty_port import PtyPort
 
+pytestmark = pytest.mark.usefixtures("ports")
 PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 POSE = manipulator().encode("pose", x=7)
 ARM = manipulator().encode("arm", torque=5)
@@ -149,7 +150,10 @@ def test_close_does_not_wait_for_a_server_that_does_not_answer(server: Server) -
         ("tcp://robot:70000", "has no host and number that can be read; give"),
         ("tcp://robot:5000/dev/ttyS0", "has more than a host and a number; give"),
         ("tcp://me@robot:5000", "has more than a host and a number; give"),
+        ("rfc2217://robot", "lacks the number of its TCP port; give rfc2217://host:port"),
+        ("rfc2217://robot:5000?logging=debug", "has more than a host and a number; give"),
         ("http://robot:5000", "is no port that can be opened; give a tty"),
+        ("replay:drive.bin", "a link does not replay recordings yet; `wirebond decode FILE drive.bin` reads"),
     ],
 )
 def test_a_name_that_is_no_port_is_told(name: str, sentence: str) -> None:

@@ -73,6 +73,14 @@ ENDS = {
 }
 
 
+# A link that is driven from Python, as where the engine has no ports.
+IN_PYTHON = """
+import wirebond.link.settings
+wirebond.link.settings.HAS_ENGINE_PORTS = False
+"""
+ENDS_IN_PYTHON = ("close", "exception", "end_of_the_file", "ctrl_c_in_receive", "a_thread_takes_messages", "handlers")
+
+
 @pytest.fixture
 def port() -> Iterator[PtyPort]:
     pty = PtyPort()
@@ -127,10 +135,14 @@ class Program:
         return [dict(message.fields) for message in messages if message.name == "drive"]
 
 
-@pytest.mark.parametrize("way", ENDS)
-def test_the_safe_value_leaves_when_a_program_ends(port: PtyPort, way: str) -> None:
+@pytest.mark.parametrize(
+    ("way", "ports"),
+    [*((way, "") for way in ENDS), *((way, IN_PYTHON) for way in ENDS_IN_PYTHON)],
+    ids=[*ENDS, *(f"{way}_in_python" for way in ENDS_IN_PYTHON)],
+)
+def test_the_safe_value_leaves_when_a_program_ends(port: PtyPort, way: str, ports: str) -> None:
     text, expected = ENDS[way]
-    program = Program(port, f"{BEGIN}{text}\n")
+    program = Program(port, f"{ports}{BEGIN}{text}\n")
     program.wait_for("ready")
     code, told = program.end()
     drives = program.drives()
@@ -314,13 +326,14 @@ os._exit(0)
 """
 
 
+@pytest.mark.parametrize("ports", ["", IN_PYTHON], ids=["engine", "python"])
 @pytest.mark.parametrize("more", ["", "link.on()(print)\n"])
 @pytest.mark.parametrize("end", ["sys.exit(0)", "del link; gc.collect(); os._exit(0)", "raise RuntimeError('boom')"])
-def test_a_forked_child_sends_nothing(port: PtyPort, end: str, more: str) -> None:
+def test_a_forked_child_sends_nothing(port: PtyPort, end: str, more: str, ports: str) -> None:
     begin = BEGIN.replace("while True:", "for _ in range(5):").replace(
         "    except wirebond.QueueFullError:\n        print", "    finally:\n        print"
     )
-    program = Program(port, begin + more + FORK.format(end=end, code=1 if "raise" in end else 0))
+    program = Program(port, ports + begin + more + FORK.format(end=end, code=1 if "raise" in end else 0))
     program.wait_for("ready")
     program.wait_for("waited")
     until = time.monotonic() + PATIENCE
@@ -333,6 +346,7 @@ def test_a_forked_child_sends_nothing(port: PtyPort, end: str, more: str) -> Non
     assert program.end()[0] == 0
 
 
+@pytest.mark.usefixtures("ports")
 def test_a_forked_child_does_not_keep_the_port(port: PtyPort) -> None:
     link = wirebond.open(manipulator(), port.path)
     child = os.fork()

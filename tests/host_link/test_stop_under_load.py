@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.host_link.drivers import PATIENCE, ThreadDriver, VirtualDriver
+from tests.host_link.drivers import PATIENCE, PythonDriver, ThreadDriver, VirtualDriver
 from tests.host_link.protocol import manipulator
 from wirebond.errors import LinkDownError
 from wirebond.protocol import loads
@@ -74,8 +74,11 @@ def test_each_message_of_a_stop_gets_its_turn_where_the_line_is_too_slow(
     assert len(after) - len(names) <= 1  # one frame was under way
 
 
-def test_a_stop_while_the_link_closes_still_leaves_before_all_that_is_queued() -> None:
-    link = ThreadDriver(manipulator())
+@pytest.mark.parametrize("driver", [ThreadDriver, PythonDriver])
+def test_a_stop_while_the_link_closes_still_leaves_before_all_that_is_queued(
+    driver: type[ThreadDriver],
+) -> None:
+    link = driver(manipulator())
     try:
         assert link.fill_queue("drive", **FULL_SPEED) > 1000  # more than a second of line
         closing = threading.Thread(target=link.link.close)
@@ -96,8 +99,11 @@ def test_a_stop_while_the_link_closes_still_leaves_before_all_that_is_queued() -
         link.end()
 
 
-def test_each_of_two_closes_waits_until_the_port_is_given_back() -> None:
-    link = ThreadDriver(manipulator())
+@pytest.mark.parametrize("driver", [ThreadDriver, PythonDriver])
+def test_each_of_two_closes_waits_until_the_port_is_given_back(
+    driver: type[ThreadDriver],
+) -> None:
+    link = driver(manipulator())
     try:
         link.fill_queue("drive", **FULL_SPEED)
         queued: list[int] = []

@@ -147,6 +147,9 @@ class LinkCore:
         """Do what is due."""
     def to_write(self, now: int) -> bytes:
         """The bytes that may be written now."""
+    def hand_over(self, now: int) -> bytes:
+        """As ``to_write``, for a driver that writes while others send: all but the last byte count as written, so that
+        the frame is under way; ``written(1)`` follows when the port took them. One lone byte counts at once."""
     def written(self, size: int, now: int) -> None:
         """How many of them the port took."""
     def is_blocked(self) -> bool:
@@ -155,6 +158,8 @@ class LinkCore:
         """The driver says how many bytes it holds."""
     def next_due(self, now: int) -> int:
         """When to call again; 2**64 - 1 where only bytes matter."""
+    def has_arrivals(self) -> bool:
+        """Has ``receive`` something to give?"""
     def receive(self) -> list[Message]:
         """Messages since the last call."""
     def stats(self) -> dict[str, Any]:

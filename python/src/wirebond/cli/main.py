@@ -35,7 +35,10 @@ app = typer.Typer(
 
 ProtocolFile = Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file (YAML).")]
 Port = Annotated[
-    str, typer.Argument(metavar="PORT", help="A tty such as /dev/ttyUSB0, usb:VENDOR:PRODUCT, or tcp://HOST:PORT.")
+    str,
+    typer.Argument(
+        metavar="PORT", help="A tty such as /dev/ttyUSB0, usb:VENDOR:PRODUCT, tcp:// or rfc2217://HOST:PORT."
+    ),
 ]
 Baud = Annotated[
     int | None, typer.Option(parser=whole, metavar="INTEGER", help="Bits per second, instead of the file's.")

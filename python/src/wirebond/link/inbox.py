@@ -19,6 +19,7 @@ from wirebond import _engine
 from wirebond.codec import Codec, Message
 from wirebond.errors import LinkDownError
 from wirebond.link.handlers import Handlers
+from wirebond.link.python_link import PythonLink
 from wirebond.link.requests import RequestBook
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
@@ -56,7 +57,7 @@ class Inbox:
     :param actions: of the host's deadlines, as the engine numbers them.
     """
 
-    def __init__(self, codec: Codec, engine: _engine.Link, place: str, actions: list[str]) -> None:
+    def __init__(self, codec: Codec, engine: _engine.Link | PythonLink, place: str, actions: list[str]) -> None:
         self._engine = engine
         self._place = place
         self._lock = threading.RLock()  # a garbage collection within may take messages

@@ -1,4 +1,4 @@
-"""A link: one port, opened and supervised by a native thread; messages come out, frames go in."""
+"""A link: one port, opened and supervised by threads of its own; messages come out, frames go in."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, Self
 
-from wirebond import _engine
 from wirebond.codec import Codec, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, PortError, QueueFullError, StoppedError, UsageError
 from wirebond.link import ending
@@ -21,9 +20,9 @@ from wirebond.link.requests import Outcome, Question
 from wirebond.link.services import Services, may_ask
 from wirebond.link.settings import (
     MORE_ADDRESSES,
-    engine_port,
     engine_settings,
     latency_of,
+    open_engine,
     own_address_field,
     reply_index,
     safe_value,
@@ -83,9 +82,7 @@ class Link(Receiving):
         self._header = header_fields(model.format.parts)
         engine_options = engine_settings(codec, speed, paced, hold_back, self.adapter_latency)
         try:
-            self._engine = _engine.Link(
-                codec._table, codec._format_for(End.MCU), engine_port(name, wait_for_port), engine_options
-            )
+            self._engine = open_engine(codec, name, engine_options, wait_for_port)
         except PortError as error:
             if error.errno != errno.EACCES:
                 raise
@@ -430,7 +427,8 @@ def open_link(
 
     :param protocol: a protocol file's path, or a ``Codec``.
     :param port: a tty's path; a USB device by a name that stays, such as ``usb:1a86:55d3`` (see `wirebond.ports`); or
-        ``tcp://host:port``, a server that gives a serial line as raw bytes, such as ser2net.
+        ``tcp://host:port``, a server that gives a serial line as raw bytes, such as ser2net; or
+        ``rfc2217://host:port``, one whose baud rate, parity and stop bits the link sets.
     :param baud: bits per second; default: the file's.
     :param paced: frames are handed to the port at the pace of its baud rate, so that at most 5 ms of line, or one
         frame, lie before an emergency stop. False: as fast as the port takes them, for ports whose baud rate means

@@ -21,6 +21,7 @@ from wirebond.typed import TypedMessage, from_message_of, maker_of, message_clas
 
 if TYPE_CHECKING:
     from wirebond.link.aio import Aio
+    from wirebond.link.python_link import PythonLink
 
 _T = TypeVar("_T", bound=TypedMessage)
 _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], object])
@@ -56,7 +57,7 @@ class Receiving:
 
     codec: Codec
     port: str
-    _engine: _engine.Link
+    _engine: _engine.Link | PythonLink
     _inbox: Inbox
     _actions: list[str]
     _aio: Aio | None = None

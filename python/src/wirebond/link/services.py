@@ -25,6 +25,7 @@ from wirebond.protocol.plan import plan_for
 
 if TYPE_CHECKING:
     from wirebond.link.link import Link
+    from wirebond.link.python_link import PythonLink
 
 _LOOK_EVERY = 0.1  # seconds between two looks at the port
 _MOST_HEARD = 1024  # messages that wait for the thread; then the oldest are dropped
@@ -39,7 +40,9 @@ class Services:
     :param says_hello: False: it listens only.
     """
 
-    def __init__(self, link: Link, codec: Codec, engine: _engine.Link, inbox: Inbox, *, says_hello: bool) -> None:
+    def __init__(
+        self, link: Link, codec: Codec, engine: _engine.Link | PythonLink, inbox: Inbox, *, says_hello: bool
+    ) -> None:
         self._link = weakref.ref(link)
         self._codec = codec
         self._engine = engine

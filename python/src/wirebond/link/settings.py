@@ -9,13 +9,33 @@ from typing import Any
 from wirebond import _engine
 from wirebond.codec import Codec
 from wirebond.errors import UsageError
+from wirebond.link.python_link import PythonLink
+from wirebond.link.python_ports import LineSettings, PythonOpener
 from wirebond.ports.port_name import ADAPTER_LATENCY, PortName
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
 from wirebond.protocol.plan import plan_for, told_by_request
 
 STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
+_SHORTEST_READ, _LONGEST_READ = 0.001, 0.01  # seconds that a link in Python waits for bytes before it looks around
 MORE_ADDRESSES = 255  # that a link has leases and safe values for, beside the first of each message
+
+
+HAS_ENGINE_PORTS = hasattr(_engine, "Link")  #: the engine opens ttys and TCP connections itself, as on Linux
+
+
+def open_engine(codec: Codec, port: PortName, settings: dict[str, Any], waits: bool) -> _engine.Link | PythonLink:
+    """The link below a `Link`, with its port open.
+
+    :raises PortError: it cannot be opened; with ``waits`` that is no error.
+    """
+    protocol, receive = codec._table, codec._format_for(End.MCU)
+    if HAS_ENGINE_PORTS and not port.is_rfc2217:
+        return _engine.Link(protocol, receive, engine_port(port, waits), settings)
+    line = LineSettings(settings["baud"], settings["data_bits"], settings["parity"], settings["stop_bits"])
+    silence = settings["pause_seconds"] or _LONGEST_READ  # that ends a frame
+    wait = min(max(silence / 2, _SHORTEST_READ), _LONGEST_READ)
+    return PythonLink(protocol, receive, PythonOpener(port, line, wait), settings, waits)
 
 
 def engine_port(port: PortName, waits: bool) -> dict[str, Any]:

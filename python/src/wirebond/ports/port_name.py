@@ -1,4 +1,4 @@
-"""What a port's name means: a tty's path, a USB device, or ``tcp://host:port``. Opens nothing."""
+"""What a port's name means: a tty's path, a USB device, or a server on the network. Opens nothing."""
 
 from __future__ import annotations
 
@@ -20,10 +20,17 @@ class PortName:
     text: str
     host: str = ""
     service: str = ""  #: the TCP port's number
+    is_rfc2217: bool = False  #: the server also sets baud rate, parity and stop bits
 
     @property
     def is_tcp(self) -> bool:
+        """A server of either kind."""
         return bool(self.host)
+
+    @property
+    def address(self) -> str:
+        """``host:port`` of a server."""
+        return f"[{self.host}]:{self.service}" if ":" in self.host else f"{self.host}:{self.service}"
 
     @property
     def moves(self) -> bool:
@@ -54,19 +61,27 @@ def port_name(port: str | os.PathLike[str]) -> PortName:
         with suppress(PortError):  # it is not there now: what opens it says so
             resolve(text)
         return PortName(text)
+    if text.startswith("replay:"):
+        raise UsageError(
+            f"{text} cannot be opened: a link does not replay recordings yet; "
+            f"`wirebond decode FILE {text.removeprefix('replay:') or 'PATH'}` reads a file of raw bytes"
+        )
     scheme, found, _ = text.partition("://")
     if not found or "/" in scheme:
         return PortName(text)
-    if scheme.lower() != "tcp":
+    if scheme.lower() not in _SERVERS:
         raise UsageError(
             f"{text} is no port that can be opened; give a tty such as /dev/ttyUSB0, a USB device such as "
-            "usb:1a86:55d3, or tcp://host:port"
+            "usb:1a86:55d3, tcp://host:port or rfc2217://host:port"
         )
-    return _tcp(text)
+    return _server(text, scheme.lower())
 
 
-def _tcp(text: str) -> PortName:
-    wanted = "give tcp://host:port, such as tcp://192.168.1.20:5000 or tcp://[fe80::1]:5000"
+_SERVERS = ("tcp", "rfc2217")
+
+
+def _server(text: str, scheme: str) -> PortName:
+    wanted = f"give {scheme}://host:port, such as {scheme}://192.168.1.20:5000 or {scheme}://[fe80::1]:5000"
     try:
         parts = urlsplit(text)
         host, number = parts.hostname, parts.port
@@ -78,4 +93,4 @@ def _tcp(text: str) -> PortName:
         raise UsageError(f"{text} lacks the number of its TCP port; {wanted}")
     if parts.path or parts.query or parts.fragment or parts.username or parts.password:
         raise UsageError(f"{text} has more than a host and a number; {wanted}")
-    return PortName(text, host, str(number))
+    return PortName(text, host, str(number), scheme == "rfc2217")

@@ -1,0 +1,277 @@
+"""Ports that are driven from Python: RFC 2217 servers, and every port where the engine has none of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import select
+import socket
+import stat
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from wirebond.errors import PortError
+from wirebond.ports.permission import no_permission
+from wirebond.ports.port_name import PortName
+
+ANSWER = 5.0  # seconds that a server has to answer
+# A line without DTR and RTS does not confirm them (ser2net on a pty, sredird on any): they do not matter to a link.
+_RFC2217_OPTIONS = "ign_set_control"
+_RFC2217_SETTINGS = {"baudrate": "baud rate", "datasize": "data bits", "parity": "parity", "stopsize": "stop bits"}
+
+
+@dataclass(frozen=True)
+class LineSettings:
+    """``parity``: as in a protocol file."""
+
+    baud: int
+    data_bits: int
+    parity: str
+    stop_bits: int
+
+    def __str__(self) -> str:
+        return f"{self.baud} baud, {self.data_bits} data bits, parity {self.parity}, {self.stop_bits} stop bits"
+
+
+class PythonPort(Protocol):
+    """An open port. One thread reads, one writes; any may cancel. What goes wrong is an ``OSError``."""
+
+    def read(self) -> tuple[bytes, float]:
+        """What has come, waiting a while for the first byte; and when it was looked for more, on
+        ``time.monotonic()``."""
+        ...
+
+    def write(self, data: bytes) -> int:
+        """Waits until the port has taken it all; how much it took, less where that was cancelled."""
+        ...
+
+    def held(self) -> int:
+        """How many bytes the driver holds, as far as it can tell."""
+        ...
+
+    def cancel(self) -> None:
+        """End a ``read`` and a ``write`` of other threads soon. Nothing else is done with the port behind this."""
+        ...
+
+    def close(self) -> None:
+        """Give it back. No thread reads or writes any more."""
+        ...
+
+    def leave_to_parent(self) -> None:
+        """In a forked child: give back its copy of the descriptor, and say nothing to a server."""
+        ...
+
+
+class PyserialPort:
+    """A serial port, or an RFC 2217 server."""
+
+    def __init__(self, port: Any) -> None:
+        self._port = port
+        self._tells_what_it_holds = hasattr(type(port), "out_waiting")
+
+    def read(self) -> tuple[bytes, float]:
+        """See ``PythonPort``."""
+        first = self._port.read(1)
+        looked = time.monotonic()
+        more = self._port.in_waiting if first else 0
+        return bytes(first + self._port.read(more)) if more else bytes(first), looked
+
+    def write(self, data: bytes) -> int:
+        """See ``PythonPort``."""
+        return int(self._port.write(data))
+
+    def held(self) -> int:
+        """See ``PythonPort``."""
+        return int(self._port.out_waiting) if self._tells_what_it_holds else 0
+
+    def cancel(self) -> None:
+        """See ``PythonPort``."""
+        for name in ("cancel_read", "cancel_write"):
+            with contextlib.suppress(OSError, AttributeError, TypeError):  # it has no such call, or is closed
+                getattr(self._port, name)()
+
+    def close(self) -> None:
+        """See ``PythonPort``."""
+        with contextlib.suppress(OSError):
+            self._port.close()
+
+    def leave_to_parent(self) -> None:
+        """See ``PythonPort``."""
+        with contextlib.suppress(OSError):
+            if hasattr(self._port, "leave_to_parent"):
+                self._port.leave_to_parent()
+            else:
+                os.close(self._port.fileno())
+
+
+class TcpPort:
+    """A server that gives a serial line as raw bytes. (pyserial's ``socket://`` reads byte by byte.)"""
+
+    def __init__(self, connection: socket.socket, wait: float) -> None:
+        self._connection = connection
+        self._wait = wait
+        connection.settimeout(ANSWER)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def read(self) -> tuple[bytes, float]:
+        """See ``PythonPort``."""
+        ready, _, _ = select.select([self._connection], [], [], self._wait)
+        looked = time.monotonic()
+        if not ready:
+            return b"", looked
+        data = self._connection.recv(65536)
+        if not data:
+            raise ConnectionAbortedError
+        return data, looked
+
+    def write(self, data: bytes) -> int:
+        """See ``PythonPort``."""
+        self._connection.sendall(data)
+        return len(data)
+
+    def held(self) -> int:
+        """See ``PythonPort``."""
+        return 0
+
+    def cancel(self) -> None:
+        """See ``PythonPort``."""
+        with contextlib.suppress(OSError):
+            self._connection.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        """See ``PythonPort``."""
+        self._connection.close()
+
+    def leave_to_parent(self) -> None:
+        """See ``PythonPort``."""
+        self._connection.close()
+
+
+class PythonOpener:
+    """Opens one port, again and again. One thread at a time.
+
+    :param wait: seconds that a ``read`` of its ports waits.
+    """
+
+    def __init__(self, name: PortName, settings: LineSettings, wait: float) -> None:
+        self._name = name
+        self._settings = settings
+        self._wait = wait
+        self._at = name.text  # where it was found last
+
+    def open(self) -> PythonPort:
+        """May wait for seconds.
+
+        :raises PortError: that it cannot be opened, and what to do.
+        """
+        name = self._name
+        self._at = name.path() if name.moves else name.text
+        try:
+            if name.is_tcp and not name.is_rfc2217:
+                return TcpPort(socket.create_connection((name.host, int(name.service)), ANSWER), self._wait)
+            return PyserialPort(self._open_with_pyserial())
+        except (OSError, ValueError) as error:
+            cause = error.__context__ if isinstance(error.__context__, OSError) else error
+            code = cause.errno if isinstance(cause, OSError) and not isinstance(cause, socket.gaierror) else None
+            sentence = self._refused_by_server(error, cause) if name.is_tcp else self._refused(error, code)
+            raise PortError(sentence, code, name.text) from None
+
+    def _open_with_pyserial(self) -> Any:
+        line = self._settings
+        options: dict[str, Any] = {
+            "baudrate": line.baud,
+            "bytesize": line.data_bits,
+            "parity": {"none": "N", "even": "E", "odd": "O"}[line.parity],
+            "stopbits": line.stop_bits,
+            "timeout": self._wait,
+        }
+        # Programs whose ports the engine opens begin sooner without pyserial.
+        if self._name.is_rfc2217:
+            from wirebond.link.rfc2217 import open_rfc2217  # noqa: PLC0415
+
+            return open_rfc2217(f"rfc2217://{self._name.address}?{_RFC2217_OPTIONS}", **options)
+        import serial  # noqa: PLC0415
+
+        return serial.serial_for_url(self._at, **options, **({} if os.name == "nt" else {"exclusive": True}))
+
+    def why_gone(self, error: OSError | None) -> str:
+        """Why an open port is not there any more."""
+        cause = error.__context__ if error is not None and isinstance(error.__context__, OSError) else error
+        code = None if cause is None else cause.errno
+        if self._name.is_tcp and code is None:
+            return f"{self._name.text} closed the connection; look at what its server says"
+        reason = "hang-up" if code is None else os.strerror(code)
+        if self._name.is_tcp:
+            return f"the connection to {self._name.text} broke ({reason}); look at the network and the server"
+        place = self._at if self._at == self._name.text else f"{self._name.text}: {self._at}"
+        return f"{place} went away ({reason}); plug it in again, or look at what the system says of it"
+
+    def appearance(self) -> object:
+        """Changes when the port's file may have appeared, or may be opened by others than before; always the same
+        where there is no file to look at."""
+        if self._name.is_tcp or os.name == "nt":
+            return None
+        path = Path("/dev/*" if self._name.moves else self._name.text).absolute()
+        found: list[tuple[int, int]] = []
+        for place in (path, *path.parents):
+            with contextlib.suppress(OSError):
+                seen = place.stat()
+                found.append((seen.st_ino, seen.st_ctime_ns))
+                if place != path:
+                    break
+        return tuple(found)
+
+    # ---- sentences
+
+    def _refused(self, error: Exception, code: int | None) -> str:
+        path = self._at
+        text = str(error)
+        exists = Path(path).exists() if os.name != "nt" else "FileNotFoundError" not in text
+        if code == errno.ENOENT or not exists:
+            return f"there is no port {path}; plug it in, or look for its name with `{_LIST_PORTS}`"
+        if os.name != "nt" and not stat.S_ISCHR(Path(path).stat().st_mode):
+            what = "a folder, and a serial port is expected" if Path(path).is_dir() else "not a serial port"
+            return f"{path} is {what}; give a tty such as /dev/ttyUSB0, /dev/ttyACM0 or a pty"
+        if code in (errno.EAGAIN, errno.EBUSY) or "PermissionError" in text:
+            return f"{path} is in use by another program; close that one"
+        if code == errno.EACCES:
+            return no_permission(path)
+        if isinstance(error, ValueError):
+            return f"{path} cannot run at {self._settings.baud} baud; choose a rate that the adapter knows"
+        return f"cannot open {path}: {text}; check its name, baud rate, parity and stop bits ({self._settings})"
+
+    def _refused_by_server(self, error: Exception, cause: Exception) -> str:
+        name = self._name.text
+        if isinstance(cause, socket.gaierror):
+            why = cause.strerror
+            return f"the name of {name} cannot be found ({why}); check its spelling, or give an address"
+        if isinstance(cause, ConnectionRefusedError):
+            return f"nothing listens at {name}; start the server there, or check the port's number"
+        if isinstance(cause, TimeoutError):
+            return (
+                f"{name} does not answer within {ANSWER:g} s; check that it is switched on, its address, and the "
+                "firewall between"
+            )
+        if isinstance(error, ConnectionAbortedError | BrokenPipeError | ConnectionResetError):
+            return (
+                f"{name} closed the connection at once; its serial port may be away, or in use by another client: look "
+                "at what its server says"
+            )
+        text = str(error)
+        if "seem to support RFC2217" in text:
+            return (
+                f"{name} is no RFC 2217 server: it does not negotiate; if it gives the line as raw bytes, name it "
+                f"tcp://{self._name.address}"
+            )
+        if isinstance(error, ValueError):
+            what = next((said for key, said in _RFC2217_SETTINGS.items() if f"'{key}'" in text), "the settings")
+            return f"{name} refused {what} of the link ({self._settings}); choose what its serial port knows"
+        if "RFC2217" in text or "timeout while waiting" in text:
+            return f"{name} did not confirm the settings of the link ({self._settings}); check what its server allows"
+        return f"cannot connect to {name}: {cause}; check its address and the network"
+
+
+_LIST_PORTS = "python -m serial.tools.list_ports" if os.name == "nt" else "ls /dev/tty*"
