@@ -14,7 +14,8 @@ import wirebond
 from tests.host_link.mcu import linked, wait_until
 from tests.host_link.protocol import manipulator
 from tests.shared import ROOT
-from wirebond import DeadlineEvent, LinkDownError, Message, UsageError, inbox
+from wirebond import DeadlineEvent, LinkDownError, Message, UsageError
+from wirebond.link import inbox
 from wirebond.protocol import loads
 
 ARM = manipulator()
