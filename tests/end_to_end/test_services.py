@@ -96,9 +96,9 @@ def test_a_firmware_of_another_file_is_told_by_every_command(firmware: FirmwareP
     assert sent.returncode == 0
     assert sent.stderr.count("the MCU was built from another protocol file") == 1
     assert "`wirebond diff`" in sent.stderr
-    repeated = run("send", other, firmware.port, "command", "speed=0", "mode=idle", "--rate", "50", "--seconds", "1")
+    repeated = run("send", other, firmware.port, "command", "speed=0", "mode=idle", "--rate", "50", "--seconds", "0.3")
     assert repeated.stderr.count("the MCU was built from another protocol file") == 1
-    watched = run("monitor", other, firmware.port, "--json", "--seconds", "1")
+    watched = run("monitor", other, firmware.port, "--json", "--seconds", "0.3")
     assert watched.stderr.count("the MCU was built from another protocol file") == 1
     hellos = [m for m in map(json.loads, watched.stdout.splitlines()) if m["message"] == "hello"]
     assert hellos[0]["peer"] == {"state": "different", "hash": f"{codec('native').hash:016x}"}
@@ -107,3 +107,38 @@ def test_a_firmware_of_another_file_is_told_by_every_command(firmware: FirmwareP
 def test_a_simulation_says_hello_as_well() -> None:
     with simulated(codec("native")) as port, wirebond.open(NATIVE, port) as link:
         wait_until(lambda: link.peer.state == "same", "the peer says hello")
+
+
+# ---- clock
+
+
+def test_the_clock_of_a_firmware_is_followed_within_its_bound(firmware: FirmwareProcess) -> None:
+    with wirebond.open(NATIVE, firmware.port) as link:
+        with pytest.raises(wirebond.UsageError, match="not known yet"):
+            link.host_time(0)
+        wait_until(lambda: link.clock is not None and link.clock.exchanges >= 6, "six exchanges")
+        for _ in range(20):
+            now = time.monotonic()
+            answer = link.host_time(int(now * 1e6) & 0xFFFFFFFF, near=now)  # its clock is that of this machine
+            assert abs(answer.t - now) <= answer.error < 0.1
+        assert link.clock is not None
+        assert link.clock.restarts == 0
+        assert [m.name for m in link.receive(0.1) if m.name != "hello"] == []  # the exchanges are the link's own
+
+
+def test_the_clock_begins_again_with_a_firmware_that_restarts(program: Path, tmp_path: Path) -> None:
+    name = tmp_path / "mcu"
+    with FirmwareProcess(program, "the arm") as first:
+        name.symlink_to(first.port)
+        with wirebond.open(NATIVE, name) as link:
+            wait_until(lambda: link.clock is not None, "the first clock")
+            name.unlink()
+            first.close()
+            wait_until(lambda: link.state == "down", "the end of the port")
+            with simulated(codec("native")) as port:  # its clock begins at zero
+                name.symlink_to(port)
+                wait_until(lambda: link.clock is not None and link.clock.restarts == 1, "the restart")
+                assert link.clock is not None
+                stamp = link.request("clock_request", host_us=1)
+                answer = link.host_time(stamp["sent_us"], near=stamp.t)
+                assert abs(answer.t - stamp.t) <= answer.error + 0.5

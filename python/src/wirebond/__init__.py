@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from wirebond.link import Link, LinkStats, SendStats
     from wirebond.link import open_link as open
     from wirebond.link.aio import Aio
+    from wirebond.link.clock_sync import ClockReading, HostTime
     from wirebond.link.handlers import DeadlineEvent
     from wirebond.link.inbox import Latest
     from wirebond.link.peer import Peer
@@ -34,10 +35,12 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Aio",
+    "ClockReading",
     "Codec",
     "Columns",
     "DeadlineEvent",
     "Decoder",
+    "HostTime",
     "Latest",
     "Link",
     "LinkDownError",
@@ -80,6 +83,7 @@ _HOMES = {
             "load",
         ),
         "errors": tuple(name for name in __all__ if name.endswith("Error")),
+        "link.clock_sync": ("ClockReading", "HostTime"),
         "link.handlers": ("DeadlineEvent",),
         "link.inbox": ("Latest",),
         "link.peer": ("Peer",),

@@ -55,7 +55,7 @@ def _ctrl_c_ends() -> Iterator[None]:
 
 def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None, as_json: bool, waits: bool) -> None:
     # A viewer shows everything: what is late, held back, or for others.
-    with open_link(path, port, baud, hold_back=False, listen="all", wait_for_port=waits) as link:
+    with open_link(path, port, baud, hold_back=False, listen="all", wait_for_port=waits, clock_sync=False) as link:
         end = _end(seconds)
         with _ctrl_c_ends():
             if as_json or not console.is_terminal:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import time
 import weakref
 from collections.abc import Callable, Mapping
 from types import TracebackType
@@ -13,6 +14,7 @@ from wirebond.codec import Codec, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, PortError, QueueFullError, StoppedError, UsageError
 from wirebond.link import ending
 from wirebond.link.accounts import LinkStats, SendStats
+from wirebond.link.clock_sync import ClockReading, HostTime
 from wirebond.link.inbox import Inbox
 from wirebond.link.peer import Peer
 from wirebond.link.receiving import Receiving
@@ -63,6 +65,7 @@ class Link(Receiving):
         listen: str = "own",
         wait_for_port: bool = False,
         hello: bool = True,
+        clock_sync: bool = True,
     ) -> None:
         model = codec.model
         settings = model.link
@@ -97,8 +100,10 @@ class Link(Receiving):
             self._engine.listen_to_all(True)
         self._inbox = Inbox(codec, self._engine, self.port, self._actions)
         weakref.finalize(self, self._engine.close).atexit = False  # a thread of the inbox may keep the engine
-        says_hello = hello and may_ask(codec, listen == "all")
-        self._services = Services(self, codec, self._engine, self._inbox, says_hello=says_hello)
+        asks = may_ask(codec, listen == "all")
+        self._services = Services(
+            self, codec, self._engine, self._inbox, says_hello=hello and asks, syncs_clock=clock_sync and asks
+        )
         ending.note_open(self)
 
     # ---- sending
@@ -299,6 +304,23 @@ class Link(Receiving):
         return self._services.peer
 
     @property
+    def clock(self) -> ClockReading | None:
+        """The MCU's clock against the host's: offset, drift and their bound. None: the file maps no ``clock``, or the
+        MCU has not answered yet. Any thread."""
+        return self._services.clock
+
+    def host_time(self, mcu_us: int, near: float | None = None) -> HostTime:
+        """The host's time of a time of the MCU, such as a stamp in a message. Later times of the MCU have later times
+        of the host. Any thread.
+
+        :param mcu_us: microseconds of the MCU's clock, which may have wrapped.
+        :param near: a host's time within half an hour, on ``time.monotonic()``, such as the message's ``t``. None: now.
+        :returns: the time on ``time.monotonic()``, with its bound.
+        :raises UsageError: the MCU's clock is not known: the file maps no ``clock``, or the MCU has not answered yet.
+        """
+        return self._services.host_time(mcu_us, time.monotonic() if near is None else near)
+
+    @property
     def deadlines(self) -> dict[str, bool]:
         """The host's deadlines: has this action struck, and not ended yet?"""
         struck = set(self._engine.struck_deadlines())
@@ -422,6 +444,7 @@ def open_link(
     listen: str = "own",
     wait_for_port: bool = False,
     hello: bool = True,
+    clock_sync: bool = True,
 ) -> Link:
     """Open a port with the protocol file's settings.
 
@@ -444,6 +467,8 @@ def open_link(
         looks for it, as it does for one that goes away later.
     :param hello: where the file maps ``hello``, say it each time that the port is opened, so that ``link.peer`` tells
         whether the MCU has the same protocol. False: the link only listens to the MCU's.
+    :param clock_sync: where the file maps ``clock``, ask the MCU's clock once a second, for ``link.clock`` and
+        ``link.host_time``. False: it is not asked.
     :returns: a link that reads already; close it, or use it in a ``with`` block.
     :raises ProtocolFileError: the file cannot be used.
     :raises PortError: the port cannot be opened; the sentence says why and what to do.
@@ -459,4 +484,5 @@ def open_link(
         listen=listen,
         wait_for_port=wait_for_port,
         hello=hello,
+        clock_sync=clock_sync,
     )

@@ -58,11 +58,6 @@ class PeerBook:
         self._wait = FIRST_WAIT
         self._next = t
 
-    def silent(self, t: float) -> None:
-        """Frames come again after a silence: it may be another peer, so it is asked again."""
-        self._wait = FIRST_WAIT
-        self._next = t
-
     def is_due(self, t: float) -> bool:
         """Shall hello be said now?"""
         return self.message is not None and t >= self._next

@@ -1,4 +1,6 @@
-"""What a link does by itself with the services of its file: it says hello. A thread beside the link, at a low rate.
+"""What a link does by itself with the services of its file: it says hello, and follows the MCU's clock.
+
+A thread beside the link, at a low rate.
 
 It holds the link weakly, so that a link can become garbage. What it sends is counted as any frame is.
 """
@@ -16,18 +18,23 @@ from typing import TYPE_CHECKING
 
 from wirebond import _engine
 from wirebond.codec import Codec, Message
-from wirebond.errors import WirebondError
+from wirebond.errors import UsageError, WirebondError
+from wirebond.link.clock_sync import ClockReading, ClockSync, HostTime
 from wirebond.link.inbox import Inbox
 from wirebond.link.peer import HELLO_VERSION, Peer, PeerBook
 from wirebond.link.service_values import filled
-from wirebond.protocol.model import End
+from wirebond.protocol.model import End, Service
 from wirebond.protocol.plan import plan_for
 
 if TYPE_CHECKING:
     from wirebond.link.link import Link
     from wirebond.link.python_link import PythonLink
+    from wirebond.link.receiving import Asked
 
 _LOOK_EVERY = 0.1  # seconds between two looks at the port
+_CLOCK_EVERY = 1.0  # seconds between two exchanges of the clock
+_CLOCK_SOON = 5  # exchanges at the beginning that follow each other at once
+_CLOCK_TIMEOUT = 1.0  # seconds for the MCU's answer
 _MOST_HEARD = 1024  # messages that wait for the thread; then the oldest are dropped
 
 _log = logging.getLogger("wirebond")
@@ -38,10 +45,18 @@ class Services:
 
     :param link: held weakly.
     :param says_hello: False: it listens only.
+    :param syncs_clock: False: it asks no clock.
     """
 
     def __init__(
-        self, link: Link, codec: Codec, engine: _engine.Link | PythonLink, inbox: Inbox, *, says_hello: bool
+        self,
+        link: Link,
+        codec: Codec,
+        engine: _engine.Link | PythonLink,
+        inbox: Inbox,
+        *,
+        says_hello: bool,
+        syncs_clock: bool,
     ) -> None:
         self._link = weakref.ref(link)
         self._codec = codec
@@ -53,9 +68,11 @@ class Services:
         self._book = PeerBook(codec)
         self._heard: deque[tuple[Callable[[Message], None], Message]] = deque(maxlen=_MOST_HEARD)
         self._connections = -1  # none was seen yet
-        self._was_stale = False
+        self._clock = _ClockExchanges(codec, inbox) if syncs_clock else None
+        self._restarts = 0  # of the peer, that the clock knows of
         if self._book.message is not None:
             inbox.watch(self._book.message, self._later(self._hello))
+        if self._book.message is not None or (self._clock is not None and self._clock.sync is not None):
             inbox.start()
             threading.Thread(target=self._run, name=f"services of {self._place}", daemon=True).start()
 
@@ -64,6 +81,21 @@ class Services:
         """What is known of the other end."""
         with self._lock:
             return self._book.peer
+
+    @property
+    def clock(self) -> ClockReading | None:
+        """What is known of the MCU's clock."""
+        with self._lock:
+            return None if self._clock is None or self._clock.sync is None else self._clock.sync.reading()
+
+    def host_time(self, mcu_us: int, near: float) -> HostTime:
+        """See ``Link``."""
+        if self._clock is None:
+            raise UsageError("this link does not follow the MCU's clock; open it with clock_sync=True")
+        if self._clock.sync is None:
+            raise UsageError(self._clock.why)
+        with self._lock:
+            return self._clock.sync.to_host(mcu_us, near)
 
     def end(self) -> None:
         """The link is closed."""
@@ -98,10 +130,6 @@ class Services:
                 self._connections = connections
                 with self._lock:
                     self._book.connected(now)
-            elif self._was_stale and state == "up":
-                with self._lock:
-                    self._book.silent(now)
-            self._was_stale = state == "stale"
         while self._heard:
             function, message = self._heard.popleft()
             function(message)
@@ -111,6 +139,13 @@ class Services:
                 self._book.asked(now)
         if is_due:
             self._say_hello(link)
+        if state != "down" and self._clock is not None:
+            self._clock.look(link, now, self._wake.set)
+            with self._lock:
+                if self._book.restarts != self._restarts:
+                    self._restarts = self._book.restarts
+                    self._clock.restart()
+                self._clock.take()
 
     # ---- hello
 
@@ -128,6 +163,74 @@ class Services:
         values = filled(self._codec.model.message(name), {"protocol_hash": self._codec.hash, "version": HELLO_VERSION})
         with contextlib.suppress(WirebondError):  # the port is away, the queue full: it is said again
             link.send(name, values)
+
+
+class _ClockExchanges:
+    """The exchanges of a link's clock, one at a time. `take`, `restart` and `sync`: one thread at a time.
+
+    :param inbox: gives an exchange up that is not answered.
+    """
+
+    def __init__(self, codec: Codec, inbox: Inbox) -> None:
+        self._requests = inbox.requests
+        self._service: Service | None = codec.model.service("clock")
+        self._asked: Asked | None = None
+        self._answers: deque[tuple[float, Message]] = deque()  # when each was asked
+        self._next = 0.0
+        self._soon = _CLOCK_SOON
+        self._host_us = 0  # as it stands in the last request
+        self.sync: ClockSync | None = None
+        self.why = f"{codec.name} maps no `clock` service, so the MCU's clock cannot be known"
+        if self._service is None:
+            return
+        fields = {role: {f.name: f for f in codec.model.message(name).fields} for role, name in self._service.messages}
+        self._mask = (1 << fields["request"]["host_us"].width) - 1
+        try:
+            self.sync = ClockSync(min(fields["reply"][name].width for name in ("received_us", "sent_us")))
+        except UsageError as error:
+            self.why = str(error)
+
+    def look(self, link: Link, now: float, wake: Callable[[], None]) -> None:
+        """Begin an exchange where one is due."""
+        if self.sync is None or self._service is None or self._answers:
+            return
+        if self._asked is not None:
+            if now - self._asked.question.since < _CLOCK_TIMEOUT:
+                return
+            self._requests.withdraw(self._asked.question)
+            self._asked = None
+        if now < self._next:
+            return
+        request = self._service.message("request")
+        assert request is not None
+        self._host_us = round(now * 1e6) & self._mask
+        values = filled(link.codec.model.message(request), {"host_us": self._host_us})
+
+        def answered(outcome: Message | Exception) -> None:  # in the thread that receives
+            if isinstance(outcome, Message) and self._asked is not None:
+                self._answers.append((self._asked.question.since, outcome))
+            wake()
+
+        self._next = now + (0.0 if self._soon > 0 else _CLOCK_EVERY)
+        self._soon -= 1
+        with contextlib.suppress(WirebondError):  # the port is away, the queue full: it is asked again
+            self._asked = link._ask(request, values, _CLOCK_TIMEOUT, None, {}, answered)
+
+    def take(self) -> None:
+        """What was answered."""
+        while self._answers:
+            sent, reply = self._answers.popleft()
+            fields = reply.fields
+            assert self.sync is not None
+            if fields["host_us"] == self._host_us:  # else it answers another request
+                self.sync.feed(sent, fields["received_us"], fields["sent_us"], reply.t)
+            self._asked = None
+
+    def restart(self) -> None:
+        """The MCU restarted: its clock begins again."""
+        if self.sync is not None:
+            self.sync.restart()
+        self._next, self._soon = 0.0, _CLOCK_SOON
 
 
 def may_ask(codec: Codec, listens_to_all: bool) -> bool:

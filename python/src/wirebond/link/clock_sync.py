@@ -1,0 +1,283 @@
+"""The MCU's clock in the host's time, from exchanges of the clock service. No thread, no port, no clock of its own.
+
+An exchange has four times: the host sends the request, the MCU receives it, the MCU sends its reply, the host has it.
+What the line and both programs took is the round trip. The MCU's times lie somewhere between the host's two, so an
+exchange tells the host's time of the MCU's clock to half its round trip, whatever happened on the way. Exchanges with a
+short round trip tell most. A line through the best ones of the last minute gives offset and drift.
+
+The answer never jumps back: a better line is approached within a second or more. Only a restart of the MCU, which
+begins its clock again, begins a new one.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+from wirebond.errors import UsageError
+
+WINDOW = 64  # exchanges that the line goes through
+LEAST_BITS = 24  # of the MCU's clock: a narrower one wraps within seconds
+MOST_BITS = 32  # that are looked at: a firmware counts 32 bits, however wide the field is
+MAX_DRIFT = 0.02  # of any MCU's clock, as long as it is not measured: a poor RC oscillator
+LIKELY_DRIFT = 1e-3  # of most clocks: exchanges that lie close together say nothing of the drift, and this rules
+WANDER = 10e-6  # by how much a measured drift may change within the window
+STAMP_ERROR = 50e-6  # seconds by which an MCU may stamp too early: it takes the time before it looks
+_LEAST_SLEW = 1.0  # seconds in which a better line is approached
+_SEGMENTS = 64  # of the answer that are remembered, for stamps that come late
+
+
+class Verdict(Enum):
+    """What became of an exchange."""
+
+    USED = "used"  #: it is one of the best
+    OUTLIER = "outlier"  #: its round trip is too long, or it contradicts the others
+    RESTARTED = "restarted"  #: the MCU's clock began again, and everything with it
+    NONSENSE = "nonsense"  #: the MCU had it for longer than the round trip took
+
+
+class HostTime(NamedTuple):
+    """A time of the MCU on the host's clock.
+
+    :ivar t: seconds, on ``time.monotonic()``.
+    :ivar error: seconds by which it is wrong at most.
+    """
+
+    t: float
+    error: float
+
+
+@dataclass(frozen=True)
+class ClockReading:
+    """What is known of the MCU's clock.
+
+    :ivar offset: seconds to add to the MCU's clock for the host's time, at the last exchange. A clock that wraps
+        is counted on.
+    :ivar drift: parts per million by which the MCU's clock is fast; negative: slow.
+    :ivar error: seconds by which the offset is wrong at most.
+    :ivar round_trip: seconds: the shortest of the last minute.
+    :ivar exchanges: that were answered.
+    :ivar outliers: of them, not used.
+    :ivar restarts: times that the MCU's clock began again.
+    """
+
+    offset: float
+    drift: float
+    error: float
+    round_trip: float
+    exchanges: int
+    outliers: int
+    restarts: int
+
+
+@dataclass(frozen=True)
+class _Sample:
+    mcu: float  # seconds, in the middle between its two times; counted on when it wraps
+    host: float  # in the middle between the host's two times
+    half: float  # the truth is at most this far from `host`
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """The answer from `start` on: the line, and what is left of the way to it."""
+
+    start: float  # of the MCU's clock
+    mcu: float  # a point of the line
+    host: float
+    slope: float
+    behind: float = 0.0  # how far the line lies after the answer, at `start`
+    slew: float = _LEAST_SLEW  # seconds until the answer is on the line
+
+    def line(self, mcu: float) -> float:
+        return self.host + (mcu - self.mcu) * self.slope
+
+    def left(self, mcu: float) -> float:
+        return self.behind * min(max(1.0 - (mcu - self.start) / self.slew, 0.0), 1.0)
+
+    def at(self, mcu: float) -> float:
+        return self.line(mcu) - self.left(mcu)
+
+
+class ClockSync:
+    """One MCU's clock. One thread at a time.
+
+    :param bits: after which the MCU's microseconds wrap.
+    :raises UsageError: they wrap too soon.
+    """
+
+    def __init__(self, bits: int = 32) -> None:
+        if bits < LEAST_BITS:
+            raise UsageError(
+                f"the MCU's clock has {bits} bits, so it wraps after {(1 << bits) / 1e6:.2g} s; clock sync needs at "
+                f"least {LEAST_BITS}"
+            )
+        self._modulus = 1 << min(bits, MOST_BITS)
+        self._samples: deque[_Sample] = deque(maxlen=WINDOW)
+        self._best: list[_Sample] = []
+        self._suspect: _Sample | None = None
+        self._segments: deque[_Segment] = deque(maxlen=_SEGMENTS)
+        self._count = 0  # of the MCU's clock, in microseconds, at the last exchange; counted on when it wraps
+        self._newest = float("-inf")  # the latest time of the MCU that was asked for
+        self._drift_error = MAX_DRIFT
+        self.exchanges = 0
+        self.outliers = 0
+        self.restarts = 0
+
+    @property
+    def is_known(self) -> bool:
+        """Is there an answer?"""
+        return bool(self._segments)
+
+    def feed(self, sent: float, received_us: int, sent_us: int, back: float) -> Verdict:
+        """One exchange.
+
+        :param sent: when the host sent the request, in seconds.
+        :param received_us: the MCU's clock when it had the request, as it stands in the reply.
+        :param sent_us: the MCU's clock when it sent the reply.
+        :param back: when the host had the reply.
+        :returns: what became of it.
+        """
+        self.exchanges += 1
+        taken = (sent_us - received_us) % self._modulus * 1e-6
+        half = (back - sent - taken) / 2
+        if half < -STAMP_ERROR:
+            self.outliers += 1
+            return Verdict.NONSENSE
+        host = (sent + back) / 2
+        count = self._counted_on(received_us, host - taken / 2)
+        sample = _Sample(count * 1e-6 + taken / 2, host, max(half, 0.0) + STAMP_ERROR)
+        if self._segments and self._contradicts(sample):
+            return self._settle_suspect(sample, count)
+        self._suspect = None
+        self._count = count
+        return self._take(sample)
+
+    def restart(self) -> None:
+        """The MCU said that it restarted, so its clock began again."""
+        if self._segments:
+            self._forget()
+
+    def to_host(self, mcu_us: int, near: float) -> HostTime:
+        """The host's time of a time of the MCU. For later times of the MCU it gives later ones.
+
+        :param mcu_us: microseconds of the MCU's clock, as they stand in a message.
+        :param near: a host's time that is at most half the wrap away, such as that of the message.
+        :returns: the time, with its bound.
+        :raises UsageError: no exchange was answered yet.
+        """
+        if not self._segments:
+            raise UsageError("the MCU's clock is not known yet; wait until `link.clock` has a reading")
+        mcu = self._counted_on(mcu_us, near) * 1e-6
+        self._newest = max(self._newest, mcu)
+        segment = next((s for s in reversed(self._segments) if s.start <= mcu), self._segments[0])
+        return HostTime(segment.at(mcu), self._error(mcu) + abs(segment.at(mcu) - self._segments[-1].line(mcu)))
+
+    def reading(self) -> ClockReading | None:
+        """What is known; None: nothing yet."""
+        if not self._segments:
+            return None
+        segment, mcu = self._segments[-1], self._samples[-1].mcu
+        return ClockReading(
+            offset=segment.at(mcu) - mcu,
+            drift=(1.0 / segment.slope - 1.0) * 1e6,
+            error=self._error(mcu) + abs(segment.left(mcu)),
+            round_trip=2 * (min(s.half for s in self._samples) - STAMP_ERROR),
+            exchanges=self.exchanges,
+            outliers=self.outliers,
+            restarts=self.restarts,
+        )
+
+    # ---- the MCU's count
+
+    def _counted_on(self, raw: int, host: float) -> int:
+        """The count that these bits mean, at about this time of the host: the nearest to what is expected."""
+        if not self._segments:
+            return raw % self._modulus
+        last = self._samples[-1]
+        expected = round((last.mcu + (host - last.host) / self._segments[-1].slope) * 1e6)
+        half = self._modulus // 2
+        return expected + (raw - expected + half) % self._modulus - half
+
+    # ---- the line
+
+    def _contradicts(self, sample: _Sample) -> bool:
+        """Can this exchange not be true, if the line is?"""
+        apart = abs(sample.host - self._segments[-1].line(sample.mcu))
+        return apart > sample.half + self._error(sample.mcu)
+
+    def _settle_suspect(self, sample: _Sample, count: int) -> Verdict:
+        """One that contradicts is wrong; two that agree are right, and the clock began again."""
+        before, self._suspect = self._suspect, sample
+        self.outliers += 1
+        if before is None:
+            return Verdict.OUTLIER
+        apart = abs((sample.host - before.host) - (sample.mcu - before.mcu))
+        if apart > sample.half + before.half + MAX_DRIFT * abs(sample.host - before.host):
+            return Verdict.OUTLIER
+        self._forget()
+        self._count = count
+        self._take(before)
+        self._take(sample)
+        return Verdict.RESTARTED
+
+    def _forget(self) -> None:
+        self.restarts += 1
+        self._samples.clear()
+        self._segments.clear()
+        self._best = []
+        self._suspect = None
+        self._newest = float("-inf")
+        self._drift_error = MAX_DRIFT
+
+    def _take(self, sample: _Sample) -> Verdict:
+        self._samples.append(sample)
+        shortest = min(s.half for s in self._samples)
+        self._best = [s for s in self._samples if s.half <= 1.5 * shortest]
+        if len(self._best) < 3:
+            self._best = sorted(sorted(self._samples, key=lambda s: s.half)[:3], key=lambda s: s.mcu)
+        self._follow(*self._fit(), sample.mcu)
+        if sample in self._best:
+            return Verdict.USED
+        self.outliers += 1
+        return Verdict.OUTLIER
+
+    def _fit(self) -> tuple[float, float, float]:
+        """A point of the line through the best exchanges, and its slope."""
+        weights = [1 / s.half**2 for s in self._best]
+        total = sum(weights)
+        mcu = sum(w * s.mcu for w, s in zip(weights, self._best, strict=True)) / total
+        away = sum(w * (s.host - s.mcu) for w, s in zip(weights, self._best, strict=True)) / total
+        spread = sum(w * (s.mcu - mcu) ** 2 for w, s in zip(weights, self._best, strict=True))
+        slants = sum(w * (s.mcu - mcu) * (s.host - s.mcu - away) for w, s in zip(weights, self._best, strict=True))
+        tilt = min(max(slants / (spread + LIKELY_DRIFT**-2), -MAX_DRIFT), MAX_DRIFT)
+        self._drift_error = self._bound_drift(mcu, mcu + away, 1.0 + tilt)
+        return mcu, mcu + away, 1.0 + tilt
+
+    def _bound_drift(self, mcu: float, host: float, slope: float) -> float:
+        """How wrong the slope may be: what the exchange that tells most at each end of the window allows."""
+        middle = (self._best[0].mcu + self._best[-1].mcu) / 2
+        early = [s for s in self._best if s.mcu < middle]
+        late = [s for s in self._best if s.mcu >= middle]
+        if not early or not late:
+            return MAX_DRIFT + abs(slope - 1.0)
+        first, last = (min(part, key=lambda s: s.half) for part in (early, late))
+        unsure = sum(s.half + abs(s.host - host - (s.mcu - mcu) * slope) for s in (first, last))
+        return min(unsure / (last.mcu - first.mcu) + WANDER, MAX_DRIFT + abs(slope - 1.0))
+
+    def _error(self, mcu: float) -> float:
+        """By how much the line is wrong at most, at this time of the MCU."""
+        line = self._segments[-1]
+        return min(abs(s.host - line.line(s.mcu)) + s.half + self._drift_error * abs(mcu - s.mcu) for s in self._best)
+
+    def _follow(self, mcu: float, host: float, slope: float, now: float) -> None:
+        """A better line: the answer goes on from where it is, and approaches it."""
+        if not self._segments:
+            self._segments.append(_Segment(now, mcu, host, slope))
+            return
+        start = max(now, self._newest)
+        line = _Segment(start, mcu, host, slope)
+        behind = line.line(start) - self._segments[-1].at(start)
+        slew = max(_LEAST_SLEW, 2 * abs(behind))
+        self._segments.append(_Segment(start, mcu, host, slope, behind, slew))

@@ -1,0 +1,77 @@
+"""A link follows the MCU's clock by itself: how often it asks, silence, wrong replies, and when it must not ask."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+import wirebond
+from tests.host_link.mcu import linked, wait_until
+from tests.host_link.protocol import manipulator
+from tests.shared import PROTOCOLS, codec
+from wirebond import UsageError
+from wirebond.protocol import loads
+
+NATIVE = codec("native")
+
+
+def answer(message: wirebond.Message) -> bytes:
+    """With the clock of this machine, less a hundred seconds."""
+    if message.name != "clock_request":
+        return b""
+    now = round((time.monotonic() - 100.0) * 1e6) & 0xFFFFFFFF
+    return NATIVE.encode("clock_reply", host_us=message["host_us"], received_us=now, sent_us=now)
+
+
+def test_offset_and_stamps_are_known_soon() -> None:
+    with linked(NATIVE, answer) as (link, mcu):
+        wait_until(lambda: link.clock is not None and link.clock.exchanges >= 5, "the first exchanges")
+        clock = link.clock
+        assert clock is not None
+        time_of_100 = link.host_time(100_000_000, near=200.0)
+        assert time_of_100.t == pytest.approx(200.0, abs=time_of_100.error)
+        asked = len([m for m in mcu.heard if m.name == "clock_request"])
+        assert asked <= 7  # soon at first, then once a second
+        assert [m for m in link.receive() if m.name == "clock_reply"] == []
+
+
+def test_an_mcu_that_does_not_answer_leaves_the_clock_unknown() -> None:
+    with linked(NATIVE) as (link, mcu):
+        wait_until(lambda: [m for m in mcu.heard if m.name == "clock_request"], "the request")
+        assert link.clock is None
+        with pytest.raises(UsageError, match="not known yet"):
+            link.host_time(5)
+
+
+def test_a_reply_to_another_request_changes_nothing() -> None:
+    wrong = NATIVE.encode("clock_reply", host_us=1, received_us=2, sent_us=3)
+    with linked(NATIVE, lambda m: wrong if m.name == "clock_request" else b"") as (link, mcu):
+        wait_until(lambda: len([m for m in mcu.heard if m.name == "clock_request"]) > 3, "requests after wrong replies")
+        assert link.latest("clock_reply") is not None
+        assert link.clock is None
+
+
+def test_it_can_be_switched_off() -> None:
+    with linked(NATIVE, answer, clock_sync=False) as (link, mcu):
+        wait_until(lambda: mcu.heard, "hello")
+        assert link.clock is None
+        with pytest.raises(UsageError, match="open it with clock_sync=True"):
+            link.host_time(5)
+        assert [m.name for m in mcu.heard] == ["hello"]
+
+
+def test_a_file_without_the_service_says_so() -> None:
+    with linked(manipulator()) as (link, _), pytest.raises(UsageError, match="manipulator maps no `clock` service"):
+        link.host_time(5)
+
+
+def test_a_clock_that_wraps_too_soon_is_not_asked() -> None:
+    text = (PROTOCOLS / "native.yaml").read_text()
+    for name in ("received_us: {type: u32", "sent_us:     {type: u32"):
+        assert name in text
+        text = text.replace(name, name.replace("u32", "u16"))
+    with linked(wirebond.Codec(loads(text))) as (link, mcu):
+        wait_until(lambda: mcu.heard, "hello")
+        with pytest.raises(UsageError, match="the MCU's clock has 16 bits"):
+            link.host_time(5)
