@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable
 
-from bench import collateral, columns, frame_cost, m4_cost, m4_runtime, send_queue, work_per_byte
+from bench import collateral, columns, frame_cost, m4_cost, m4_runtime, send_queue, soak, work_per_byte
 from bench.figures import LATEST, ROOT, Figure, keep, show
 
 BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
@@ -23,6 +23,7 @@ BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
     "m4_cost": ("What a frame costs generated C++ on an emulated Cortex-M4 (enterprize)", m4_cost.measure),
     "m4_runtime": ("What a link costs a Cortex-M: sends, interrupts, memory", m4_runtime.measure),
     "send_queue": ("Frames that threads send through one queue, 10 million", send_queue.measure),
+    "soak": ("A full line under virtual time, 90 minutes (enterprize, load 1.2)", soak.measure),
     "work_per_byte": ("Instructions per received byte, worst input (enterprize)", work_per_byte.measure),
 }
 

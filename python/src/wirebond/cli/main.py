@@ -12,7 +12,7 @@ import os
 import sys
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Any, cast
 
 import typer
 
@@ -211,6 +211,70 @@ def sim(
 
     raise_from_here()
     simulate(file, link, seconds, address or [])
+
+
+@app.command()
+def soak(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="Protocol file; without it: enterprize.")
+    ] = None,
+    virtual: Annotated[
+        bool, typer.Option("--virtual", help="Under virtual time, as fast as this machine can.")
+    ] = False,
+    minutes: Annotated[
+        float | None, typer.Option(parser=amount, metavar="NUMBER", help="How long, by the line's clock. Default: 90.")
+    ] = None,
+    load: Annotated[
+        str,
+        typer.Option(metavar="X|seed", help="Offer X times what the line carries; seed: the experiment's own rate."),
+    ] = "1.2",
+    baud: Baud = None,
+    ber: Annotated[
+        float | None,
+        typer.Option(parser=amount, metavar="CHANCE", help="Chance that a bit of the line is wrong, such as 1e-5."),
+    ] = None,
+    bursts: Annotated[
+        float | None,
+        typer.Option(
+            parser=amount, metavar="CHANCE", help="Chance of each byte that 16 bytes from it on become any bytes."
+        ),
+    ] = None,
+    drops: Annotated[
+        float | None, typer.Option(parser=amount, metavar="CHANCE", help="Chance that a byte is lost.")
+    ] = None,
+    inserts: Annotated[
+        float | None,
+        typer.Option(
+            parser=amount, metavar="CHANCE", help="Chance of each byte that one comes before it that was not sent."
+        ),
+    ] = None,
+    splits: Annotated[
+        float | None,
+        typer.Option(parser=amount, metavar="CHANCE", help="Chance that the line pauses for 2 ms behind a byte."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(parser=whole, metavar="INTEGER", help="Of the random faults. Default: 1.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Write a report in Markdown, and its plot beside it.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Offer more than the line carries at both ends, and account for every frame. Exit 1 if one is missing."""
+    from wirebond.soak.command import soak_protocol
+    from wirebond.soak.run import Settings
+
+    raise_from_here()
+    given: dict[str, Any] = {
+        "minutes": minutes,
+        "baud": baud,
+        "ber": ber,
+        "bursts": bursts,
+        "drops": drops,
+        "inserts": inserts,
+        "splits": splits,
+        "seed": seed,
+    }
+    settings = Settings(**{name: value for name, value in given.items() if value is not None})
+    raise typer.Exit(soak_protocol(file, load, settings, virtual, as_json, report))
 
 
 @app.command()

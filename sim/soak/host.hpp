@@ -1,0 +1,188 @@
+// The host's end of a soak: the link's core as the engine runs it, the format read at run time, under virtual time.
+#pragma once
+
+#include <time.h>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "ledger.hpp"
+#include "mix.hpp"
+#include "wirebond/host/link.hpp"
+#include "wirebond/sim/wire.hpp"
+
+namespace soak {
+
+/// CPU time of this thread, measured for one of `every` pieces of work: the clock itself costs more than the work.
+class CpuTime {
+ public:
+  static constexpr std::uint64_t every = 16;
+
+  CpuTime() {
+    for (int i = 0; i < 1000; ++i) {
+      const std::uint64_t before = now_ns();
+      cost_ns_ = std::min(cost_ns_, now_ns() - before);
+    }
+  }
+  template <class Work>
+  void around(Work&& work) {
+    if (turn_++ % every != 0) return work();
+    const std::uint64_t before = now_ns();
+    work();
+    const std::uint64_t spent = now_ns() - before;
+    sampled_ns_ += spent > cost_ns_ ? spent - cost_ns_ : 0;
+  }
+  double seconds() const { return static_cast<double>(sampled_ns_) * every * 1e-9; }
+
+ private:
+  static std::uint64_t now_ns() {
+    timespec now{};
+    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return static_cast<std::uint64_t>(now.tv_sec) * 1'000'000'000 + static_cast<std::uint64_t>(now.tv_nsec);
+  }
+
+  std::uint64_t cost_ns_ = ~std::uint64_t{0};
+  std::uint64_t sampled_ns_ = 0;
+  std::uint64_t turn_ = 0;
+};
+
+/// `to_mcu` and `to_host` outlive it. It wakes as the engine's thread does: for bytes, and when the link says so.
+class Host {
+ public:
+  static constexpr std::size_t queue_bytes = 65'536;  ///< these two as the engine has them
+  static constexpr std::size_t queue_frames = 16'384;
+
+  Host(wirebond::sim::Wire& to_mcu, wirebond::sim::Wire& to_host, Ledger& received, Ledger& sent)
+      : to_mcu_(to_mcu),
+        to_host_(to_host),
+        received_(received),
+        sent_(sent),
+        rows_(mix::rows_from_mcu()),
+        tables_(format_, rows_.data(), rows_.size()),
+        source_(tables_),
+        workspace_(wirebond::workspace_bytes(source_)),
+        bytes_(queue_bytes),
+        frames_(new wirebond::QueuedFrame[queue_frames + mix::protocol::message_count]),
+        leases_(mix::protocol::message_count),
+        leaving_(mix::protocol::AtHost::max_sent_bytes),
+        link_(source_, memory(), settings(to_mcu.settings()), 0) {
+    link_.port_up(0);
+  }
+
+  /// When it wakes by itself.
+  Time next(Time now) const {
+    const std::uint64_t due_us = link_.next_due(now / 1000);
+    const Time due = due_us == wirebond::HostOutbox::never ? wirebond::sim::never : due_us * 1000;
+    return std::max(std::min(to_host_.next_handover(), due), now + 1000);
+  }
+
+  /// The thread is awake.
+  void wake(Time now) {
+    cpu_.around([&] { work(now); });
+  }
+
+  /// A program offers one message.
+  void offer(Time now, std::uint16_t message) {
+    std::uint16_t& sample = next_sample_[message];
+    const Sample& sent = mix::from_host(message, sample);
+    sent_.fates.offered += 1;
+    cpu_.around([&] {
+      const wirebond::SendResult result =
+          link_.outbox().send(mix::host_index(message), sent.frame, sent.size, -1, false, now / 1000);
+      expire();
+      if (result == wirebond::SendResult::accepted) sent_.accept(now, message, sample, sent.size);
+      write(now);
+    });
+    sample = static_cast<std::uint16_t>((sample + 1) % mix::samples);
+  }
+
+  const wirebond::HostLink& link() const { return link_; }
+  bool is_in_order() const { return is_in_order_; }
+  double cpu_seconds() const { return cpu_.seconds(); }
+
+ private:
+  wirebond::HostLink::Memory memory() {
+    wirebond::HostLink::Memory memory;
+    memory.workspace = workspace_.data();
+    memory.outbox.bytes = bytes_.data();
+    memory.outbox.byte_capacity = bytes_.size();
+    memory.outbox.frames = frames_.get();
+    memory.outbox.frame_capacity = queue_frames + leases_.size();
+    memory.outbox.leases = leases_.data();
+    memory.outbox.lease_count = leases_.size();
+    memory.outbox.message_count = leases_.size();
+    memory.outbox.leaving = leaving_.data();
+    memory.outbox.leaving_capacity = leaving_.size();
+    return memory;
+  }
+  static wirebond::HostLink::Settings settings(const wirebond::sim::WireSettings& wire) {
+    wirebond::HostLink::Settings settings;
+    settings.pacing = wirebond::Pacing(wire.baud, wire.bits_per_byte);
+    settings.idle_us = mix::protocol::idle_us + (wire.batch + wire.jitter) / 1000;
+    settings.max_age_us = std::uint64_t{mix::protocol::max_age_ms} * 1000;
+    return settings;
+  }
+
+  void work(Time now) {
+    const std::uint64_t now_us = now / 1000;
+    const auto take = [&](const wirebond::Frame& frame, wirebond::MayAct, bool) {
+      if (frame.message < 0) {
+        received_.fates.false_frames += 1;
+        return;
+      }
+      received_.deliver(mix::mcu_message(frame.message), frame.payload, frame.payload_size, now, mix::from_mcu,
+                        to_host_);
+    };
+    const std::size_t read = to_host_.read(now, [&](const std::uint8_t* bytes, std::size_t size) {
+      link_.received(bytes, size, now_us, now_us, true, take);
+    });
+    if (read == 0) link_.idle(now_us, take);
+    link_.poll(now_us);
+    expire();
+    write(now);
+  }
+
+  void write(Time now) {
+    for (;;) {
+      const wirebond::Outgoing out = link_.to_write(now / 1000);
+      expire();
+      if (out.size == 0) return;
+      const std::uint64_t number = to_mcu_.counts().put;
+      const Time end = to_mcu_.put(out.bytes, out.size, now);
+      link_.written(out.size, now / 1000);
+      is_in_order_ = sent_.leave(number, out.size, end, to_mcu_) && is_in_order_;
+    }
+  }
+
+  void expire() {
+    if (mix::protocol::max_age_ms == 0) return;
+    const std::uint64_t expired = link_.outbox().account().expired;
+    sent_.expire(expired - expired_);
+    expired_ = expired;
+  }
+
+  wirebond::sim::Wire& to_mcu_;
+  wirebond::sim::Wire& to_host_;
+  Ledger& received_;
+  Ledger& sent_;
+  const wirebond::FrameFormat format_ = mix::protocol::FromMcu{}.format();
+  std::vector<wirebond::MessageRow> rows_;
+  wirebond::RuntimeTables tables_;
+  wirebond::RuntimeSource source_;
+  std::vector<std::uint8_t> workspace_;
+  std::vector<std::uint8_t> bytes_;
+  std::unique_ptr<wirebond::QueuedFrame[]> frames_;
+  std::vector<wirebond::Lease> leases_;
+  std::vector<std::uint8_t> leaving_;
+  wirebond::HostLink link_;
+  CpuTime cpu_;
+  std::uint64_t expired_ = 0;
+  bool is_in_order_ = true;
+  std::array<std::uint16_t, mix::host_messages> next_sample_{};
+};
+
+}  // namespace soak
