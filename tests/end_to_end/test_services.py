@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 import wirebond
-from tests.host_link.mcu import wait_until
+from tests.host_link.mcu import Mcu, wait_until
 from tests.shared import PROTOCOLS, ROOT, codec
+from wirebond.cli.main import main
 from wirebond.gen import generate_cpp
 from wirebond.sim.process import FirmwareProcess
 from wirebond.sim.pty_port import PtyPort
@@ -27,10 +30,23 @@ NATIVE = str(PROTOCOLS / "native.yaml")
 FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O0", "-pthread"]
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    result = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, timeout=60, check=False)
-    assert "Traceback" not in result.stdout + result.stderr
-    return result
+@dataclass
+class Done:
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
+    """A command in this process, which spares its start."""
+
+    def call(*arguments: str) -> Done:
+        code = main(list(arguments))
+        told = capsys.readouterr()
+        return Done(code, told.out, told.err)
+
+    return call
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +106,9 @@ def test_a_firmware_of_the_same_file_is_known_as_such(firmware: FirmwareProcess)
         assert link.peer.hash == link.codec.hash
 
 
-def test_a_firmware_of_another_file_is_told_by_every_command(firmware: FirmwareProcess, other_file: Path) -> None:
+def test_a_firmware_of_another_file_is_told_by_every_command(
+    firmware: FirmwareProcess, other_file: Path, run: Callable[..., Done]
+) -> None:
     other = str(other_file)
     sent = run("send", other, firmware.port, "command", "speed=0", "mode=idle")
     assert sent.returncode == 0
@@ -142,3 +160,57 @@ def test_the_clock_begins_again_with_a_firmware_that_restarts(program: Path, tmp
                 stamp = link.request("clock_request", host_us=1)
                 answer = link.host_time(stamp["sent_us"], near=stamp.t)
                 assert abs(answer.t - stamp.t) <= answer.error + 0.5
+
+
+# ---- latency
+
+
+def test_latency_of_a_firmware_in_a_table_and_as_json(firmware: FirmwareProcess, run: Callable[..., Done]) -> None:
+    shown = run("latency", NATIVE, firmware.port, "--count", "30", "--rate", "500")
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert "by ping: 30 asked in" in shown.stdout
+    assert "0 lost (0.00%)" in shown.stdout
+    for word in ("p50", "p99.9", "round trip", "to the MCU ±", "to the host ±", "####"):
+        assert word in shown.stdout
+    found = json.loads(run("latency", NATIVE, firmware.port, "--count", "30", "--rate", "500", "--json").stdout)
+    assert (found["asked"], found["answered"], found["lost"]) == (30, 30, 0)
+    trip = found["round_trip"]
+    assert 0 < trip["min_us"] <= trip["p50_us"] <= trip["p99_9_us"] == trip["max_us"]
+    assert sum(one["count"] for one in found["histogram"]) == 30
+    assert found["to_mcu"]["count"] > 0
+    assert found["one_way_error_us"] > 0
+
+
+def test_latency_by_a_request_of_a_simulation_without_ping(run: Callable[..., Done]) -> None:
+    diffdrive = str(PROTOCOLS / "diffdrive.yaml")
+    with simulated(codec("diffdrive")) as port:
+        shown = run("latency", diffdrive, port, "--message", "status_query", "--count", "5")
+        assert shown.returncode == 0
+        assert "by status_query: 5 asked" in shown.stdout
+        assert "to the MCU" not in shown.stdout
+        nothing = run("latency", diffdrive, port)
+        assert nothing.returncode == 2
+
+
+def test_latency_without_an_answer_says_what_to_look_at_and_exits_with_1(run: Callable[..., Done]) -> None:
+    pty = PtyPort()
+    silent = run("latency", NATIVE, pty.path, "--count", "2", "--timeout", "0.1")
+    pty.close()
+    assert silent.returncode == 1
+    assert "2 asked" in silent.stdout and "2 lost (100.00%)" in silent.stdout
+    assert "no pong within 0.1 s of ping. Nothing at all comes; check the cable" in silent.stderr
+    assert run("latency", NATIVE, "/dev/nowhere").returncode == 3
+    assert run("latency", NATIVE, "/dev/nowhere", "--count", "0").returncode == 2
+
+
+def test_ctrl_c_shows_what_was_measured() -> None:
+    native = codec("native")
+    mcu = Mcu(native, lambda m: native.encode("pong", number=m["number"]) if m.name == "ping" else b"")
+    command = [*COMMAND, "latency", NATIVE, mcu.path, "--count", "1000000", "--rate", "1000", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        wait_until(lambda: len(mcu.heard) > 20, "the first pings")
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    mcu.close()
+    assert (process.returncode, err) == (0, "")
+    assert json.loads(out)["answered"] > 0

@@ -197,6 +197,56 @@ def send(
 
 
 @app.command()
+def latency(
+    file: ProtocolFile,
+    port: Port,
+    values: Annotated[
+        list[str] | None, typer.Argument(metavar="field=value…", help="Fields of --message, in SI units.")
+    ] = None,
+    message: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Ask with this request; without it: the ping service.")
+    ] = None,
+    count: Annotated[
+        int | None,
+        typer.Option(
+            parser=whole, metavar="INTEGER", help="How many requests. Default: 1000; no limit with --seconds."
+        ),
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option(parser=amount, metavar="NUMBER", help="Requests a second. Default: 100.")
+    ] = None,
+    seconds: Seconds = None,
+    timeout: Annotated[
+        float | None, typer.Option(parser=amount, metavar="NUMBER", help="Seconds for each reply. Default: 1.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(metavar="PATH", help="Draw a picture: .png, .svg or .pdf.")] = None,
+    baud: Baud = None,
+    header: Header = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure how long replies take: percentiles and a histogram. Exit 1 if no reply came."""
+    from wirebond.cli.latency import measure_latency
+
+    raise_from_here()
+    raise typer.Exit(
+        measure_latency(
+            file,
+            port,
+            values or [],
+            message=message,
+            header_words=header or [],
+            count=count,
+            rate=rate,
+            seconds=seconds,
+            timeout=timeout,
+            baud=baud,
+            as_json=as_json,
+            plot=plot,
+        )
+    )
+
+
+@app.command()
 def sim(
     file: ProtocolFile,
     link: Annotated[Path | None, typer.Option(help="Also reach the pty under this name (a symbolic link).")] = None,

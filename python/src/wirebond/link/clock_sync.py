@@ -19,6 +19,7 @@ from typing import NamedTuple
 from wirebond.errors import UsageError
 
 WINDOW = 64  # exchanges that the line goes through
+LEAST_APART = 0.5  # seconds: of the exchanges in such a time only the best counts
 LEAST_BITS = 24  # of the MCU's clock: a narrower one wraps within seconds
 MOST_BITS = 32  # that are looked at: a firmware counts 32 bits, however wide the field is
 MAX_DRIFT = 0.02  # of any MCU's clock, as long as it is not measured: a poor RC oscillator
@@ -33,7 +34,7 @@ class Verdict(Enum):
     """What became of an exchange."""
 
     USED = "used"  #: it is one of the best
-    OUTLIER = "outlier"  #: its round trip is too long, or it contradicts the others
+    OUTLIER = "outlier"  #: its round trip is too long, beside others; or it contradicts them
     RESTARTED = "restarted"  #: the MCU's clock began again, and everything with it
     NONSENSE = "nonsense"  #: the MCU had it for longer than the round trip took
 
@@ -118,7 +119,6 @@ class ClockSync:
         self._best: list[_Sample] = []
         self._suspect: _Sample | None = None
         self._segments: deque[_Segment] = deque(maxlen=_SEGMENTS)
-        self._count = 0  # of the MCU's clock, in microseconds, at the last exchange; counted on when it wraps
         self._newest = float("-inf")  # the latest time of the MCU that was asked for
         self._drift_error = MAX_DRIFT
         self.exchanges = 0
@@ -149,9 +149,8 @@ class ClockSync:
         count = self._counted_on(received_us, host - taken / 2)
         sample = _Sample(count * 1e-6 + taken / 2, host, max(half, 0.0) + STAMP_ERROR)
         if self._segments and self._contradicts(sample):
-            return self._settle_suspect(sample, count)
+            return self._settle_suspect(sample)
         self._suspect = None
-        self._count = count
         return self._take(sample)
 
     def restart(self) -> None:
@@ -207,7 +206,7 @@ class ClockSync:
         apart = abs(sample.host - self._segments[-1].line(sample.mcu))
         return apart > sample.half + self._error(sample.mcu)
 
-    def _settle_suspect(self, sample: _Sample, count: int) -> Verdict:
+    def _settle_suspect(self, sample: _Sample) -> Verdict:
         """One that contradicts is wrong; two that agree are right, and the clock began again."""
         before, self._suspect = self._suspect, sample
         self.outliers += 1
@@ -217,7 +216,6 @@ class ClockSync:
         if apart > sample.half + before.half + MAX_DRIFT * abs(sample.host - before.host):
             return Verdict.OUTLIER
         self._forget()
-        self._count = count
         self._take(before)
         self._take(sample)
         return Verdict.RESTARTED
@@ -232,6 +230,11 @@ class ClockSync:
         self._drift_error = MAX_DRIFT
 
     def _take(self, sample: _Sample) -> Verdict:
+        if self._samples and sample.mcu // LEAST_APART == self._samples[-1].mcu // LEAST_APART:
+            if sample.half >= self._samples[-1].half:
+                self.outliers += 1
+                return Verdict.OUTLIER
+            self._samples.pop()
         self._samples.append(sample)
         shortest = min(s.half for s in self._samples)
         self._best = [s for s in self._samples if s.half <= 1.5 * shortest]

@@ -97,6 +97,13 @@ class Services:
         with self._lock:
             return self._clock.sync.to_host(mcu_us, near)
 
+    def note_exchange(self, sent: float, reply: Message) -> None:
+        """An exchange of the clock that the program had; it counts as those of the link do."""
+        fields = reply.fields
+        if self._clock is not None and self._clock.sync is not None:
+            with self._lock:
+                self._clock.sync.feed(sent, fields["received_us"], fields["sent_us"], reply.t)
+
     def end(self) -> None:
         """The link is closed."""
         self._wake.set()
