@@ -242,6 +242,15 @@ nb::dict Link::stats() {
                  core_.receives());  // makes objects: a garbage collection may close another link, or this
 }
 
+nb::tuple Link::recent() {
+  RecentCopy copy;
+  {
+    const std::lock_guard lock(mutex_);
+    copy = core_.recent().copy();
+  }
+  return to_tuple(copy);
+}
+
 const char* Link::state() {
   const std::lock_guard lock(mutex_);
   return name_of(core_.link().state(monotonic_us()));
@@ -323,12 +332,12 @@ void Link::write_some() {
     if (::ioctl(port_.get(), TIOCOUTQ, &held) == 0 && held > 0) {
       core_.link().driver_holds(static_cast<std::size_t>(held), now);
     }
-    const Outgoing out = core_.link().to_write(now);
+    const Outgoing out = core_.to_write(now);
     if (out.size == 0) return;
     const ssize_t done = opener_->write(port_.get(), out.bytes, out.size);
     if (done < 0 && errno != EAGAIN && errno != EINTR) return go_down(errno, now);
     if (done < 0 && errno == EINTR) continue;
-    core_.link().written(done < 0 ? 0 : static_cast<std::size_t>(done), now);
+    core_.written(done < 0 ? 0 : static_cast<std::size_t>(done), now);
     if (done <= 0) return;
   }
 }
@@ -496,6 +505,7 @@ void bind_link(nb::module_& m) {
       .def(
           "receive", [](LinkHandle& self, double timeout) { return (*self).receive(timeout); }, nb::arg("timeout"))
       .def("stats", [](LinkHandle& self) { return (*self).stats(); })
+      .def("recent", [](LinkHandle& self) { return (*self).recent(); })
       .def("state", [](LinkHandle& self) { return (*self).state(); })
       .def("why", [](LinkHandle& self) { return (*self).why(); })
       .def("is_closed", [](LinkHandle& self) { return (*self).is_closed(); })

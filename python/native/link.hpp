@@ -50,6 +50,8 @@ class Link {
   nb::list receive(double timeout);
 
   nb::dict stats();
+  /// The last bytes of both directions. Copying the most that is kept holds the mutex for a tenth of a millisecond.
+  nb::tuple recent();
   const char* state();
   /// Why the port is away, as a sentence; empty while it is there.
   std::string why();

@@ -77,6 +77,7 @@ LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_
                                nb::cast<bool>(rule[3]) ? Recover::explicit_call : Recover::next_message});
   }
   setup.holds_back = setting<bool>(settings, "hold_back");
+  setup.recent_bytes = setting<std::size_t>(settings, "recent_bytes");
   return setup;
 }
 
@@ -89,7 +90,8 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
       values_(setup_.every_us.size() + setup_.more_addresses),
       leaving_(setup_.largest_frame),
       counts_(setup_.protocol->messages().size(), 0),
-      sequence_(setup_.receive) {
+      sequence_(setup_.receive),
+      recent_(setup_.recent_bytes) {
   for (std::size_t i = 0; i < setup_.every_us.size(); ++i) {
     if (setup_.every_us[i] != 0) values_[i].resize(setup_.largest_frame);
     leases_.emplace_back(setup_.every_us[i], values_[i].data(), values_[i].size());
@@ -141,6 +143,7 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
 
 void LinkCore::received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                         bool is_all) {
+  recent_.note(RecentKind::received, bytes, size, after_us);
   Arrivals arrivals;
   link_->received(bytes, size, before_us, after_us, is_all, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
     keep(frame, may_act, is_foreign, before_us, arrivals);
@@ -156,13 +159,26 @@ void LinkCore::idle(std::uint64_t began_us) {
   publish(std::move(arrivals));
 }
 
+Outgoing LinkCore::to_write(std::uint64_t now_us) { return to_write_ = link_->to_write(now_us); }
+
+void LinkCore::written(std::size_t size, std::uint64_t now_us) {
+  if (size != 0) {
+    recent_.note(RecentKind::sent, to_write_.bytes, size, now_us);
+    to_write_.bytes += size;
+    to_write_.size -= size;
+  }
+  link_->written(size, now_us);
+}
+
 void LinkCore::port_up(std::uint64_t now_us) {
+  recent_.note(RecentKind::port_up, nullptr, 0, now_us);
   if (was_up_) reconnects_ += 1;
   was_up_ = true;
   link_->port_up(now_us);
 }
 
 void LinkCore::port_down(std::uint64_t now_us) {
+  recent_.note(RecentKind::port_down, nullptr, 0, now_us);
   Arrivals arrivals;
   link_->port_down(now_us, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
     keep(frame, may_act, is_foreign, now_us, arrivals);
@@ -208,9 +224,9 @@ std::deque<Arrivals> LinkCore::take() {
 }
 
 nb::bytes LinkCore::hand_over(std::uint64_t now_us) {
-  const Outgoing out = link_->to_write(now_us);
+  const Outgoing out = to_write(now_us);
   const nb::bytes bytes(reinterpret_cast<const char*>(out.bytes), out.size);
-  if (out.size != 0) link_->written(std::max<std::size_t>(out.size - 1, 1), now_us);
+  if (out.size != 0) written(std::max<std::size_t>(out.size - 1, 1), now_us);
   return bytes;
 }
 
@@ -251,6 +267,19 @@ nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, cons
   out["held_back"] = account.not_acted.held_back;
   out["reconnects"] = account.reconnects;
   return out;
+}
+
+nb::tuple to_tuple(const RecentCopy& recent) {
+  static constexpr const char* names[] = {"received", "sent", "port_up", "port_down"};
+  nb::list pieces;
+  std::size_t at = 0;
+  for (const RecentPiece& piece : recent.pieces) {
+    const auto* const bytes = reinterpret_cast<const char*>(recent.bytes.data() + at);
+    pieces.append(
+        nb::make_tuple(names[static_cast<std::size_t>(piece.kind)], piece.t_us, nb::bytes(bytes, piece.size)));
+    at += piece.size;
+  }
+  return nb::make_tuple(pieces, recent.dropped_bytes);
 }
 
 std::vector<std::uint8_t> LinkCore::struck_deadlines() const {
@@ -339,14 +368,14 @@ void bind_link_core(nb::module_& m) {
       .def(
           "to_write",
           [](LinkCore& self, std::uint64_t now) {
-            const Outgoing out = self.link().to_write(now);
+            const Outgoing out = self.to_write(now);
             return nb::bytes(reinterpret_cast<const char*>(out.bytes), out.size);
           },
           nb::arg("now"))
       .def(
           "hand_over", [](LinkCore& self, std::uint64_t now) { return self.hand_over(now); }, nb::arg("now"))
       .def(
-          "written", [](LinkCore& self, std::size_t size, std::uint64_t now) { self.link().written(size, now); },
+          "written", [](LinkCore& self, std::size_t size, std::uint64_t now) { self.written(size, now); },
           nb::arg("size"), nb::arg("now"))
       .def("is_blocked", [](LinkCore& self) { return self.link().is_blocked(); })
       .def(
@@ -362,6 +391,7 @@ void bind_link_core(nb::module_& m) {
              for (const Arrivals& arrivals : self.take()) out.extend(to_list(arrivals.batch, arrivals.events));
              return out;
            })
+      .def("recent", [](LinkCore& self) { return to_tuple(self.recent().copy()); })
       .def("stats", [](LinkCore& self) { return to_dict(self.account(), self.protocol(), self.receives()); })
       .def(
           "state", [](LinkCore& self, std::uint64_t now) { return name_of(self.link().state(now)); }, nb::arg("now"))

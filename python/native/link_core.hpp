@@ -10,6 +10,7 @@
 
 #include "decoder.hpp"
 #include "protocol.hpp"
+#include "recent.hpp"
 #include "wirebond/host/link.hpp"
 
 namespace wirebond::engine {
@@ -40,6 +41,7 @@ struct LinkSetup {
   std::size_t more_addresses = 0;       ///< leases, and safe values, for addresses beside the first of each message
   std::vector<DeadlineRule> deadlines;  ///< of the host
   bool holds_back = true;               ///< what may not act is not given to the program either
+  std::size_t recent_bytes = 65536;     ///< of both directions, that are kept for `recent`
 };
 
 /// Messages that came with one read.
@@ -86,6 +88,9 @@ class LinkCore {
   void received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                 bool is_all);
   void idle(std::uint64_t began_us);
+  /// Those of `link()`; what was written is kept for `recent`.
+  Outgoing to_write(std::uint64_t now_us);
+  void written(std::size_t size, std::uint64_t now_us);
   void port_up(std::uint64_t now_us);
   void port_down(std::uint64_t now_us);
 
@@ -99,6 +104,7 @@ class LinkCore {
   std::deque<Arrivals> take();
 
   LinkAccount account() const;
+  const RecentBytes& recent() const { return recent_; }
   std::vector<std::uint8_t> struck_deadlines() const;
   const ProtocolTable& protocol() const { return *setup_.protocol; }
   const FormatTable& receives() const { return *setup_.receive; }
@@ -125,6 +131,8 @@ class LinkCore {
 
   std::vector<std::uint64_t> counts_;  ///< delivered frames by message
   SequenceBook sequence_;
+  RecentBytes recent_;
+  Outgoing to_write_;  ///< what `to_write` gave last
   ForeignCounts foreign_;
   std::deque<Arrivals> arrivals_;
   std::size_t waiting_messages_ = 0;
@@ -139,6 +147,9 @@ void bind_link_core(nb::module_& m);
 /// The setup's part that is the same for both bindings.
 LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
                      nb::dict settings);
+
+/// ``(kind, t, bytes)`` for each piece, times in microseconds; and how many bytes were dropped. With the GIL, no lock.
+nb::tuple to_tuple(const RecentCopy& recent);
 
 /// One entry of the settings' `stop`: message, frame, reply, seconds between two, address, is_in_stop.
 StopFrame stop_frame(nb::handle safe);

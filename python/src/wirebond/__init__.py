@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         UsageError,
         WirebondError,
     )
-    from wirebond.link import Link, LinkStats, SendStats
+    from wirebond.link import Dump, DumpEntry, Link, LinkStats, SendStats
     from wirebond.link import open_link as open
     from wirebond.link.aio import Aio
     from wirebond.link.clock_sync import ClockReading, HostTime
@@ -40,6 +40,8 @@ __all__ = [
     "Columns",
     "DeadlineEvent",
     "Decoder",
+    "Dump",
+    "DumpEntry",
     "HostTime",
     "Latest",
     "Link",
@@ -87,7 +89,7 @@ _HOMES = {
         "link.handlers": ("DeadlineEvent",),
         "link.inbox": ("Latest",),
         "link.peer": ("Peer",),
-        "link": ("Link", "LinkStats", "SendStats", "open"),
+        "link": ("Dump", "DumpEntry", "Link", "LinkStats", "SendStats", "open"),
         "log": ("LogLine",),
     }.items()
     for name in names

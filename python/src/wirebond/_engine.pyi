@@ -150,6 +150,9 @@ class LinkCore:
     def hand_over(self, now: int) -> bytes:
         """As ``to_write``, for a driver that writes while others send: all but the last byte count as written, so that
         the frame is under way; ``written(1)`` follows when the port took them. One lone byte counts at once."""
+    def recent(self) -> tuple[list[tuple[str, int, bytes]], int]:
+        """The last pieces of both directions: kind (``received``, ``sent``, ``port_up``, ``port_down``), time in
+        microseconds, bytes; and how many older bytes were dropped."""
     def written(self, size: int, now: int) -> None:
         """How many of them the port took."""
     def is_blocked(self) -> bool:
@@ -205,6 +208,8 @@ class Link:
         """Messages since the last call."""
     def stats(self) -> dict[str, Any]:
         """The account, as the fields of ``wirebond.LinkStats``."""
+    def recent(self) -> tuple[list[tuple[str, int, bytes]], int]:
+        """As ``LinkCore.recent``."""
     def state(self) -> str:
         """``up``, ``stale`` or ``down``."""
     def why(self) -> str:

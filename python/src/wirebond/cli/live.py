@@ -15,6 +15,7 @@ from rich.markup import escape
 
 from wirebond.cli.commands import find_message
 from wirebond.cli.dashboard import Dashboard
+from wirebond.cli.dump import save
 from wirebond.cli.output import (
     ReaderGone,
     console,
@@ -53,7 +54,15 @@ def _ctrl_c_ends() -> Iterator[None]:
         yield
 
 
-def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None, as_json: bool, waits: bool) -> None:
+def monitor_port(
+    path: Path,
+    port: str,
+    baud: int | None,
+    seconds: float | None,
+    as_json: bool,
+    waits: bool,
+    dump_on_exit: Path | None = None,
+) -> None:
     # A viewer shows everything: what is late, held back, or for others.
     with open_link(path, port, baud, hold_back=False, listen="all", wait_for_port=waits, clock_sync=False) as link:
         end = _end(seconds)
@@ -62,6 +71,8 @@ def monitor_port(path: Path, port: str, baud: int | None, seconds: float | None,
                 _print_messages(link, end, as_json)
             else:
                 _show_dashboard(link, f"{link.codec.name} on {port}", end)
+        if dump_on_exit is not None:
+            save(link, dump_on_exit)
         stats = link.stats.receive
         is_away = link.state == "down"
     errors.print(stats_line(stats) + (f"; {port} was away at the end" if is_away else ""))

@@ -167,12 +167,31 @@ def monitor(
     seconds: Seconds = None,
     as_json: AsJson = False,
     wait: Annotated[bool, typer.Option("--wait", help="Begin without the port, and wait until it is there.")] = False,
+    dump_on_exit: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="At the end write the last bytes of the line here; .jsonl: as JSON."),
+    ] = None,
 ) -> None:
     """Show what the MCU sends: messages, rates, line use, statistics."""
     from wirebond.cli.live import monitor_port
 
     raise_from_here()
-    monitor_port(file, port, baud, seconds, as_json, wait)
+    monitor_port(file, port, baud, seconds, as_json, wait, dump_on_exit)
+
+
+@app.command()
+def dump(
+    file: ProtocolFile,
+    port: Port,
+    baud: Baud = None,
+    seconds: Seconds = None,
+    as_json: AsJson = False,
+) -> None:
+    """Listen, and then print every byte with its time: frames, what was discarded and why. Exit 1 without a byte."""
+    from wirebond.cli.dump import dump_port
+
+    raise_from_here()
+    raise typer.Exit(dump_port(file, port, baud, seconds, as_json))
 
 
 @app.command()

@@ -145,6 +145,10 @@ class PythonLink:
         with self._owned():
             return self._core.stats()
 
+    def recent(self) -> tuple[list[tuple[str, int, bytes]], int]:
+        with self._owned():
+            return self._core.recent()
+
     def state(self) -> str:
         with self._owned():
             return self._core.state(_now())

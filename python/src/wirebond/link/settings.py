@@ -18,6 +18,8 @@ from wirebond.protocol.plan import plan_for, told_by_request
 
 STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
 _SHORTEST_READ, _LONGEST_READ = 0.001, 0.01  # seconds that a link in Python waits for bytes before it looks around
+RECENT_SECONDS = 10.0  # of both directions at full line that a link keeps
+LEAST_RECENT, MOST_RECENT = 1 << 16, 1 << 21  # bytes
 MORE_ADDRESSES = 255  # that a link has leases and safe values for, beside the first of each message
 
 
@@ -69,6 +71,7 @@ def engine_settings(
         "baud": baud,
         "paced": paced,
         "hold_back": hold_back,
+        "recent_bytes": recent_bytes(baud, model.link.bits_per_byte),
         "data_bits": model.link.data_bits,
         "parity": model.link.parity,
         "stop_bits": round(model.link.stop_bits),
@@ -88,6 +91,12 @@ def engine_settings(
             if d.at == End.HOST
         ],
     }
+
+
+def recent_bytes(baud: int, bits_per_byte: float) -> int:
+    """How many bytes of both directions a link keeps for a dump: those of some seconds of a full line."""
+    full_line = 2 * RECENT_SECONDS * baud / bits_per_byte
+    return round(min(max(full_line, LEAST_RECENT), MOST_RECENT))
 
 
 def safe_value(
