@@ -40,8 +40,8 @@ class SafeConsole(Console):
             reader_gone()
 
 
-console = SafeConsole(highlight=False)
-errors = SafeConsole(stderr=True, highlight=False, soft_wrap=True)
+console = SafeConsole(highlight=False, emoji=False)  # `:x:` of others stays as it is
+errors = SafeConsole(stderr=True, highlight=False, emoji=False, soft_wrap=True)
 
 
 def drop(descriptor: int) -> None:
