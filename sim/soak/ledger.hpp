@@ -118,8 +118,7 @@ class Ledger {
     for (std::size_t place = 0; place < travelling_.size(); ++place) {
       const Entry& entry = travelling_[place];
       if (entry.message != message) continue;
-      const Sample& sent = samples(entry.message, entry.sample);
-      if (sent.payload_size != size || (size != 0 && std::memcmp(sent.payload, payload, size) != 0)) continue;
+      if (!is_payload(samples(entry.message, entry.sample), payload, size)) continue;
       for (; place != 0; --place) lose(wire);
       latency.add(now - travelling_.front().accepted);
       travelling_.pop_front();
@@ -145,6 +144,15 @@ class Ledger {
     std::uint16_t message;
     std::uint16_t sample;
   };
+
+  /// A frame of fixed size has zeros behind the fields, of which the handler knows nothing.
+  static bool is_payload(const Sample& sent, const std::uint8_t* payload, std::size_t size) {
+    if (size > sent.payload_size || (size != 0 && std::memcmp(sent.payload, payload, size) != 0)) return false;
+    for (; size != sent.payload_size; ++size) {
+      if (sent.payload[size] != 0) return false;
+    }
+    return true;
+  }
 
   void lose(wirebond::sim::Wire& wire) {
     const Entry& entry = travelling_.front();

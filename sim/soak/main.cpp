@@ -7,8 +7,6 @@
 #include <chrono>
 #include <cinttypes>
 #include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <string_view>
 #include <utility>
 
@@ -16,6 +14,7 @@
 #include "ledger.hpp"
 #include "mcu.hpp"
 #include "mix.hpp"
+#include "wirebond/sim/options.hpp"
 #include "wirebond/sim/wire.hpp"
 
 namespace {
@@ -69,7 +68,9 @@ class Soak {
     }
     ended_at_ = end;
     measure_line_use();
-    while (now_ < end + settle_for) step(false, end + settle_for);
+    const Time settled =
+        end + host_wait_bound() + second;  // all that was accepted has left, and idle bytes are settled
+    while (now_ < settled) step(false, settled);
     seconds_ = seconds_since(start);
     to_mcu_.end(to_mcu_wire_);
     to_host_.end(to_host_wire_);
@@ -89,18 +90,18 @@ class Soak {
     print_direction("to_mcu", to_mcu_, to_mcu_wire_, to_mcu_use_, no_room, away, host_wait_bound());
     std::printf(", \"discarded_bytes\": [");
     print_causes(mcu_.link().receiver().account());
-    std::printf("], \"lapped_bytes\": %u}, ", mcu_.link().receive_account().lapped);
+    std::printf("], \"lapped_bytes\": %u, \"refused_by_rules\": %u}, ", mcu_.link().receive_account().lapped,
+                refused_by_rules());
     const auto mcu = mcu_.link().send_account();
     const std::uint64_t full = mcu.refused(wirebond::Refusal::full) + mcu.refused(wirebond::Refusal::held);
     print_direction("to_host", to_host_, to_host_wire_, to_host_use_, full, mcu.refused() - full, mcu_wait_bound());
     std::printf(", \"discarded_bytes\": [");
     print_causes(host_.link().deframer().account());
-    std::printf("], \"lapped_bytes\": 0}}}\n");
+    std::printf("], \"lapped_bytes\": 0, \"refused_by_rules\": 0}}}\n");
     std::fflush(stdout);
   }
 
  private:
-  static constexpr Time settle_for = 2 * second;
   static constexpr int curve_points = 100;
 
   void step(bool offers, Time end) {
@@ -152,6 +153,12 @@ class Soak {
     return to_host_wire_.line_time(soak::Mcu::send_bytes + mix::longest_run_bytes) + options_.to_host.restart_gap;
   }
 
+  /// Frames that passed their checks and broke a rule of a field or of a deadline: no handler got them.
+  std::uint32_t refused_by_rules() const {
+    const auto counters = mcu_.link().counters();
+    return mcu_.link().receiver().violations().rejected + counters.late + counters.held_back;
+  }
+
   static std::uint64_t difference(std::uint64_t a, std::uint64_t b) { return a > b ? a - b : b - a; }
   static std::uint64_t difference_32(std::uint64_t a, std::uint32_t b) {
     return difference(static_cast<std::uint32_t>(a), b);
@@ -184,7 +191,8 @@ class Soak {
     sum += difference(at_host.bytes(), to_host_wire_.counts().handed_over);
     const auto& at_mcu = mcu_.link().receiver();
     const auto ring = mcu_.link().receive_account();
-    sum += difference_32(to_mcu_.fates.delivered + to_mcu_.fates.false_frames, at_mcu.account().frames);
+    sum += difference_32(to_mcu_.fates.delivered + to_mcu_.fates.false_frames + refused_by_rules(),
+                         at_mcu.account().frames);
     sum += difference_32(to_mcu_wire_.counts().handed_over, ring.received);
     sum += difference_32(ring.received,
                          ring.handed_out + ring.lapped + ring.dropped + static_cast<std::uint32_t>(mcu_.unread()));
@@ -247,42 +255,17 @@ class Soak {
   double seconds_ = 0;
 };
 
-/// `name=value`, as sim/soak.py of the Python package writes them: whole numbers.
-bool obey(Options& options, const char* argument) {
-  const char* const equals = std::strchr(argument, '=');
-  if (equals == nullptr) return false;
-  const std::string_view name(argument, static_cast<std::size_t>(equals - argument));
-  const std::uint64_t value = std::strtoull(equals + 1, nullptr, 10);
-  WireSettings* const wires[] = {&options.to_mcu, &options.to_host};
+bool obey(Options& options, const char* word) {
+  std::string_view name;
+  std::uint64_t value = 0;
+  if (!wirebond::sim::split_option(word, name, value)) return false;
   if (name == "length_ns") return options.length = value, true;
   if (name == "host_period_ns") return options.host_period = value, true;
   if (name == "mcu_period_ns") return options.mcu_period = value, true;
   if (name == "restart_gap_ns") return options.to_host.restart_gap = value, true;
   if (name == "batch_ns") return options.to_host.batch = value, true;
   if (name == "jitter_ns") return options.to_host.jitter = value, true;
-  bool is_known = true;
-  for (WireSettings* wire : wires) {
-    if (name == "baud") {
-      wire->baud = static_cast<std::uint32_t>(value);
-    } else if (name == "bits_per_byte") {
-      wire->bits_per_byte = static_cast<unsigned>(value);
-    } else if (name == "seed") {
-      wire->seed = 2 * value + (wire == wires[0] ? 0 : 1);  // each direction has its own faults
-    } else if (name == "bit_errors") {
-      wire->faults.bit_errors = value;
-    } else if (name == "bursts") {
-      wire->faults.bursts = value;
-    } else if (name == "drops") {
-      wire->faults.drops = value;
-    } else if (name == "inserts") {
-      wire->faults.inserts = value;
-    } else if (name == "splits") {
-      wire->faults.splits = value;
-    } else {
-      is_known = false;
-    }
-  }
-  return is_known;
+  return wirebond::sim::set_both(options.to_mcu, options.to_host, name, value);
 }
 
 }  // namespace

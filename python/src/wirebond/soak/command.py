@@ -15,6 +15,7 @@ from wirebond.cli.output import errors, write
 from wirebond.cli.values import to_json
 from wirebond.codec import Codec, load
 from wirebond.errors import UsageError
+from wirebond.sim.faults import verify_baud
 from wirebond.soak.plots import NOT_INSTALLED, draw
 from wirebond.soak.report import is_good, markdown, verdicts
 from wirebond.soak.run import Progress, Settings, run
@@ -22,7 +23,6 @@ from wirebond.whole_file import write_whole
 
 _MOST_MINUTES = 300.0  # the MCU counts bytes in 32 bits, and a line of 2 Mbaud fills these in six hours and a half
 _MOST_LOAD = 20.0
-_MOST_CHANCE = 0.1
 
 
 def soak_protocol(
@@ -59,12 +59,9 @@ def _load_of(text: str) -> float | None:
 def _verify(settings: Settings) -> None:
     if not 0 < settings.minutes <= _MOST_MINUTES:
         raise UsageError(f"--minutes {settings.minutes:g}: expected more than 0, and {_MOST_MINUTES:g} at most")
-    for name in ("ber", "bursts", "drops", "inserts", "splits"):
-        chance = getattr(settings, name)
-        if not 0 <= chance <= _MOST_CHANCE:
-            raise UsageError(f"--{name} {chance:g}: expected a chance from 0 to {_MOST_CHANCE:g}, such as 1e-5")
-    if settings.baud is not None and not 300 <= settings.baud <= 100_000_000:
-        raise UsageError(f"--baud {settings.baud}: expected 300 to 100000000")
+    settings.verify()
+    if settings.baud is not None:
+        verify_baud(settings.baud)
 
 
 def _run(codec: Codec, settings: Settings) -> dict[str, Any]:

@@ -21,6 +21,7 @@ _FATES = (
     ("lost_to_faults", "lost: a fault touched them"),
     ("lost_intact", "lost: no fault touched them"),
     ("false_frames", "delivered, and not sent like this"),
+    ("refused_by_rules", "came, and a rule of the file kept them from the handler"),
 )
 
 

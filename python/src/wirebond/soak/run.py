@@ -16,29 +16,22 @@ from wirebond.errors import UsageError, WirebondError
 from wirebond.gen import generate_cpp
 from wirebond.protocol.model import End
 from wirebond.sim.build import cache, compile_once
+from wirebond.sim.faults import LineFaults
 from wirebond.soak.mcu_cost import mcu_cpu_percent
 from wirebond.soak.mix import SEED_PERIOD, Mix, header, mix_of
 from wirebond.whole_file import write_whole
 
 RESTART_GAP = 3e-6  # seconds between two runs of the MCU's DMA
 BATCH = 1e-3  # seconds: an adapter on full-speed USB hands over once a millisecond
-_CERTAIN = 10**12  # the C++ program's chances are whole numbers: this many is always
 
 
-@dataclass(frozen=True)
-class Settings:
-    """``load`` None: the mix at its own rate, 1 kHz. Rates of faults are chances: of each bit, of each byte."""
+@dataclass(frozen=True, kw_only=True)
+class Settings(LineFaults):
+    """``load`` None: the mix at its own rate, 1 kHz."""
 
     minutes: float = 90.0
     load: float | None = 1.2  # times the line's bytes, in each direction
     baud: int | None = None  # None: the file's
-    ber: float = 0.0
-    bursts: float = 0.0
-    drops: float = 0.0
-    inserts: float = 0.0
-    splits: float = 0.0
-    jitter: float = 0.0  # seconds
-    seed: int = 1
 
 
 @dataclass(frozen=True)
@@ -81,15 +74,8 @@ def arguments(codec: Codec, mix: Mix, settings: Settings) -> list[str]:
         "mcu_period_ns": every[End.MCU] * 1e9,
         "restart_gap_ns": RESTART_GAP * 1e9,
         "batch_ns": BATCH * 1e9,
-        "jitter_ns": settings.jitter * 1e9,
-        "bit_errors": settings.ber * _CERTAIN,
-        "bursts": settings.bursts * _CERTAIN,
-        "drops": settings.drops * _CERTAIN,
-        "inserts": settings.inserts * _CERTAIN,
-        "splits": settings.splits * _CERTAIN,
-        "seed": settings.seed,
     }
-    return [f"{name}={round(value)}" for name, value in values.items()]
+    return [*(f"{name}={round(value)}" for name, value in values.items()), *settings.fault_arguments()]
 
 
 def run(
