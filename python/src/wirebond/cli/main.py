@@ -282,6 +282,77 @@ def sim(
     simulate(file, link, seconds, address or [])
 
 
+Ber = Annotated[
+    float | None,
+    typer.Option(parser=amount, metavar="CHANCE", help="Chance that a bit of the line is wrong, such as 1e-5."),
+]
+Bursts = Annotated[
+    float | None,
+    typer.Option(
+        parser=amount, metavar="CHANCE", help="Chance of each byte that 16 bytes from it on become any bytes."
+    ),
+]
+Drops = Annotated[float | None, typer.Option(parser=amount, metavar="CHANCE", help="Chance that a byte is lost.")]
+Inserts = Annotated[
+    float | None,
+    typer.Option(
+        parser=amount, metavar="CHANCE", help="Chance of each byte that one comes before it that was not sent."
+    ),
+]
+Splits = Annotated[
+    float | None,
+    typer.Option(parser=amount, metavar="CHANCE", help="Chance that the line pauses for 2 ms behind a byte."),
+]
+FaultSeed = Annotated[
+    int | None, typer.Option("--seed", parser=whole, metavar="INTEGER", help="Of the random faults. Default: 1.")
+]
+
+
+@app.command()
+def wire(
+    a: Annotated[Path, typer.Argument(metavar="A", help="Name for one end: a symbolic link to its pty.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="Name for the other end.")],
+    baud: Baud = None,
+    line: Annotated[str, typer.Option(metavar="8N1", help="Data bits, parity and stop bits.")] = "8N1",
+    ber: Ber = None,
+    bursts: Bursts = None,
+    drops: Drops = None,
+    inserts: Inserts = None,
+    splits: Splits = None,
+    seed: FaultSeed = None,
+    batch: Annotated[
+        float | None, typer.Option(parser=amount, metavar="MS", help="An adapter hands over at multiples of this time.")
+    ] = None,
+    jitter: Annotated[
+        float | None, typer.Option(parser=amount, metavar="MS", help="And up to this much later, at random.")
+    ] = None,
+    unplug: Annotated[
+        str | None, typer.Option(metavar="AT:FOR", help="Pull the cable after AT seconds, for FOR seconds.")
+    ] = None,
+    seconds: Seconds = None,
+    as_json: AsJson = False,
+) -> None:
+    """Join two ptys by a simulated wire with a baud rate and faults; say at the end what became of every byte."""
+    from wirebond.wire.command import bits_per_byte, join_ptys, unplugging
+    from wirebond.wire.process import WireSettings
+
+    raise_from_here()
+    given = {"baud": baud, "ber": ber, "bursts": bursts, "drops": drops, "inserts": inserts, "splits": splits}
+    given |= {"seed": seed, "batch": None if batch is None else batch / 1000}
+    given |= {"jitter": None if jitter is None else jitter / 1000}
+    settings = WireSettings(
+        bits_per_byte=bits_per_byte(line),
+        unplug=None if unplug is None else unplugging(unplug),
+        **_given(given),
+    )
+    join_ptys(a, b, settings, seconds, as_json)
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    """Without options that were not given: the settings have defaults."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
 @app.command()
 def soak(
     file: Annotated[
@@ -298,32 +369,12 @@ def soak(
         typer.Option(metavar="X|seed", help="Offer X times what the line carries; seed: the experiment's own rate."),
     ] = "1.2",
     baud: Baud = None,
-    ber: Annotated[
-        float | None,
-        typer.Option(parser=amount, metavar="CHANCE", help="Chance that a bit of the line is wrong, such as 1e-5."),
-    ] = None,
-    bursts: Annotated[
-        float | None,
-        typer.Option(
-            parser=amount, metavar="CHANCE", help="Chance of each byte that 16 bytes from it on become any bytes."
-        ),
-    ] = None,
-    drops: Annotated[
-        float | None, typer.Option(parser=amount, metavar="CHANCE", help="Chance that a byte is lost.")
-    ] = None,
-    inserts: Annotated[
-        float | None,
-        typer.Option(
-            parser=amount, metavar="CHANCE", help="Chance of each byte that one comes before it that was not sent."
-        ),
-    ] = None,
-    splits: Annotated[
-        float | None,
-        typer.Option(parser=amount, metavar="CHANCE", help="Chance that the line pauses for 2 ms behind a byte."),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(parser=whole, metavar="INTEGER", help="Of the random faults. Default: 1.")
-    ] = None,
+    ber: Ber = None,
+    bursts: Bursts = None,
+    drops: Drops = None,
+    inserts: Inserts = None,
+    splits: Splits = None,
+    seed: FaultSeed = None,
     report: Annotated[Path | None, typer.Option(help="Write a report in Markdown, and its plot beside it.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -332,17 +383,8 @@ def soak(
     from wirebond.soak.run import Settings
 
     raise_from_here()
-    given: dict[str, Any] = {
-        "minutes": minutes,
-        "baud": baud,
-        "ber": ber,
-        "bursts": bursts,
-        "drops": drops,
-        "inserts": inserts,
-        "splits": splits,
-        "seed": seed,
-    }
-    settings = Settings(**{name: value for name, value in given.items() if value is not None})
+    given = {"minutes": minutes, "baud": baud, "ber": ber, "bursts": bursts, "drops": drops, "inserts": inserts}
+    settings = Settings(**_given(given | {"splits": splits, "seed": seed}))
     raise typer.Exit(soak_protocol(file, load, settings, virtual, as_json, report))
 
 

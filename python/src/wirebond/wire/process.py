@@ -1,0 +1,109 @@
+"""The process that joins two ptys by a simulated wire."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from wirebond import paths
+from wirebond.errors import WirebondError
+from wirebond.sim.build import cache, compile_once
+from wirebond.sim.faults import LineFaults
+
+DIRECTIONS = ("a_to_b", "b_to_a")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WireSettings(LineFaults):
+    """Times are in seconds.
+
+    ``batch``: an adapter hands over at multiples of it, up to ``jitter`` later. ``unplug``: the cable is out from this
+    time on, for so long."""
+
+    baud: int = 115200
+    bits_per_byte: int = 10
+    batch: float = 0.0
+    jitter: float = 0.0
+    unplug: tuple[float, float] | None = None
+
+    def arguments(self) -> list[str]:
+        times = {"batch": self.batch, "jitter": self.jitter}
+        if self.unplug is not None:
+            times |= {"unplug_at": self.unplug[0], "unplug_for": self.unplug[1]}
+        return [
+            f"baud={self.baud}",
+            f"bits_per_byte={self.bits_per_byte}",
+            *(f"{name}_ns={round(seconds * 1e9)}" for name, seconds in times.items()),
+            *self.fault_arguments(),
+        ]
+
+
+def build() -> Path:
+    """The program; it is compiled unless it is there already.
+
+    :raises WirebondError: there is no C++ compiler, or it fails.
+    """
+    includes = [paths.sim() / "include", paths.posix_include()]
+    return compile_once("the simulated wire", "wire", paths.sim() / "wire" / "main.cpp", includes, cache("wire"))
+
+
+class WireProcess:
+    """``a`` and ``b`` are the ptys' paths. It ends with its ``with`` block, or with this process, however that ends.
+
+    :raises WirebondError: it does not compile or start.
+    """
+
+    def __init__(self, settings: WireSettings) -> None:
+        self._process = subprocess.Popen(
+            [str(build()), *settings.arguments()],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # Ctrl-C in the terminal is for us
+        )
+        assert self._process.stdout is not None
+        self.a = self._process.stdout.readline().strip()
+        self.b = self._process.stdout.readline().strip()
+        if not self.b:
+            self.close()
+            raise WirebondError("the simulated wire ended at once; the system may have no pty left")
+
+    def wait(self, seconds: float | None) -> None:
+        """Until it ends by itself, which it does when a pty breaks, or for so long."""
+        try:
+            self._process.wait(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            return
+
+    def end(self) -> dict[str, Any]:
+        """Stop it; what became of every byte, by direction.
+
+        :raises WirebondError: it had ended by itself.
+        """
+        assert self._process.stdout is not None
+        self._process.send_signal(signal.SIGINT)
+        out = self._process.stdout.readline()
+        self._process.wait()
+        if not out:
+            raise WirebondError(f"the simulated wire ended with code {self._process.returncode}")
+        told: dict[str, Any] = json.loads(out)
+        return told
+
+    def close(self) -> None:
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                pipe.close()
+        self._process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

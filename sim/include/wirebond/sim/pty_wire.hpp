@@ -1,0 +1,150 @@
+// Two ptys joined by a simulated wire in real time. The only header here that opens, waits or reads a clock.
+#pragma once
+
+#include <poll.h>
+#include <sys/prctl.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cstddef>
+#include <cstdint>
+
+#include "wirebond/posix/pty.hpp"
+#include "wirebond/sim/wire.hpp"
+
+namespace wirebond::sim {
+
+inline Time monotonic_ns() {
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  return static_cast<Time>(now.tv_sec) * 1'000'000'000 + static_cast<Time>(now.tv_nsec);
+}
+
+/// What a program writes into one pty comes out of the other at the line's pace. A pty's buffer of 4 KB stands for the
+/// driver's: who writes faster than the line waits for it. Nothing makes the sender wait for a reader: what the reader
+/// has no room for is lost and counted, as on a UART.
+///
+/// Bytes come out at most some 100 us late, as long as the machine gives the thread its turn.
+class PtyWire {
+ public:
+  /// Names of the two ends, and of the directions that begin there.
+  enum End : std::size_t { a, b };
+
+  PtyWire(const WireSettings& a_to_b, const WireSettings& b_to_a)
+      : wires_{Wire(a_to_b), Wire(b_to_a)}, start_(monotonic_ns()) {}
+
+  /// False (errno set): the system has no pty left.
+  bool open() { return posix::open_pty(ptys_[a]) && posix::open_pty(ptys_[b]); }
+  const char* path(End end) const { return ptys_[end].path.c_str(); }
+
+  /// Pull the cable between the ptys at this time after the start, for so long.
+  void script_unplug(Time at, Time length) {
+    unplug_at_ = at;
+    plug_at_ = at + length;
+  }
+
+  /// Carries bytes until `ends` is true, or `length` is over. 0, or an errno: a pty does not work any more.
+  int run(const std::atomic<bool>& ends, Time length) {
+    ::prctl(PR_SET_TIMERSLACK, 1UL);  // else each wait takes 50 us more
+    start_ = monotonic_ns();
+    while (!ends.load(std::memory_order_relaxed)) {
+      const Time now = elapsed();
+      if (now >= length) break;
+      move_cable(now);
+      Time next = std::min(
+          {length, unplug_at_ > now ? unplug_at_ : never, plug_at_ > now ? plug_at_ : never, now + longest_wait});
+      pollfd waiting[2];
+      for (const End from : {a, b}) {
+        if (const int error = take(from, now); error != 0) return error;
+        if (const int error = hand_over(from, now); error != 0) return error;
+        const Wire& wire = wires_[from];
+        const bool has_room = wire.free_at() < now + most_ahead;
+        waiting[from] = {has_room ? ptys_[from].controller.get() : -1, POLLIN, 0};
+        if (!has_room) next = std::min(next, wire.free_at() - most_ahead / 2);
+        if (wire.next_handover() != never) next = std::min(next, std::max(wire.next_handover(), now + step));
+      }
+      const Time before_wait = elapsed();
+      const Time wait = next > before_wait ? next - before_wait : 0;
+      const timespec timeout = {static_cast<time_t>(wait / 1'000'000'000), static_cast<long>(wait % 1'000'000'000)};
+      if (::ppoll(waiting, 2, &timeout, nullptr) < 0 && errno != EINTR) return errno;
+    }
+    ended_ = elapsed();
+    return 0;
+  }
+
+  // ---- after `run`, or with care of its thread
+
+  Wire& wire(End from) { return wires_[from]; }
+  const Wire& wire(End from) const { return wires_[from]; }
+  /// Bytes that came out, and that the reader had no room for.
+  std::uint64_t overrun(End from) const { return overrun_[from]; }
+  Time ended() const { return ended_; }
+  /// The share of the time in which this direction carried bits, from its first byte on.
+  double line_use(End from) const {
+    const Wire& wire = wires_[from];
+    if (wire.counts().put == 0 || ended_ <= first_[from]) return 0;
+    const Time ahead = wire.free_at() > ended_ ? wire.free_at() - ended_ : 0;
+    const Time busy = wire.line_time(wire.counts().put);
+    return static_cast<double>(busy > ahead ? busy - ahead : 0) / static_cast<double>(ended_ - first_[from]);
+  }
+
+ private:
+  static constexpr Time most_ahead = 5'000'000;     ///< of the line that is taken off a pty before its turn
+  static constexpr Time step = 100'000;             ///< between two looks at what comes out
+  static constexpr Time longest_wait = 50'000'000;  ///< so that `ends` is seen
+
+  Time elapsed() const { return monotonic_ns() - start_; }
+
+  void move_cable(Time now) {
+    for (Wire& wire : wires_) {
+      const bool is_out = now >= unplug_at_ && now < plug_at_;
+      if (is_out && wire.is_plugged()) wire.unplug(now);
+      if (!is_out && !wire.is_plugged()) wire.plug();
+    }
+  }
+
+  int take(End from, Time now) {
+    Wire& wire = wires_[from];
+    std::array<std::uint8_t, 1024> bytes;
+    while (wire.free_at() < now + most_ahead) {
+      const ssize_t size = ::read(ptys_[from].controller.get(), bytes.data(), bytes.size());
+      if (size < 0 && errno != EAGAIN && errno != EINTR) return errno;
+      if (size <= 0) return 0;
+      if (wire.counts().put == 0) first_[from] = now;
+      wire.put(bytes.data(), static_cast<std::size_t>(size), now);
+    }
+    return 0;
+  }
+
+  int hand_over(End from, Time now) {
+    int error = 0;
+    wires_[from].read(now, [&](const std::uint8_t* bytes, std::size_t size) {
+      const int to = ptys_[from == a ? b : a].controller.get();
+      while (size != 0) {
+        const ssize_t written = ::write(to, bytes, size);
+        if (written < 0 && errno == EINTR) continue;
+        if (written < 0 && errno != EAGAIN) error = errno;
+        if (written <= 0) break;
+        bytes += written;
+        size -= static_cast<std::size_t>(written);
+      }
+      overrun_[from] += size;
+    });
+    return error;
+  }
+
+  std::array<Wire, 2> wires_;
+  std::array<posix::Pty, 2> ptys_;
+  Time start_;
+  Time ended_ = 0;
+  Time unplug_at_ = never;
+  Time plug_at_ = never;
+  std::array<Time, 2> first_{};
+  std::array<std::uint64_t, 2> overrun_{};
+};
+
+}  // namespace wirebond::sim

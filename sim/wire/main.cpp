@@ -1,0 +1,92 @@
+// Two ptys joined by a simulated wire: what `wirebond wire` runs. It prints the two paths, a line each, and at its end
+// what became of every byte, as one line of JSON. It ends with stdin, with SIGINT, or after `length_ns`.
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cinttypes>
+#include <cstdio>
+#include <cstring>
+#include <string_view>
+#include <thread>
+
+#include "wirebond/sim/options.hpp"
+#include "wirebond/sim/pty_wire.hpp"
+
+namespace {
+
+using wirebond::sim::PtyWire;
+using wirebond::sim::Time;
+
+std::atomic<bool> ends{false};
+
+void print(const char* name, const PtyWire& wire, PtyWire::End from) {
+  const wirebond::sim::WireCounts& counts = wire.wire(from).counts();
+  std::printf("\"%s\": {\"line_use\": %.6f, \"bytes\": %" PRIu64 ", \"handed_over\": %" PRIu64
+              ", \"not_read\": %" PRIu64 ", \"travelling\": %" PRIu64 ", \"unplugged\": %" PRIu64
+              ", \"bit_errors\": %" PRIu64 ", \"burst_bytes\": %" PRIu64 ", \"dropped_bytes\": %" PRIu64
+              ", \"inserted_bytes\": %" PRIu64 ", \"splits\": %" PRIu64 "}",
+              name, wire.line_use(from), counts.put, counts.handed_over - wire.overrun(from), wire.overrun(from),
+              counts.travelling, counts.unplugged, counts.bit_errors, counts.burst_bytes, counts.dropped,
+              counts.inserted, counts.splits);
+}
+
+}  // namespace
+
+int main(int argument_count, char** arguments) {
+  wirebond::sim::WireSettings a_to_b;
+  wirebond::sim::WireSettings b_to_a;
+  Time length = wirebond::sim::never;
+  Time unplug_at = wirebond::sim::never;
+  Time unplug_for = 0;
+  for (int i = 1; i < argument_count; ++i) {
+    std::string_view name;
+    std::uint64_t value = 0;
+    bool is_known = wirebond::sim::split_option(arguments[i], name, value);
+    if (is_known && name == "length_ns") {
+      length = value;
+    } else if (is_known && name == "batch_ns") {
+      a_to_b.batch = b_to_a.batch = value;
+    } else if (is_known && name == "jitter_ns") {
+      a_to_b.jitter = b_to_a.jitter = value;
+    } else if (is_known && name == "unplug_at_ns") {
+      unplug_at = value;
+    } else if (is_known && name == "unplug_for_ns") {
+      unplug_for = value;
+    } else {
+      is_known = is_known && wirebond::sim::set_both(a_to_b, b_to_a, name, value);
+    }
+    if (!is_known) {
+      std::fprintf(stderr, "unknown argument '%s'\n", arguments[i]);
+      return 2;
+    }
+  }
+  PtyWire wire(a_to_b, b_to_a);
+  if (unplug_at != wirebond::sim::never) wire.script_unplug(unplug_at, unplug_for);
+  if (!wire.open()) {
+    std::fprintf(stderr, "cannot open a pty: %s\n", std::strerror(errno));
+    return 3;
+  }
+  signal(SIGINT, [](int) { ends.store(true, std::memory_order_relaxed); });
+  std::printf("%s\n%s\n", wire.path(PtyWire::a), wire.path(PtyWire::b));
+  std::fflush(stdout);
+  std::thread([] {  // whoever started it has gone
+    char byte;
+    while (::read(STDIN_FILENO, &byte, 1) > 0) {
+    }
+    ends.store(true, std::memory_order_relaxed);
+  })
+      .detach();
+  if (const int error = wire.run(ends, length); error != 0) {
+    std::fprintf(stderr, "a pty does not work any more: %s\n", std::strerror(error));
+    return 3;
+  }
+  std::printf("{\"seconds\": %.6f, ", static_cast<double>(wire.ended()) * 1e-9);
+  print("a_to_b", wire, PtyWire::a);
+  std::printf(", ");
+  print("b_to_a", wire, PtyWire::b);
+  std::printf("}\n");
+  std::fflush(stdout);
+  ::_exit(0);  // the thread may still wait for stdin
+}

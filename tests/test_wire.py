@@ -1,0 +1,153 @@
+"""Two ptys joined by a simulated wire: its pace, its faults, its cable, and its account."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wirebond.cli.main import main
+from wirebond.wire import WireProcess, WireSettings
+from wirebond.wire.process import DIRECTIONS
+
+PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
+DATA = bytes(i % 251 for i in range(3000))
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(autouse=True)
+def _compiled_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
+    monkeypatch.setenv("CXXFLAGS", "-O0")
+
+
+@contextmanager
+def opened(*paths: str) -> Iterator[list[int]]:
+    ends = [os.open(path, os.O_RDWR | os.O_NOCTTY) for path in paths]
+    try:
+        yield ends
+    finally:
+        for end in ends:
+            os.close(end)
+
+
+def read(end: int, size: int, patience: float = PATIENCE) -> bytes:
+    """So many bytes, or what has come when nothing more comes for so long."""
+    data = b""
+    while len(data) < size and select.select([end], [], [], patience)[0]:
+        data += os.read(end, size - len(data))
+    return data
+
+
+def closes(found: dict[str, Any]) -> bool:
+    lost = sum(found[key] for key in ("handed_over", "not_read", "travelling", "unplugged", "dropped_bytes"))
+    return bool(found["bytes"] + found["inserted_bytes"] == lost)
+
+
+def test_bytes_pass_both_ways_and_no_faster_than_the_line() -> None:
+    with WireProcess(WireSettings(baud=115200)) as wire, opened(wire.a, wire.b) as (a, b):
+        begun = time.monotonic()
+        os.write(a, DATA)
+        os.write(b, DATA[::-1])
+        assert read(b, len(DATA)) == DATA
+        assert time.monotonic() - begun >= len(DATA) * 10 / 115200
+        assert read(a, len(DATA)) == DATA[::-1]
+        account = wire.end()
+    for direction in DIRECTIONS:
+        found = account[direction]
+        assert found["bytes"] == found["handed_over"] == len(DATA)
+        assert 0 < found["line_use"] <= 1
+        assert closes(found)
+
+
+def test_a_writer_waits_for_the_line() -> None:
+    """Beside what the wire has taken a pty's buffer holds some KB; behind that a write takes the time of the line."""
+    with WireProcess(WireSettings(baud=1_000_000)) as wire, opened(wire.a, wire.b) as (a, b):
+        begun = time.monotonic()
+        data = DATA * 20
+        sent, got = 0, b""
+        while len(got) < len(data):
+            readable, writable, _ = select.select([b], [a] if sent < len(data) else [], [], PATIENCE)
+            assert readable or writable
+            if writable:
+                sent += os.write(a, data[sent : sent + 500])
+            if readable:
+                got += os.read(b, 4096)
+        assert got == data
+        assert time.monotonic() - begun >= len(data) * 10 / 1_000_000
+        assert wire.end()["a_to_b"]["handed_over"] == len(data)
+
+
+def test_faults_change_bytes_as_the_account_says() -> None:
+    settings = WireSettings(baud=4_000_000, drops=0.01, inserts=0.02, ber=1e-3, seed=3)
+    with WireProcess(settings) as wire, opened(wire.a, wire.b) as (a, b):
+        os.write(a, DATA)
+        got = read(b, 10 * len(DATA), patience=0.5)
+        found = wire.end()["a_to_b"]
+    assert got != DATA
+    assert len(got) == found["handed_over"] == len(DATA) - found["dropped_bytes"] + found["inserted_bytes"]
+    assert found["dropped_bytes"] > 5
+    assert found["inserted_bytes"] > 10
+    assert found["bit_errors"] > 10
+    assert closes(found)
+
+
+def test_a_pulled_cable_loses_bytes_and_the_account_says_how_many() -> None:
+    with WireProcess(WireSettings(baud=1_000_000, unplug=(0.0, 1e6))) as wire, opened(wire.a, wire.b) as (a, b):
+        os.write(a, DATA)
+        assert read(b, 1, patience=0.3) == b""
+        found = wire.end()["a_to_b"]
+    assert found["unplugged"] == found["bytes"] == len(DATA)
+    assert closes(found)
+
+
+def test_what_nobody_reads_is_lost_and_counted() -> None:
+    with WireProcess(WireSettings(baud=20_000_000)) as wire, opened(wire.a) as (a,):
+        for _ in range(40):
+            os.write(a, DATA)
+        found = wire.end()["a_to_b"]
+    assert found["not_read"] > 0
+    assert closes(found)
+
+
+def test_command_names_both_ends_and_tells_what_became_of_every_byte(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = [str(tmp_path / "a"), str(tmp_path / "b")]
+    assert main(["wire", *names, "--baud", "2000000", "--line", "8N2", "--seconds", "0.1", "--json"]) == 0
+    account = json.loads(capsys.readouterr().out)
+    assert all(closes(account[direction]) for direction in DIRECTIONS)
+    assert main(["wire", *names, "--seconds", "0"]) == 0
+    told = capsys.readouterr()
+    assert told.out.split() == names
+    assert f"{names[0]} to {names[1]}: 0 bytes, 0 came out, line use 0.0 %" in " ".join(told.err.split())
+    assert not any(Path(name).is_symlink() for name in names)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--line", "9N1"], "--line 9N1: expected data bits, parity and stop bits, such as 8N1 or 8N2"),
+        (["--unplug", "2"], "--unplug 2: expected AT:FOR in seconds, such as 2:0.5"),
+        (["--unplug", "2:x"], "--unplug 2:x: expected AT:FOR"),
+        (["--drops", "0.2"], "--drops 0.2: expected a chance from 0 to 0.1"),
+        (["--baud", "20"], "--baud 20: expected 300 to 100000000"),
+        (["--jitter", "2", "--batch", "1"], "--jitter is how much later than its --batch an adapter hands over"),
+    ],
+)
+def test_options_out_of_range_are_refused(
+    options: list[str], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["wire", str(tmp_path / "a"), str(tmp_path / "b"), *options]) == 2
+    assert sentence in " ".join(capsys.readouterr().err.split())
