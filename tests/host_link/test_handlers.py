@@ -15,7 +15,6 @@ from tests.host_link.mcu import linked, wait_until
 from tests.host_link.protocol import manipulator
 from tests.shared import ROOT
 from wirebond import DeadlineEvent, LinkDownError, Message, UsageError
-from wirebond.link import inbox
 from wirebond.protocol import loads
 
 ARM = manipulator()
@@ -274,7 +273,7 @@ def test_slow_handlers_drop_the_oldest_and_count_them(monkeypatch: pytest.Monkey
 
 
 def test_what_nobody_takes_is_dropped_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inbox, "MAX_WAITING", 10)
+    monkeypatch.setattr("wirebond.link.inbox.MAX_WAITING", 10)
     with linked(TWO) as (link, mcu):
         link.on("other")(lambda _: None)
         for n in range(30):

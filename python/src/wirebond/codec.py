@@ -503,9 +503,10 @@ def refuse_option_for_field(
 
     :raises UsageError: the message has a field that is called like an option given here, and ``values`` has it not.
     """
-    names = {field.name for field in message.fields if field.kind != FieldKind.PADDING}
     for name, given in options.items():
-        if given is not None and name in names and name not in (values or {}):
+        if given is None or name in (values or {}):
+            continue
+        if any(field.name == name and field.kind != FieldKind.PADDING for field in message.fields):
             raise UsageError(
                 f"{name} is an option of {function}() and a field of {message.name}; give the field in a mapping: "
                 f"{function}({message.name!r}, {{{name!r}: ...}})"

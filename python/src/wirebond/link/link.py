@@ -33,7 +33,7 @@ from wirebond.link.settings import (
 from wirebond.ports.permission import no_permission
 from wirebond.ports.port_name import port_name
 from wirebond.protocol.forms import header_fields
-from wirebond.protocol.model import Address, End
+from wirebond.protocol.model import Address, End, Message
 from wirebond.protocol.problems import no_message
 from wirebond.typed import TypedMessage, name_and_values
 
@@ -84,6 +84,7 @@ class Link(Receiving):
         self.adapter_latency = latency_of(codec, name, speed, adapter_latency)
         self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
         self._header = header_fields(model.format.parts)
+        self._own_messages = {m.name: m for m in model.messages if m.sent_by(End.HOST)}
         engine_options = engine_settings(codec, speed, paced, hold_back, self.adapter_latency)
         try:
             self._engine = open_engine(codec, name, engine_options, wait_for_port)
@@ -131,9 +132,9 @@ class Link(Receiving):
         :raises QueueFullError: 64 KiB wait already: the line does not keep up.
         """
         name, given = name_and_values(message, values, fields)
-        self._check_sender(name)
-        refuse_option_for_field("send", self.codec.model.message(name), {"header": header}, given)
-        if self.codec.model.message(name).reply is None:
+        model = self._own_message(name)
+        refuse_option_for_field("send", model, {"header": header}, given)
+        if model.reply is None:
             self._leave(name, given, header)()
             return
         self._engine.is_closed()  # in a forked child it raises
@@ -176,12 +177,12 @@ class Link(Receiving):
                 f"hold is {hold:g} s; expected more than 0 and at most {MAX_HOLD:g} s: call repeat() again in time"
             )
         name, given = name_and_values(message, values, fields)
-        self._check_sender(name)
+        model = self._own_message(name)
         options = {"hold": None if hold == DEFAULT_HOLD else hold, "header": header}
-        refuse_option_for_field("repeat", self.codec.model.message(name), options, given)
+        refuse_option_for_field("repeat", model, options, given)
         whole = self._with_own_address(header)
         frame = self.codec.encode(name, given, header=whole)
-        if self.codec.model.message(name).every is None:
+        if model.every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; use send()")
         address = self._prepare(name, whole)
         reply = reply_index(self.codec, name)
@@ -196,7 +197,7 @@ class Link(Receiving):
         :param header: where frames have addresses: end the lease of this address alone. None: of every address.
         :raises MessageError: the protocol has no such message, or it is the MCU's; or ``header`` has a wrong value.
         """
-        self._check_sender(message)
+        self._own_message(message)
         address = None if header is None else self.codec._address_of(header)
         self._engine.stop_repeating(self.codec._index_of(message), address)
 
@@ -261,8 +262,10 @@ class Link(Receiving):
 
     def _with_own_address(self, header: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
         """With the own address, once it was set, where frames name their sender."""
-        sent = next((f for f in header_fields(self.codec.model.format.parts) if f.address == Address.SENDER), None)
-        if self._own_address is None or sent is None:
+        if self._own_address is None:
+            return header
+        sent = next((f for f in self._header if f.address == Address.SENDER), None)
+        if sent is None:
             return header
         return {sent.name: self._own_address, **(header or {})}
 
@@ -406,7 +409,7 @@ class Link(Receiving):
 
     def _takes_number(self, header: Mapping[str, Any] | None) -> bool:
         """Does the link raise the frame's sequence number? Not where the caller gave it."""
-        return not any(field.is_sequence and field.name in (header or {}) for field in self._header)
+        return header is None or not any(field.is_sequence and field.name in header for field in self._header)
 
     def _raise_for(self, message: str, answer: int) -> None:
         if answer == _STOPPED:
@@ -419,12 +422,18 @@ class Link(Receiving):
         if answer == _FULL:
             raise QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
 
-    def _check_sender(self, message: str) -> None:
-        known = {m.name: m for m in self.codec.model.messages}
+    def _own_message(self, message: str) -> Message:
+        """A message that the host sends.
+
+        :raises MessageError: the protocol has no such message, or it is the MCU's.
+        """
+        found = self._own_messages.get(message) if isinstance(message, str) else None
+        if found is not None:
+            return found
+        known = [m.name for m in self.codec.model.messages]
         if message not in known:
             raise MessageError(no_message(self.codec.name, message, known))
-        if not known[message].sent_by(End.HOST):
-            raise MessageError(f"{message} is sent by the mcu, not by the host")
+        raise MessageError(f"{message} is sent by the mcu, not by the host")
 
 
 class _Leaving:

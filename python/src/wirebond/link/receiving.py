@@ -15,6 +15,7 @@ from wirebond.link.handlers import DeadlineEvent
 from wirebond.link.inbox import Inbox, Latest
 from wirebond.link.requests import DEFAULT_TIMEOUT, Outcome, Question, check_timeout, timeout_error
 from wirebond.protocol.model import End
+from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import plan_for
 from wirebond.protocol.problems import nearest, no_message
 from wirebond.typed import TypedMessage, from_message_of, maker_of, message_class, name_and_values
@@ -276,9 +277,9 @@ class Receiving:
         """Send a request; ``finish`` gets what comes of it."""
         check_timeout(timeout)
         name, given = name_and_values(message, values, fields)
-        self._check_sender(name)
+        model = self._own_message(name)
         options = {"timeout": None if timeout == DEFAULT_TIMEOUT else timeout, "header": header}
-        refuse_option_for_field("request", self.codec.model.message(name), options, given)
+        refuse_option_for_field("request", model, options, given)
         self._start_reading()
         question = self._question(name, given, header, finish)
         kind = None if isinstance(message, str) else message_class(type(message))
@@ -346,7 +347,7 @@ class Receiving:
             raise UsageError(f"header is {dict(header)!r:.80}, which does not say who sent the message; {advice}")
         return _engine.header_bits(self.codec._format_for(End.MCU), dict(header))[plan.peer]
 
-    def _check_sender(self, message: str) -> None:
+    def _own_message(self, message: str) -> MessageModel:
         raise NotImplementedError
 
     def _question(

@@ -151,5 +151,5 @@ def _addressing(codec: Codec) -> dict[str, Any]:
 
 
 def reply_index(codec: Codec, message: str) -> int:
-    reply = codec.model.message(message).reply
+    reply = codec.model.messages[codec._index_of(message)].reply
     return -1 if reply is None else codec._index_of(reply)
