@@ -6,7 +6,18 @@ import argparse
 import sys
 from collections.abc import Callable
 
-from bench import collateral, columns, frame_cost, m4_cost, m4_runtime, send_queue, soak, work_per_byte
+from bench import (
+    collateral,
+    columns,
+    frame_cost,
+    host_cpu,
+    m4_cost,
+    m4_runtime,
+    round_trip,
+    send_queue,
+    soak,
+    work_per_byte,
+)
 from bench.figures import LATEST, ROOT, Figure, keep, show
 
 BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
@@ -20,8 +31,10 @@ BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
     ),
     "frame_cost": ("What a frame of 48 or 45 bytes costs the run-time engine (enterprize)", frame_cost.measure),
     "columns": ("From bytes to values in Python (the nine enterprize messages in equal shares)", columns.measure),
+    "host_cpu": ("What a full line of 2 Mbaud costs a Python program, both ways", host_cpu.measure),
     "m4_cost": ("What a frame costs generated C++ on an emulated Cortex-M4 (enterprize)", m4_cost.measure),
     "m4_runtime": ("What a link costs a Cortex-M: sends, interrupts, memory", m4_runtime.measure),
+    "round_trip": ("The round trip of a frame of 45 bytes over an idle pty, against bare C++", round_trip.measure),
     "send_queue": ("Frames that threads send through one queue, 10 million", send_queue.measure),
     "soak": ("A full line under virtual time, 90 minutes (enterprize, load 1.2)", soak.measure),
     "work_per_byte": ("Instructions per received byte, worst input (enterprize)", work_per_byte.measure),

@@ -13,16 +13,26 @@ from wirebond import paths
 from wirebond.gen import generate_cpp
 
 BUILD = ROOT / "build" / "bench"
+POSIX = ROOT / "ports" / "posix" / "include"
 FLAGS = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror"]  # as the engine is built
 
 
-def build(name: str) -> Path:
-    """``bench/<name>.cpp``, compiled beside the generated header of the benchmarks' protocol."""
+def build(name: str, protocol: Path = PROTOCOL) -> Path:
+    """``bench/<name>.cpp``, compiled beside the generated header of the protocol: by default the benchmarks' own."""
     generated = BUILD / "generated"
-    generate_cpp(wirebond.load(PROTOCOL).model, generated)
+    generate_cpp(wirebond.load(protocol).model, generated)
     program = BUILD / name
     source = Path(__file__).with_name(f"{name}.cpp")
-    command = ["c++", *FLAGS, f"-I{generated}", f"-I{paths.core_include()}", str(source), "-o", str(program)]
+    command = [
+        "c++",
+        *FLAGS,
+        f"-I{generated}",
+        f"-I{paths.core_include()}",
+        f"-I{POSIX}",
+        str(source),
+        "-o",
+        str(program),
+    ]
     subprocess.run(command, check=True)
     return program
 

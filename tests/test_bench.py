@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import collateral, columns, m4_cost, m4_runtime, send_queue, work_per_byte
+from bench import collateral, columns, host_cpu, m4_cost, m4_runtime, native, round_trip, send_queue, work_per_byte
 from bench.peers.work import Flat
 
 import wirebond
@@ -38,6 +39,21 @@ def test_damage_is_seen_by_the_measure_itself() -> None:
 def test_no_frame_is_lost_between_threads() -> None:
     lost = [figure.value for figure in send_queue.measure(frames=20_000) if "lost" in figure.key]
     assert lost == [0, 0, 0, 0]
+
+
+def test_a_busy_line_loses_nothing_in_either_direction() -> None:
+    _, sent, handled, lost = host_cpu.load(seconds=0.5, line_use=0.1)
+    assert lost == 0
+    assert sent > 100 and handled > 50
+
+
+def test_each_frame_of_a_round_trip_comes_back() -> None:
+    """Either end fails where a frame does not."""
+    program = native.build("round_trip", round_trip.PROTOCOL)
+    processors = os.sched_getaffinity(0)
+    for ends in (round_trip.bare, round_trip.with_wirebond):
+        p50, p99 = ends(program, processors, trips=100)
+        assert 0 < p50 <= p99
 
 
 def test_work_per_byte_is_bounded_for_the_worst_input() -> None:
