@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import random
+import threading
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +18,9 @@ from wirebond import load
 from wirebond.check.samples import pool
 from wirebond.cli.main import main
 from wirebond.identify import Candidate, Format, known_formats, rank
+from wirebond.identify.lines import Heard, Line, best_of, lines_for, search
 from wirebond.protocol.model import End
+from wirebond.sim.pty_port import PtyPort
 
 DAMAGED = 0.01  # of the bytes
 
@@ -183,3 +187,95 @@ def test_no_bytes_are_said_to_be_none(capsys: pytest.CaptureFixture[str], tmp_pa
     (tmp_path / "empty").write_bytes(b"")
     assert main(["identify", str(tmp_path / "empty")]) == 1
     assert "There are no bytes to look at." in capsys.readouterr().out
+
+
+# ---- a port
+
+
+def test_the_right_rate_is_found_and_ends_the_search() -> None:
+    source = random.Random("rates")
+    data = stream("crsf", source, End.MCU)
+    heard_at = []
+
+    def listen(line: Line) -> Iterator[bytes]:
+        heard_at.append(line)
+        yield b""
+        wrong = source.randbytes(len(data))  # at another rate the bits are cut elsewhere
+        yield data if line == Line(420_000) else wrong
+
+    lines = lines_for(formats())
+    heard = list(search(lines, listen, formats()))
+    best = best_of(heard)
+    assert (best.line, best.candidates[0].format.name) == (Line(420_000), "crsf")
+    assert best.is_sure
+    assert heard_at == [one.line for one in heard] == lines[: len(heard)]
+    assert len(heard) < len(lines)
+
+
+def test_every_format_is_listened_for_at_its_own_rate() -> None:
+    lines = lines_for(formats())
+    for each in formats():
+        link = each.model.link
+        assert Line(link.baud, link.parity, round(link.stop_bits)) in lines
+    assert len(set(lines)) == len(lines)
+
+
+def test_where_nothing_fits_the_rate_with_most_bytes_is_shown() -> None:
+    source = random.Random("no rate")
+
+    def listen(line: Line) -> Iterator[bytes]:
+        yield source.randbytes(500 if line.baud == 9600 else 20)
+
+    best = best_of(list(search([Line(4800), Line(9600), Line(19200)], listen, formats())))
+    assert (best.line, best.size, best.candidates[0].fits) == (Line(9600), 500, False)
+
+
+@pytest.fixture
+def pty() -> Iterator[PtyPort]:
+    port = PtyPort()
+    yield port
+    port.close()
+
+
+def test_a_port_is_identified(pty: PtyPort, capsys: pytest.CaptureFixture[str]) -> None:
+    data = stream("ubx", random.Random("port"), End.MCU)
+    ends = threading.Event()
+
+    def send() -> None:
+        while not ends.wait(0.005):
+            pty.write(data[:800])
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        assert main(["identify", pty.path, "--seconds", "5", "--json"]) == 0
+    finally:
+        ends.set()
+        thread.join()
+    told = json.loads(capsys.readouterr().out)
+    assert (told["format"], told["baud"], told["parity"]) == ("ubx", 115200, "none")
+    assert len(told["settings_tried"]) == 1
+
+
+def test_a_silent_port_is_said_to_be_silent(pty: PtyPort, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["identify", pty.path, "--baud", "9600", "--seconds", "0.05"]) == 1
+    assert "No byte came" in " ".join(capsys.readouterr().err.split())
+    assert main(["identify", "/dev/no_such_port", "--baud", "9600"]) == 3
+    assert "there is no port" in capsys.readouterr().err
+    assert main(["identify", "--hex", "00", "--baud", "9600"]) == 2
+
+
+def test_ctrl_c_shows_the_best_so_far(
+    pty: PtyPort, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    candidates = ranked(stream("crsf", random.Random("break")))
+
+    def ended(*_: object) -> Iterator[Heard]:
+        yield Heard(Line(9600), 4000, candidates)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("wirebond.cli.identify_port.search", ended)
+    assert main(["identify", pty.path]) == 0
+    shown = capsys.readouterr()
+    assert "4000 bytes at 9600 baud 8N1" in shown.out
+    assert "ended after 1 of" in shown.err

@@ -144,18 +144,31 @@ def explain(
 @app.command()
 def identify(
     source: Annotated[
-        str | None, typer.Argument(metavar="[FILE|-]", help="A capture of raw bytes; - for stdin.")
+        str | None,
+        typer.Argument(metavar="[PORT|FILE|-]", help="A port, a capture of raw bytes, or - for stdin."),
     ] = None,
     hex_text: Annotated[str | None, typer.Option("--hex", help='The bytes themselves, as "AA 55 …".')] = None,
     also: Annotated[
         list[Path] | None, typer.Option(metavar="PATH", help="Try this protocol file, or those of this folder, too.")
     ] = None,
+    baud: Annotated[
+        int | None, typer.Option(parser=whole, metavar="INTEGER", help="Of a port: try this rate alone.")
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(parser=amount, metavar="NUMBER", help="Of a port: listen so long at each rate; default 2."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say which known format these bytes are, with the evidence for it. Exit 1 if none fits."""
+    """Say which known format these bytes are, or what a port sends at which rate. Exit 1 if none fits."""
+    from wirebond.cli.identify_port import identify_port, is_port
     from wirebond.identify.command import identify_bytes
 
     raise_from_here()
+    if source is not None and hex_text is None and is_port(source):
+        raise typer.Exit(identify_port(source, baud, seconds, also or [], as_json))
+    if baud is not None or seconds is not None:
+        raise UsageError("--baud and --seconds are for ports; a capture has no rate")
     raise typer.Exit(identify_bytes(source, hex_text, also or [], as_json))
 
 

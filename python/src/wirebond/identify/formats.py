@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
 
 from wirebond import paths
 from wirebond.check.frame_facts import ENDS, open_protocol, senders
@@ -119,19 +118,35 @@ def known_formats(also: Iterable[Path] = ()) -> Known:
 
     :raises ProtocolFileError: a file that was named itself is wrong.
     """
-    known = Known()
-    seen: set[Any] = set()
-    own = paths.protocols()
-    for place, is_named in [(own, False), (own / "contrib", False), *((path, True) for path in also)]:
-        is_folder = place.is_dir()
-        for file in sorted(place.glob("*.y*ml")) if is_folder else [place]:
-            if file.resolve() in seen:
-                continue
-            seen.add(file.resolve())
-            try:
-                known.formats.append(format_of(load(file)))
-            except ProtocolFileError as error:
-                if is_named and not is_folder:
-                    raise
-                known.unreadable[file] = str(error)
+    shipped = _shipped()
+    known = Known(list(shipped.formats), dict(shipped.unreadable))
+    own = paths.protocols().resolve()
+    seen = {Path(each.model.path).resolve() for each in known.formats}
+    for place in also:
+        if place.resolve() not in (own, own / "contrib"):
+            _add(known, place, seen, is_named=True)
     return known
+
+
+@cache
+def _shipped() -> Known:
+    """What comes with the package: read once."""
+    known = Known()
+    own = paths.protocols()
+    for place in (own, own / "contrib"):
+        _add(known, place, set(), is_named=False)
+    return known
+
+
+def _add(known: Known, place: Path, seen: set[Path], *, is_named: bool) -> None:
+    is_folder = place.is_dir()
+    for file in sorted(place.glob("*.y*ml")) if is_folder else [place]:
+        if file.resolve() in seen:
+            continue
+        seen.add(file.resolve())
+        try:
+            known.formats.append(format_of(load(file)))
+        except ProtocolFileError as error:
+            if is_named and not is_folder:
+                raise
+            known.unreadable[file] = str(error)
