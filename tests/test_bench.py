@@ -7,7 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import collateral, columns, host_cpu, m4_cost, m4_runtime, native, round_trip, send_queue, work_per_byte
+from bench import (
+    collateral,
+    columns,
+    host_cpu,
+    m4_cost,
+    m4_runtime,
+    native,
+    reconnect,
+    round_trip,
+    send_queue,
+    work_per_byte,
+)
 from bench.peers.work import Flat
 
 import wirebond
@@ -45,6 +56,10 @@ def test_a_busy_line_loses_nothing_in_either_direction() -> None:
     _, sent, handled, lost = host_cpu.load(seconds=0.5, line_use=0.1)
     assert lost == 0
     assert sent > 100 and handled > 50
+
+
+def test_a_link_comes_back_each_time() -> None:
+    assert len(reconnect.came_back(3)) == 3
 
 
 def test_each_frame_of_a_round_trip_comes_back() -> None:
