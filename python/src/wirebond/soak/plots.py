@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 from typing import Any
 
 from wirebond.soak.report import DIRECTIONS
-
-try:
-    from matplotlib.figure import Figure
-except ImportError:
-    Figure = None
 
 NOT_INSTALLED = "There are no plots: matplotlib is not installed (`pip install matplotlib`)."
 
 
 def draw(result: dict[str, Any], report: Path) -> list[str]:
     """Writes ``<report>-latency.svg`` beside the report; the pictures' file names. Empty: there is no matplotlib."""
-    if Figure is None:
+    try:
+        drawing = importlib.import_module("matplotlib.figure")
+    except ImportError:
         return []
-    figure = Figure(figsize=(7, 4))
+    figure = drawing.Figure(figsize=(7, 4))
     axes = figure.add_subplot()
     for name, title in DIRECTIONS:
         curve = result[name]["latency_curve"]
