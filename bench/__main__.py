@@ -39,6 +39,7 @@ BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
     "round_trip": ("The round trip of a frame of 45 bytes over an idle pty, against bare C++", round_trip.measure),
     "send_queue": ("Frames that threads send through one queue, 10 million", send_queue.measure),
     "soak": ("A full line under virtual time, 90 minutes (enterprize, load 1.2)", soak.measure),
+    "soak_real_time": ("The same for a minute in real time, over a paced pair of ptys", soak.measure_in_real_time),
     "work_per_byte": ("Instructions per received byte, worst input (enterprize)", work_per_byte.measure),
 }
 

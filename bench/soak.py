@@ -35,3 +35,17 @@ def measure(minutes: float = MINUTES) -> list[Figure]:
         Figure("soak_host_cpu", clean["host_cpu_percent"], "% of a core, without I/O", None, COMMAND),
         Figure("soak_mcu_cpu", mcu, "% of 170 MHz (computed)", None, COMMAND),
     ]
+
+
+def measure_in_real_time(minutes: float = 1.0) -> list[Figure]:
+    """Over a pair of ptys with a paced wire between them; how full it gets depends on what else this machine does."""
+    command = "make bench ONLY=soak_real_time"
+    clean = run(wirebond.load(PROTOCOL), Settings(minutes=minutes, load=LOAD, virtual=False))
+    lost = clean["to_mcu"]["lost_intact"] + clean["to_host"]["lost_intact"]
+    return [
+        Figure("soak_real_line_use_to_mcu", 100 * clean["to_mcu"]["line_use"], "%", 99.5, command, at_most=False),
+        Figure("soak_real_line_use_to_host", 100 * clean["to_host"]["line_use"], "%", 99.5, command, at_most=False),
+        Figure("soak_real_unaccounted", clean["unaccounted"], "frames and bytes", 0, command),
+        Figure("soak_real_lost", lost, "frames", 0, command),
+        Figure("soak_real_host_cpu", clean["host_cpu_percent"], "% of a core, without Python", None, command),
+    ]

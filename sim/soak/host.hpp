@@ -7,12 +7,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
-#include <vector>
 
+#include "host_core.hpp"
 #include "ledger.hpp"
 #include "mix.hpp"
-#include "wirebond/host/link.hpp"
 #include "wirebond/sim/wire.hpp"
 
 namespace soak {
@@ -53,23 +51,13 @@ class CpuTime {
 /// `to_mcu` and `to_host` outlive it. It wakes as the engine's thread does: for bytes, and when the link says so.
 class Host {
  public:
-  static constexpr std::size_t queue_bytes = 65'536;  ///< these two as the engine has them
-  static constexpr std::size_t queue_frames = 16'384;
-
   Host(wirebond::sim::Wire& to_mcu, wirebond::sim::Wire& to_host, Ledger& received, Ledger& sent)
       : to_mcu_(to_mcu),
         to_host_(to_host),
         received_(received),
         sent_(sent),
-        rows_(mix::rows_from_mcu()),
-        tables_(format_, rows_.data(), rows_.size()),
-        source_(tables_),
-        workspace_(wirebond::workspace_bytes(source_)),
-        bytes_(queue_bytes),
-        frames_(new wirebond::QueuedFrame[queue_frames + mix::protocol::message_count]),
-        leases_(mix::protocol::message_count),
-        leaving_(mix::protocol::AtHost::max_sent_bytes),
-        link_(source_, memory(), settings(to_mcu.settings()), 0) {
+        core_(wirebond::Pacing(to_mcu.settings().baud, to_mcu.settings().bits_per_byte),
+              (to_host.settings().batch + to_host.settings().jitter) / 1000, 0) {
     link_.port_up(0);
   }
 
@@ -105,28 +93,6 @@ class Host {
   double cpu_seconds() const { return cpu_.seconds(); }
 
  private:
-  wirebond::HostLink::Memory memory() {
-    wirebond::HostLink::Memory memory;
-    memory.workspace = workspace_.data();
-    memory.outbox.bytes = bytes_.data();
-    memory.outbox.byte_capacity = bytes_.size();
-    memory.outbox.frames = frames_.get();
-    memory.outbox.frame_capacity = queue_frames + leases_.size();
-    memory.outbox.leases = leases_.data();
-    memory.outbox.lease_count = leases_.size();
-    memory.outbox.message_count = leases_.size();
-    memory.outbox.leaving = leaving_.data();
-    memory.outbox.leaving_capacity = leaving_.size();
-    return memory;
-  }
-  static wirebond::HostLink::Settings settings(const wirebond::sim::WireSettings& wire) {
-    wirebond::HostLink::Settings settings;
-    settings.pacing = wirebond::Pacing(wire.baud, wire.bits_per_byte);
-    settings.idle_us = mix::protocol::idle_us + (wire.batch + wire.jitter) / 1000;
-    settings.max_age_us = std::uint64_t{mix::protocol::max_age_ms} * 1000;
-    return settings;
-  }
-
   void work(Time now) {
     const std::uint64_t now_us = now / 1000;
     const auto take = [&](const wirebond::Frame& frame, wirebond::MayAct, bool) {
@@ -169,16 +135,8 @@ class Host {
   wirebond::sim::Wire& to_host_;
   Ledger& received_;
   Ledger& sent_;
-  const wirebond::FrameFormat format_ = mix::protocol::FromMcu{}.format();
-  std::vector<wirebond::MessageRow> rows_;
-  wirebond::RuntimeTables tables_;
-  wirebond::RuntimeSource source_;
-  std::vector<std::uint8_t> workspace_;
-  std::vector<std::uint8_t> bytes_;
-  std::unique_ptr<wirebond::QueuedFrame[]> frames_;
-  std::vector<wirebond::Lease> leases_;
-  std::vector<std::uint8_t> leaving_;
-  wirebond::HostLink link_;
+  HostCore core_;
+  wirebond::HostLink& link_ = core_.link();
   CpuTime cpu_;
   std::uint64_t expired_ = 0;
   bool is_in_order_ = true;

@@ -93,9 +93,12 @@ class Ledger {
     }
   }
 
+  // A `Line` tells `line_time` and `was_touched`, as sim::Wire does.
+
   /// `size` bytes, whole frames, were put on the line; they are numbered from `number`, and the last one ends at `end`.
   /// False: they are not those that wait.
-  bool leave(std::uint64_t number, std::size_t size, Time end, const wirebond::sim::Wire& wire) {
+  template <class Line>
+  bool leave(std::uint64_t number, std::size_t size, Time end, const Line& wire) {
     while (size != 0) {
       if (waiting_.empty() || waiting_.front().size > size) return false;
       Entry entry = waiting_.front();
@@ -112,9 +115,9 @@ class Ledger {
   }
 
   /// A handler got this. `samples(message, sample)` is what was sent.
-  template <class Samples>
+  template <class Samples, class Line>
   void deliver(std::uint16_t message, const std::uint8_t* payload, std::size_t size, Time now, Samples&& samples,
-               wirebond::sim::Wire& wire) {
+               Line& wire) {
     for (std::size_t place = 0; place < travelling_.size(); ++place) {
       const Entry& entry = travelling_[place];
       if (entry.message != message) continue;
@@ -129,7 +132,8 @@ class Ledger {
   }
 
   /// Nothing comes any more.
-  void end(wirebond::sim::Wire& wire) {
+  template <class Line>
+  void end(Line& wire) {
     while (!travelling_.empty()) lose(wire);
   }
 
@@ -154,7 +158,8 @@ class Ledger {
     return true;
   }
 
-  void lose(wirebond::sim::Wire& wire) {
+  template <class Line>
+  void lose(Line& wire) {
     const Entry& entry = travelling_.front();
     (wire.was_touched(entry.number, entry.number + entry.size) ? fates.lost_to_faults : fates.lost_intact) += 1;
     travelling_.pop_front();

@@ -21,7 +21,7 @@ using wirebond::sim::Time;
 
 std::atomic<bool> ends{false};
 
-void print(const char* name, const PtyWire& wire, PtyWire::End from) {
+void print(const char* name, PtyWire& wire, PtyWire::End from) {
   const wirebond::sim::WireCounts& counts = wire.wire(from).counts();
   std::printf("\"%s\": {\"line_use\": %.6f, \"bytes\": %" PRIu64 ", \"handed_over\": %" PRIu64
               ", \"not_read\": %" PRIu64 ", \"travelling\": %" PRIu64 ", \"unplugged\": %" PRIu64

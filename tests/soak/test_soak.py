@@ -132,6 +132,20 @@ def test_options_out_of_range_are_refused(option: str, sentence: str, capsys: py
     assert sentence in " ".join(capsys.readouterr().err.split())
 
 
+def test_in_real_time_over_a_paced_pair_of_ptys_no_frame_is_lost_that_no_fault_touched() -> None:
+    """How full the line gets depends on this machine's load: `make bench ONLY=soak_real_time` measures it."""
+    result = soaked(minutes=1.5 * SECONDS, load=1.2, ber=1e-5, virtual=False)
+    assert result["unaccounted"] == 0
+    assert not result["virtual"]
+    for name, _ in DIRECTIONS:
+        found = result[name]
+        assert found["lost_intact"] == 0
+        assert found["delivered"] + found["lost_to_faults"] == found["sent"] > 1000
+        assert 0 < found["line_use"] <= 1
+    assert is_good(result)
+    assert "In real time, over a pair of ptys" in markdown(result)
+
+
 def test_protocols_that_cannot_be_accounted_for_are_refused_with_the_reason() -> None:
     with pytest.raises(UsageError, match="cannot account for every frame of this protocol: "):
         mix_of(codec("native"))
@@ -146,6 +160,13 @@ def test_other_protocols_are_soaked_too(name: str) -> None:
     assert result["to_mcu"]["lost_intact"] == 0
     assert result["to_host"]["lost_intact"] == 0
     assert result["mcu_cpu_percent"] is None
+
+
+@pytest.mark.long
+def test_a_minute_in_real_time() -> None:
+    result = soaked(minutes=1, load=1.2, ber=1e-5, virtual=False)
+    assert is_good(result)
+    assert result["to_mcu"]["lost_to_faults"] > 0
 
 
 @pytest.mark.long

@@ -372,10 +372,14 @@ def soak(
         Path | None, typer.Argument(metavar="[FILE]", help="Protocol file; without it: enterprize.")
     ] = None,
     virtual: Annotated[
-        bool, typer.Option("--virtual", help="Under virtual time, as fast as this machine can.")
+        bool,
+        typer.Option("--virtual", help="Under virtual time, as fast as this machine can; without it in real time."),
     ] = False,
     minutes: Annotated[
-        float | None, typer.Option(parser=amount, metavar="NUMBER", help="How long, by the line's clock. Default: 90.")
+        float | None,
+        typer.Option(
+            parser=amount, metavar="NUMBER", help="How long, by the line's clock. Default: 90, in real time 1."
+        ),
     ] = None,
     load: Annotated[
         str,
@@ -397,8 +401,10 @@ def soak(
 
     raise_from_here()
     given = {"minutes": minutes, "baud": baud, "ber": ber, "bursts": bursts, "drops": drops, "inserts": inserts}
-    settings = Settings(**_given(given | {"splits": splits, "seed": seed}))
-    raise typer.Exit(soak_protocol(file, load, settings, virtual, as_json, report))
+    if minutes is None and not virtual:
+        given["minutes"] = 1.0
+    settings = Settings(virtual=virtual, **_given(given | {"splits": splits, "seed": seed}))
+    raise typer.Exit(soak_protocol(file, load, settings, as_json, report))
 
 
 @app.command()

@@ -25,12 +25,8 @@ _MOST_MINUTES = 300.0  # the MCU counts bytes in 32 bits, and a line of 2 Mbaud 
 _MOST_LOAD = 20.0
 
 
-def soak_protocol(
-    path: Path | None, load_text: str, settings: Settings, is_virtual: bool, as_json: bool, report: Path | None
-) -> int:
+def soak_protocol(path: Path | None, load_text: str, settings: Settings, as_json: bool, report: Path | None) -> int:
     """1 where a frame is not accounted for, an intact one was lost, or one waited for too long; else 0."""
-    if not is_virtual:
-        raise UsageError("a soak runs under virtual time; add --virtual")
     settings = replace(settings, load=_load_of(load_text))
     _verify(settings)
     result = _run(load(path or paths.protocols() / "enterprize.yaml"), settings)

@@ -27,11 +27,12 @@ BATCH = 1e-3  # seconds: an adapter on full-speed USB hands over once a millisec
 
 @dataclass(frozen=True, kw_only=True)
 class Settings(LineFaults):
-    """``load`` None: the mix at its own rate, 1 kHz."""
+    """``load`` None: the mix at its own rate, 1 kHz. Not ``virtual``: in real time, over a paced pair of ptys."""
 
     minutes: float = 90.0
     load: float | None = 1.2  # times the line's bytes, in each direction
     baud: int | None = None  # None: the file's
+    virtual: bool = True
 
 
 @dataclass(frozen=True)
@@ -40,18 +41,19 @@ class Progress:
     seconds: float
 
 
-def build(codec: Codec, mix: Mix, folder: Path | None = None) -> Path:
+def build(codec: Codec, mix: Mix, virtual: bool = True) -> Path:
     """The program for this protocol; it is compiled unless it is there already.
 
     :raises WirebondError: there is no C++ compiler, or it fails.
     """
-    folder = folder or cache(f"soak/{codec.name}-{codec.hash:016x}")
+    folder = cache(f"soak/{codec.name}-{codec.hash:016x}")
     generated = folder / "generated"
     generate_cpp(codec.model, generated)
     write_whole(generated / "mix.hpp", header(codec, mix))
     # The generated folder has the core but for what is the host's.
-    includes = [generated, paths.sim() / "include", paths.sim() / "soak", paths.core_include()]
-    return compile_once("the soak", "soak", paths.sim() / "soak" / "main.cpp", includes, folder)
+    includes = [generated, paths.sim() / "include", paths.sim() / "soak", paths.core_include(), paths.posix_include()]
+    name, source = ("soak", "main.cpp") if virtual else ("soak-real-time", "real_time.cpp")
+    return compile_once("the soak", name, paths.sim() / "soak" / source, includes, folder)
 
 
 def periods(codec: Codec, mix: Mix, settings: Settings) -> dict[End, float]:
@@ -72,9 +74,9 @@ def arguments(codec: Codec, mix: Mix, settings: Settings) -> list[str]:
         "bits_per_byte": -(-link.bits_per_byte // 1),
         "host_period_ns": every[End.HOST] * 1e9,
         "mcu_period_ns": every[End.MCU] * 1e9,
-        "restart_gap_ns": RESTART_GAP * 1e9,
-        "batch_ns": BATCH * 1e9,
     }
+    if settings.virtual:
+        values |= {"restart_gap_ns": RESTART_GAP * 1e9, "batch_ns": BATCH * 1e9}
     return [*(f"{name}={round(value)}" for name, value in values.items()), *settings.fault_arguments()]
 
 
@@ -82,7 +84,6 @@ def run(
     codec: Codec,
     settings: Settings,
     on_progress: Callable[[Progress], None] = lambda _: None,
-    folder: Path | None = None,
 ) -> dict[str, Any]:
     """What ``wirebond soak --json`` prints. KeyboardInterrupt ends it early: the result is that of the time until then.
 
@@ -92,7 +93,7 @@ def run(
     mix = mix_of(codec)
     if settings.load is None and not mix.is_seed:
         raise UsageError(f"{codec.name}: the load `seed` is the experiment of enterprize; give a number, such as 1.2")
-    program = build(codec, mix, folder)
+    program = build(codec, mix, settings.virtual)
     command = [str(program), *arguments(codec, mix, settings)]
     # A session of its own: Ctrl-C in the terminal is for us, and we pass it on.
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
@@ -135,7 +136,8 @@ def _completed(codec: Codec, mix: Mix, settings: Settings, result: dict[str, Any
         "load": "seed" if settings.load is None else settings.load,
         "ber": settings.ber,
         "seed": settings.seed,
-        "restart_gap_us": RESTART_GAP * 1e6,
-        "batch_us": BATCH * 1e6,
+        "virtual": settings.virtual,
+        "restart_gap_us": RESTART_GAP * 1e6 if settings.virtual else 0.0,
+        "batch_us": BATCH * 1e6 if settings.virtual else 0.0,
     } | result
     return told | {"mcu_cpu_percent": mcu_cpu_percent(told)}

@@ -12,6 +12,8 @@
 #include <cerrno>
 #include <cstddef>
 #include <cstdint>
+#include <mutex>
+#include <vector>
 
 #include "wirebond/posix/pty.hpp"
 #include "wirebond/sim/wire.hpp"
@@ -28,6 +30,8 @@ inline Time monotonic_ns() {
 /// driver's: who writes faster than the line waits for it. Nothing makes the sender wait for a reader: what the reader
 /// has no room for is lost and counted, as on a UART.
 ///
+/// A simulation of both ends on one machine may want that its own lateness loses nothing: see `wait_for_readers`.
+///
 /// Bytes come out at most some 100 us late, as long as the machine gives the thread its turn.
 class PtyWire {
  public:
@@ -40,6 +44,9 @@ class PtyWire {
   /// False (errno set): the system has no pty left.
   bool open() { return posix::open_pty(ptys_[a]) && posix::open_pty(ptys_[b]); }
   const char* path(End end) const { return ptys_[end].path.c_str(); }
+
+  /// Before `run`: what a reader has no room for waits, as in the buffers of a large computer.
+  void wait_for_readers() { waits_ = true; }
 
   /// Pull the cable between the ptys at this time after the start, for so long.
   void script_unplug(Time at, Time length) {
@@ -54,19 +61,10 @@ class PtyWire {
     while (!ends.load(std::memory_order_relaxed)) {
       const Time now = elapsed();
       if (now >= length) break;
-      move_cable(now);
-      Time next = std::min(
-          {length, unplug_at_ > now ? unplug_at_ : never, plug_at_ > now ? plug_at_ : never, now + longest_wait});
       pollfd waiting[2];
-      for (const End from : {a, b}) {
-        if (const int error = take(from, now); error != 0) return error;
-        if (const int error = hand_over(from, now); error != 0) return error;
-        const Wire& wire = wires_[from];
-        const bool has_room = wire.free_at() < now + most_ahead;
-        waiting[from] = {has_room ? ptys_[from].controller.get() : -1, POLLIN, 0};
-        if (!has_room) next = std::min(next, wire.free_at() - most_ahead / 2);
-        if (wire.next_handover() != never) next = std::min(next, std::max(wire.next_handover(), now + step));
-      }
+      Time next = now + longest_wait;
+      if (const int error = carry(now, waiting, next); error != 0) return error;
+      next = std::min(next, length);
       const Time before_wait = elapsed();
       const Time wait = next > before_wait ? next - before_wait : 0;
       const timespec timeout = {static_cast<time_t>(wait / 1'000'000'000), static_cast<long>(wait % 1'000'000'000)};
@@ -76,21 +74,35 @@ class PtyWire {
     return 0;
   }
 
-  // ---- after `run`, or with care of its thread
+  // ---- also while it runs, from any thread
 
-  Wire& wire(End from) { return wires_[from]; }
+  /// See Wire::was_touched.
+  bool was_touched(End from, std::uint64_t begin, std::uint64_t end) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return wires_[from].was_touched(begin, end);
+  }
+  /// Bytes that came out, of both directions.
+  std::uint64_t handed_over() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return wires_[a].counts().handed_over + wires_[b].counts().handed_over;
+  }
+  /// The share of the time in which this direction carried bits, from its first byte on until now, or until the end.
+  double line_use(End from) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const Wire& wire = wires_[from];
+    const Time now = ended_ != 0 ? ended_ : elapsed();
+    if (wire.counts().put == 0 || now <= first_[from]) return 0;
+    const Time ahead = wire.free_at() > now ? wire.free_at() - now : 0;
+    const Time busy = wire.line_time(wire.counts().put);
+    return static_cast<double>(busy > ahead ? busy - ahead : 0) / static_cast<double>(now - first_[from]);
+  }
+
+  // ---- after `run`
+
   const Wire& wire(End from) const { return wires_[from]; }
   /// Bytes that came out, and that the reader had no room for.
   std::uint64_t overrun(End from) const { return overrun_[from]; }
   Time ended() const { return ended_; }
-  /// The share of the time in which this direction carried bits, from its first byte on.
-  double line_use(End from) const {
-    const Wire& wire = wires_[from];
-    if (wire.counts().put == 0 || ended_ <= first_[from]) return 0;
-    const Time ahead = wire.free_at() > ended_ ? wire.free_at() - ended_ : 0;
-    const Time busy = wire.line_time(wire.counts().put);
-    return static_cast<double>(busy > ahead ? busy - ahead : 0) / static_cast<double>(ended_ - first_[from]);
-  }
 
  private:
   static constexpr Time most_ahead = 5'000'000;     ///< of the line that is taken off a pty before its turn
@@ -98,6 +110,24 @@ class PtyWire {
   static constexpr Time longest_wait = 50'000'000;  ///< so that `ends` is seen
 
   Time elapsed() const { return monotonic_ns() - start_; }
+
+  /// All that is due now; what to wait for, and until when.
+  int carry(Time now, pollfd (&waiting)[2], Time& next) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    move_cable(now);
+    for (const Time at : {unplug_at_, plug_at_}) next = at > now ? std::min(next, at) : next;
+    for (const End from : {a, b}) {
+      if (const int error = take(from, now); error != 0) return error;
+      if (const int error = hand_over(from, now); error != 0) return error;
+      const Wire& wire = wires_[from];
+      const bool has_room = wire.free_at() < now + most_ahead;
+      waiting[from] = {has_room ? ptys_[from].controller.get() : -1, POLLIN, 0};
+      if (!has_room) next = std::min(next, wire.free_at() - most_ahead / 2);
+      if (wire.next_handover() != never) next = std::min(next, std::max(wire.next_handover(), now + step));
+      if (!kept_[from].empty()) next = std::min(next, now + step);
+    }
+    return 0;
+  }
 
   void move_cable(Time now) {
     for (Wire& wire : wires_) {
@@ -121,26 +151,33 @@ class PtyWire {
   }
 
   int hand_over(End from, Time now) {
-    int error = 0;
-    wires_[from].read(now, [&](const std::uint8_t* bytes, std::size_t size) {
+    std::vector<std::uint8_t>& kept = kept_[from];
+    wires_[from].read(
+        now, [&](const std::uint8_t* bytes, std::size_t size) { kept.insert(kept.end(), bytes, bytes + size); });
+    std::size_t done = 0;
+    while (done != kept.size()) {
       const int to = ptys_[from == a ? b : a].controller.get();
-      while (size != 0) {
-        const ssize_t written = ::write(to, bytes, size);
-        if (written < 0 && errno == EINTR) continue;
-        if (written < 0 && errno != EAGAIN) error = errno;
-        if (written <= 0) break;
-        bytes += written;
-        size -= static_cast<std::size_t>(written);
-      }
-      overrun_[from] += size;
-    });
-    return error;
+      const ssize_t written = ::write(to, kept.data() + done, kept.size() - done);
+      if (written < 0 && errno == EINTR) continue;
+      if (written < 0 && errno != EAGAIN) return errno;
+      if (written <= 0) break;
+      done += static_cast<std::size_t>(written);
+    }
+    kept.erase(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(done));
+    if (!waits_) {
+      overrun_[from] += kept.size();
+      kept.clear();
+    }
+    return 0;
   }
 
   std::array<Wire, 2> wires_;
   std::array<posix::Pty, 2> ptys_;
   Time start_;
   Time ended_ = 0;
+  bool waits_ = false;
+  std::mutex mutex_;                               ///< of the wires while it runs
+  std::array<std::vector<std::uint8_t>, 2> kept_;  ///< came out, and is not read
   Time unplug_at_ = never;
   Time plug_at_ = never;
   std::array<Time, 2> first_{};
