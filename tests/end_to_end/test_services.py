@@ -214,3 +214,54 @@ def test_ctrl_c_shows_what_was_measured() -> None:
     mcu.close()
     assert (process.returncode, err) == (0, "")
     assert json.loads(out)["answered"] > 0
+
+
+# ---- parameters
+
+
+def test_parameters_of_a_firmware_from_the_command_line(
+    firmware: FirmwareProcess, tmp_path: Path, run: Callable[..., Done]
+) -> None:
+    port = firmware.port
+    assert run("param", "list", NATIVE, port).stdout.split() == ["0", "1", "1", "0.5"]
+    done = run("param", "set", NATIVE, port, "0=2.5", "1=-0.25", "--json")
+    assert (done.returncode, json.loads(done.stdout)) == (0, {"0": 2.5, "1": -0.25})
+    refused = run("param", "set", NATIVE, port, "1=7", "0=3")
+    assert refused.returncode == 1
+    assert "the MCU refused 7 for parameter 1: it is out of range; -0.25 stays in force" in refused.stderr
+    assert refused.stdout.split() == ["0", "3"]
+    missing = run("param", "get", NATIVE, port, "5", "kp")
+    assert missing.returncode == 1
+    assert "the MCU has no parameter 5" in missing.stderr
+    assert "native has no parameter 'kp'; its parameters have no names" in missing.stderr
+
+    file = tmp_path / "gains.yaml"
+    saved = run("param", "save", NATIVE, port, str(file))
+    assert (saved.returncode, saved.stdout) == (0, "")
+    assert file.read_text() == "# Parameters of native, as its MCU had them.\n0: 3.0\n1: -0.25\n"
+    file.write_text("0: 4\n1: 0.5\n")
+    assert run("param", "load", NATIVE, port, str(file)).returncode == 0
+    assert json.loads(run("param", "list", NATIVE, port, "--json").stdout) == {"0": 4.0, "1": 0.5}
+    file.write_text("0: 4\n7: 0.5\n")
+    assert run("param", "load", NATIVE, port, str(file)).returncode == 1
+
+
+def test_parameters_that_cannot_be_reached_are_told_with_their_exit_code(run: Callable[..., Done]) -> None:
+    assert run("param", "list", NATIVE, "/dev/nowhere").returncode == 3
+    none = run("param", "list", str(PROTOCOLS / "diffdrive.yaml"), "/dev/nowhere")
+    assert (none.returncode, "maps no `parameter` service" in none.stderr) == (2, True)
+    assert run("param", "set", NATIVE, "/dev/nowhere", "0").returncode == 2
+    assert run("param", "set", NATIVE, "/dev/nowhere", "0=x").returncode == 2
+    pty = PtyPort()
+    silent = run("param", "get", NATIVE, pty.path, "0", "--timeout", "0.05")
+    pty.close()
+    assert silent.returncode == 1
+    assert "no parameter_value within 0.05 s of parameter_read. Nothing at all comes" in silent.stderr
+
+
+def test_a_simulation_has_parameters() -> None:
+    with simulated(codec("native")) as port, wirebond.open(NATIVE, port) as link:
+        assert link.parameters.list() == {str(i): 0.0 for i in range(8)}
+        assert link.parameters.set(3, 1.5) == 1.5
+        with pytest.raises(wirebond.ParameterError, match="the MCU has no parameter 8"):
+            link.parameters.set(8, 1.5)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from wirebond.errors import (
         LinkDownError,
         MessageError,
+        ParameterError,
         PortError,
         ProtocolFileError,
         ProtocolMismatchError,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from wirebond.link.clock_sync import ClockReading, HostTime
     from wirebond.link.handlers import DeadlineEvent
     from wirebond.link.inbox import Latest
+    from wirebond.link.parameters import Parameters
     from wirebond.link.peer import Peer
     from wirebond.log import LogLine
 
@@ -50,6 +52,8 @@ __all__ = [
     "LogLine",
     "Message",
     "MessageError",
+    "ParameterError",
+    "Parameters",
     "Peer",
     "PortError",
     "ProtocolFileError",
@@ -88,6 +92,7 @@ _HOMES = {
         "link.clock_sync": ("ClockReading", "HostTime"),
         "link.handlers": ("DeadlineEvent",),
         "link.inbox": ("Latest",),
+        "link.parameters": ("Parameters",),
         "link.peer": ("Peer",),
         "link": ("Dump", "DumpEntry", "Link", "LinkStats", "SendStats", "open"),
         "log": ("LogLine",),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from wirebond.visible import visible
@@ -97,6 +97,39 @@ class RequestTimeoutError(WirebondError, TimeoutError):
 
     def __reduce__(self) -> tuple[type[RequestTimeoutError], tuple[str, str, str, float]]:
         return type(self), (str(self.args[0]), self.message, self.reply, self.timeout)
+
+
+class ParameterError(WirebondError, ValueError):
+    """A parameter of the MCU could not be read or set.
+
+    ``parameter`` is its name or index. ``reason`` is ``no_such_name``, ``no_such_index``, ``out_of_range``,
+    ``wrong_index``, or what else the MCU answered. ``value`` is what stays in force, or None. ``refused`` has a
+    sentence for each parameter of a file that was refused.
+    """
+
+    def __init__(
+        self,
+        text: str,
+        *,
+        parameter: str = "",
+        reason: str = "",
+        value: float | None = None,
+        refused: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__(text)
+        self.parameter = parameter
+        self.reason = reason
+        self.value = value
+        self.refused: dict[str, str] = dict(refused or {})
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _parameter_error, (str(self.args[0]), self.parameter, self.reason, self.value, self.refused)
+
+
+def _parameter_error(
+    text: str, parameter: str, reason: str, value: float | None, refused: dict[str, str]
+) -> ParameterError:
+    return ParameterError(text, parameter=parameter, reason=reason, value=value, refused=refused)
 
 
 class StoppedError(WirebondError):

@@ -228,6 +228,96 @@ def send(
     raise typer.Exit(send_message(file, port, message, values or [], rate, baud, seconds, header or []))
 
 
+param = typer.Typer(help="Read and set the parameters of the MCU.", no_args_is_help=True)
+app.add_typer(param, name="param")
+Timeout = Annotated[
+    float | None, typer.Option(parser=amount, metavar="NUMBER", help="Seconds for each reply. Default: 1.")
+]
+
+
+@param.command(name="list")
+def param_list(
+    file: ProtocolFile,
+    port: Port,
+    baud: Baud = None,
+    timeout: Timeout = None,
+    header: Header = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print every parameter that the MCU has, with its value."""
+    from wirebond.cli.param import Access, list_parameters
+
+    raise_from_here()
+    raise typer.Exit(list_parameters(Access(file, port, baud, timeout, header or [], as_json)))
+
+
+@param.command(name="get")
+def param_get(
+    file: ProtocolFile,
+    port: Port,
+    names: Annotated[list[str], typer.Argument(metavar="NAME…", help="Names, or indices.")],
+    baud: Baud = None,
+    timeout: Timeout = None,
+    header: Header = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print some parameters."""
+    from wirebond.cli.param import Access, get_parameters
+
+    raise_from_here()
+    raise typer.Exit(get_parameters(Access(file, port, baud, timeout, header or [], as_json), names))
+
+
+@param.command(name="set")
+def param_set(
+    file: ProtocolFile,
+    port: Port,
+    values: Annotated[list[str], typer.Argument(metavar="NAME=VALUE…", help="Names, or indices, and their values.")],
+    baud: Baud = None,
+    timeout: Timeout = None,
+    header: Header = None,
+    as_json: AsJson = False,
+) -> None:
+    """Set parameters, and print the values that the MCU acknowledges. Exit 1 if it refuses one."""
+    from wirebond.cli.param import Access, set_parameters
+
+    raise_from_here()
+    raise typer.Exit(set_parameters(Access(file, port, baud, timeout, header or [], as_json), values))
+
+
+@param.command(name="save")
+def param_save(
+    file: ProtocolFile,
+    port: Port,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="File to write: .yaml or .json.")],
+    baud: Baud = None,
+    timeout: Timeout = None,
+    header: Header = None,
+) -> None:
+    """Read every parameter, and write them to a file."""
+    from wirebond.cli.param import Access, save_parameters
+
+    raise_from_here()
+    raise typer.Exit(save_parameters(Access(file, port, baud, timeout, header or [], False), out))
+
+
+@param.command(name="load")
+def param_load(
+    file: ProtocolFile,
+    port: Port,
+    source: Annotated[Path, typer.Argument(metavar="IN", help="File of names and values: .yaml or .json.")],
+    baud: Baud = None,
+    timeout: Timeout = None,
+    header: Header = None,
+    as_json: AsJson = False,
+) -> None:
+    """Set the parameters that a file has, after all of it was looked at. Exit 1 if something is refused."""
+    from wirebond.cli.param import Access, load_parameters
+
+    raise_from_here()
+    raise typer.Exit(load_parameters(Access(file, port, baud, timeout, header or [], as_json), source))
+
+
 @app.command()
 def latency(
     file: ProtocolFile,
@@ -248,9 +338,7 @@ def latency(
         float | None, typer.Option(parser=amount, metavar="NUMBER", help="Requests a second. Default: 100.")
     ] = None,
     seconds: Seconds = None,
-    timeout: Annotated[
-        float | None, typer.Option(parser=amount, metavar="NUMBER", help="Seconds for each reply. Default: 1.")
-    ] = None,
+    timeout: Timeout = None,
     plot: Annotated[Path | None, typer.Option(metavar="PATH", help="Draw a picture: .png, .svg or .pdf.")] = None,
     baud: Baud = None,
     header: Header = None,

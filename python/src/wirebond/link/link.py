@@ -17,6 +17,7 @@ from wirebond.link.accounts import LinkStats, SendStats
 from wirebond.link.clock_sync import ClockReading, HostTime
 from wirebond.link.dump import Dump, Piece
 from wirebond.link.inbox import Inbox
+from wirebond.link.parameters import Parameters
 from wirebond.link.peer import Peer
 from wirebond.link.receiving import Receiving
 from wirebond.link.requests import Outcome, Question
@@ -306,6 +307,14 @@ class Link(Receiving):
         """What is known of the file that the MCU was built from: ``unknown``, ``same`` or ``different``. The link says
         hello each time that the port is opened, and when the MCU restarts; the MCU answers. Any thread."""
         return self._services.peer
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters of the MCU: ``list``, ``get``, ``set``, ``save``, ``load``. Any thread.
+
+        :raises UsageError: the file maps no ``parameter``.
+        """
+        return Parameters(self)
 
     @property
     def clock(self) -> ClockReading | None:

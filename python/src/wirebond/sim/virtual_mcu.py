@@ -17,12 +17,13 @@ from typing import Any
 from wirebond.codec import Codec, Message
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import fitted_values
-from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Recover
+from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Recover, Service
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import plan_for
 from wirebond.protocol.replies import carried_back
 
 _WAVE_HZ = 0.2  # of the made-up values
+_PARAMETERS = 8  # of a table without names
 _FEW = 3  # elements of made-up lists
 
 
@@ -199,12 +200,28 @@ class VirtualMcu:
             return {"received_us": now, "sent_us": now}
         parameter = self.codec.model.service("parameter")
         if parameter is not None and message.name in (parameter.message("read"), parameter.message("set")):
-            index = message.fields["index"]
-            if message.name == parameter.message("set"):
-                self._parameters[index] = message.fields["value"]
-                self.events.append(f"parameter {index} is now {decimal_text(message.fields['value'], 6)}")
-            return {"value": self._parameters.get(index, 0.0), "result": 0}
+            return self._parameter(message, parameter)
         return {}
+
+    def _parameter(self, message: Message, service: Service) -> dict[str, Any]:
+        """It has the parameters that the file names, or the first eight; each with the range that the file gives."""
+        roles = {role: self.codec.model.message(name) for role, name in service.messages}
+        value = next(f for f in roles["set"].fields if f.name == "value")
+        index_field = next(f for f in self.codec.model.message(message.name).fields if f.name == "index")
+        names, given = dict(index_field.enum), message.fields["index"]
+        index = names.get(given, given)
+        nearest = 0.0 if value.minimum is None else max(value.minimum, 0.0)
+        initial = nearest if value.maximum is None else min(nearest, value.maximum)
+        if index not in (names.values() if names else range(_PARAMETERS)):
+            return {"value": initial, "result": 1}
+        result = 0
+        if message.name == roles["set"].name:
+            if message.violations:
+                result = 2
+            else:
+                self._parameters[index] = message.fields["value"]
+                self.events.append(f"parameter {given} is now {decimal_text(message.fields['value'], 6)}")
+        return {"value": self._parameters.get(index, initial), "result": result}
 
     def _hello(self, header: dict[str, Any]) -> list[bytes]:
         service = self.codec.model.service("hello")
