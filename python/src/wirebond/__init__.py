@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         UsageError,
         WirebondError,
     )
-    from wirebond.link import Dump, DumpEntry, Link, LinkStats, SendStats
+    from wirebond.link import Dump, DumpEntry, Link, LinkStats, Rates, SendStats
     from wirebond.link import open_link as open
     from wirebond.link.aio import Aio
     from wirebond.link.clock_sync import ClockReading, HostTime
@@ -59,6 +59,7 @@ __all__ = [
     "ProtocolFileError",
     "ProtocolMismatchError",
     "QueueFullError",
+    "Rates",
     "RequestTimeoutError",
     "SendStats",
     "SequenceCounts",
@@ -94,7 +95,7 @@ _HOMES = {
         "link.inbox": ("Latest",),
         "link.parameters": ("Parameters",),
         "link.peer": ("Peer",),
-        "link": ("Dump", "DumpEntry", "Link", "LinkStats", "SendStats", "open"),
+        "link": ("Dump", "DumpEntry", "Link", "LinkStats", "Rates", "SendStats", "open"),
         "log": ("LogLine",),
     }.items()
     for name in names

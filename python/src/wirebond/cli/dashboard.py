@@ -12,7 +12,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from wirebond.cli.output import sequence_parts, unlisted_text, values_text
+from wirebond.cli.output import behind_schedule, sequence_parts, unlisted_text, values_text
 from wirebond.codec import Message
 from wirebond.link import Link, LinkStats
 from wirebond.protocol.model import End
@@ -44,10 +44,8 @@ class Dashboard:
         self._link = link
         self._title = title
         self._seen: dict[str, _Seen] = {}
-        self._samples: deque[tuple[float, int, int]] = deque()  # time, bytes received, bytes sent
         plan = plan_for(link.codec.model, End.MCU)
         self._peer = "" if plan.peer is None else plan.header[plan.peer].name
-        self._bits_per_byte = link.codec.model.link.bits_per_byte
 
     def update(self, messages: list[Message]) -> None:
         for message in messages:
@@ -55,18 +53,6 @@ class Dashboard:
             seen.count += 1
             seen.times.append(message.t)
             seen.last = message
-
-    def line_use(self, now: float, stats: LinkStats) -> tuple[float, float]:
-        """Share of the line's capacity used in each direction (received, sent) over the last seconds, 0 to 1."""
-        self._samples.append((now, stats.receive.bytes, stats.send.sent_bytes))
-        while len(self._samples) > 2 and now - self._samples[0][0] > _WINDOW:
-            self._samples.popleft()
-        first, last = self._samples[0], self._samples[-1]
-        elapsed = last[0] - first[0]
-        if elapsed <= 0:
-            return 0.0, 0.0
-        capacity = self._link.baud / self._bits_per_byte * elapsed
-        return (last[1] - first[1]) / capacity, (last[2] - first[2]) / capacity
 
     def render(self, note: str = "") -> RenderableType:
         now = time.monotonic()
@@ -106,12 +92,15 @@ class Dashboard:
         return f"[{header}] {said}" if header else said
 
     def _statistics(self, now: float, stats: LinkStats) -> Table:
-        received, sent = self.line_use(now, stats)
+        rates = self._link.rates(_WINDOW)
         table = Table.grid(padding=(0, 2))
         receive, send = stats.receive, stats.send
         discarded = ", ".join(f"{n} {cause}" for cause, n in receive.discarded_bytes.items() if n) or "none"
         table.add_row("", "")
-        table.add_row("line use", f"receive {received:.1%}  send {sent:.1%}  of {self._link.baud} baud")
+        used = f"receive {rates.receive.line_use:.1%}  send {rates.send.line_use:.1%}"
+        table.add_row("line use", f"{used}  of {rates.baud} baud, {rates.bits_per_byte:g} bits a byte")
+        if behind := behind_schedule(rates):
+            table.add_row("behind schedule", f"[yellow]{', '.join(behind)}[/]")
         if receive.unlisted_frames:
             table.add_row("not in the file", f"{receive.unlisted_frames} frames ({unlisted_text(receive)})")
         table.add_row(

@@ -22,6 +22,7 @@ from wirebond.cli.output import (
     errors,
     plain,
     print_message,
+    rates_line,
     stats_line,
     title_of,
     values_text,
@@ -33,6 +34,7 @@ from wirebond.codec import Codec, Message, load
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
 from wirebond.link import Link, open_link
 from wirebond.link.peer import Peer
+from wirebond.link.rates import LONGEST_WINDOW
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
 from wirebond.sim.pty_port import PtyPort, run, symlinked
@@ -73,8 +75,9 @@ def monitor_port(
                 _show_dashboard(link, f"{link.codec.name} on {port}", end)
         if dump_on_exit is not None:
             save(link, dump_on_exit)
-        stats = link.stats.receive
+        stats, rates = link.stats.receive, link.rates(LONGEST_WINDOW)
         is_away = link.state == "down"
+    errors.print(rates_line(rates))
     errors.print(stats_line(stats) + (f"; {port} was away at the end" if is_away else ""))
 
 

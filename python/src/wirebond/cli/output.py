@@ -13,9 +13,11 @@ from rich.segment import Segment
 
 from wirebond.cli.values import hex_of, to_json
 from wirebond.codec import Codec, Message, SequenceStats, Stats
+from wirebond.link.rates import Rates
 from wirebond.protocol.decimals import decimal_text
 from wirebond.visible import visible
 
+_BEHIND = 0.1  # of the due messages
 _MOST_KINDS = 8  # of unlisted frames that a line names
 
 
@@ -141,6 +143,33 @@ def stats_line(stats: Stats) -> str:
         parts += sequence_parts(stats.sequence)
     parts += [f"{count} discarded as {cause}" for cause, count in stats.discarded_bytes.items() if count]
     return ", ".join(parts)
+
+
+def rates_line(rates: Rates) -> str:
+    """What the link did of late, in one sentence."""
+    receive, send = rates.receive, rates.send
+    came = [
+        f"{name} {rate.per_second:.1f}/s" + ("" if rate.due is None else f" of {rate.due:.4g}/s")
+        for name, rate in rates.messages.items()
+    ]
+    parts = [
+        f"last {rates.seconds:.1f} s: received {receive.line_use:.1%}, sent {send.line_use:.1%} of the line "
+        f"({rates.baud} baud, {rates.bits_per_byte:g} bits a byte)",
+        *came[:_MOST_KINDS],
+        *(["..."] if len(came) > _MOST_KINDS else []),
+    ]
+    if send.lost:
+        parts.append(f"{send.lost:.2%} of the offered frames lost")
+    return ", ".join(parts)
+
+
+def behind_schedule(rates: Rates) -> list[str]:
+    """Messages of which more than a tenth did not come."""
+    return [
+        f"{name} {rate.per_second:.1f}/s of {rate.due:.4g}/s"
+        for name, rate in rates.messages.items()
+        if rate.due is not None and rate.missing is not None and rate.missing > _BEHIND
+    ]
 
 
 def sequence_parts(sequence: SequenceStats) -> list[str]:

@@ -3,6 +3,7 @@
 from wirebond.link.accounts import LinkStats, SendStats
 from wirebond.link.dump import Dump, DumpEntry
 from wirebond.link.link import DEFAULT_HOLD, Link, open_link
+from wirebond.link.rates import Rates
 from wirebond.link.settings import engine_settings, safe_value
 
 __all__ = [
@@ -11,6 +12,7 @@ __all__ = [
     "DumpEntry",
     "Link",
     "LinkStats",
+    "Rates",
     "SendStats",
     "engine_settings",
     "open_link",

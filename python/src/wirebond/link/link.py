@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
+import threading
 import time
 import weakref
 from collections.abc import Callable, Mapping
@@ -19,6 +21,7 @@ from wirebond.link.dump import Dump, Piece
 from wirebond.link.inbox import Inbox
 from wirebond.link.parameters import Parameters
 from wirebond.link.peer import Peer
+from wirebond.link.rates import DEFAULT_WINDOW, RateMeter, Rates
 from wirebond.link.receiving import Receiving
 from wirebond.link.requests import Outcome, Question
 from wirebond.link.services import Services, may_ask
@@ -107,6 +110,8 @@ class Link(Receiving):
         self._services = Services(
             self, codec, self._engine, self._inbox, says_hello=hello and asks, syncs_clock=clock_sync and asks
         )
+        self._meter = RateMeter(model, speed, self.stats, time.monotonic())
+        self._meter_lock = threading.Lock()
         ending.note_open(self)
 
     # ---- sending
@@ -356,6 +361,22 @@ class Link(Receiving):
         rest = {name: raw.pop(name) for name in ("late", "held_back", "reconnects")}
         dropped = raw.pop("dropped_messages") + self._inbox.dropped
         return LinkStats(stats_from(raw), send, dropped, **rest, handler_errors=self._inbox.handlers.errors)
+
+    def rates(self, window: float = DEFAULT_WINDOW) -> Rates:
+        """How fast the link was of late: rates by message against their schedule, losses, use of the line. Any thread.
+
+        It compares the account with an earlier look at it; each call is a look, and so is the opening of the link. The
+        newest look that lies at least ``window`` seconds back is taken, or the oldest. ``Rates.seconds`` says how long
+        that is. A program that calls it once a second gets the last 2 to 3 seconds.
+
+        :param window: seconds, more than 0; what lies back further than a minute may be forgotten.
+        :returns: the rates, with the time that they are of.
+        :raises UsageError: ``window`` is no such number.
+        """
+        if not 0 < window < math.inf:
+            raise UsageError(f"window is {window}; expected seconds, more than 0, such as 2")
+        with self._meter_lock:
+            return self._meter.rates(self.stats, time.monotonic(), window)
 
     def dump(self) -> Dump:
         """The last bytes of both directions, for a look after a fault: 10 s of a full line, at least 64 KiB and at most
