@@ -11,6 +11,7 @@ from bench import (
     columns,
     frame_cost,
     host_cpu,
+    loaded_round_trip,
     m4_cost,
     m4_runtime,
     reconnect,
@@ -33,6 +34,10 @@ BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
     "frame_cost": ("What a frame of 48 or 45 bytes costs the run-time engine (enterprize)", frame_cost.measure),
     "columns": ("From bytes to values in Python (the nine enterprize messages in equal shares)", columns.measure),
     "host_cpu": ("What a full line of 2 Mbaud costs a Python program, both ways", host_cpu.measure),
+    "loaded_round_trip": (
+        "The same on a line that is used to 90 % both ways, through `wirebond wire`",
+        loaded_round_trip.measure,
+    ),
     "m4_cost": ("What a frame costs generated C++ on an emulated Cortex-M4 (enterprize)", m4_cost.measure),
     "m4_runtime": ("What a link costs a Cortex-M: sends, interrupts, memory", m4_runtime.measure),
     "reconnect": ("From a device's appearance to its first message, under load", reconnect.measure),

@@ -2,19 +2,15 @@
 // all.
 #include "round_trip.hpp"  // generated
 
-#include <fcntl.h>
-#include <poll.h>
-#include <time.h>
 #include <unistd.h>
 
-#include <algorithm>
+#include <cerrno>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <string>
-#include <vector>
 
+#include "pty_trip.hpp"
 #include "wirebond/posix/pty.hpp"
 #include "wirebond/posix/serial.hpp"
 #include "wirebond/posix/stream.hpp"
@@ -26,17 +22,10 @@ namespace posix = wirebond::posix;
 constexpr std::size_t frame_bytes = round_trip::Probe::Info::max_frame_bytes;
 static_assert(frame_bytes == 45);
 
-std::uint64_t now_ns() {
-  timespec now{};
-  ::clock_gettime(CLOCK_MONOTONIC, &now);
-  return static_cast<std::uint64_t>(now.tv_sec) * 1'000'000'000U + static_cast<std::uint64_t>(now.tv_nsec);
-}
-
 /// Waits for bytes and reads them. 0: the other side is gone.
 std::size_t read_some(int fd, std::uint8_t* bytes, std::size_t size, std::uint64_t* came_ns = nullptr) {
   for (;;) {
-    pollfd waiting{fd, POLLIN, 0};
-    ::poll(&waiting, 1, -1);
+    wait_for_bytes(fd, ~std::uint64_t{0});
     if (came_ns != nullptr) *came_ns = now_ns();
     const ssize_t got = ::read(fd, bytes, size);
     if (got > 0) return static_cast<std::size_t>(got);

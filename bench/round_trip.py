@@ -33,14 +33,14 @@ Percentiles = tuple[float, float]  # p50 and p99, in nanoseconds
 def measure() -> list[Figure]:
     program = native.build("round_trip", PROTOCOL)
     allowed = os.sched_getaffinity(0)
-    near, far = _processors()
+    near, far = processors()
     rows = []
     os.sched_setaffinity(0, near)  # what it starts is there, too
     try:
         for _ in range(PAIRS):
             before, ours, behind = bare(program, far), with_wirebond(program, far), bare(program, far)
             rows.append((before, ours, behind))
-            print(f"  bare {_us(before)}, wirebond {_us(ours)}, bare {_us(behind)}")
+            print(f"  bare {shown(before)}, wirebond {shown(ours)}, bare {shown(behind)}")
     finally:
         os.sched_setaffinity(0, allowed)
     figures = []
@@ -57,11 +57,11 @@ def measure() -> list[Figure]:
     return figures
 
 
-def _us(trip: Percentiles) -> str:
+def shown(trip: Percentiles) -> str:
     return f"{trip[0] / 1000:.1f} µs (p99 {trip[1] / 1000:.1f})"
 
 
-def _processors() -> tuple[set[int], set[int]]:
+def processors() -> tuple[set[int], set[int]]:
     allowed = sorted(os.sched_getaffinity(0))
     if len(allowed) < 2:
         raise RuntimeError("this benchmark needs two processors")

@@ -11,6 +11,7 @@ from bench import (
     collateral,
     columns,
     host_cpu,
+    loaded_round_trip,
     m4_cost,
     m4_runtime,
     native,
@@ -69,6 +70,14 @@ def test_each_frame_of_a_round_trip_comes_back() -> None:
     for ends in (round_trip.bare, round_trip.with_wirebond):
         p50, p99 = ends(program, processors, trips=100)
         assert 0 < p50 <= p99
+
+
+def test_probes_come_back_on_a_busy_line() -> None:
+    program = native.build("loaded_round_trip", round_trip.PROTOCOL)
+    processors = os.sched_getaffinity(0)
+    for ends in (loaded_round_trip.bare, loaded_round_trip.with_wirebond):
+        trips, _ = ends(program, processors, seconds=0.3)
+        assert len(trips) > 10 and min(trips) > 0.9 * 2 * 45 * 11 / 2e6 * 1e9  # the line's own time both ways
 
 
 def test_work_per_byte_is_bounded_for_the_worst_input() -> None:

@@ -73,6 +73,11 @@ class WireProcess:
             self.close()
             raise WirebondError("the simulated wire ended at once; the system may have no pty left")
 
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
+
     def wait(self, seconds: float | None) -> None:
         """Until it ends by itself, which it does when a pty breaks, or for so long."""
         try:
