@@ -1,16 +1,20 @@
 // The rover as a process: its firmware and a simulated body. On stdin it takes: estop on, estop off, charge on, charge
-// off.
+// off. With --lockstep it runs under virtual time, as wirebond/posix/lockstep.hpp says.
+#include <cstring>
 #include <string>
 
 #include "host/process.hpp"
 #include "plant.hpp"
 #include "rover.hpp"
+#include "wirebond/posix/lockstep.hpp"
 
 namespace {
 
+/// `Reporter` has `report(const char*)`.
+template <class Reporter>
 class SimulatedBoard {
  public:
-  SimulatedBoard(rover::Plant& plant, const host::Process& process) : plant_(plant), process_(process) {}
+  SimulatedBoard(rover::Plant& plant, Reporter& reporter) : plant_(plant), reporter_(reporter) {}
 
   void set_wheel_speeds(float left_m_s, float right_m_s) {
     plant_.left.set_speed(static_cast<double>(left_m_s));
@@ -21,11 +25,11 @@ class SimulatedBoard {
   float battery_v() const { return plant_.battery_v(); }
   bool estop_pressed() const { return plant_.estop_pressed; }
   bool charging() const { return plant_.charging; }
-  void report(const char* event) const { process_.report(event); }
+  void report(const char* event) { reporter_.report(event); }
 
  private:
   rover::Plant& plant_;
-  const host::Process& process_;
+  Reporter& reporter_;
 };
 
 bool obey(const std::string& line, rover::Plant& plant) {
@@ -39,19 +43,38 @@ bool obey(const std::string& line, rover::Plant& plant) {
   return true;
 }
 
+void step(rover::Plant& plant) { plant.step(1e-3, static_cast<double>(rover::track_m)); }
+
+/// Until stdin ends.
+int run_in_lockstep() {
+  using Port = wirebond::posix::Lockstep;
+  Port uart(STDIN_FILENO, STDOUT_FILENO, diffdrive::baud, 10);  // 8N1
+  rover::Plant plant;
+  SimulatedBoard<Port> board(plant, uart);
+  rover::Buffers buffers{};
+  rover::Rover<SimulatedBoard<Port>, Port> rover(board, uart, buffers);
+  for (;;) {
+    rover.poll(uart.now_us());
+    const bool goes_on =
+        uart.wait(uart.time_us() + 1000, rover.link(), [&](const std::string& line) { obey(line, plant); });
+    if (!goes_on) return 0;
+    step(plant);
+  }
+}
+
 }  // namespace
 
 int main(int argument_count, char** arguments) {
+  if (argument_count == 2 && std::strcmp(arguments[1], "--lockstep") == 0) return run_in_lockstep();
   host::Process process;
   if (const int failure = process.open(argument_count, arguments); failure != 0) return failure;
   rover::Plant plant;
-  SimulatedBoard board(plant, process);
+  SimulatedBoard<host::Process> board(plant, process);
   rover::Buffers buffers{};
   wirebond::posix::Port uart(process.uart());
-  rover::Rover<SimulatedBoard, wirebond::posix::Port> rover(board, uart, buffers);
+  rover::Rover<SimulatedBoard<host::Process>, wirebond::posix::Port> rover(board, uart, buffers);
   return process.run(
       uart, rover.link(), "estop on, estop off, charge on, charge off",
-      [&](const std::string& line) { return obey(line, plant); },
-      [&](std::uint32_t) { plant.step(1e-3, static_cast<double>(rover::track_m)); },
+      [&](const std::string& line) { return obey(line, plant); }, [&](std::uint32_t) { step(plant); },
       [&](std::uint32_t now_us) { rover.poll(now_us); });
 }
