@@ -265,3 +265,28 @@ def test_a_simulation_has_parameters() -> None:
         assert link.parameters.set(3, 1.5) == 1.5
         with pytest.raises(wirebond.ParameterError, match="the MCU has no parameter 8"):
             link.parameters.set(8, 1.5)
+
+
+# ---- log lines
+
+
+def test_log_lines_of_a_firmware(firmware: FirmwareProcess, run: Callable[..., Done]) -> None:
+    events: list[wirebond.LogEvent] = []
+    with wirebond.open(NATIVE, firmware.port) as link:
+        link.on_log("warning")(events.append)
+        firmware.tell("info all is well")
+        firmware.tell("error motor 2 is hot")
+        wait_until(lambda: events, "the line")
+    assert str(events[0]) == "error: motor 2 is hot"
+    over = threading.Event()
+
+    def say() -> None:
+        while not over.wait(0.02):
+            firmware.tell("warning again")
+
+    saying = threading.Thread(target=say)
+    saying.start()
+    shown = run("monitor", NATIVE, firmware.port, "--seconds", "0.5")
+    over.set()
+    saying.join()
+    assert "warning: again\n" in shown.stdout

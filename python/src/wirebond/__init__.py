@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from wirebond.link.clock_sync import ClockReading, HostTime
     from wirebond.link.handlers import DeadlineEvent
     from wirebond.link.inbox import Latest
+    from wirebond.link.log_lines import LogEvent
     from wirebond.link.parameters import Parameters
     from wirebond.link.peer import Peer
     from wirebond.log import LogLine
@@ -49,6 +50,7 @@ __all__ = [
     "Link",
     "LinkDownError",
     "LinkStats",
+    "LogEvent",
     "LogLine",
     "Message",
     "MessageError",
@@ -93,6 +95,7 @@ _HOMES = {
         "link.clock_sync": ("ClockReading", "HostTime"),
         "link.handlers": ("DeadlineEvent",),
         "link.inbox": ("Latest",),
+        "link.log_lines": ("LogEvent",),
         "link.parameters": ("Parameters",),
         "link.peer": ("Peer",),
         "link": ("Dump", "DumpEntry", "Link", "LinkStats", "Rates", "SendStats", "open"),

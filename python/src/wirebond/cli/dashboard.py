@@ -12,12 +12,13 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from wirebond.cli.output import behind_schedule, sequence_parts, unlisted_text, values_text
+from wirebond.cli.output import behind_schedule, log_text, sequence_parts, unlisted_text, values_text
 from wirebond.codec import Message
 from wirebond.link import Link, LinkStats
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
 
+_LINES = 8  # of the log, the last ones
 _WINDOW = 2.0  # seconds over which rates are taken
 _STATE_STYLE = {"up": "bold green", "stale": "bold yellow", "down": "bold red"}
 
@@ -44,6 +45,7 @@ class Dashboard:
         self._link = link
         self._title = title
         self._seen: dict[str, _Seen] = {}
+        self._lines: deque[Text] = deque(maxlen=_LINES)
         plan = plan_for(link.codec.model, End.MCU)
         self._peer = "" if plan.peer is None else plan.header[plan.peer].name
 
@@ -53,11 +55,16 @@ class Dashboard:
             seen.count += 1
             seen.times.append(message.t)
             seen.last = message
+            line = self._link.codec.log_line(message)
+            if line is not None:
+                self._lines.append(Text.assemble(f"{message.t:.3f} ", log_text(line)))
 
     def render(self, note: str = "") -> RenderableType:
         now = time.monotonic()
         stats = self._link.stats
         parts: list[RenderableType] = [self._messages(now), self._statistics(now, stats)]
+        if self._lines:
+            parts.insert(1, Text("\n").join([Text("\nlog", style="bold"), *self._lines]))
         if note:
             parts.append(Text.from_markup(note))
         state = self._link.state
@@ -72,7 +79,7 @@ class Dashboard:
         table.add_column("last values", ratio=1, overflow="ellipsis", no_wrap=True)
         for name in sorted(self._seen):
             seen = self._seen[name]
-            text = Text("" if seen.last is None else self._said(seen.last))
+            text = Text() if seen.last is None else self._said(seen.last)
             if seen.last is not None and seen.last.violations:
                 text.append("  " + "; ".join(seen.last.violations), style="red")
             table.add_row(Text(name), str(seen.count), f"{seen.rate(now):.1f} Hz", text)
@@ -85,11 +92,11 @@ class Dashboard:
         peer = message.header.get(self._peer) if self._peer else None
         return message.name if peer is None else f"{message.name} [{self._peer} {peer}]"
 
-    def _said(self, message: Message) -> str:
+    def _said(self, message: Message) -> Text:
         line = self._link.codec.log_line(message)
         header = values_text({n: v for n, v in message.header.items() if n != self._peer}, between=", ")
-        said = values_text(message.fields) if line is None else str(line)
-        return f"[{header}] {said}" if header else said
+        said = Text(values_text(message.fields)) if line is None else log_text(line)
+        return Text.assemble(f"[{header}] " if header else "", said)
 
     def _statistics(self, now: float, stats: LinkStats) -> Table:
         rates = self._link.rates(_WINDOW)

@@ -12,6 +12,7 @@ from typing import Any
 
 from rich.live import Live
 from rich.markup import escape
+from rich.text import Text
 
 from wirebond.cli.commands import find_message
 from wirebond.cli.dashboard import Dashboard
@@ -20,6 +21,7 @@ from wirebond.cli.output import (
     ReaderGone,
     console,
     errors,
+    log_text,
     plain,
     print_message,
     rates_line,
@@ -100,15 +102,16 @@ def _print_messages(link: Link, end: float, as_json: bool) -> None:
                 console.print(_one_line(message, link.codec), soft_wrap=True)
 
 
-def _one_line(message: Message, codec: Codec) -> str:
+def _one_line(message: Message, codec: Codec) -> Text:
+    text = Text(f"{message.t:.3f} ")
     line = codec.log_line(message)
     if line is None:
-        said = f"{title_of(message)}  {values_text(message.fields)}"
+        text.append(f"{title_of(message)}  {values_text(message.fields)}")
     else:
         header = values_text(message.header, between=", ")
-        said = f"[{header}] {line}" if header else str(line)
-    text = f"{message.t:.3f} {said}"
-    return escape(text + "".join(f"  ({v})" for v in message.violations))
+        text.append(f"[{header}] " if header else "")
+        text.append_text(log_text(line))
+    return text.append("".join(f"  ({v})" for v in message.violations))
 
 
 def _show_dashboard(link: Link, title: str, end: float) -> None:

@@ -10,10 +10,12 @@ from typing import Any, NoReturn
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.markup import escape
 from rich.segment import Segment
+from rich.text import Text
 
 from wirebond.cli.values import hex_of, to_json
 from wirebond.codec import Codec, Message, SequenceStats, Stats
 from wirebond.link.rates import Rates
+from wirebond.log import LogLine
 from wirebond.protocol.decimals import decimal_text
 from wirebond.visible import visible
 
@@ -84,6 +86,15 @@ def fail(text: str) -> None:
 def warn(text: str) -> None:
     """Something that the command goes on in spite of, on stderr."""
     errors.print(f"[bold yellow]warning:[/] {plain(text)}")
+
+
+_LEVEL_STYLES = {"debug": "dim", "info": "cyan", "warning": "yellow", "error": "bold red"}
+
+
+def log_text(line: LogLine) -> Text:
+    """A log line whose level has its colour."""
+    shown, level = str(line), visible(line.level)
+    return Text.assemble((level, _LEVEL_STYLES.get(line.level, "")), shown[len(level) :])
 
 
 def message_dict(message: Message, codec: Codec) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
 from wirebond.codec import Message
 from wirebond.errors import LinkDownError, UsageError
 from wirebond.link.handlers import MAX_WAITING, DeadlineEvent
+from wirebond.link.log_lines import LogEvent
 from wirebond.link.requests import DEFAULT_TIMEOUT, Outcome
 from wirebond.typed import TypedMessage
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T", bound=TypedMessage)
 _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], Awaitable[object]])
+_LogHandler = TypeVar("_LogHandler", bound=Callable[[LogEvent], Awaitable[object]])
 _DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], Awaitable[object]])
 _CLOSE_PATIENCE = 1.0  # seconds for coroutines that handle what came before the end
 
@@ -192,6 +194,22 @@ class Aio:
             return function
 
         self._link._check_kind(message)
+        return add
+
+    def on_log(self, level: str = "debug", /) -> Callable[[_LogHandler], _LogHandler]:
+        """As ``Link.on_log``, for a coroutine function.
+
+        :param level: the least one.
+        :returns: the decorator; it gives the function back.
+        :raises UsageError: there is no such level, or there are no log lines, or the function is no coroutine function.
+        """
+        self._link._check_log(level)
+
+        def add(function: _LogHandler) -> _LogHandler:
+            self._serve(function)
+            self._link._add_log_handler(level, function, lambda event: self._call(function, event))
+            return function
+
         return add
 
     def on_deadline(self, action: str | None = None, /) -> Callable[[_DeadlineHandler], _DeadlineHandler]:

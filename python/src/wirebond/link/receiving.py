@@ -13,6 +13,7 @@ from wirebond.codec import Codec, Message, refuse_option_for_field
 from wirebond.errors import LinkDownError, RequestTimeoutError, UsageError
 from wirebond.link.handlers import DeadlineEvent
 from wirebond.link.inbox import Inbox, Latest
+from wirebond.link.log_lines import LogEvent, least_number, log_names, number_of
 from wirebond.link.requests import DEFAULT_TIMEOUT, Outcome, Question, check_timeout, timeout_error
 from wirebond.protocol.model import End
 from wirebond.protocol.model import Message as MessageModel
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T", bound=TypedMessage)
 _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], object])
+_LogHandler = TypeVar("_LogHandler", bound=Callable[[LogEvent], object])
 _DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], object])
 _ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are heard meanwhile
 _PATIENCE = 1.0  # seconds that the end of a link waits for handlers
@@ -170,11 +172,29 @@ class Receiving:
         self._check_strikes(action)
         return add
 
+    def on_log(self, level: str = "debug", /) -> Callable[[_LogHandler], _LogHandler]:
+        """A decorator: call this function with a ``LogEvent`` for each log line of the MCU: of messages with ``log`` in
+        the file, and of the log service. As for ``on``, such a message is not given to a loop or to ``receive``.
+
+        :param level: the least one: ``debug``, ``info``, ``warning`` or ``error``.
+        :returns: the decorator; it gives the function back.
+        :raises UsageError: there is no such level, or the protocol has no log lines; or a coroutine function, which
+            belongs to ``link.aio.on_log``.
+        """
+        self._check_log(level)
+
+        def add(function: _LogHandler) -> _LogHandler:
+            _refuse_coroutine(function, "on_log")
+            self._add_log_handler(level, function, function)
+            return function
+
+        return add
+
     def off(self, function: Callable[..., object], /) -> None:
         """Call this handler no more, of messages and of deadlines. A call that has begun goes on. A message that waited
         for it alone goes to a loop or to ``receive``, perhaps behind newer ones. Any thread.
 
-        :param function: what ``on``, ``on_deadline`` or ``aio.on`` got.
+        :param function: what ``on``, ``on_log``, ``on_deadline`` or ``aio.on`` got.
         :raises UsageError: it is no handler of this link.
         """
         if not self._inbox.handlers.remove(function):
@@ -302,6 +322,22 @@ class Receiving:
         self._inbox.handlers.add(function, name, call)
         self._inbox.handlers.start()
         self._start_reading()
+
+    def _check_log(self, level: str) -> None:
+        least_number(level)
+        if not log_names(self.codec):
+            raise UsageError(f"{self.codec.name} has no log lines: no message with `log`, and no log service")
+
+    def _add_log_handler(self, level: str, function: Callable[..., object], call: Callable[[LogEvent], object]) -> None:
+        codec, least = self.codec, least_number(level)
+
+        def call_with_line(message: Message) -> None:
+            line = codec.log_line(message)
+            if line is not None and number_of(line) >= least:
+                call(LogEvent(line, message))
+
+        for name in log_names(codec):
+            self._add_handler(name, function, call_with_line)
 
     def _add_deadline_handler(
         self, action: str | None, function: Callable[..., object], call: Callable[[Any], object]

@@ -1,4 +1,5 @@
-"""What a link does by itself with the services of its file: it says hello, and follows the MCU's clock.
+"""What a link does by itself with the services of its file: it says hello, follows the MCU's clock, and gives its
+log lines to `logging`.
 
 A thread beside the link, at a low rate.
 
@@ -21,6 +22,7 @@ from wirebond.codec import Codec, Message
 from wirebond.errors import UsageError, WirebondError
 from wirebond.link.clock_sync import ClockReading, ClockSync, HostTime
 from wirebond.link.inbox import Inbox
+from wirebond.link.log_lines import LineLimit, log_names, number_of, safe_text
 from wirebond.link.peer import HELLO_VERSION, Peer, PeerBook
 from wirebond.link.service_values import filled
 from wirebond.protocol.model import End, Service
@@ -38,6 +40,7 @@ _CLOCK_TIMEOUT = 1.0  # seconds for the MCU's answer
 _MOST_HEARD = 1024  # messages that wait for the thread; then the oldest are dropped
 
 _log = logging.getLogger("wirebond")
+_lines = logging.getLogger("wirebond.log")  # what the MCU says
 
 
 class Services:
@@ -70,9 +73,13 @@ class Services:
         self._connections = -1  # none was seen yet
         self._clock = _ClockExchanges(codec, inbox) if syncs_clock else None
         self._restarts = 0  # of the peer, that the clock knows of
+        self._limit = LineLimit()
+        names = log_names(codec)
+        for name in names:
+            inbox.watch(name, self._note_line)
         if self._book.message is not None:
             inbox.watch(self._book.message, self._later(self._hello))
-        if self._book.message is not None or (self._clock is not None and self._clock.sync is not None):
+        if names or self._book.message is not None or (self._clock is not None and self._clock.sync is not None):
             inbox.start()
             threading.Thread(target=self._run, name=f"services of {self._place}", daemon=True).start()
 
@@ -117,6 +124,12 @@ class Services:
 
         return note
 
+    def _note_line(self, message: Message) -> None:
+        """As `_later`, for log lines, which may come in floods."""
+        if self._limit.passes(message.t):
+            self._heard.append((self._say_line, message))
+            self._wake.set()
+
     # ---- the thread
 
     def _run(self) -> None:
@@ -140,6 +153,8 @@ class Services:
         while self._heard:
             function, message = self._heard.popleft()
             function(message)
+        if missed := self._limit.take_missed(now):
+            _lines.warning("%s: %d more log lines came within a second; they are not shown here", self._place, missed)
         with self._lock:
             is_due = state != "down" and self._says_hello and self._book.is_due(now)
             if is_due:
@@ -153,6 +168,13 @@ class Services:
                     self._restarts = self._book.restarts
                     self._clock.restart()
                 self._clock.take()
+
+    # ---- log lines
+
+    def _say_line(self, message: Message) -> None:
+        line = self._codec.log_line(message)
+        if line is not None:
+            _lines.log(number_of(line), "%s: %s", self._place, safe_text(line))
 
     # ---- hello
 
