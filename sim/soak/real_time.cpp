@@ -276,11 +276,12 @@ class Host {
     for (;;) {
       const wirebond::Outgoing out = link_.to_write(now_us());
       if (out.size == 0) return;
+      // With the lock: else the MCU might have the frame before it is noted that it left.
+      const std::lock_guard<std::mutex> lock(common_.mutex);
       const ssize_t written = ::write(fd_, out.bytes, out.size);
       if (written < 0 && errno == EINTR) continue;
       const std::size_t size = written > 0 ? static_cast<std::size_t>(written) : 0;
-      if (size != 0 && left_of_frame_ == 0) {  // its first bytes are on their way: the MCU may have it soon
-        const std::lock_guard<std::mutex> lock(common_.mutex);
+      if (size != 0 && left_of_frame_ == 0) {
         expire();
         is_in_order_ =
             common_.to_mcu.leave(bytes_written_, out.size, monotonic_ns(), common_.to_mcu_line) && is_in_order_;

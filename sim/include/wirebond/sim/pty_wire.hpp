@@ -123,7 +123,9 @@ class PtyWire {
       const bool has_room = wire.free_at() < now + most_ahead;
       waiting[from] = {has_room ? ptys_[from].controller.get() : -1, POLLIN, 0};
       if (!has_room) next = std::min(next, wire.free_at() - most_ahead / 2);
+      // The last byte of what is on the line comes out when it is due: it may be the end of a frame.
       if (wire.next_handover() != never) next = std::min(next, std::max(wire.next_handover(), now + step));
+      if (wire.settings().batch == 0 && wire.free_at() > now) next = std::min(next, wire.free_at());
       if (!kept_[from].empty()) next = std::min(next, now + step);
     }
     return 0;
