@@ -169,6 +169,8 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
         ),
         (["gen", DIFFDRIVE, "--out", f"{DIFFDRIVE}/below/it"], 2, "diffdrive.yaml is a file; --out names a folder"),
         (["gen", DIFFDRIVE, "--out", "/proc/generated"], 1, "cannot write /proc/generated: No such file or directory"),
+        (["send", DIFFDRIVE, "/nowhere", "velocity", "--role", "both"], 2, "--role is both; expected host or mcu"),
+        (["monitor", DIFFDRIVE, "/nowhere", "--role", "both"], 2, "role is 'both'; expected 'host' or 'mcu'"),
         (["frobnicate"], 2, "No such command"),
     ],
 )
@@ -449,6 +451,29 @@ def test_a_repeated_send_whose_port_goes_away_says_that_it_could_not_stop(tmp_pa
 def test_what_the_mcu_sends_is_refused_before_a_port_is_touched() -> None:
     result = run("send", DIFFDRIVE, "/nowhere", "odometry", "left_ticks=1", "right_ticks=2")
     assert (result.returncode, result.stderr) == (1, "wirebond: odometry is sent by the mcu, not by the host\n")
+    result = run("send", DIFFDRIVE, "/nowhere", "velocity", "--role", "mcu")
+    assert (result.returncode, result.stderr) == (1, "wirebond: velocity is sent by the host, not by the mcu\n")
+
+
+def test_send_and_monitor_play_the_mcu() -> None:
+    pty = PtyPort()
+    decoder = codec("diffdrive").decoder("mcu")
+    odometry = ["odometry", "left_ticks=1", "right_ticks=2", "--role", "mcu", "--rate", "50", "--seconds", "0.2"]
+    result = run("send", DIFFDRIVE, pty.path, *odometry)
+    assert (result.returncode, result.stderr.split(" times")[0][:13]) == (0, "sent odometry")
+    assert {m.name for m in decoder.feed(pty.read(1))} == {"odometry"}
+    command = [*COMMAND, "monitor", DIFFDRIVE, pty.path, "--role", "mcu", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        os.set_blocking(process.stdout.fileno(), False)
+        end = time.monotonic() + PATIENCE
+        while not (line := process.stdout.readline()) and time.monotonic() < end:
+            pty.write(codec("diffdrive").encode("velocity", linear=0.5, angular=0))
+            time.sleep(0.05)
+        assert json.loads(line)["message"] == "velocity"
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 0
+    pty.close()
 
 
 def test_one_header_is_not_written_into_a_generated_folder(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ class Dashboard:
         self._title = title
         self._seen: dict[str, _Seen] = {}
         self._lines: deque[Text] = deque(maxlen=_LINES)
-        plan = plan_for(link.codec.model, End.MCU)
+        plan = plan_for(link.codec.model, End.MCU if link.role == End.HOST else End.HOST)
         self._peer = "" if plan.peer is None else plan.header[plan.peer].name
 
     def update(self, messages: list[Message]) -> None:

@@ -65,10 +65,21 @@ def monitor_port(
     seconds: float | None,
     as_json: bool,
     waits: bool,
+    role: str,
     dump_on_exit: Path | None = None,
 ) -> None:
     # A viewer shows everything: what is late, held back, or for others.
-    with open_link(path, port, baud, hold_back=False, listen="all", wait_for_port=waits, clock_sync=False) as link:
+    with open_link(
+        path,
+        port,
+        baud,
+        hold_back=False,
+        listen="all",
+        wait_for_port=waits,
+        hello=role == End.HOST,
+        clock_sync=False,
+        role=role,
+    ) as link:
         end = _end(seconds)
         with _ctrl_c_ends():
             if as_json or not console.is_terminal:
@@ -131,29 +142,33 @@ def send_message(
     baud: int | None,
     seconds: float | None,
     header_words: list[str],
+    role: str,
 ) -> int:
+    if role not in (End.HOST, End.MCU):
+        raise UsageError(f"--role is {role}; expected host or mcu")
     if rate is not None and not 0 < rate <= 10_000:
         raise UsageError(f"--rate is {rate:g}; expected more than 0 and at most 10000 per second")
     codec = load(path)
     described = find_message(codec.model, name)
-    if not described.sent_by(End.HOST):
-        raise MessageError(f"{name} is sent by the mcu, not by the host")
+    if not described.sent_by(End(role)):
+        raise MessageError(f"{name} is sent by the {described.sender}, not by the {role}")
     values = parse_assignments(described, words)
     header = parse_header(codec.model, header_words)
-    codec.encode(name, values, header=header)  # wrong values are told before a port is touched
+    whose = role if described.sender == End.BOTH else None
+    codec.encode(name, values, header=header, sender=whose)  # wrong values are told before a port is touched
     if rate is None:
-        with open_link(codec, port, baud) as link:
+        with open_link(codec, port, baud, role=role) as link:
             code = _send_once(link, codec, name, values, header)
             _warn_of_peer(link, _HELLO_WAIT)
             return code
-    with ended_by_signals(), open_link(codec, port, baud) as link:
+    with ended_by_signals(), open_link(codec, port, baud, role=role) as link:
         return _send_repeatedly(link, codec, name, values, header, rate, _end(seconds))
 
 
 def _warn_of_peer(link: Link, wait: float) -> None:
     """One line where the MCU was built from another file; ``wait``: seconds for its hello."""
     end = time.monotonic() + wait
-    says_hello = link.codec.model.service("hello") is not None
+    says_hello = link.role == End.HOST and link.codec.model.service("hello") is not None
     while says_hello and link.peer.state == "unknown" and (left := end - time.monotonic()) > 0:
         link.receive(min(left, 0.01))
     if link.peer.state == "different":
@@ -165,7 +180,7 @@ def _send_once(link: Link, codec: Codec, name: str, values: dict[str, Any], head
     reply = codec.model.message(name).reply
     if reply is None:
         return 0
-    whom = _addressee(codec, header)
+    whom = _addressee(codec, link.role, header)
     if whom is not None and whom.is_broadcast:
         errors.print(f"{name} was sent to {whom.name}, the broadcast, which is not answered")
         return 0
@@ -185,13 +200,13 @@ class _Addressee:
     is_broadcast: bool
 
 
-def _addressee(codec: Codec, header: dict[str, Any]) -> _Addressee | None:
-    """For whom a frame with this header is; None where frames do not say that."""
-    plan = plan_for(codec.model, End.HOST)
+def _addressee(codec: Codec, role: str, header: dict[str, Any]) -> _Addressee | None:
+    """For whom a frame of this end with this header is; None where frames do not say that."""
+    plan = plan_for(codec.model, End(role))
     if plan.address is None:
         return None
     field = plan.header[plan.address]
-    address = header.get(field.name, field.default(End.HOST))
+    address = header.get(field.name, field.default(End(role)))
     return _Addressee(f"{field.name} {address}", address in field.broadcast)
 
 
@@ -221,9 +236,9 @@ def _send_repeatedly(
                 _warn_of_peer(link, 0.0)
     told = f"sent {name} {sent} times"
     last = ""
-    if name in {stop.message for stop in codec.model.emergency_stop}:
+    if link.role == End.HOST and name in {stop.message for stop in codec.model.emergency_stop}:
         # Also while the port is away: it leaves if the port comes back in time.
-        if (whom := _addressee(codec, header)) is not None:
+        if (whom := _addressee(codec, link.role, header)) is not None:
             last = f"the safe value to {whom.name}"  # others are commanded by others
             link._end_safely(name, header)
         else:

@@ -48,6 +48,7 @@ Header = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME=VALUE", help="Value of one of the frame's own fields (header); may be given often."),
 ]
+Role = Annotated[str, typer.Option(metavar="END", help="The end that this computer plays: host or mcu.")]
 Seconds = Annotated[
     float | None, typer.Option(parser=amount, metavar="NUMBER", help="End by itself after this many seconds.")
 ]
@@ -184,12 +185,13 @@ def monitor(
         Path | None,
         typer.Option(metavar="PATH", help="At the end write the last bytes of the line here; .jsonl: as JSON."),
     ] = None,
+    role: Role = "host",
 ) -> None:
-    """Show what the MCU sends: messages, rates, line use, statistics."""
+    """Show what the other end sends: messages, rates, line use, statistics."""
     from wirebond.cli.live import monitor_port
 
     raise_from_here()
-    monitor_port(file, port, baud, seconds, as_json, wait, dump_on_exit)
+    monitor_port(file, port, baud, seconds, as_json, wait, role, dump_on_exit)
 
 
 @app.command()
@@ -211,7 +213,7 @@ def dump(
 def send(
     file: ProtocolFile,
     port: Port,
-    message: Annotated[str, typer.Argument(help="Name of a message that the host sends.")],
+    message: Annotated[str, typer.Argument(help="Name of a message that this end sends.")],
     values: Annotated[list[str] | None, typer.Argument(metavar="field=value…", help="Its fields, in SI units.")] = None,
     rate: Annotated[
         float | None,
@@ -220,12 +222,13 @@ def send(
     baud: Baud = None,
     seconds: Seconds = None,
     header: Header = None,
+    role: Role = "host",
 ) -> None:
     """Send a message, once or at a rate. If it asks for a reply, the reply is printed."""
     from wirebond.cli.live import send_message
 
     raise_from_here()
-    raise typer.Exit(send_message(file, port, message, values or [], rate, baud, seconds, header or []))
+    raise typer.Exit(send_message(file, port, message, values or [], rate, baud, seconds, header or [], role))
 
 
 param = typer.Typer(help="Read and set the parameters of the MCU.", no_args_is_help=True)

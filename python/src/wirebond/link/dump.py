@@ -52,9 +52,13 @@ class Dump:
     :ivar t: when it was taken, in seconds on the clock of ``time.monotonic()``.
     :ivar pieces: every read and write that is still kept, in their order.
     :ivar dropped_bytes: older bytes, whose room was needed. So the first frame may lack its beginning.
+    :ivar role: the end that the link played.
     """
 
-    def __init__(self, codec: Codec, t: float, pieces: Sequence[Piece], dropped_bytes: int) -> None:
+    def __init__(
+        self, codec: Codec, t: float, pieces: Sequence[Piece], dropped_bytes: int, role: End = End.HOST
+    ) -> None:
+        self.role = role
         self.codec = codec
         self.t = t
         self.pieces = tuple(pieces)
@@ -76,11 +80,12 @@ class Dump:
         line some seconds."""
         asked: list[tuple[float, str]] = []
         found = []
+        of_host, of_mcu = ("sent", "received") if self.role == End.HOST else ("received", "sent")
         for session in self._sessions():
-            sent = list(_read(self.codec, [p for p in session if p.kind == "sent"], End.HOST, []))
-            asked += [(e.t, e.message.name) for e in sent if e.message is not None]
-            found += sent
-            found += _read(self.codec, [p for p in session if p.kind == "received"], End.MCU, asked)
+            questions = list(_read(self.codec, [p for p in session if p.kind == of_host], End.HOST, []))
+            asked += [(e.t, e.message.name) for e in questions if e.message is not None]
+            found += questions
+            found += _read(self.codec, [p for p in session if p.kind == of_mcu], End.MCU, asked)
             found += [
                 DumpEntry(p.t, "port", p.kind.removeprefix("port_")) for p in session if p.kind.startswith("port")
             ]

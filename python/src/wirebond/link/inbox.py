@@ -18,6 +18,7 @@ from typing import Generic, NamedTuple, TypeVar
 from wirebond import _engine
 from wirebond.codec import Codec, Message
 from wirebond.errors import LinkDownError
+from wirebond.link.ends import other
 from wirebond.link.handlers import Handlers
 from wirebond.link.python_link import PythonLink
 from wirebond.link.requests import RequestBook
@@ -54,10 +55,13 @@ class Inbox:
     can become garbage while the thread runs.
 
     :param place: the port, for sentences.
-    :param actions: of the host's deadlines, as the engine numbers them.
+    :param end: the one that the link plays.
+    :param actions: of its deadlines, as the engine numbers them.
     """
 
-    def __init__(self, codec: Codec, engine: _engine.Link | PythonLink, place: str, actions: list[str]) -> None:
+    def __init__(
+        self, codec: Codec, end: End, engine: _engine.Link | PythonLink, place: str, actions: list[str]
+    ) -> None:
         self._engine = engine
         self._place = place
         self._lock = threading.RLock()  # a garbage collection within may take messages
@@ -67,7 +71,7 @@ class Inbox:
         self._dropped = 0
         self._newest: dict[str, Message] = {}
         self._newest_of: dict[str, dict[int, Message]] = {}  # by message and sender's address
-        plan = plan_for(codec.model, End.MCU)
+        plan = plan_for(codec.model, other(end))
         self._sender = None if plan.peer is None else plan.header[plan.peer]
         self._actions = actions
         self._thread: threading.Thread | None = None
@@ -75,7 +79,7 @@ class Inbox:
         self._listeners: tuple[Callable[[], None], ...] = ()
         self._watchers: dict[str, Callable[[Message], None]] = {}
         self.ended = threading.Event()  # no message will come any more
-        self.requests = RequestBook(codec)
+        self.requests = RequestBook(codec, end)
         self.handlers = Handlers(place, self.struck, self.give)
 
     # ---- taking
@@ -174,7 +178,7 @@ class Inbox:
         return self._dropped + self.handlers.dropped
 
     def struck(self) -> set[str]:
-        """The actions of the host's deadlines that have struck and not ended."""
+        """The actions of the own end's deadlines that have struck and not ended."""
         return {self._actions[index] for index in self._engine.struck_deadlines()}
 
     def give(self, message: Message) -> None:

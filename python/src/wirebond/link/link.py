@@ -18,6 +18,7 @@ from wirebond.link import ending
 from wirebond.link.accounts import LinkStats, SendStats
 from wirebond.link.clock_sync import ClockReading, HostTime
 from wirebond.link.dump import Dump, Piece
+from wirebond.link.ends import Receiver, actions_at, other, own_address_field
 from wirebond.link.inbox import Inbox
 from wirebond.link.parameters import Parameters
 from wirebond.link.peer import Peer
@@ -30,7 +31,6 @@ from wirebond.link.settings import (
     engine_settings,
     latency_of,
     open_engine,
-    own_address_field,
     reply_index,
     safe_value,
 )
@@ -71,7 +71,11 @@ class Link(Receiving):
         wait_for_port: bool = False,
         hello: bool = True,
         clock_sync: bool = True,
+        role: str = "host",
     ) -> None:
+        if role not in (End.HOST, End.MCU):
+            raise UsageError(f"role is {role!r}; expected 'host' or 'mcu'")
+        self._end = End(role)
         model = codec.model
         settings = model.link
         speed = settings.baud if baud is None else baud
@@ -86,31 +90,39 @@ class Link(Receiving):
         self.baud = speed
         self.paced = paced
         self.adapter_latency = latency_of(codec, name, speed, adapter_latency)
-        self._actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
+        self._actions = actions_at(codec, self._end)
+        self._receiver = Receiver(codec, self._end)
         self._header = header_fields(model.format.parts)
-        self._own_messages = {m.name: m for m in model.messages if m.sent_by(End.HOST)}
-        engine_options = engine_settings(codec, speed, paced, hold_back, self.adapter_latency)
+        self._own_messages = {m.name: m for m in model.messages if m.sent_by(self._end)}
+        engine_options = engine_settings(codec, speed, paced, hold_back, self.adapter_latency, self._end)
         try:
-            self._engine = open_engine(codec, name, engine_options, wait_for_port)
+            self._engine = open_engine(codec, self._end, name, engine_options, wait_for_port)
         except PortError as error:
             if error.errno != errno.EACCES:
                 raise
             raise PortError(no_permission(name.path()), error.errno, name.text) from None
+        self._stop = model.emergency_stop if self._end == End.HOST else ()
         self._has_safe: set[tuple[str, int]] = set()  # addresses of the stop's messages that have a safe value
-        self._address_field = own_address_field(codec)
+        self._address_field = own_address_field(codec, self._end)
         self._own_address: int | str | None = None  # what `address` was set to
         if listen not in ("own", "all"):
             self._engine.close()
             raise UsageError(f"listen is {listen!r}; expected 'own' or 'all'")
         if listen == "all":
             self._engine.listen_to_all(True)
-        self._inbox = Inbox(codec, self._engine, self.port, self._actions)
+        self._inbox = Inbox(codec, self._end, self._engine, self.port, self._actions)
         weakref.finalize(self, self._engine.close).atexit = False  # a thread of the inbox may keep the engine
         asks = may_ask(codec, listen == "all")
         self._services = Services(
-            self, codec, self._engine, self._inbox, says_hello=hello and asks, syncs_clock=clock_sync and asks
+            self,
+            codec,
+            self._end,
+            self._engine,
+            self._inbox,
+            says_hello=hello and asks,
+            syncs_clock=clock_sync and asks and self._end == End.HOST,
         )
-        self._meter = RateMeter(model, speed, self.stats, time.monotonic())
+        self._meter = RateMeter(model, speed, self.stats, time.monotonic(), other(self._end))
         self._meter_lock = threading.Lock()
         ending.note_open(self)
 
@@ -187,7 +199,7 @@ class Link(Receiving):
         options = {"hold": None if hold == DEFAULT_HOLD else hold, "header": header}
         refuse_option_for_field("repeat", model, options, given)
         whole = self._with_own_address(header)
-        frame = self.codec.encode(name, given, header=whole)
+        frame = self._encode(name, given, whole)
         if model.every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; use send()")
         address = self._prepare(name, whole)
@@ -204,7 +216,7 @@ class Link(Receiving):
         :raises MessageError: the protocol has no such message, or it is the MCU's; or ``header`` has a wrong value.
         """
         self._own_message(message)
-        address = None if header is None else self.codec._address_of(header)
+        address = None if header is None else self._receiver.bits_of(header)
         self._engine.stop_repeating(self.codec._index_of(message), address)
 
     def emergency_stop(self) -> None:
@@ -224,8 +236,9 @@ class Link(Receiving):
         :raises UsageError: the protocol has none.
         :raises LinkDownError: the link is closed: nothing can be sent any more.
         """
-        if not self.codec.model.emergency_stop:
-            raise UsageError(f"{self.codec.name} has no emergency_stop")
+        if not self._stop:
+            reason = f"{self.codec.name} has no emergency_stop" if self._end == End.HOST else "the host sends it"
+            raise UsageError(f"no emergency stop was sent: {reason}")
         if not self._engine.stop():
             raise LinkDownError(f"the link to {self.port} is closed; the emergency stop was not sent")
 
@@ -243,8 +256,8 @@ class Link(Receiving):
 
     @property
     def address(self) -> int | str | None:
-        """The host's own address: frames for others are foreign, and it is sent where frames name their sender. None
-        where the protocol has no address of the host. Setting it holds from then on. Any thread.
+        """The own address: frames for others are foreign, and it is sent where frames name their sender. None
+        where the protocol has no address of this end. Setting it holds from then on. Any thread.
 
         :raises UsageError: set where the protocol has none, to a value that its field cannot hold, or to a broadcast.
         """
@@ -255,7 +268,7 @@ class Link(Receiving):
     @address.setter
     def address(self, value: int | str) -> None:
         if self._address_field is None:
-            raise UsageError(f"frames of {self.codec.name} have no address of the host")
+            raise UsageError(f"frames of {self.codec.name} have no address of the {self._end}")
         field = self._address_field[0].value
         known = dict(field.enum)
         if not (value in known if isinstance(value, str) else isinstance(value, int) and 0 <= value < 1 << field.width):
@@ -270,17 +283,18 @@ class Link(Receiving):
         """With the own address, once it was set, where frames name their sender."""
         if self._own_address is None:
             return header
-        sent = next((f for f in self._header if f.address == Address.SENDER), None)
+        named = (Address.SENDER,) if self._end == End.HOST else (Address.SENDER, Address.MCU)
+        sent = next((f for f in self._header if f.address in named), None)
         if sent is None:
             return header
         return {sent.name: self._own_address, **(header or {})}
 
     def _prepare(self, name: str, header: Mapping[str, Any] | None) -> int:
         """The bits of the frame's address. A message of the stop gets a safe value for it."""
-        address = self.codec._address_of(header or {})
+        address = self._receiver.bits_of(header or {})
         if address is None:
             return 0
-        stop = next((stop for stop in self.codec.model.emergency_stop if stop.message == name), None)
+        stop = next((stop for stop in self._stop if stop.message == name), None)
         if stop is None or (name, address) in self._has_safe or self.stopped:  # a stopped one will be refused
             return address
         if not self._engine.note_safe(safe_value(self.codec, stop, self._with_own_address(header) or {})):
@@ -296,6 +310,11 @@ class Link(Receiving):
         return self._engine.end_safely(self.codec._index_of(name), address)
 
     # ---- supervision
+
+    @property
+    def role(self) -> str:
+        """The end that it plays: ``"host"`` or ``"mcu"``."""
+        return self._end
 
     @property
     def state(self) -> str:
@@ -340,7 +359,7 @@ class Link(Receiving):
 
     @property
     def deadlines(self) -> dict[str, bool]:
-        """The host's deadlines: has this action struck, and not ended yet?"""
+        """The deadlines of the own end: has this action struck, and not ended yet?"""
         struck = set(self._engine.struck_deadlines())
         return {name: index in struck for index, name in enumerate(self._actions)}
 
@@ -348,7 +367,7 @@ class Link(Receiving):
         """End a deadline with ``recover: explicit``.
 
         :param action: the deadline's ``then``.
-        :raises UsageError: the file has no such deadline at the host.
+        :raises UsageError: the file has no such deadline at the own end.
         """
         self._check_action(action, "to recover")
         self._engine.recover_deadline(self._actions.index(action))
@@ -386,7 +405,7 @@ class Link(Receiving):
         """
         now = time.monotonic()
         pieces, dropped_bytes = self._engine.recent()
-        return Dump(self.codec, now, [Piece(t / 1e6, kind, data) for kind, t, data in pieces], dropped_bytes)
+        return Dump(self.codec, now, [Piece(t / 1e6, kind, data) for kind, t, data in pieces], dropped_bytes, self._end)
 
     def close(self) -> None:
         """End every lease, with its safe value where it has one; send what is queued (a second at most); give the port
@@ -419,10 +438,14 @@ class Link(Receiving):
     ) -> None:
         self.close()
 
+    def _encode(self, name: str, values: Mapping[str, Any], header: Mapping[str, Any] | None) -> bytes:
+        is_of_both = self._own_messages[name].sender == End.BOTH
+        return self.codec.encode(name, values, header=header, sender=self._end if is_of_both else None)
+
     def _leave(self, name: str, values: Mapping[str, Any], header: Mapping[str, Any] | None) -> _Leaving:
         """One frame that can leave."""
         whole = self._with_own_address(header)
-        frame = self.codec.encode(name, values, header=whole)
+        frame = self._encode(name, values, whole)
         return _Leaving(self, name, frame, self._prepare(name, whole), self._takes_number(header))
 
     def _question(
@@ -453,9 +476,9 @@ class Link(Receiving):
             raise QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
 
     def _own_message(self, message: str) -> Message:
-        """A message that the host sends.
+        """A message that this end sends.
 
-        :raises MessageError: the protocol has no such message, or it is the MCU's.
+        :raises MessageError: the protocol has no such message, or it is the other end's.
         """
         found = self._own_messages.get(message) if isinstance(message, str) else None
         if found is not None:
@@ -463,7 +486,7 @@ class Link(Receiving):
         known = [m.name for m in self.codec.model.messages]
         if message not in known:
             raise MessageError(no_message(self.codec.name, message, known))
-        raise MessageError(f"{message} is sent by the mcu, not by the host")
+        raise MessageError(f"{message} is sent by the {other(self._end)}, not by the {self._end}")
 
 
 class _Leaving:
@@ -495,6 +518,7 @@ def open_link(
     wait_for_port: bool = False,
     hello: bool = True,
     clock_sync: bool = True,
+    role: str = "host",
 ) -> Link:
     """Open a port with the protocol file's settings.
 
@@ -515,6 +539,7 @@ def open_link(
         foreign and not given to the program. ``"all"``: they are given, for programs that only show or record.
     :param wait_for_port: a port that cannot be opened at first is no error: the link is ``down``, says ``why``, and
         looks for it, as it does for one that goes away later.
+    :param role: ``"mcu"``: play the MCU against a host: send its messages, hear the host's, keep its deadlines.
     :param hello: where the file maps ``hello``, say it each time that the port is opened, so that ``link.peer`` tells
         whether the MCU has the same protocol. False: the link only listens to the MCU's.
     :param clock_sync: where the file maps ``clock``, ask the MCU's clock once a second, for ``link.clock`` and
@@ -535,4 +560,5 @@ def open_link(
         wait_for_port=wait_for_port,
         hello=hello,
         clock_sync=clock_sync,
+        role=role,
     )

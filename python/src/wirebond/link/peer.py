@@ -36,9 +36,11 @@ class PeerBook:
     """When to say hello, and what the answers tell. One thread at a time.
 
     :param codec: the protocol.
+    :param whom: the other end, for sentences.
     """
 
-    def __init__(self, codec: Codec) -> None:
+    def __init__(self, codec: Codec, whom: str = "MCU") -> None:
+        self._whom = whom
         self._name = codec.name
         self._hash = codec.hash
         service = codec.model.service("hello")
@@ -94,13 +96,19 @@ class PeerBook:
         return not is_known
 
     def _unknown(self) -> Peer:
+        whom, program = self._whom, "firmware" if self._whom == "MCU" else "program"
         if self.message is None:
-            return Peer("unknown", why=f"{self._name} maps no `hello` service, so the MCU cannot say which file it has")
-        return Peer("unknown", why="the MCU has not said hello yet; check that its firmware runs")
+            return Peer(
+                "unknown", why=f"{self._name} maps no `hello` service, so the {whom} cannot say which file it has"
+            )
+        return Peer("unknown", why=f"the {whom} has not said hello yet; check that its {program} runs")
 
     def _difference(self, protocol_hash: int) -> str:
+        cure = "build the firmware from this file and flash it, or use the file that the firmware was built from"
+        if self._whom != "MCU":
+            cure = "use the file that the host uses, or give the host this one"
         return (
-            f"the MCU was built from another protocol file: its hash is {protocol_hash:016x}, and that of {self._name} "
-            f"here is {self._hash:016x}. Messages may mean something else. Compare the two files with `wirebond diff`; "
-            "then build the firmware from this file and flash it, or use the file that the firmware was built from"
+            f"the {self._whom} was built from another protocol file: its hash is {protocol_hash:016x}, and that of "
+            f"{self._name} here is {self._hash:016x}. Messages may mean something else. Compare the two files with "
+            f"`wirebond diff`; then {cure}"
         )

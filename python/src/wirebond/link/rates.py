@@ -71,7 +71,7 @@ class SendRate:
 class Rates:
     """What a link did in the last ``seconds``.
 
-    :ivar messages: by message of the MCU: those that came, and those that are due.
+    :ivar messages: by message of the other end: those that came, and those that are due.
     :ivar baud: and ``bits_per_byte``, start, data, parity and stop bits: what ``line_use`` counts by.
     """
 
@@ -90,8 +90,10 @@ class Rates:
         return asdict(self)
 
 
-def rates_between(protocol: Protocol, baud: int, earlier: LinkStats, later: LinkStats, seconds: float) -> Rates:
-    """What happened between two looks at a link's account that lie ``seconds`` apart."""
+def rates_between(
+    protocol: Protocol, baud: int, earlier: LinkStats, later: LinkStats, seconds: float, peer: End = End.MCU
+) -> Rates:
+    """What happened between two looks at a link's account that lie ``seconds`` apart. ``peer``: the end it hears."""
     seconds = max(seconds, 1e-6)
     bits = protocol.link.bits_per_byte
     before, now = earlier.receive, later.receive
@@ -116,7 +118,7 @@ def rates_between(protocol: Protocol, baud: int, earlier: LinkStats, later: Link
     messages = {}
     for message in protocol.messages:
         count = now.messages.get(message.name, 0) - before.messages.get(message.name, 0)
-        if message.sent_by(End.MCU) and (count or message.every is not None):
+        if message.sent_by(peer) and (count or message.every is not None):
             due = None if message.every is None else 1 / message.every
             # One more or less lies at the window's edges.
             expected = None if due is None else max(0.0, seconds * due - 1)
@@ -147,8 +149,9 @@ def _missing_by_number(earlier: LinkStats, later: LinkStats) -> float | None:
 class RateMeter:
     """Looks at a link's account, kept for as long as a window may be. One thread at a time."""
 
-    def __init__(self, protocol: Protocol, baud: int, first: LinkStats, t: float) -> None:
-        """``first``: the account when the link began, at ``t`` seconds."""
+    def __init__(self, protocol: Protocol, baud: int, first: LinkStats, t: float, peer: End = End.MCU) -> None:
+        """``first``: the account when the link began, at ``t`` seconds. ``peer``: the end that it hears."""
+        self._peer = peer
         self._protocol = protocol
         self._baud = baud
         self._looks: deque[tuple[float, LinkStats]] = deque([(t, first)])
@@ -163,4 +166,4 @@ class RateMeter:
             self._looks.append((t, stats))
         while len(self._looks) > 2 and t - self._looks[1][0] > LONGEST_WINDOW:
             self._looks.popleft()
-        return rates_between(self._protocol, self._baud, earlier[1], stats, t - earlier[0])
+        return rates_between(self._protocol, self._baud, earlier[1], stats, t - earlier[0], self._peer)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 from wirebond import _engine
 from wirebond.codec import Codec, Message, refuse_option_for_field
 from wirebond.errors import LinkDownError, RequestTimeoutError, UsageError
+from wirebond.link.ends import other
 from wirebond.link.handlers import DeadlineEvent
 from wirebond.link.inbox import Inbox, Latest
 from wirebond.link.log_lines import LogEvent, least_number, log_names, number_of
@@ -52,7 +53,7 @@ class Asked:
     def timeout_error(self) -> RequestTimeoutError:
         """That the reply did not come in time."""
         link = self.link
-        return timeout_error(link.codec, self.question, self.header, self.timeout, link.port, link.state)
+        return timeout_error(link.codec, link._end, self.question, self.header, self.timeout, link.port, link.state)
 
 
 class Receiving:
@@ -63,6 +64,7 @@ class Receiving:
     _engine: _engine.Link | PythonLink
     _inbox: Inbox
     _actions: list[str]
+    _end: End
     _aio: Aio | None = None
 
     # ---- taking messages
@@ -359,7 +361,7 @@ class Receiving:
 
     def _check_action(self, action: object, nothing: str) -> None:
         if action not in self._actions:
-            raise UsageError(_no_action(self.codec, action, self._actions, nothing))
+            raise UsageError(_no_action(self.codec, self._end, action, self._actions, nothing))
 
     def _received_name(self, message: str | type[TypedMessage]) -> str:
         """Of a message that may come.
@@ -370,18 +372,18 @@ class Receiving:
         known = {m.name: m for m in self.codec.model.messages}
         if name not in known and name != "unknown":
             raise UsageError(no_message(self.codec.name, name, known))
-        if name in known and not known[name].sent_by(End.MCU):
-            raise UsageError(f"{name} is sent by the host; it never comes here")
+        if name in known and not known[name].sent_by(other(self._end)):
+            raise UsageError(f"{name} is sent by the {self._end}; it never comes here")
         return name
 
     def _sender_bits(self, header: Mapping[str, Any]) -> int:
-        """The address in this header, of a frame of the MCU."""
-        plan = plan_for(self.codec.model, End.MCU)
+        """The address in this header, of a frame of the other end."""
+        plan = plan_for(self.codec.model, other(self._end))
         sender = None if plan.peer is None else plan.header[plan.peer].name
         if plan.peer is None or sender not in header:
             advice = "leave out header=" if sender is None else f"give {sender}"
             raise UsageError(f"header is {dict(header)!r:.80}, which does not say who sent the message; {advice}")
-        return _engine.header_bits(self.codec._format_for(End.MCU), dict(header))[plan.peer]
+        return _engine.header_bits(self.codec._format_for(other(self._end)), dict(header))[plan.peer]
 
     def _own_message(self, message: str) -> MessageModel:
         raise NotImplementedError
@@ -413,15 +415,15 @@ def _refuse_coroutine(function: object, where: str) -> None:
         raise UsageError(f"{function!r:.80} is a coroutine function; register it with link.aio.{where}")
 
 
-def _no_action(codec: Codec, wanted: object, actions: list[str], nothing: str) -> str:
-    """That no deadline at the host has this action; the nearest, and all that there are."""
+def _no_action(codec: Codec, end: End, wanted: object, actions: list[str], nothing: str) -> str:
+    """That no deadline at this end has this action; the nearest, and all that there are."""
     name = codec.name
     if not actions:
-        return f"{name} has no deadline at the host, so that there is nothing {nothing}; see `deadlines` in its file"
+        return f"{name} has no deadline at the {end}, so that there is nothing {nothing}; see `deadlines` in its file"
     listing = f"it has {', '.join(actions)}"
     if not isinstance(wanted, str):
         return f"{wanted!r:.80} is no action of a deadline; {listing}"
-    own = [d.then for d in codec.model.deadlines if d.at == End.HOST and d.message == wanted]
+    own = [d.then for d in codec.model.deadlines if d.at == end and d.message == wanted]
     near = own[0] if own else nearest(wanted, actions)
     hint = f"did you mean {near}? " if near else ""
-    return f"{name} has no deadline {wanted!r:.80} at the host; {hint}{listing}"
+    return f"{name} has no deadline {wanted!r:.80} at the {end}; {hint}{listing}"

@@ -14,6 +14,7 @@ from typing import Any
 
 from wirebond.codec import Codec, Message
 from wirebond.errors import RequestTimeoutError, UsageError
+from wirebond.link.ends import Receiver, other
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for, told_by_request
 from wirebond.protocol.replies import carried_back
@@ -52,16 +53,19 @@ class RequestBook:
     """All that was asked and not answered. Any thread.
 
     :param codec: the protocol.
+    :param end: the one that asks.
     """
 
-    def __init__(self, codec: Codec) -> None:
+    def __init__(self, codec: Codec, end: End = End.HOST) -> None:
         self._codec = codec
+        self._end = end
+        self._receiver = Receiver(codec, end)
         self._lock = threading.RLock()  # a garbage collection within may send
         self._asked: dict[str, deque[Question]] = {}  # by reply, in the order of the line
         # Where only the request tells what a reply is, the next request waits for the end of the one before.
-        self._one_at_a_time = bool(told_by_request(codec.model.messages, End.MCU))
+        self._one_at_a_time = bool(told_by_request(codec.model.messages, other(end)))
         self._waiting: deque[Question] = deque()
-        plan = plan_for(codec.model, End.MCU)
+        plan = plan_for(codec.model, other(end))
         self._peer = None if plan.peer is None else plan.header[plan.peer]
         self._shared: dict[str, list[str]] = {}
 
@@ -75,7 +79,7 @@ class RequestBook:
         reply = self._codec._reply_to(message)
         address = None
         if self._peer is not None:
-            asked = self._codec._address_of(header)
+            asked = self._receiver.bits_of(header)
             address = None if asked in self._codec._broadcasts else asked
         return Question(message, reply, address, frame, finish)
 
@@ -196,7 +200,7 @@ class RequestBook:
         if not names:
             return False
         if question.carried is None:  # as they stand on the wire
-            decoder = self._codec.decoder(End.HOST)
+            decoder = self._codec.decoder(self._end)
             sent = [*decoder.feed(question.frame), *decoder.finish()]
             question.carried = next((m.fields for m in sent if m.name == question.message), {})
         fields = message.fields
@@ -214,21 +218,22 @@ def check_timeout(timeout: float) -> None:
 
 
 def timeout_error(
-    codec: Codec, question: Question, header: Mapping[str, Any], timeout: float, port: str, state: str
+    codec: Codec, end: End, question: Question, header: Mapping[str, Any], timeout: float, port: str, state: str
 ) -> RequestTimeoutError:
     """That no reply came: what was asked, of whom, how long, and what to look at."""
-    plan = plan_for(codec.model, End.HOST)
+    plan = plan_for(codec.model, end)
+    peer = "MCU" if end == End.HOST else "host"
     whom = ""
-    if codec._address is not None:
-        asked = plan.header[codec._address]
-        whom = f" from {asked.name} {header.get(asked.name, asked.default(End.HOST))}"
+    if plan.address is not None:
+        asked = plan.header[plan.address]
+        whom = f" from {asked.name} {header.get(asked.name, asked.default(end))}"
     if question.since == 0.0:
         advice = "It was not sent, because other requests were not answered before it; give it more time"
     else:
         advice = {
             "down": f"{port} is not connected at the moment; plug it in",
-            "stale": "Nothing at all comes; check the cable, the baud rate, and that the MCU runs",
-            "up": f"Other frames come; check that the MCU answers {question.message}"
+            "stale": f"Nothing at all comes; check the cable, the baud rate, and that the {peer} runs",
+            "up": f"Other frames come; check that the {peer} answers {question.message}"
             + (", and the address" if whom else ""),
         }[state]
     return RequestTimeoutError(

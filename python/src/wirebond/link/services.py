@@ -47,6 +47,7 @@ class Services:
     """The services that a link uses by itself. Any thread may ask.
 
     :param link: held weakly.
+    :param end: the one that it plays. The MCU answers each hello, and says none by itself.
     :param says_hello: False: it listens only.
     :param syncs_clock: False: it asks no clock.
     """
@@ -55,6 +56,7 @@ class Services:
         self,
         link: Link,
         codec: Codec,
+        end: End,
         engine: _engine.Link | PythonLink,
         inbox: Inbox,
         *,
@@ -65,10 +67,11 @@ class Services:
         self._codec = codec
         self._engine = engine
         self._place = link.port
-        self._says_hello = says_hello
+        self._says_hello = says_hello and end == End.HOST
+        self._answers = says_hello and end == End.MCU
         self._lock = threading.Lock()
         self._wake = threading.Event()
-        self._book = PeerBook(codec)
+        self._book = PeerBook(codec, "MCU" if end == End.HOST else "host")
         self._heard: deque[tuple[Callable[[Message], None], Message]] = deque(maxlen=_MOST_HEARD)
         self._connections = -1  # none was seen yet
         self._clock = _ClockExchanges(codec, inbox) if syncs_clock else None
@@ -185,6 +188,9 @@ class Services:
             peer = self._book.peer
         if is_new and peer.state == "different":
             _log.warning("%s: %s", self._place, peer.why)
+        link = self._link() if self._answers else None
+        if link is not None:
+            self._say_hello(link)
 
     def _say_hello(self, link: Link) -> None:
         name = self._book.message

@@ -9,11 +9,12 @@ from typing import Any
 from wirebond import _engine
 from wirebond.codec import Codec
 from wirebond.errors import UsageError
+from wirebond.link.ends import actions_at, other, own_address_field
 from wirebond.link.python_link import PythonLink
 from wirebond.link.python_ports import LineSettings, PythonOpener
 from wirebond.ports.port_name import ADAPTER_LATENCY, PortName
 from wirebond.protocol.forms import header_fields
-from wirebond.protocol.model import MAX_LATENCY, Address, End, HeaderField, Recover, StopMessage
+from wirebond.protocol.model import MAX_LATENCY, Address, End, Recover, StopMessage
 from wirebond.protocol.plan import plan_for, told_by_request
 
 STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
@@ -26,12 +27,14 @@ MORE_ADDRESSES = 255  # that a link has leases and safe values for, beside the f
 HAS_ENGINE_PORTS = hasattr(_engine, "Link")  #: the engine opens ttys and TCP connections itself, as on Linux
 
 
-def open_engine(codec: Codec, port: PortName, settings: dict[str, Any], waits: bool) -> _engine.Link | PythonLink:
+def open_engine(
+    codec: Codec, end: End, port: PortName, settings: dict[str, Any], waits: bool
+) -> _engine.Link | PythonLink:
     """The link below a `Link`, with its port open.
 
     :raises PortError: it cannot be opened; with ``waits`` that is no error.
     """
-    protocol, receive = codec._table, codec._format_for(End.MCU)
+    protocol, receive = codec._table, codec._format_for(other(end))
     if HAS_ENGINE_PORTS and not port.is_rfc2217:
         return _engine.Link(protocol, receive, engine_port(port, waits), settings)
     line = LineSettings(settings["baud"], settings["data_bits"], settings["parity"], settings["stop_bits"])
@@ -62,11 +65,16 @@ def latency_of(codec: Codec, port: PortName, baud: int, given: float | None) -> 
 
 
 def engine_settings(
-    codec: Codec, baud: int, paced: bool = True, hold_back: bool = True, adapter_latency: float = 0.0
+    codec: Codec,
+    baud: int,
+    paced: bool = True,
+    hold_back: bool = True,
+    adapter_latency: float = 0.0,
+    end: End = End.HOST,
 ) -> dict[str, Any]:
-    """What the engine's link takes from the protocol."""
+    """What the engine's link takes from the protocol. ``end``: the one that the link plays."""
     model = codec.model
-    actions = list(dict.fromkeys(d.then for d in model.deadlines if d.at == End.HOST))
+    actions = actions_at(codec, end)
     return {
         "baud": baud,
         "paced": paced,
@@ -81,14 +89,14 @@ def engine_settings(
         "send_pause_seconds": model.pause_seconds,
         "max_age_seconds": model.link.max_age or 0.0,
         "largest_frame": model.max_wire_bytes(),
-        "send": codec._format_for(End.HOST),
-        "every": [m.every if m.sent_by(End.HOST) and m.every is not None else 0.0 for m in model.messages],
-        "stop": [safe_value(codec, stop, None) for stop in model.emergency_stop],
-        "addressing": _addressing(codec),
+        "send": codec._format_for(end),
+        "every": [m.every if m.sent_by(end) and m.every is not None else 0.0 for m in model.messages],
+        "stop": [safe_value(codec, stop, None) for stop in model.emergency_stop if end == End.HOST],
+        "addressing": _addressing(codec, end),
         "deadlines": [
             (codec._index_of(d.message), round(d.after * 1e6), actions.index(d.then), d.recover == Recover.EXPLICIT)
             for d in model.deadlines
-            if d.at == End.HOST
+            if d.at == end
         ],
     }
 
@@ -121,30 +129,16 @@ def safe_value(
     )
 
 
-def own_address_field(codec: Codec) -> tuple[HeaderField, int | str] | None:
-    """The field that holds the host's own address, and that address by default: what the MCU sends as the receiver,
-    else what the host sends as the sender."""
-    fields = header_fields(codec.model.format.parts)
-    receiver = next((f for f in fields if f.address == Address.RECEIVER), None)
-    sender = next((f for f in fields if f.address == Address.SENDER), None)
-    field, end = (receiver, End.MCU) if receiver is not None else (sender, End.HOST)
-    if field is None:
-        return None
-    default = field.default(end)
-    assert not isinstance(default, float), "an address is a whole number"
-    return field, default
-
-
-def _addressing(codec: Codec) -> dict[str, Any]:
+def _addressing(codec: Codec, end: End) -> dict[str, Any]:
     """Which received frames are foreign: `HostAddressing::Rules`."""
-    asks, answers = plan_for(codec.model, End.HOST), plan_for(codec.model, End.MCU)
-    own = own_address_field(codec)
-    by_mcu = asks.address is not None and asks.header[asks.address].address == Address.MCU
+    asks, answers = plan_for(codec.model, end), plan_for(codec.model, other(end))
+    own = own_address_field(codec, end)
+    by_mcu = end == End.HOST and asks.address is not None and asks.header[asks.address].address == Address.MCU
     return {
         "receiver_place": -1 if answers.address is None else answers.address,
         "sender_place": answers.peer if by_mcu and answers.peer is not None else -1,
         "own": 0 if own is None else own[0].value.wire_bits(own[1]),
-        "only_last_asked": bool(told_by_request(codec.model.messages, End.MCU)),
+        "only_last_asked": bool(told_by_request(codec.model.messages, other(end))),
         "broadcast": list(asks.broadcast or answers.broadcast),
         "more_addresses": 0 if asks.address is None else MORE_ADDRESSES,
     }
