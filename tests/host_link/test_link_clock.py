@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
+import weakref
 
 import pytest
 
 import wirebond
-from tests.host_link.mcu import linked, wait_until
+from tests.host_link.mcu import Mcu, linked, wait_until
 from tests.host_link.protocol import manipulator
 from tests.shared import PROTOCOLS, codec
 from wirebond import UsageError
@@ -75,3 +76,19 @@ def test_a_clock_that_wraps_too_soon_is_not_asked() -> None:
         wait_until(lambda: mcu.heard, "hello")
         with pytest.raises(UsageError, match="the MCU's clock has 16 bits"):
             link.host_time(5)
+
+
+def test_a_link_that_waits_for_the_clock_can_become_garbage() -> None:
+    """Its leases end then; an MCU that does not answer must not keep it."""
+    mcu = Mcu(NATIVE)
+    try:
+        link = wirebond.open(NATIVE, mcu.path)
+        kept = weakref.ref(link)
+        wait_until(lambda: [m for m in mcu.heard if m.name == "clock_request"], "the request")
+        del link
+        until = time.monotonic() + 0.5  # less than an exchange waits for its answer
+        while kept() is not None and time.monotonic() < until:
+            time.sleep(0.01)
+        assert kept() is None
+    finally:
+        mcu.close()

@@ -24,6 +24,7 @@ from wirebond.link.clock_sync import ClockReading, ClockSync, HostTime
 from wirebond.link.inbox import Inbox
 from wirebond.link.log_lines import LineLimit, log_names, number_of, safe_text
 from wirebond.link.peer import HELLO_VERSION, Peer, PeerBook
+from wirebond.link.requests import Question
 from wirebond.link.service_values import filled
 from wirebond.protocol.model import End, Service
 from wirebond.protocol.plan import plan_for
@@ -31,7 +32,6 @@ from wirebond.protocol.plan import plan_for
 if TYPE_CHECKING:
     from wirebond.link.link import Link
     from wirebond.link.python_link import PythonLink
-    from wirebond.link.receiving import Asked
 
 _LOOK_EVERY = 0.1  # seconds between two looks at the port
 _CLOCK_EVERY = 1.0  # seconds between two exchanges of the clock
@@ -209,8 +209,8 @@ class _ClockExchanges:
     def __init__(self, codec: Codec, inbox: Inbox) -> None:
         self._requests = inbox.requests
         self._service: Service | None = codec.model.service("clock")
-        self._asked: Asked | None = None
-        self._answers: deque[tuple[float, Message]] = deque()  # when each was asked
+        self._asked: Question | None = None  # no `Asked`, which would keep the link
+        self._answers: deque[Message] = deque()  # to `_asked`: one at most
         self._next = 0.0
         self._soon = _CLOCK_SOON
         self._host_us = 0  # as it stands in the last request
@@ -230,9 +230,9 @@ class _ClockExchanges:
         if self.sync is None or self._service is None or self._answers:
             return
         if self._asked is not None:
-            if now - self._asked.question.since < _CLOCK_TIMEOUT:
+            if now - self._asked.since < _CLOCK_TIMEOUT:
                 return
-            self._requests.withdraw(self._asked.question)
+            self._requests.withdraw(self._asked)
             self._asked = None
         if now < self._next:
             return
@@ -242,23 +242,23 @@ class _ClockExchanges:
         values = filled(link.codec.model.message(request), {"host_us": self._host_us})
 
         def answered(outcome: Message | Exception) -> None:  # in the thread that receives
-            if isinstance(outcome, Message) and self._asked is not None:
-                self._answers.append((self._asked.question.since, outcome))
+            if isinstance(outcome, Message):
+                self._answers.append(outcome)
             wake()
 
         self._next = now + (0.0 if self._soon > 0 else _CLOCK_EVERY)
         self._soon -= 1
         with contextlib.suppress(WirebondError):  # the port is away, the queue full: it is asked again
-            self._asked = link._ask(request, values, _CLOCK_TIMEOUT, None, {}, answered)
+            self._asked = link._ask(request, values, _CLOCK_TIMEOUT, None, {}, answered).question
 
     def take(self) -> None:
         """What was answered."""
         while self._answers:
-            sent, reply = self._answers.popleft()
+            reply = self._answers.popleft()
             fields = reply.fields
             assert self.sync is not None
-            if fields["host_us"] == self._host_us:  # else it answers another request
-                self.sync.feed(sent, fields["received_us"], fields["sent_us"], reply.t)
+            if self._asked is not None and fields["host_us"] == self._host_us:  # else it answers another request
+                self.sync.feed(self._asked.since, fields["received_us"], fields["sent_us"], reply.t)
             self._asked = None
 
     def restart(self) -> None:
