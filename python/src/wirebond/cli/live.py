@@ -40,6 +40,7 @@ from wirebond.link.rates import LONGEST_WINDOW
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
 from wirebond.sim.pty_port import PtyPort, run, symlinked
+from wirebond.sim.script import Behaviour
 from wirebond.sim.virtual_mcu import VirtualMcu
 
 _REFRESH = 0.1  # seconds between two pictures
@@ -256,9 +257,13 @@ def _send_repeatedly(
     return 3 if is_away else 0
 
 
-def simulate(path: Path, link: Path | None, seconds: float | None, addresses: list[str]) -> None:
+def simulate(
+    path: Path, link: Path | None, seconds: float | None, addresses: list[str], script: Path | None = None
+) -> None:
     codec = load(path)
-    mcu = VirtualMcu(codec, time.monotonic(), addresses=parse_addresses(codec.model, addresses))
+    behaviour = None if script is None else Behaviour(codec, script)
+    played = parse_addresses(codec.model, addresses)
+    mcu = VirtualMcu(codec, time.monotonic(), addresses=played, behaviour=behaviour)
     port = PtyPort()
     with symlinked(port.path, link) as name:
         console.print(name, soft_wrap=True)

@@ -378,12 +378,15 @@ def sim(
         list[str] | None,
         typer.Option(metavar="ADDRESS", help="Play the device of this address, or of several. Without it: of any."),
     ] = None,
+    script: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Python that says how it behaves; docs/simulation.md shows it.")
+    ] = None,
 ) -> None:
     """Run a virtual MCU that speaks this protocol, on a pty; print the pty's path."""
     from wirebond.cli.live import simulate
 
     raise_from_here()
-    simulate(file, link, seconds, address or [])
+    simulate(file, link, seconds, address or [], script)
 
 
 Ber = Annotated[

@@ -21,6 +21,7 @@ from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Re
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import plan_for
 from wirebond.protocol.replies import carried_back
+from wirebond.sim.script import Behaviour
 
 _WAVE_HZ = 0.2  # of the made-up values
 _PARAMETERS = 8  # of a table without names
@@ -61,6 +62,7 @@ class VirtualMcu:
     codec: Codec
     start: float
     addresses: tuple[int | str, ...] = ()  # of the devices that it plays; empty: any that is asked
+    behaviour: Behaviour | None = None  # what a user's script adds
     events: list[str] = field(default_factory=list)  # sentences for the operator; the caller empties it
     foreign: int = 0  # frames for an address that it does not play
     held_back: int = 0  # messages that did not act, because a deadline with `recover: explicit` had struck
@@ -93,8 +95,10 @@ class VirtualMcu:
                 continue
             for device in acting:
                 self._seen(device, message.name, t)
+            said = {} if self.behaviour is None else self.behaviour.heard(message)
             for header in asked:
-                self._waiting += self._answer(message, header, t)
+                self._waiting += self._answer(message, header, t, said)
+        self._send_scripted(t)
         return self._leaving(t)
 
     def tick(self, t: float) -> bytes:
@@ -108,15 +112,30 @@ class VirtualMcu:
             message = self.codec.model.message(name)
             assert message.every is not None
             self._due[name] = due + (math.floor((t - due) / message.every) + 1) * message.every
+            values = self._made_up(message, t)
+            if self.behaviour is not None:
+                values |= self.behaviour.filled(name, t - self.start)
             for header in self._addressing.own:
-                self._waiting.append(self._encoded(name, self._made_up(message, t), header))
+                self._waiting.append(self._encoded(name, values, header))
         for device in self._devices.values():
             for watch in device.watches:
                 if not watch.struck and t - watch.since >= watch.rule.after:
                     watch.struck = True
                     which = f"{watch.rule.message}{self._whose(device)}"
                     self.events.append(f"no {which} for {watch.rule.after:g} s: {watch.rule.then}")
+        if self.behaviour is not None:
+            self.behaviour.tick(t - self.start)
+            self._send_scripted(t)
         return self._leaving(t)
+
+    def _send_scripted(self, t: float) -> None:
+        if self.behaviour is None:
+            return
+        for name, values in self.behaviour.take_messages():
+            made_up = self._made_up(self.codec.model.message(name), t)
+            for header in self._addressing.own:
+                self._waiting.append(self._encoded(name, made_up | dict(values), header))
+        self.events += self.behaviour.take_reports()
 
     def _leaving(self, t: float) -> bytes:
         """What the line may carry now: all that waits; where silence ends a frame, one frame after each pause."""
@@ -173,7 +192,8 @@ class VirtualMcu:
                 watch.struck = False
                 self.events.append(f"{message}{self._whose(device)} is back: {watch.rule.then} ends")
 
-    def _answer(self, message: Message, header: dict[str, Any], t: float) -> list[bytes]:
+    def _answer(self, message: Message, header: dict[str, Any], t: float, said: dict[str, Any]) -> list[bytes]:
+        """``said``: values of the reply that a script gives."""
         hello = self.codec.model.service("hello")
         if hello is not None and message.name == hello.message("message"):
             theirs = message.fields.get("protocol_hash")
@@ -190,7 +210,7 @@ class VirtualMcu:
         amounts = {f.name: message.fields[f.asked_by] for f in reply.fields if f.asked_by}
         values = self._made_up(reply, t, amounts)
         values |= {name: message.fields[name] for name in carried_back(reply, request)}
-        values |= self._service_values(message, t)
+        values |= self._service_values(message, t) | said
         return [self._encoded(reply.name, values, header)]
 
     def _service_values(self, message: Message, t: float) -> dict[str, Any]:

@@ -1,0 +1,153 @@
+"""A virtual MCU's behaviour as a user's script in Python.
+
+The script has a function ``setup(mcu)``, which is called once with a :class:`Behaviour`::
+
+    def setup(mcu):
+        speed = {"linear": 0.0}
+
+        @mcu.on("velocity")
+        def velocity(message):
+            speed["linear"] = message["linear"]
+
+        @mcu.fill("odometry")
+        def odometry(t):
+            ticks = round(speed["linear"] * 100)
+            return {"left_ticks": ticks, "right_ticks": ticks}
+
+Times are seconds since the start. It runs in the virtual MCU's own loop: a function that waits holds everything up.
+"""
+
+from __future__ import annotations
+
+import runpy
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from wirebond.codec import Codec, Message
+from wirebond.errors import UsageError, WirebondError
+from wirebond.protocol.model import End
+
+Values = Mapping[str, Any]
+OnMessage = Callable[[Message], Values | None]
+Fill = Callable[[float], Values | None]
+Tick = Callable[[float], object]
+
+
+@dataclass
+class _Rhythm:
+    seconds: float
+    due: float
+    tick: Tick
+
+
+class Behaviour:
+    """What a script adds to a virtual MCU. Values that it does not give are made up as without it.
+
+    :raises UsageError: the script cannot be run, or asks for a message that the protocol does not have. Also from the
+        functions that the virtual MCU calls: the script's own error, with its file and line.
+    """
+
+    def __init__(self, codec: Codec, script: Path) -> None:
+        self.codec = codec
+        self._script = script
+        self._on: dict[str, list[OnMessage]] = {}
+        self._fill: dict[str, Fill] = {}
+        self._rhythms: list[_Rhythm] = []
+        self._sending: list[tuple[str, Values]] = []
+        self._reports: list[str] = []
+        found = self._call(runpy.run_path, str(script)).get("setup")
+        if not callable(found):
+            raise UsageError(f"{script}: expected a function setup(mcu); wirebond.sim.script has an example")
+        self._call(found, self)
+
+    # ---- for the script
+
+    def on(self, name: str) -> Callable[[OnMessage], OnMessage]:
+        """Decorator: called for each such message of the host. The function may return values of its reply."""
+        self._verify(name, End.HOST)
+
+        def keep(function: OnMessage) -> OnMessage:
+            self._on.setdefault(name, []).append(function)
+            return function
+
+        return keep
+
+    def fill(self, name: str) -> Callable[[Fill], Fill]:
+        """Decorator: called with the time for each such message that is due by its ``every``; returns values of it."""
+        self._verify(name, End.MCU)
+        if self.codec.model.message(name).every is None:
+            raise UsageError(f"{name} has no `every`, so it is never due; send it with mcu.send, as from mcu.every")
+
+        def keep(function: Fill) -> Fill:
+            self._fill[name] = function
+            return function
+
+        return keep
+
+    def every(self, seconds: float) -> Callable[[Tick], Tick]:
+        """Decorator: called with the time, first after so many seconds."""
+        if not seconds > 0:
+            raise UsageError(f"mcu.every({seconds}): expected seconds, more than 0")
+
+        def keep(function: Tick) -> Tick:
+            self._rhythms.append(_Rhythm(seconds, seconds, function))
+            return function
+
+        return keep
+
+    def send(self, name: str, **values: Any) -> None:
+        """One message of the MCU, now."""
+        self._verify(name, End.MCU)
+        self._sending.append((name, values))
+
+    def report(self, text: str) -> None:
+        """A line for the operator."""
+        self._reports.append(text)
+
+    # ---- for the virtual MCU
+
+    def heard(self, message: Message) -> dict[str, Any]:
+        """Values of its reply."""
+        values: dict[str, Any] = {}
+        for function in self._on.get(message.name, ()):
+            values |= dict(self._call(function, message) or {})
+        return values
+
+    def filled(self, name: str, t: float) -> dict[str, Any]:
+        function = self._fill.get(name)
+        return {} if function is None else dict(self._call(function, t) or {})
+
+    def tick(self, t: float) -> None:
+        for rhythm in self._rhythms:
+            if t < rhythm.due:
+                continue
+            rhythm.due = max(rhythm.due + rhythm.seconds, t)  # after a stall: no burst
+            self._call(rhythm.tick, t)
+
+    def take_messages(self) -> list[tuple[str, Values]]:
+        taken, self._sending = self._sending, []
+        return taken
+
+    def take_reports(self) -> list[str]:
+        taken, self._reports = self._reports, []
+        return taken
+
+    def _verify(self, name: str, end: End) -> None:
+        names = [m.name for m in self.codec.model.messages if m.sent_by(end)]
+        if name not in names:
+            sender = "MCU" if end == End.MCU else "host"
+            raise UsageError(f"the {sender} sends no message {name!r}; it sends {', '.join(names) or 'none'}")
+
+    def _call(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        except Exception as error:
+            lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(self._script)]
+            if isinstance(error, SyntaxError) and error.filename == str(self._script):
+                lines.append(error.lineno)
+            where = f"{self._script}:{lines[-1]}" if lines else str(self._script)
+            what = str(error) if isinstance(error, WirebondError) else f"{type(error).__name__}: {error}"
+            raise UsageError(f"{where}: {what}") from None
