@@ -59,8 +59,8 @@ class Access:
 
 
 def list_parameters(access: Access) -> int:
-    with access.opened() as (parameters, timeout), _progress("reading") as told:
-        found = parameters.list(told, timeout=timeout)
+    with access.opened() as (parameters, timeout), _progress("reading") as progress:
+        found = parameters.list(progress, timeout=timeout)
     access.show(found)
     if not found:
         fail("the MCU has no parameters")
@@ -91,15 +91,15 @@ def set_parameters(access: Access, words: list[str]) -> int:
 
 
 def save_parameters(access: Access, out: Path) -> int:
-    with access.opened() as (parameters, timeout), _progress("reading") as told:
-        found = parameters.save(out, told, timeout=timeout)
+    with access.opened() as (parameters, timeout), _progress("reading") as progress:
+        found = parameters.save(out, progress, timeout=timeout)
     errors.print(f"{plain(str(out))} has {len(found)} parameters")
     return 0
 
 
 def load_parameters(access: Access, source: Path) -> int:
-    with access.opened() as (parameters, timeout), _progress("setting") as told:
-        found = parameters.load(source, told, timeout=timeout)
+    with access.opened() as (parameters, timeout), _progress("setting") as progress:
+        found = parameters.load(source, progress, timeout=timeout)
     access.show(found)
     return 0
 
@@ -145,7 +145,7 @@ def _progress(what: str) -> Iterator[Progress]:
     """A line in the terminal while it lasts."""
     with errors.status(f"{what} parameters") as status:
 
-        def told(done: int, all_of_them: int) -> Any:
+        def progress(done: int, all_of_them: int) -> Any:
             status.update(f"{what} parameters: {done}{f' of {all_of_them}' if all_of_them else ''}")
 
-        yield told
+        yield progress

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -89,14 +89,12 @@ def measure(
     end: float,
     timeout: float,
     header: Mapping[str, Any],
-    told: Callable[[Measurement], None] = lambda _: None,
 ) -> None:
     """Ask, until ``count`` questions were asked or ``end`` is there. KeyboardInterrupt leaves ``into`` as it is then.
 
     :param rate: questions a second, if the answers come in time; the next one waits for the answer before it.
     :param end: on ``time.monotonic()``.
     :param timeout: seconds for each answer.
-    :param told: called after each question.
     """
     began = due = time.monotonic()
     try:
@@ -110,7 +108,6 @@ def measure(
                 _time_one_way(link, into, timeout, header)
             due = max(due + 1 / rate, time.monotonic())
             into.seconds = time.monotonic() - began
-            told(into)
     finally:
         into.seconds = time.monotonic() - began
 

@@ -58,7 +58,7 @@ def safe_text(line: LogLine) -> str:
 
 
 class LineLimit:
-    """So many lines a second, and no more. One thread at a time.
+    """At most a number of lines a second. One thread at a time.
 
     :param most: lines that pass within a second.
     """

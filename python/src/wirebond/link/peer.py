@@ -73,7 +73,7 @@ class PeerBook:
     def heard(self, protocol_hash: int, version: int, t: float) -> bool:
         """The peer said hello.
 
-        :returns: whether it is another one than before, so that it must be told about.
+        :returns: whether its file is another one than before, or it was not known.
         """
         if t < self._connected:
             return False  # of whoever was there before
