@@ -21,7 +21,7 @@ from wirebond.whole_file import write_whole
 
 DEFAULT_COUNT, DEFAULT_RATE, DEFAULT_TIMEOUT = 1000, 100.0, 1.0
 _BAR = 40  # characters of the longest bar
-_KNOWN_WAIT = 1.0  # seconds for the MCU's clock to be known
+_KNOWN_WAIT = 0.5  # seconds for the MCU's clock to be known
 _PERCENTILES = {"p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9", "most": "max"}
 
 
