@@ -35,10 +35,11 @@ from wirebond.link.settings import (
     safe_value,
 )
 from wirebond.ports.permission import no_permission
-from wirebond.ports.port_name import port_name
+from wirebond.ports.port_name import PortName, port_name
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import Address, End, Message
 from wirebond.protocol.problems import no_message
+from wirebond.sim.port import NAME, SimulatedPort
 from wirebond.typed import TypedMessage, name_and_values
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
@@ -85,8 +86,9 @@ class Link(Receiving):
             raise UsageError(f"a Linux tty has 1 or 2 stop bits, and {model.name} asks for {settings.stop_bits:g}")
         ending.refuse_at_the_end()
         self.codec = codec
-        name = port_name(port)
-        self.port = name.text
+        self._simulated = simulated = self._simulate(port)
+        name = port_name(port) if simulated is None else PortName(simulated.path)
+        self.port = NAME if simulated is not None else name.text
         self.baud = speed
         self.paced = paced
         self.adapter_latency = latency_of(codec, name, speed, adapter_latency)
@@ -421,6 +423,18 @@ class Link(Receiving):
         else:
             self._inbox.leave(ending.HANDLERS_PATIENCE)
         ending.forget(self)
+        if self._simulated is not None:
+            self._simulated.close()
+
+    def _simulate(self, port: str | os.PathLike[str]) -> SimulatedPort | None:
+        """The virtual MCU behind ``sim:``."""
+        if os.fsdecode(port) != NAME:
+            return None
+        if self._end == End.MCU:
+            raise UsageError("sim: is a virtual MCU, and role 'mcu' is one as well; open it as the host")
+        simulated = SimulatedPort(self.codec)
+        weakref.finalize(self, simulated.close).atexit = False  # at the end of the program `close` does it
+        return simulated
 
     def __repr__(self) -> str:
         return (
@@ -523,7 +537,8 @@ def open_link(
     """Open a port with the protocol file's settings.
 
     :param protocol: a protocol file's path, or a ``Codec``.
-    :param port: a tty's path; a USB device by a name that stays, such as ``usb:1a86:55d3`` (see `wirebond.ports`); or
+    :param port: a tty's path; ``sim:``, a virtual MCU of this protocol in a thread of this process; a USB device by a
+        name that stays, such as ``usb:1a86:55d3`` (see `wirebond.ports`); or
         ``tcp://host:port``, a server that gives a serial line as raw bytes, such as ser2net; or
         ``rfc2217://host:port``, one whose baud rate, parity and stop bits the link sets.
     :param baud: bits per second; default: the file's.

@@ -1,0 +1,57 @@
+"""The port ``sim:``: a virtual MCU of the protocol behind the link, as long as the link lives."""
+
+from __future__ import annotations
+
+import gc
+import json
+import threading
+import time
+
+import pytest
+
+import wirebond
+from tests.shared import PROTOCOLS
+from wirebond.cli.main import main
+from wirebond.errors import UsageError
+
+FILE = PROTOCOLS / "diffdrive.yaml"
+PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
+
+
+def simulations() -> int:
+    return sum(thread.name == "wirebond-sim" for thread in threading.enumerate())
+
+
+def test_a_virtual_mcu_answers_and_sends_until_the_link_is_closed() -> None:
+    before = simulations()
+    with wirebond.open(FILE, "sim:") as link:
+        assert link.port == "sim:"
+        assert simulations() == before + 1
+        assert link.request("status_query", timeout=PATIENCE).name == "status"
+        assert link.receive(PATIENCE)
+        link.send("velocity", linear=0.5, angular=0)
+    assert simulations() == before
+
+
+def test_a_link_that_is_forgotten_takes_its_virtual_mcu_along() -> None:
+    before = simulations()
+    link = wirebond.open(FILE, "sim:")
+    assert link.state != "down"
+    del link
+    end = time.monotonic() + PATIENCE
+    while simulations() != before and time.monotonic() < end:
+        gc.collect()
+        time.sleep(0.01)
+    assert simulations() == before
+
+
+def test_a_virtual_mcu_is_no_host() -> None:
+    before = simulations()
+    with pytest.raises(UsageError, match="sim: is a virtual MCU, and role 'mcu' is one as well"):
+        wirebond.open(FILE, "sim:", role="mcu")
+    assert simulations() == before
+
+
+def test_commands_take_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["send", str(FILE), "sim:", "status_query"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[0])["message"] == "status"
