@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from wirebond.codec import Codec, Columns, Decoder, Message, SequenceCounts, SequenceStats, Stats, Table, load
+    from wirebond.diagnosis import Diagnosis, diagnose
     from wirebond.errors import (
         LinkDownError,
         MessageError,
@@ -43,6 +44,7 @@ __all__ = [
     "Columns",
     "DeadlineEvent",
     "Decoder",
+    "Diagnosis",
     "Dump",
     "DumpEntry",
     "HostTime",
@@ -71,6 +73,7 @@ __all__ = [
     "Table",
     "UsageError",
     "WirebondError",
+    "diagnose",
     "load",
     "open",
 ]
@@ -91,6 +94,7 @@ _HOMES = {
             "Table",
             "load",
         ),
+        "diagnosis": ("Diagnosis", "diagnose"),
         "errors": tuple(name for name in __all__ if name.endswith("Error")),
         "link.clock_sync": ("ClockReading", "HostTime"),
         "link.handlers": ("DeadlineEvent",),

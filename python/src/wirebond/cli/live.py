@@ -33,6 +33,7 @@ from wirebond.cli.output import (
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_addresses, parse_assignments, parse_header
 from wirebond.codec import Codec, Message, load
+from wirebond.diagnosis import diagnose
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
 from wirebond.link import Link, open_link
 from wirebond.link.peer import Peer
@@ -89,8 +90,11 @@ def monitor_port(
                 _show_dashboard(link, f"{link.codec.name} on {port}", end)
         if dump_on_exit is not None:
             save(link, dump_on_exit)
+        found = diagnose(link)
         stats, rates = link.stats.receive, link.rates(LONGEST_WINDOW)
         is_away = link.state == "down"
+    for one in found:
+        errors.print(f"[yellow]diagnosis:[/] {plain(str(one))}")
     errors.print(rates_line(rates))
     errors.print(stats_line(stats) + (f"; {port} was away at the end" if is_away else ""))
 

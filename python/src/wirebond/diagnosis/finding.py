@@ -1,0 +1,37 @@
+"""What may be wrong with a line, in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Kind(StrEnum):
+    SILENCE = "silence"
+    BAUD = "baud"
+    PARITY = "parity"
+    ECHO = "echo"
+    TWO_WRITERS = "two_writers"
+    RESETS = "resets"
+    LOST_READS = "lost_reads"
+    CHECK = "check"
+    UNKNOWN = "unknown"  # something is wrong, and nothing above explains it
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """One cause that the bytes speak for.
+
+    :ivar kind: which, for programs.
+    :ivar sentence: what is wrong.
+    :ivar evidence: what speaks for it, in figures.
+    :ivar remedy: what to do.
+    """
+
+    kind: Kind
+    sentence: str
+    evidence: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.sentence} ({self.evidence}). {self.remedy}"

@@ -1,0 +1,240 @@
+"""Diagnosis in words: a fault is named on a stream that has it; a healthy line, or noise, is accused of nothing."""
+
+from __future__ import annotations
+
+import random
+import time
+from functools import partial
+from typing import Any
+
+import pytest
+
+import wirebond
+from tests.shared import PROTOCOLS, codec
+from wirebond import Codec, load
+from wirebond.check.samples import pool
+from wirebond.cli.main import main
+from wirebond.diagnosis import Diagnosis, Kind, diagnose_dump
+from wirebond.diagnosis.uart import misread
+from wirebond.link import Dump, open_link
+from wirebond.link.dump import Piece
+from wirebond.protocol import loads
+from wirebond.protocol.model import End, Parity
+from wirebond.sim.pty_port import PtyPort
+
+NAMES = ("diffdrive", "enterprize", "native", "servo_bus", "contrib/crsf", "contrib/ubx", "contrib/tfmini")
+
+
+def described(name: str) -> Codec:
+    return load(PROTOCOLS / f"{name}.yaml")
+
+
+def frames_of(of: Codec, source: random.Random, number: int) -> list[bytes]:
+    """As a device sends them that is not reset: without hellos."""
+    drawn = pool(of, End.MCU, source.randrange(1 << 30), 60)
+    assert drawn is not None
+    hello = of.model.service("hello")
+    without = None if hello is None else hello.message("message")
+    frames = [frame for frame in drawn.frames if of.decoder(End.MCU).feed(frame)[0].name != without]
+    return source.choices(frames, k=number)
+
+
+def heard(of: Codec, data: bytes, source: random.Random, *, sent: bytes = b"", read: int = 0) -> Dump:
+    """``data`` in reads of some size, at the pace of the line."""
+    pieces = [Piece(0.0, "port_up", b"")]
+    if sent:
+        pieces.append(Piece(0.0, "sent", sent))
+    at = 0
+    now = 0.0
+    while at < len(data):
+        size = read or source.randrange(1, 200)
+        now += size * 10 / of.model.link.baud
+        pieces.append(Piece(now, "received", data[at : at + size]))
+        at += size
+    return Dump(of, now + 0.1, pieces, 0)
+
+
+def kinds(dump: Dump) -> list[Kind]:
+    return [one.kind for one in diagnose_dump(dump, dump.codec.model.link.baud)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_healthy_line_is_accused_of_nothing(name: str) -> None:
+    of = described(name)
+    for seed in range(5):
+        source = random.Random(f"healthy {name} {seed}")
+        assert kinds(heard(of, b"".join(frames_of(of, source, 200)), source)) == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_noise_has_no_cause(name: str) -> None:
+    of = described(name)
+    for seed in range(2):
+        source = random.Random(f"noise {name} {seed}")
+        assert kinds(heard(of, source.randbytes(3000), source)) == [Kind.UNKNOWN]
+        data = bytearray(b"".join(frames_of(of, source, 150)))
+        for at in range(len(data)):
+            if source.random() < 0.03:
+                data[at] = source.randrange(256)
+        assert set(kinds(heard(of, bytes(data), source))) <= {Kind.UNKNOWN}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_open_or_stuck_line_has_no_baud_rate(name: str) -> None:
+    of = described(name)
+    source = random.Random(f"stuck {name}")
+    for data in (bytes(2000), bytes(source.choice(b"\x00\x80\xff\xfe\xf8") for _ in range(2000))):
+        assert Kind.BAUD not in kinds(heard(of, data, source))
+
+
+@pytest.mark.parametrize("rate", [38400, 57600, 230400, 460800])
+def test_a_wrong_baud_rate_is_named(rate: int) -> None:
+    of = codec("diffdrive")
+    source = random.Random(f"baud {rate}")
+    link = of.model.link
+    frames = frames_of(of, source, 300)
+    gaps = [sum(map(len, frames[:number])) for number in range(len(frames))]
+    data = misread(b"".join(frames), (rate, Parity.NONE), (link.baud, Parity.NONE), gaps)
+    (one,) = diagnose_dump(heard(of, data, source), link.baud)
+    assert one.kind == Kind.BAUD
+    assert f" {rate}" in one.sentence
+
+
+def test_a_uart_at_the_same_rate_reads_what_was_sent() -> None:
+    data = random.Random("uart").randbytes(500)
+    for parity in Parity:
+        assert misread(data, (9600, parity), (9600, parity), [10, 20]) == data
+
+
+def test_seven_bits_with_parity_are_named() -> None:
+    of = codec("diffdrive")
+    source = random.Random("parity")
+    seven = [byte & 0x7F for byte in source.randbytes(500)]
+    data = bytes(byte | (byte.bit_count() & 1) << 7 for byte in seven)
+    (one,) = diagnose_dump(heard(of, data, source), 115200)
+    assert (one.kind, "even" in one.sentence) == (Kind.PARITY, True)
+
+
+def test_an_echo_is_named() -> None:
+    of = codec("diffdrive")
+    source = random.Random("echo")
+    sent = b"".join(of.encode("velocity", linear=number / 100, angular=0) for number in range(20))
+    assert kinds(heard(of, sent, source, sent=sent)) == [Kind.ECHO]
+    answers = b"".join(frames_of(of, source, 50))
+    assert kinds(heard(of, answers, source, sent=sent)) == []
+
+
+def test_two_writers_are_named() -> None:
+    source = random.Random("writers")
+    of = codec("enterprize")
+    torn = []
+    for outer, inner in zip(frames_of(of, source, 40), frames_of(of, source, 40), strict=True):
+        at = source.randrange(3, len(outer) - 3)
+        torn.append(outer[:at] + inner + outer[at:])
+    assert kinds(heard(of, b"".join(torn), source)) == [Kind.TWO_WRITERS]
+
+
+def test_a_reset_loop_is_named() -> None:
+    of = codec("diffdrive")
+    source = random.Random("resets")
+    life = b"rst:0x10 (RTCWDT_RTC_RESET),boot:0x13\r\n" + b"".join(frames_of(of, source, 4))
+    assert Kind.RESETS in kinds(heard(of, life * 6, source, read=1000))
+
+
+def test_a_hello_that_comes_again_and_again_is_a_reset_loop() -> None:
+    of = codec("native")
+    source = random.Random("hello")
+    service = of.model.service("hello")
+    assert service is not None
+    name = service.message("message")
+    assert name is not None
+    hello = of.encode(name, {field.name: 0 for field in of.model.message(name).fields}, sender="mcu")
+    life = hello + b"".join(frames_of(of, source, 60))
+    assert kinds(heard(of, life * 5, source)) == [Kind.RESETS]
+    asked = of.encode(name, {field.name: 0 for field in of.model.message(name).fields})
+    assert kinds(heard(of, life * 2, source, sent=asked)) == []
+
+
+def test_losses_in_full_reads_of_an_adapter_are_named() -> None:
+    of = codec("enterprize")
+    source = random.Random("usb")
+    data = b"".join(frames_of(of, source, 600))
+    kept = b""
+    reads = []
+    for at in range(0, len(data) - 512, 512):
+        piece = data[at : at + 448]  # 64 bytes of each 512 are lost
+        reads.append(piece)
+        kept += piece
+    pieces = [Piece(0.0, "port_up", b""), *(Piece(0.001 * n, "received", piece) for n, piece in enumerate(reads, 1))]
+    assert kinds(Dump(of, 1.0, pieces, 0)) == [Kind.LOST_READS]
+
+
+RANGES = """
+wirebond: 1
+protocol: ranges
+frame: [magic: 0xA5, length: u8, id: u8, payload: by_length, check: {{type: crc-16/modbus{over}}}]
+messages: {{state: {{id: 1, sender: mcu, fields: {{x: {{type: u32}}, y: {{type: u32}}}}}}}}
+"""
+
+
+def test_a_check_over_another_range_is_named() -> None:
+    source = random.Random("check")
+    theirs, ours = (Codec(loads(RANGES.format(over=over))) for over in (", over: id..payload", ""))
+    data = b"".join(frames_of(theirs, source, 60))
+    (found,) = diagnose_dump(heard(ours, data, source), 115200)
+    assert found.kind == Kind.CHECK
+    assert "over: id..payload" in found.remedy
+
+
+def test_who_plays_the_mcu_hears_the_host() -> None:
+    of = codec("diffdrive")
+    source = random.Random("role")
+    drawn = pool(of, End.HOST, 1, 60)
+    assert drawn is not None
+    data = b"".join(source.choices(drawn.frames, k=100))
+    pieces = heard(of, data, source).pieces
+    assert kinds(Dump(of, 1.0, pieces, 0, End.MCU)) == []
+    assert kinds(Dump(of, 1.0, pieces, 0, End.HOST)) == [Kind.UNKNOWN]
+
+
+def test_silence_is_told_where_something_should_come() -> None:
+    of = codec("diffdrive")  # odometry is due
+    assert kinds(Dump(of, 5.0, [Piece(0.0, "port_up", b"")], 0)) == [Kind.SILENCE]
+    assert kinds(Dump(of, 1.0, [Piece(0.0, "port_up", b"")], 0)) == []
+    gone = [Piece(0.0, "port_up", b""), Piece(1.0, "port_down", b"")]
+    assert kinds(Dump(of, 5.0, gone, 0)) == []
+
+
+def test_a_diagnosis_is_a_sentence_with_evidence_and_remedy() -> None:
+    one = Diagnosis(Kind.ECHO, "It echoes", "3 of 3", "Stop it.")
+    assert str(one) == "It echoes (3 of 3). Stop it."
+
+
+def open_and_hear(port: PtyPort, data: bytes, *arguments: Any, **options: Any) -> wirebond.Link:
+    link = open_link(*arguments, **options)
+    port.write(data)
+    return link
+
+
+def test_monitor_says_what_is_wrong_and_is_quiet_else(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of = codec("diffdrive")
+    source = random.Random("monitor")
+    noise = b"".join(frames_of(of, source, 20)) + source.randbytes(500)
+    for data, word in ((noise, "I do not know why"), (b"".join(frames_of(of, source, 20)), "")):
+        port = PtyPort()
+        with wirebond.open(of, port.path) as link:
+            port.write(data)
+            end = time.monotonic() + 20
+            while link.stats.receive.bytes < len(data):
+                assert time.monotonic() < end
+                link.receive(0.01)
+            assert [word in one.sentence for one in wirebond.diagnose(link)] == [True] * bool(word)
+        with monkeypatch.context() as patched:
+            patched.setattr("wirebond.cli.live.open_link", partial(open_and_hear, port, data))
+            assert main(["monitor", str(PROTOCOLS / "diffdrive.yaml"), port.path, "--seconds", "0.3", "--json"]) == 0
+        port.close()
+        told = capsys.readouterr().err
+        assert ("diagnosis:" in told) == bool(word)
+        assert word in told
