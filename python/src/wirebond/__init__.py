@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from wirebond.link.clock_sync import ClockReading, HostTime
     from wirebond.link.handlers import DeadlineEvent
     from wirebond.link.inbox import Latest
+    from wirebond.link.listen import Heard, Listener, listen
     from wirebond.link.log_lines import LogEvent
     from wirebond.link.parameters import Parameters
     from wirebond.link.peer import Peer
@@ -47,11 +48,13 @@ __all__ = [
     "Diagnosis",
     "Dump",
     "DumpEntry",
+    "Heard",
     "HostTime",
     "Latest",
     "Link",
     "LinkDownError",
     "LinkStats",
+    "Listener",
     "LogEvent",
     "LogLine",
     "Message",
@@ -74,6 +77,7 @@ __all__ = [
     "UsageError",
     "WirebondError",
     "diagnose",
+    "listen",
     "load",
     "open",
 ]
@@ -99,6 +103,7 @@ _HOMES = {
         "link.clock_sync": ("ClockReading", "HostTime"),
         "link.handlers": ("DeadlineEvent",),
         "link.inbox": ("Latest",),
+        "link.listen": ("Heard", "Listener", "listen"),
         "link.log_lines": ("LogEvent",),
         "link.parameters": ("Parameters",),
         "link.peer": ("Peer",),

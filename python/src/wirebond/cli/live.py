@@ -115,10 +115,10 @@ def _print_messages(link: Link, end: float, as_json: bool) -> None:
             if as_json:
                 print_message(message, link.codec)
             else:
-                console.print(_one_line(message, link.codec), soft_wrap=True)
+                console.print(one_line(message, link.codec), soft_wrap=True)
 
 
-def _one_line(message: Message, codec: Codec) -> Text:
+def one_line(message: Message, codec: Codec) -> Text:
     text = Text(f"{message.t:.3f} ")
     line = codec.log_line(message)
     if line is None:

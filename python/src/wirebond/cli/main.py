@@ -210,6 +210,25 @@ def dump(
 
 
 @app.command()
+def listen(
+    file: ProtocolFile,
+    host_port: Annotated[str, typer.Option(metavar="PORT", help="The port that hears what the host sends.")],
+    mcu_port: Annotated[str, typer.Option(metavar="PORT", help="The port that hears what the MCU sends.")],
+    baud: Baud = None,
+    seconds: Seconds = None,
+    as_json: AsJson = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Begin without the ports, and wait until they are there.")
+    ] = False,
+) -> None:
+    """Show both directions of a line, with two ports that only receive: each message, and who sent it."""
+    from wirebond.cli.listen import listen_to_both
+
+    raise_from_here()
+    listen_to_both(file, host_port, mcu_port, baud, seconds, as_json, wait)
+
+
+@app.command()
 def send(
     file: ProtocolFile,
     port: Port,

@@ -1,0 +1,44 @@
+"""``wirebond listen``: both directions of a line as they come, each message with who sent it."""
+
+from __future__ import annotations
+
+import math
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from rich.text import Text
+
+from wirebond.cli.live import one_line
+from wirebond.cli.output import ReaderGone, console, errors, message_dict, plain, stats_line, write
+from wirebond.cli.values import to_json
+from wirebond.link.listen import Listener, listen
+
+_LOOK = 0.1  # seconds between two looks at the ports
+
+
+def listen_to_both(
+    path: Path, host_port: str, mcu_port: str, baud: int | None, seconds: float | None, as_json: bool, waits: bool
+) -> None:
+    """Until the time is over, or Ctrl-C."""
+    with listen(path, host_port=host_port, mcu_port=mcu_port, baud=baud, wait_for_port=waits) as listener:
+        end = math.inf if seconds is None else time.monotonic() + seconds
+        with suppress(KeyboardInterrupt, ReaderGone):
+            _print(listener, end, as_json)
+        for sender, link in listener.links.items():
+            errors.print(f"{sender}: {stats_line(link.stats.receive)}")
+
+
+def _print(listener: Listener, end: float, as_json: bool) -> None:
+    away: set[str] = set()
+    while (left := end - time.monotonic()) > 0:
+        for sender, link in listener.links.items():
+            is_away = link.state == "down"
+            if is_away != (sender in away):
+                errors.print(f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there")
+                away ^= {sender}
+        for sender, message in listener.receive(min(_LOOK, left)):
+            if as_json:
+                write(to_json({"from": sender, **message_dict(message, listener.codec)}) + "\n")
+            else:
+                console.print(Text(f"{sender:<4} ").append_text(one_line(message, listener.codec)), soft_wrap=True)
