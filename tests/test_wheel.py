@@ -70,6 +70,9 @@ def test_wheel_holds_headers_files_types_and_one_engine(wheel: Path) -> None:
             **{f"ports/{port}/include": (".hpp",) for port in PORTS},
             "protocols": (".yaml", ".json"),
             "firmware": (".hpp", ".cpp"),
+            "sim/include": (".hpp",),
+            "sim/soak": (".hpp", ".cpp"),
+            "sim/wire": (".hpp", ".cpp"),
         }.items()
         for path in (ROOT / folder).rglob("*")
         if path.suffix in endings and not {"boards", "stm32"} & set(path.relative_to(ROOT).parts)
