@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from tests.shared import PROTOCOLS, codec
+from wirebond.cli.main import main
+from wirebond.sim.pty_port import PtyPort
 
 COMMAND = [sys.executable, "-m", "wirebond.cli.main", "sim", "protocols/native.yaml"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,3 +48,24 @@ def test_a_link_that_a_killed_one_left_is_taken_over(tmp_path: Path) -> None:
     )
     assert done.returncode == 0
     assert not link.is_symlink()
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_the_simulation_says_what_it_refused(
+    as_json: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    described = codec("diffdrive")
+    good = described.encode("velocity", linear=0.5, angular=0)
+    reads = iter([b"\x01\x02\x03" + good + good[:-2] + b"\x00\x0d" + good])
+    monkeypatch.setattr(PtyPort, "read", lambda *_: next(reads, b""))
+    options = ["--stats"] if as_json else []
+    assert main(["sim", str(PROTOCOLS / "diffdrive.yaml"), "--seconds", "0.05", *options]) == 0
+    shown = capsys.readouterr()
+    if as_json:
+        told = json.loads(shown.out.splitlines()[1])
+        assert (told["frames"], told["messages"]) == (2, {"velocity": 2})
+        assert told["discarded_bytes"] == {"no_start": 3, "check_mismatch": 11}
+        assert (told["foreign"], told["held_back"], told["unread_bytes"]) == (0, 0, 0)
+    else:
+        told = " ".join(shown.err.split())
+        assert "the MCU received 36 bytes: 2 frames (22 bytes), 3 discarded as no_start, 11 discarded as" in told

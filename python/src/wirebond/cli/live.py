@@ -29,9 +29,10 @@ from wirebond.cli.output import (
     title_of,
     values_text,
     warn,
+    write,
 )
 from wirebond.cli.signals import ended_by_signals
-from wirebond.cli.values import parse_addresses, parse_assignments, parse_header
+from wirebond.cli.values import parse_addresses, parse_assignments, parse_header, to_json
 from wirebond.codec import Codec, Message, load
 from wirebond.diagnosis import diagnose
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
@@ -262,7 +263,12 @@ def _send_repeatedly(
 
 
 def simulate(
-    path: Path, link: Path | None, seconds: float | None, addresses: list[str], script: Path | None = None
+    path: Path,
+    link: Path | None,
+    seconds: float | None,
+    addresses: list[str],
+    script: Path | None = None,
+    with_stats: bool = False,
 ) -> None:
     codec = load(path)
     behaviour = None if script is None else Behaviour(codec, script)
@@ -275,3 +281,9 @@ def simulate(
         with ended_by_signals(), _ctrl_c_ends():
             run(mcu, port, _end(seconds), lambda event: errors.print(escape(event)))
     port.close()
+    refused = {"foreign": mcu.foreign, "held_back": mcu.held_back, "unread_bytes": port.lost_bytes}
+    if with_stats:
+        write(to_json({**mcu.account.as_dict(), **refused}) + "\n")
+        return
+    told = [f"{count} {name.replace('_', ' ')}" for name, count in refused.items() if count]
+    errors.print(", ".join([f"the MCU received {stats_line(mcu.account)}", *told]))

@@ -400,12 +400,15 @@ def sim(
     script: Annotated[
         Path | None, typer.Option(metavar="PATH", help="Python that says how it behaves; docs/simulation.md shows it.")
     ] = None,
+    with_stats: Annotated[
+        bool, typer.Option("--stats", help="At the end print as JSON what the MCU received and refused.")
+    ] = False,
 ) -> None:
     """Run a virtual MCU that speaks this protocol, on a pty; print the pty's path."""
     from wirebond.cli.live import simulate
 
     raise_from_here()
-    simulate(file, link, seconds, address or [], script)
+    simulate(file, link, seconds, address or [], script, with_stats)
 
 
 Ber = Annotated[

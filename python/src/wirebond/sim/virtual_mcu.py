@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from wirebond.codec import Codec, Message
+from wirebond.codec import Codec, Message, Stats
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Recover, Service
@@ -78,6 +78,11 @@ class VirtualMcu:
         self._waiting: deque[bytes] = deque()  # frames
         self._silent_until = self.start
         self._numbers: Counter[str] = Counter()  # the next sequence number, by message, or of all
+
+    @property
+    def account(self) -> Stats:
+        """Where every byte of the host went."""
+        return self._decoder.stats
 
     def feed(self, data: bytes, t: float) -> bytes:
         for message in self._decoder.feed(data, t) if data else self._decoder.idle(t):
