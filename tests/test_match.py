@@ -90,6 +90,15 @@ def test_a_sender_refuses_what_is_another_message(
     assert str(raised.value).startswith(sentence)
 
 
+def test_an_id_that_the_message_does_not_have_is_refused_where_only_the_other_ends_messages_have_several() -> None:
+    codec = load(ROOT / "protocols" / "contrib" / "dynamixel_1.yaml")
+    action = codec.encode("action")
+    assert codec.encode("action", header={"id": 5}) == action
+    for other in (1, 7, 0x85):  # 1 shares its only bit with 5
+        with pytest.raises(MessageError, match=r"header.id is \d+ .*; frames of action have 5 .*: leave it out"):
+            codec.encode("action", header={"id": other})
+
+
 def test_a_size_that_is_matched_is_exact_and_any_other_is_unknown() -> None:
     assert CODEC.model.format.deliver_unknown
     longer = CODEC.encode("add", item=1, data=bytes(8))  # 10 bytes: not `set`, which has 8

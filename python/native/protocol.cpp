@@ -251,7 +251,7 @@ FormatTable::FormatTable(nb::handle plan) {
   const nb::object id_place = plan.attr("id_place");
   if (!id_place.is_none()) id_place_ = nb::cast<int>(id_place);
   for (nb::handle message : plan.attr("messages")) {
-    if (matches) match_tables_.push_back(read_tests(message.attr("tests")));
+    if (matches || id_place_ >= 0) match_tables_.push_back(read_tests(message.attr("tests")));
     payload_tables_.push_back(read_rules(message.attr("rules")));
     rows_.push_back(
         {nb::cast<std::uint32_t>(message.attr("id")),

@@ -87,7 +87,8 @@ class FormatTable {
   std::vector<MessageRow> rows_;
   std::vector<FieldTable> header_;
   std::deque<PayloadTable> payload_tables_;  ///< what the rows point at
-  std::deque<MatchTable> match_tables_;      ///< the same; one for each row, where any message needs one
+  std::deque<MatchTable>
+      match_tables_;  ///< the same; one for each row, where a message needs one or the id is a header field
   int id_place_ = -1;
 };
 

@@ -247,7 +247,7 @@ class Plan:
     sequence: int | None  # place of the number that counts a sender's frames; None: a receiver has nothing to count by
     sequence_per_message: bool  # it counts the frames of each message
     algorithms: tuple[Algorithm, ...]
-    matches: bool  # a message of this sender needs more than one id to be told; then each row has its tests
+    matches: bool  # a message of this sender needs more than one id to be told
     matches_late: bool  # a test needs bytes that do not stand before the payload
     id_place: int | None  # place in ``header`` of the id, where a message has several
     messages: tuple[MessageRow, ...]  # by rising id; of one id those that are only expected first
@@ -264,6 +264,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
     sequence = next((place for place, field in enumerate(header) if field.is_sequence), None)
     sent = tuple(m for m in protocol.messages if m.sent_by(sender))
     matches = are_matched(sent)
+    id_place = next((place for place, field in enumerate(header) if is_id(field, frame_format.parts)), None)
     rows = [
         MessageRow(
             m.id if m.has_id else no_id,
@@ -273,7 +274,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
             m.seed or 0,
             m.name in dependent,
             _applied_rules(m, frame_format.parts),
-            _match_tests(m, header, no_id) if matches else (),
+            _match_tests(m, header, no_id) if matches or id_place is not None else (),
         )
         for index, m in enumerate(protocol.messages)
         if m.sent_by(sender)
@@ -307,7 +308,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         algorithms=tuple(_algorithms(frame_format.parts)),
         matches=matches,
         matches_late=matches_late(sent, frame_format.parts),
-        id_place=next((place for place, field in enumerate(header) if is_id(field, frame_format.parts)), None),
+        id_place=id_place,
         messages=tuple(sorted(rows, key=lambda row: (row.id, not row.only_expected))),
     )
 
