@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import threading
 import time
@@ -168,15 +169,20 @@ def wait_until(holds: Callable[[], bool], link: wirebond.Link, event: int) -> No
 def test_the_process_keeps_no_descriptor_of_a_port_that_went_away(tmp_path: Path) -> None:
     name = tmp_path / "tty"
     with wirebond.open(manipulator(), name, wait_for_port=True) as link:
-        before = descriptors()
         for event in range(6):
             port = PtyPort()
+            assert descriptors_of(port.path) == 1  # the port's own
             name.symlink_to(port.path)
-            wait_until(lambda: link.state != "down", link, event)
+            wait_until(lambda path=port.path: link.state != "down" and descriptors_of(path) == 2, link, event)
             name.unlink()
             port.close()
-            wait_until(lambda: link.state == "down" and descriptors() <= before, link, event)
+            wait_until(lambda path=port.path: link.state == "down" and descriptors_of(path) == 0, link, event)
 
 
-def descriptors() -> int:
-    return len(list(Path("/proc/self/fd").iterdir()))
+def descriptors_of(path: str) -> int:
+    """How many descriptors of this process lead to it."""
+    found = 0
+    for descriptor in Path("/proc/self/fd").iterdir():
+        with contextlib.suppress(OSError):  # it was closed meanwhile
+            found += str(descriptor.readlink()).removesuffix(" (deleted)") == path
+    return found

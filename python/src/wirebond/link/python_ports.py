@@ -17,6 +17,12 @@ from wirebond.errors import PortError
 from wirebond.ports.permission import no_permission
 from wirebond.ports.port_name import PortName
 
+try:
+    import termios
+
+    TtyError: type[Exception] = termios.error
+except ImportError:  # as on Windows
+    TtyError = OSError
 ANSWER = 5.0  # seconds that a server has to answer
 # A line without DTR and RTS does not confirm them (ser2net on a pty, sredird on any): they do not matter to a link.
 _RFC2217_OPTIONS = "ign_set_control"
@@ -173,7 +179,10 @@ class PythonOpener:
             if name.is_tcp and not name.is_rfc2217:
                 return TcpPort(socket.create_connection((name.host, int(name.service)), ANSWER), self._wait)
             return PyserialPort(self._open_with_pyserial())
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, TtyError) as failure:
+            error = failure
+            if not isinstance(error, (OSError, ValueError)):  # a tty that goes away while it is set up
+                error = OSError(*error.args)
             cause = error.__context__ if isinstance(error.__context__, OSError) else error
             code = cause.errno if isinstance(cause, OSError) and not isinstance(cause, socket.gaierror) else None
             sentence = self._refused_by_server(error, cause) if name.is_tcp else self._refused(error, code)
