@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -199,3 +201,10 @@ class TestPorts:
         finally:
             os.close(leader)
             os.close(follower)
+
+
+def test_a_command_begins_without_what_opens_links() -> None:
+    """Each command pays for what all import."""
+    code = "import sys, wirebond.cli.main; print([name for name in ('wirebond.link', 'serial') if name in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout == "[]\n"

@@ -78,7 +78,7 @@ IN_PYTHON = """
 import wirebond.link.settings
 wirebond.link.settings.HAS_ENGINE_PORTS = False
 """
-ENDS_IN_PYTHON = ("close", "exception", "end_of_the_file", "ctrl_c_in_receive", "a_thread_takes_messages", "handlers")
+ENDS_IN_PYTHON = ("close", "end_of_the_file", "exception", "ctrl_c_in_receive", "a_thread_takes_messages", "handlers")
 
 
 @pytest.fixture
@@ -137,8 +137,13 @@ class Program:
 
 @pytest.mark.parametrize(
     ("way", "ports"),
-    [*((way, "") for way in ENDS), *((way, IN_PYTHON) for way in ENDS_IN_PYTHON)],
-    ids=[*ENDS, *(f"{way}_in_python" for way in ENDS_IN_PYTHON)],
+    [
+        *(pytest.param(way, "", id=way) for way in ENDS),
+        *(
+            pytest.param(way, IN_PYTHON, id=f"{way}_in_python", marks=[] if number < 2 else [pytest.mark.long])
+            for number, way in enumerate(ENDS_IN_PYTHON)
+        ),
+    ],
 )
 def test_the_safe_value_leaves_when_a_program_ends(port: PtyPort, way: str, ports: str) -> None:
     text, expected = ENDS[way]
@@ -326,7 +331,7 @@ os._exit(0)
 """
 
 
-@pytest.mark.parametrize("ports", ["", IN_PYTHON], ids=["engine", "python"])
+@pytest.mark.parametrize("ports", ["", pytest.param(IN_PYTHON, marks=pytest.mark.long)], ids=["engine", "python"])
 @pytest.mark.parametrize("more", ["", "link.on()(print)\n"])
 @pytest.mark.parametrize("end", ["sys.exit(0)", "del link; gc.collect(); os._exit(0)", "raise RuntimeError('boom')"])
 def test_a_forked_child_sends_nothing(port: PtyPort, end: str, more: str, ports: str) -> None:

@@ -124,7 +124,7 @@ def test_messages_go_both_ways_and_it_comes_back_when_the_server_does(
     served: Served, device: Callable[[], PtyPort]
 ) -> None:
     far = device()
-    with wirebond.open(manipulator(), served.name, wait_for_port=True) as link:
+    with wirebond.open(manipulator(), served.name, wait_for_port=True, hold_back=False) as link:
         both_ways(link, far)
         served.program.kill()
         wait(link, lambda: link.state == "down")

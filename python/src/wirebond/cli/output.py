@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.markup import escape
@@ -14,10 +14,12 @@ from rich.text import Text
 
 from wirebond.cli.values import hex_of, to_json
 from wirebond.codec import Codec, Message, SequenceStats, Stats
-from wirebond.link.rates import Rates
 from wirebond.log import LogLine
 from wirebond.protocol.decimals import decimal_text
 from wirebond.visible import visible
+
+if TYPE_CHECKING:  # most commands open no link
+    from wirebond.link.rates import Rates
 
 _BEHIND = 0.1  # of the due messages
 _MOST_KINDS = 8  # of unlisted frames that a line names
