@@ -1,4 +1,4 @@
-"""A firmware under virtual time: a process whose clock stands still until it is told to go on."""
+"""A firmware under virtual time: a process whose clock stands still until the simulation lets it run."""
 
 from __future__ import annotations
 

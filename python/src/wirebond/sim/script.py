@@ -88,7 +88,7 @@ class Behaviour:
         return keep
 
     def every(self, seconds: float) -> Callable[[Tick], Tick]:
-        """Decorator: called with the time, first after so many seconds."""
+        """A decorator: call the function with the time every ``seconds``, for the first time after ``seconds``."""
         if not seconds > 0:
             raise UsageError(f"mcu.every({seconds}): expected seconds, more than 0")
 

@@ -22,8 +22,8 @@ namespace wirebond::posix {
 ///     t TIME BYTES    to the firmware: it is TIME, which is UNTIL at most; these bytes have come
 ///     l TEXT          to the firmware: a line of its operator; the answer to `w` still follows
 ///
-/// Bytes leave at the line's pace; the driver is told of them when their run has left, or when the firmware asks for
-/// time before that. Interrupts come in `wait`, at their time. One thread.
+/// Bytes leave at the line's pace. The driver gets them when their run has left, or when the firmware asks for time
+/// before that. Interrupts come in `wait`, at their time. One thread.
 class Lockstep {
  public:
   /// `bits_per_byte`: with start, parity and stop bits. The descriptors block and outlive this object.
@@ -56,7 +56,7 @@ class Lockstep {
   /// The link stamps what comes with it.
   std::uint32_t now_us() const { return static_cast<std::uint32_t>(now_us_); }
 
-  static constexpr bool tells_every_lap = true;  ///< each half of the ring is told of
+  static constexpr bool tells_every_lap = true;  ///< there is an event for each half of the ring
 
   // ---- time
 
