@@ -90,8 +90,10 @@ void Link::begin_close() {
   if (is_closing_) return;
   is_closing_ = true;
   stops_opening_.store(true);
-  close_by_us_ = monotonic_us() + drain_on_close_us;
+  const std::uint64_t now = monotonic_us();
+  close_by_us_ = now + drain_on_close_us;
   core_.outbox().close();
+  core_.note_changes(now, "closed");
   write_some();
   is_closed_.store(true);
   wake();
@@ -152,6 +154,7 @@ SendResult Link::repeat(std::int16_t message, nb::bytes frame, double hold, std:
   const std::uint64_t now = monotonic_us();
   const SendResult result =
       core_.outbox().repeat(message, data_of(frame), frame.size(), reply, takes_number, to_us(hold), now, address);
+  core_.note_changes(now);
   write_some();
   wake_if_late(now);
   return result;
@@ -159,8 +162,12 @@ SendResult Link::repeat(std::int16_t message, nb::bytes frame, double hold, std:
 
 void Link::stop_repeating(std::int16_t message, std::optional<std::uint64_t> address) {
   const std::lock_guard lock(mutex_);
-  if (address) return core_.outbox().stop_repeating(message, *address);
-  core_.outbox().stop_repeating(message);
+  if (address) {
+    core_.outbox().stop_repeating(message, *address);
+  } else {
+    core_.outbox().stop_repeating(message);
+  }
+  core_.note_changes(monotonic_us());
 }
 
 bool Link::note_safe(nb::tuple safe) {
@@ -173,6 +180,7 @@ bool Link::end_safely(std::int16_t message, std::uint64_t address) {
   const std::lock_guard lock(mutex_);
   const std::uint64_t now = monotonic_us();
   if (!core_.outbox().end_safely(message, address)) return false;
+  core_.note_changes(now);
   write_some();
   wake_if_late(now);
   return true;
@@ -193,6 +201,7 @@ bool Link::stop() {
   if (is_done_ || (is_closing_ && !port_.is_open())) return false;
   const std::uint64_t now = monotonic_us();
   core_.outbox().stop(now);
+  core_.note_changes(now, "stopped");
   write_some();
   wake_if_late(now);
   return true;
@@ -201,6 +210,7 @@ bool Link::stop() {
 void Link::release_stop() {
   const std::lock_guard lock(mutex_);
   core_.outbox().release_stop();
+  core_.note_changes(monotonic_us());
 }
 
 bool Link::is_stopped() {
@@ -251,6 +261,30 @@ nb::tuple Link::recent() {
   return to_tuple(copy);
 }
 
+int Link::open_tap(std::size_t capacity) {
+  const std::lock_guard lock(mutex_);
+  return core_.open_tap(capacity, monotonic_us());
+}
+
+nb::tuple Link::take_tap(int number) {
+  TapCopy taken;
+  {
+    const std::lock_guard lock(mutex_);
+    taken = core_.take_tap(number);
+  }
+  return to_tuple(taken);
+}
+
+void Link::close_tap(int number) {
+  const std::lock_guard lock(mutex_);
+  core_.close_tap(number);
+}
+
+void Link::note(const std::string& text) {
+  const std::lock_guard lock(mutex_);
+  core_.note(text, monotonic_us());
+}
+
 const char* Link::state() {
   const std::lock_guard lock(mutex_);
   return name_of(core_.link().state(monotonic_us()));
@@ -268,7 +302,9 @@ std::vector<std::uint8_t> Link::struck_deadlines() {
 
 void Link::recover_deadline(std::uint8_t action) {
   const std::lock_guard lock(mutex_);
-  core_.link().deadlines().recover(action, monotonic_us());
+  const std::uint64_t now = monotonic_us();
+  core_.link().deadlines().recover(action, now);
+  core_.note_changes(now);
 }
 
 // ---- the thread ------------------------------------------------------------------------------------------------
@@ -299,11 +335,13 @@ void Link::run() {
     } else {
       open_again(lock, monotonic_us());
     }
-    core_.link().poll(monotonic_us());
+    const std::uint64_t polled = monotonic_us();
+    core_.link().poll(polled);
+    core_.note_changes(polled, "expired");
     write_some();
   }
-  go_down(0, monotonic_us());
   why_.clear();
+  lose_port(monotonic_us());
   appearance_.stop();
   core_.outbox().end();
   is_done_ = true;
@@ -345,8 +383,12 @@ void Link::write_some() {
 /// `code`: of the read or write that failed; 0: the port ended, or the link does.
 void Link::go_down(int code, std::uint64_t now_us) {
   why_ = opener_->why_gone(code);
+  lose_port(now_us);
+}
+
+void Link::lose_port(std::uint64_t now_us) {
   port_.reset();
-  core_.port_down(now_us);
+  core_.port_down(now_us, why_);
   if (now_us - std::min(up_since_us_, now_us) > settled_after_us) open_wait_us_ = first_open_wait_us;
   look_again(now_us);
   if (core_.has_arrivals()) arrived_.notify_all();
@@ -506,6 +548,15 @@ void bind_link(nb::module_& m) {
           "receive", [](LinkHandle& self, double timeout) { return (*self).receive(timeout); }, nb::arg("timeout"))
       .def("stats", [](LinkHandle& self) { return (*self).stats(); })
       .def("recent", [](LinkHandle& self) { return (*self).recent(); })
+      .def(
+          "open_tap", [](LinkHandle& self, std::size_t capacity) { return (*self).open_tap(capacity); },
+          nb::arg("capacity"))
+      .def(
+          "take_tap", [](LinkHandle& self, int tap) { return (*self).take_tap(tap); }, nb::arg("tap"))
+      .def(
+          "close_tap", [](LinkHandle& self, int tap) { (*self).close_tap(tap); }, nb::arg("tap"))
+      .def(
+          "note", [](LinkHandle& self, const std::string& text) { (*self).note(text); }, nb::arg("text"))
       .def("state", [](LinkHandle& self) { return (*self).state(); })
       .def("why", [](LinkHandle& self) { return (*self).why(); })
       .def("is_closed", [](LinkHandle& self) { return (*self).is_closed(); })

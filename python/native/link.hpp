@@ -52,6 +52,11 @@ class Link {
   nb::dict stats();
   /// The last bytes of both directions. Copying the most that is kept holds the mutex for a tenth of a millisecond.
   nb::tuple recent();
+  /// See LinkCore. A tap holds the mutex for as long as two vectors are exchanged.
+  int open_tap(std::size_t capacity);
+  nb::tuple take_tap(int number);
+  void close_tap(int number);
+  void note(const std::string& text);
   const char* state();
   /// Why the port is away, as a sentence; empty while it is there.
   std::string why();
@@ -75,6 +80,7 @@ class Link {
   void read_some();
   void write_some();
   void go_down(int code, std::uint64_t now_us);
+  void lose_port(std::uint64_t now_us);
   void look_again(std::uint64_t now_us);
   void wake() const;
   void wake_if_late(std::uint64_t now_us) const;

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <optional>
 #include <utility>
 
@@ -144,11 +145,13 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
 void LinkCore::received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                         bool is_all) {
   recent_.note(RecentKind::received, bytes, size, after_us);
+  tap(TapKind::received, bytes, size, before_us, after_us);
   Arrivals arrivals;
   link_->received(bytes, size, before_us, after_us, is_all, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
     keep(frame, may_act, is_foreign, before_us, arrivals);
   });
   publish(std::move(arrivals));
+  note_changes(after_us);
 }
 
 void LinkCore::idle(std::uint64_t began_us) {
@@ -164,6 +167,7 @@ Outgoing LinkCore::to_write(std::uint64_t now_us) { return to_write_ = link_->to
 void LinkCore::written(std::size_t size, std::uint64_t now_us) {
   if (size != 0) {
     recent_.note(RecentKind::sent, to_write_.bytes, size, now_us);
+    tap(TapKind::sent, to_write_.bytes, size, now_us, now_us);
     to_write_.bytes += size;
     to_write_.size -= size;
   }
@@ -172,18 +176,73 @@ void LinkCore::written(std::size_t size, std::uint64_t now_us) {
 
 void LinkCore::port_up(std::uint64_t now_us) {
   recent_.note(RecentKind::port_up, nullptr, 0, now_us);
+  tap(TapKind::port_up, nullptr, 0, now_us, now_us);
   if (was_up_) reconnects_ += 1;
   was_up_ = true;
   link_->port_up(now_us);
 }
 
-void LinkCore::port_down(std::uint64_t now_us) {
+void LinkCore::port_down(std::uint64_t now_us, const std::string& why) {
   recent_.note(RecentKind::port_down, nullptr, 0, now_us);
+  if (link_->is_up()) tap_text(TapKind::port_down, why, now_us);
   Arrivals arrivals;
   link_->port_down(now_us, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
     keep(frame, may_act, is_foreign, now_us, arrivals);
   });
   publish(std::move(arrivals));
+}
+
+int LinkCore::open_tap(std::size_t capacity, std::uint64_t now_us) {
+  note_changes(now_us);
+  std::vector<Tap> others = std::exchange(taps_, {});
+  taps_.emplace_back(++last_tap_, capacity);
+  if (link_->is_up()) tap(TapKind::port_up, nullptr, 0, now_us, now_us);
+  was_stopped_ = false;  // what is so already is an event for the new tap
+  had_struck_.clear();
+  was_repeating_.assign(leases_.size(), 0);
+  note_changes(now_us);
+  std::move(others.begin(), others.end(), std::back_inserter(taps_));
+  return last_tap_;
+}
+
+TapCopy LinkCore::take_tap(int number) {
+  for (Tap& tap : taps_) {
+    if (tap.number() == number) return tap.take();
+  }
+  return {};
+}
+
+void LinkCore::close_tap(int number) {
+  taps_.erase(std::remove_if(taps_.begin(), taps_.end(), [number](const Tap& tap) { return tap.number() == number; }),
+              taps_.end());
+}
+
+void LinkCore::note(const std::string& text, std::uint64_t now_us) { tap_text(TapKind::noted, text, now_us); }
+
+void LinkCore::compare(std::uint64_t now_us, const char* why) {
+  if (const bool stopped = outbox().is_stopped(); stopped != was_stopped_) {
+    tap(stopped ? TapKind::stopped : TapKind::released, nullptr, 0, now_us, now_us);
+    was_stopped_ = stopped;
+  }
+  const std::vector<std::uint8_t> struck = struck_deadlines();
+  const auto has = [](const std::vector<std::uint8_t>& in, std::uint8_t action) {
+    return std::find(in.begin(), in.end(), action) != in.end();
+  };
+  for (const std::uint8_t action : struck) {
+    if (!has(had_struck_, action)) tap(TapKind::deadline_struck, &action, 1, now_us, now_us);
+  }
+  for (const std::uint8_t action : had_struck_) {
+    if (!has(struck, action)) tap(TapKind::deadline_ended, &action, 1, now_us, now_us);
+  }
+  had_struck_ = struck;
+  for (std::size_t i = 0; i < leases_.size(); ++i) {
+    const bool is_repeating = leases_[i].is_alive();
+    if (is_repeating == (was_repeating_[i] != 0)) continue;
+    was_repeating_[i] = is_repeating ? 1 : 0;
+    std::string text = std::to_string(leases_[i].message()) + ' ' + std::to_string(leases_[i].address());
+    if (!is_repeating) text += std::string(" ") + why;
+    tap_text(is_repeating ? TapKind::lease_begun : TapKind::lease_ended, text, now_us);
+  }
 }
 
 bool LinkCore::note_safe(StopFrame safe) {
@@ -269,6 +328,21 @@ nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, cons
   return out;
 }
 
+nb::tuple to_tuple(const TapCopy& taken) {
+  static constexpr const char* names[] = {
+      "received",        "sent",           "port_up",     "port_down",   "stopped", "released",
+      "deadline_struck", "deadline_ended", "lease_begun", "lease_ended", "noted"};
+  nb::list pieces;
+  std::size_t at = 0;
+  for (const TapPiece& piece : taken.pieces) {
+    const auto* const bytes = reinterpret_cast<const char*>(taken.bytes.data() + at);
+    pieces.append(nb::make_tuple(names[static_cast<std::size_t>(piece.kind)], piece.before_us, piece.t_us,
+                                 nb::bytes(bytes, piece.size)));
+    at += piece.size;
+  }
+  return nb::make_tuple(pieces, taken.loss.pieces, taken.loss.received_bytes, taken.loss.sent_bytes);
+}
+
 nb::tuple to_tuple(const RecentCopy& recent) {
   static constexpr const char* names[] = {"received", "sent", "port_up", "port_down"};
   nb::list pieces;
@@ -315,8 +389,11 @@ void bind_link_core(nb::module_& m) {
           "repeat",
           [](LinkCore& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, std::uint64_t now,
              bool takes_number, std::uint64_t address) {
-            return answer_of(self.outbox().repeat(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(),
-                                                  reply, takes_number, to_us(hold), now, address));
+            const SendResult result =
+                self.outbox().repeat(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(), reply,
+                                     takes_number, to_us(hold), now, address);
+            self.note_changes(now);
+            return answer_of(result);
           },
           nb::arg("message"), nb::arg("frame"), nb::arg("hold"), nb::arg("reply"), nb::arg("now"),
           nb::arg("takes_number") = true, nb::arg("address") = 0)
@@ -342,20 +419,26 @@ void bind_link_core(nb::module_& m) {
           },
           nb::arg("message"), nb::arg("address") = nb::none())
       .def(
-          "stop", [](LinkCore& self, std::uint64_t now) { self.outbox().stop(now); }, nb::arg("now"))
+          "stop",
+          [](LinkCore& self, std::uint64_t now) {
+            self.outbox().stop(now);
+            self.note_changes(now, "stopped");
+          },
+          nb::arg("now"))
       .def("release_stop", [](LinkCore& self) { self.outbox().release_stop(); })
       .def("is_stopped", [](LinkCore& self) { return self.outbox().is_stopped(); })
       .def("close", [](LinkCore& self) { self.outbox().close(); })
       .def(
           "end",
           [](LinkCore& self, std::uint64_t now) {
-            self.port_down(now);
+            self.note_changes(now, "closed");
+            self.port_down(now, {});
             self.outbox().end();
           },
           nb::arg("now"))
       .def("is_empty", [](LinkCore& self) { return self.outbox().is_empty(); })
       .def("port_up", &LinkCore::port_up, nb::arg("now"))
-      .def("port_down", &LinkCore::port_down, nb::arg("now"))
+      .def("port_down", &LinkCore::port_down, nb::arg("now"), nb::arg("why") = "")
       .def(
           "received",
           [](LinkCore& self, nb::bytes bytes, std::uint64_t before, std::uint64_t after) {
@@ -364,7 +447,13 @@ void bind_link_core(nb::module_& m) {
           nb::arg("bytes"), nb::arg("before"), nb::arg("after"))
       .def("idle", &LinkCore::idle, nb::arg("now"))
       .def(
-          "poll", [](LinkCore& self, std::uint64_t now) { self.link().poll(now); }, nb::arg("now"))
+          "poll",
+          [](LinkCore& self, std::uint64_t now) {
+            self.note_changes(now);
+            self.link().poll(now);
+            self.note_changes(now, "expired");
+          },
+          nb::arg("now"))
       .def(
           "to_write",
           [](LinkCore& self, std::uint64_t now) {
@@ -392,6 +481,11 @@ void bind_link_core(nb::module_& m) {
              return out;
            })
       .def("recent", [](LinkCore& self) { return to_tuple(self.recent().copy()); })
+      .def("open_tap", &LinkCore::open_tap, nb::arg("capacity"), nb::arg("now"))
+      .def(
+          "take_tap", [](LinkCore& self, int tap) { return to_tuple(self.take_tap(tap)); }, nb::arg("tap"))
+      .def("close_tap", &LinkCore::close_tap, nb::arg("tap"))
+      .def("note", &LinkCore::note, nb::arg("text"), nb::arg("now"))
       .def("stats", [](LinkCore& self) { return to_dict(self.account(), self.protocol(), self.receives()); })
       .def(
           "state", [](LinkCore& self, std::uint64_t now) { return name_of(self.link().state(now)); }, nb::arg("now"))

@@ -6,11 +6,14 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "decoder.hpp"
 #include "protocol.hpp"
 #include "recent.hpp"
+#include "tap.hpp"
 #include "wirebond/host/link.hpp"
 
 namespace wirebond::engine {
@@ -92,7 +95,8 @@ class LinkCore {
   Outgoing to_write(std::uint64_t now_us);
   void written(std::size_t size, std::uint64_t now_us);
   void port_up(std::uint64_t now_us);
-  void port_down(std::uint64_t now_us);
+  /// `why`: the sentence that says it; empty where the link ends.
+  void port_down(std::uint64_t now_us, const std::string& why);
 
   /// What may be written now, for a driver that writes while others send: all but the last byte count as written, so
   /// that the frame is under way. That byte follows with `written(1)` when the port has taken all. One lone byte counts
@@ -103,6 +107,19 @@ class LinkCore {
   /// All that came and was not taken; without the GIL.
   std::deque<Arrivals> take();
 
+  /// From now on all that is read, written and happens is kept for `take_tap`, up to this many bytes.
+  int open_tap(std::size_t capacity, std::uint64_t now_us);
+  /// Nothing for a number that is not open. Without the GIL.
+  TapCopy take_tap(int number);
+  void close_tap(int number);
+  /// Taps get what a program says: a text of its own.
+  void note(const std::string& text, std::uint64_t now_us);
+  /// Taps get what changed since the last call: the stop, deadlines, leases. Call it behind whatever may change them.
+  /// Costs one comparison while there is no tap. `why`: why a lease that is not there any more has ended.
+  void note_changes(std::uint64_t now_us, const char* why = "ended") {
+    if (!taps_.empty()) compare(now_us, why);
+  }
+
   LinkAccount account() const;
   const RecentBytes& recent() const { return recent_; }
   std::vector<std::uint8_t> struck_deadlines() const;
@@ -112,6 +129,13 @@ class LinkCore {
  private:
   void keep(const Frame& frame, MayAct may_act, bool is_foreign, std::uint64_t when_us, Arrivals& arrivals);
   void publish(Arrivals&& arrivals);
+  void compare(std::uint64_t now_us, const char* why);
+  void tap(TapKind kind, const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t t_us) {
+    for (Tap& tap : taps_) tap.note(kind, bytes, size, before_us, t_us);
+  }
+  void tap_text(TapKind kind, const std::string& text, std::uint64_t t_us) {
+    tap(kind, reinterpret_cast<const std::uint8_t*>(text.data()), text.size(), t_us, t_us);
+  }
 
   LinkSetup setup_;
   std::vector<std::uint8_t> workspace_;
@@ -132,7 +156,12 @@ class LinkCore {
   std::vector<std::uint64_t> counts_;  ///< delivered frames by message
   SequenceBook sequence_;
   RecentBytes recent_;
-  Outgoing to_write_;  ///< what `to_write` gave last
+  std::vector<Tap> taps_;
+  int last_tap_ = 0;
+  bool was_stopped_ = false;                 ///< as the taps know it; so are the next two
+  std::vector<std::uint8_t> had_struck_;     ///< actions
+  std::vector<std::uint8_t> was_repeating_;  ///< by lease
+  Outgoing to_write_;                        ///< what `to_write` gave last
   ForeignCounts foreign_;
   std::deque<Arrivals> arrivals_;
   std::size_t waiting_messages_ = 0;
@@ -147,6 +176,9 @@ void bind_link_core(nb::module_& m);
 /// The setup's part that is the same for both bindings.
 LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
                      nb::dict settings);
+
+/// ``[(kind, before, t, bytes), …]``, and what was lost since the last time: pieces, received bytes, sent bytes.
+nb::tuple to_tuple(const TapCopy& taken);
 
 /// ``(kind, t, bytes)`` for each piece, times in microseconds; and how many bytes were dropped. With the GIL, no lock.
 nb::tuple to_tuple(const RecentCopy& recent);

@@ -137,8 +137,8 @@ class LinkCore:
         """Does nothing wait to be written?"""
     def port_up(self, now: int) -> None:
         """The port is there."""
-    def port_down(self, now: int) -> None:
-        """The port has gone."""
+    def port_down(self, now: int, why: str = "") -> None:
+        """The port has gone; ``why`` in words, for taps."""
     def received(self, bytes: bytes, before: int, after: int) -> None:
         """Bytes of a read that began and ended at these times."""
     def idle(self, now: int) -> None:
@@ -153,6 +153,15 @@ class LinkCore:
     def recent(self) -> tuple[list[tuple[str, int, bytes]], int]:
         """The last pieces of both directions: kind (``received``, ``sent``, ``port_up``, ``port_down``), time in
         microseconds, bytes; and how many older bytes were dropped."""
+    def open_tap(self, capacity: int, now: int) -> int:
+        """Keep all that is read, written and happens from now on, up to this many bytes. Its number."""
+    def take_tap(self, tap: int) -> tuple[list[tuple[str, int, int, bytes]], int, int, int]:
+        """What was kept since the last call: kind, when a read began, time, bytes; and what had no room: pieces,
+        received bytes, sent bytes. Nothing for a number that is not open."""
+    def close_tap(self, tap: int) -> None:
+        """Forget it."""
+    def note(self, text: str, now: int) -> None:
+        """Taps get this text as an event."""
     def written(self, size: int, now: int) -> None:
         """How many of them the port took."""
     def is_blocked(self) -> bool:
@@ -210,6 +219,14 @@ class Link:
         """The account, as the fields of ``wirebond.LinkStats``."""
     def recent(self) -> tuple[list[tuple[str, int, bytes]], int]:
         """As ``LinkCore.recent``."""
+    def open_tap(self, capacity: int) -> int:
+        """As ``LinkCore.open_tap``."""
+    def take_tap(self, tap: int) -> tuple[list[tuple[str, int, int, bytes]], int, int, int]:
+        """As ``LinkCore.take_tap``."""
+    def close_tap(self, tap: int) -> None:
+        """As ``LinkCore.close_tap``."""
+    def note(self, text: str) -> None:
+        """As ``LinkCore.note``."""
     def state(self) -> str:
         """``up``, ``stale`` or ``down``."""
     def why(self) -> str:

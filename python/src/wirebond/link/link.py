@@ -34,6 +34,7 @@ from wirebond.link.settings import (
     reply_index,
     safe_value,
 )
+from wirebond.link.tap import TAP_BYTES, Tap, noted
 from wirebond.ports.permission import no_permission
 from wirebond.ports.port_name import PortName, port_name
 from wirebond.protocol.forms import header_fields
@@ -408,6 +409,26 @@ class Link(Receiving):
         now = time.monotonic()
         pieces, dropped_bytes = self._engine.recent()
         return Dump(self.codec, now, [Piece(t / 1e6, kind, data) for kind, t, data in pieces], dropped_bytes, self._end)
+
+    def tap(self, capacity: int = TAP_BYTES) -> Tap:
+        """Begin to keep every read, every write and every event, for who records the link. The first events tell how
+        the link stands. Any thread.
+
+        :param capacity: bytes that may wait for ``Tap.take``. What does not fit is dropped and counted; the link never
+            waits.
+        :returns: an open tap; close it.
+        :raises UsageError: no such capacity.
+        """
+        return Tap(self._engine, capacity, self._actions, [m.name for m in self.codec.model.messages])
+
+    def note(self, kind: str, **facts: Any) -> None:
+        """Let an event of the program stand in the recordings of this link, at this moment. Any thread.
+
+        :param kind: a word for it.
+        :param facts: texts, numbers, lists and mappings of these.
+        :raises UsageError: it cannot be written as JSON, or has more than 4096 characters then.
+        """
+        self._engine.note(noted(kind, facts))
 
     def close(self) -> None:
         """End every lease, with its safe value where it has one; send what is queued (a second at most); give the port

@@ -149,6 +149,22 @@ class PythonLink:
         with self._owned():
             return self._core.recent()
 
+    def open_tap(self, capacity: int) -> int:
+        with self._owned():
+            return self._core.open_tap(capacity, _now())
+
+    def take_tap(self, tap: int) -> tuple[list[tuple[str, int, int, bytes]], int, int, int]:
+        with self._owned():
+            return self._core.take_tap(tap)
+
+    def close_tap(self, tap: int) -> None:
+        with self._owned():
+            self._core.close_tap(tap)
+
+    def note(self, text: str) -> None:
+        with self._owned():
+            self._core.note(text, _now())
+
     def state(self) -> str:
         with self._owned():
             return self._core.state(_now())
@@ -231,7 +247,7 @@ class PythonLink:
             return
         self._port, self._left = None, port
         self._why = self._opener.why_gone(error)
-        self._core.port_down(_now())
+        self._core.port_down(_now(), "" if self._is_closing else self._why)
         now = time.monotonic()
         if now - self._up_since > _SETTLED_AFTER:
             self._open_wait = _FIRST_OPEN_WAIT

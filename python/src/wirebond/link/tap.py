@@ -1,0 +1,129 @@
+"""What a link hands out to who records it: every read and every write with its time, and what happened."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+from wirebond.errors import UsageError
+
+if TYPE_CHECKING:
+    from wirebond.codec import Codec
+
+TAP_BYTES = 1 << 22  # that wait for their reader: more than 10 s of both directions at 2 Mbaud
+NOTE_BYTES = 4096  # of one noted event, as JSON
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """One read or one write of the port.
+
+    :ivar t: seconds on ``time.monotonic()`` when it was done.
+    :ivar before: of a read: when it began, which is the ``t`` of the messages that it completed; of a write ``t``.
+    :ivar direction: ``"received"`` or ``"sent"``.
+    :ivar bytes: as they were on the wire.
+    """
+
+    t: float
+    before: float
+    direction: str
+    bytes: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class LinkEvent:
+    """Something that happened to the link.
+
+    :ivar t: seconds on ``time.monotonic()``.
+    :ivar kind: ``port_up``; ``port_down``, with ``why``; ``stopped`` and ``released``, of the emergency stop;
+        ``deadline_struck`` and ``deadline_ended``, with ``action``; ``lease_begun`` and ``lease_ended``, with
+        ``message``, ``address`` where frames have one, and ``why`` it ended; or what a program noted.
+    :ivar facts: the values that belong to it.
+    """
+
+    t: float
+    kind: str
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What came since the last ``take``, in its order; and what had no room because that was too long ago."""
+
+    pieces: Sequence[Chunk | LinkEvent]
+    lost_pieces: int
+    lost_received_bytes: int
+    lost_sent_bytes: int
+
+
+class TapSource(Protocol):
+    """Whatever can be recorded: a link, and who speaks for one."""
+
+    codec: Codec
+
+    @property
+    def role(self) -> str:
+        """The end that the link plays: ``"host"`` or ``"mcu"``."""
+        ...
+
+    def tap(self, capacity: int = TAP_BYTES) -> Tap:
+        """Begin to keep what is read, written and happens."""
+        ...
+
+
+class Tap:
+    """Open from its making to ``close``. The link never waits for it: what does not fit is dropped and counted. One
+    thread at a time. After the link has ended, ``take`` still gives what had come."""
+
+    def __init__(self, engine: Any, capacity: int, actions: Sequence[str], messages: Sequence[str]) -> None:
+        if not 1024 <= capacity <= 1 << 30:
+            raise UsageError(f"the tap's capacity is {capacity}; expected 1024 to {1 << 30} bytes")
+        self._engine = engine
+        self._actions = actions
+        self._messages = messages
+        self._number: int = engine.open_tap(capacity)
+
+    def take(self) -> Taken:
+        """What came since the last call; at once."""
+        pieces, *lost = self._engine.take_tap(self._number)
+        return Taken([self._piece(*piece) for piece in pieces], *lost)
+
+    def close(self) -> None:
+        """The link forgets it. A second call does nothing."""
+        self._engine.close_tap(self._number)
+
+    def _piece(self, kind: str, before: int, t: int, data: bytes) -> Chunk | LinkEvent:
+        if kind in ("received", "sent"):
+            return Chunk(t / 1e6, before / 1e6, kind, data)
+        if kind == "noted":
+            noted = json.loads(data)
+            return LinkEvent(t / 1e6, noted.pop("kind"), noted)
+        return LinkEvent(t / 1e6, kind, self._facts(kind, data))
+
+    def _facts(self, kind: str, data: bytes) -> dict[str, Any]:
+        if kind == "port_down":
+            return {"why": data.decode(errors="replace") or "the link was closed"}
+        if kind.startswith("deadline"):
+            return {"action": self._actions[data[0]]}
+        if kind.startswith("lease"):
+            message, address, *why = data.decode().split(" ")
+            return {"message": self._messages[int(message)], "address": int(address)} | ({"why": why[0]} if why else {})
+        return {}
+
+
+def noted(kind: str, facts: Mapping[str, Any]) -> str:
+    """The text by which a link keeps an event of a program.
+
+    :raises UsageError: it is not JSON, or too long.
+    """
+    if not kind or "kind" in facts:
+        raise UsageError(f"an event needs a kind, and no fact called 'kind'; it has {kind!r} and {', '.join(facts)}")
+    try:
+        text = json.dumps({"kind": kind, **facts}, ensure_ascii=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"the event {kind} cannot be written as JSON ({error}); give texts and numbers") from None
+    if len(text) > NOTE_BYTES:
+        raise UsageError(f"the event {kind} has {len(text)} characters as JSON; expected at most {NOTE_BYTES}")
+    return text
