@@ -9,6 +9,7 @@
 #include <cstring>
 #include <utility>
 
+#include "pty_number.hpp"
 #include "wirebond/posix/tcp.hpp"
 
 namespace wirebond::engine {
@@ -47,9 +48,18 @@ class SerialOpener final : public Opener {
   SerialOpener(std::string path, const posix::SerialSettings& settings) : path_(std::move(path)), settings_(settings) {}
 
   posix::Descriptor open(const std::atomic<bool>&, PortProblem& problem) override {
+    if (pty_.is_a_strangers(path_)) {
+      problem = {path_ + " is another program's terminal now, because a pty's number is given away when it ends; "
+                         "open the new pty by its own name, or use a link to it that stays (wirebond sim --link NAME)",
+                 0};
+      return {};
+    }
     posix::SerialError error;
     posix::Descriptor port = posix::open_serial(path_, settings_, error);
-    if (!port.is_open()) problem = {sentence(path_, settings_, error), error.code};
+    if (port.is_open())
+      pty_.remember(path_);
+    else
+      problem = {sentence(path_, settings_, error), error.code};
     return port;
   }
 
@@ -69,6 +79,7 @@ class SerialOpener final : public Opener {
  private:
   std::string path_;
   posix::SerialSettings settings_;
+  PtyNumber pty_;
 };
 
 class MovingSerialOpener final : public Opener {

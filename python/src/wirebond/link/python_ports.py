@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from wirebond.errors import PortError
+from wirebond.ports import pty_number
 from wirebond.ports.permission import no_permission
 from wirebond.ports.port_name import PortName
+from wirebond.ports.pty_number import PtyNumber
 
 try:
     import termios
@@ -167,6 +169,7 @@ class PythonOpener:
         self._settings = settings
         self._wait = wait
         self._at = name.text  # where it was found last
+        self._pty = PtyNumber()
 
     def open(self) -> PythonPort:
         """May wait for seconds.
@@ -175,10 +178,14 @@ class PythonOpener:
         """
         name = self._name
         self._at = name.path() if name.moves else name.text
+        if not name.moves and self._pty.is_a_strangers(self._at):
+            raise PortError(pty_number.sentence(self._at), None, name.text)
         try:
             if name.is_tcp and not name.is_rfc2217:
                 return TcpPort(socket.create_connection((name.host, int(name.service)), ANSWER), self._wait)
-            return PyserialPort(self._open_with_pyserial())
+            port = PyserialPort(self._open_with_pyserial())
+            self._pty.remember(self._at)
+            return port
         except (OSError, ValueError, TtyError) as failure:
             error = failure
             if not isinstance(error, (OSError, ValueError)):  # a tty that goes away while it is set up

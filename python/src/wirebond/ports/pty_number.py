@@ -1,0 +1,61 @@
+"""Is a pty still the one that was opened? Its number goes to the next program that asks for a pty."""
+
+from __future__ import annotations
+
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+# The major numbers of pty slaves: Linux, Documentation/admin-guide/devices.txt.
+_PTY_MAJORS = range(136, 144)
+_File = tuple[int, int, int]  # device, inode, time of the last change in ns (a pty's: when it was made)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    name: _File  # the path itself: the pty, or a symbolic link to it
+    pty: _File
+
+
+class PtyNumber:
+    """As the engine's class of the same name: remembers where a path led. One thread at a time."""
+
+    def __init__(self) -> None:
+        self._before: _Seen | None = None
+
+    def remember(self, path: str) -> None:
+        """The path was opened."""
+        self._before = _look(path)
+
+    def is_a_strangers(self, path: str) -> bool:
+        """The path is a pty that is not the remembered one, and the path itself is as it was."""
+        now = _look(path)
+        if self._before is None or now is None or now.pty == self._before.pty:
+            return False
+        return now.name in (self._before.name, now.pty)  # no new symbolic link leads to it
+
+
+def sentence(path: str) -> str:
+    """Why a stranger's pty is not opened."""
+    return (
+        f"{path} is another program's terminal now, because a pty's number is given away when it ends; open the new pty "
+        "by its own name, or use a link to it that stays (wirebond sim --link NAME)"
+    )
+
+
+def _look(path: str) -> _Seen | None:
+    """None: the path is no pty."""
+    if os.name == "nt":
+        return None
+    try:
+        name, device = Path(path).lstat(), Path(path).stat()
+    except OSError:
+        return None
+    if not stat.S_ISCHR(device.st_mode) or os.major(device.st_rdev) not in _PTY_MAJORS:
+        return None
+    return _Seen(_file(name), _file(device))
+
+
+def _file(found: os.stat_result) -> _File:
+    return (found.st_dev, found.st_ino, found.st_ctime_ns)

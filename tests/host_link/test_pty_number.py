@@ -1,0 +1,75 @@
+"""A link does not take a stranger's terminal for its port, where that has the number of a pty that ended."""
+
+from __future__ import annotations
+
+import os
+import termios
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import wirebond
+from tests.shared import codec
+from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.usefixtures("ports")
+PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
+_LOCAL_MODES = 3
+
+
+@contextmanager
+def terminal_with_the_path(path: str) -> Iterator[int]:
+    """As a program that opens a terminal, until it gets this one. (Other tests may have the number for a while.)"""
+    end = time.monotonic() + PATIENCE
+    while True:
+        controller, terminal = os.openpty()
+        try:
+            if os.ttyname(terminal) == path:
+                yield terminal
+                return
+        finally:
+            os.close(controller)
+            os.close(terminal)
+        assert time.monotonic() < end, "nobody gives the number back"
+        time.sleep(0.01)
+
+
+def why_when_refused(link: wirebond.Link) -> str:
+    end = time.monotonic() + PATIENCE
+    while "another program's terminal" not in link.why:
+        assert time.monotonic() < end, (link.state, link.why)
+        time.sleep(0.01)
+    return link.why
+
+
+@pytest.mark.parametrize("by_link", [False, True])
+def test_a_strangers_terminal_under_the_same_number_is_left_alone(by_link: bool, tmp_path: Path) -> None:
+    port = PtyPort()
+    name = Path(port.path)
+    if by_link:  # as one that a killed simulation leaves behind
+        name = tmp_path / "robot"
+        name.symlink_to(port.path)
+    with wirebond.open(codec("diffdrive"), name) as link:
+        port.close()
+        with terminal_with_the_path(port.path) as terminal:
+            assert why_when_refused(link).startswith(str(name))
+            assert link.state == "down"
+            assert termios.tcgetattr(terminal)[_LOCAL_MODES] & termios.ECHO  # not made raw
+
+
+def test_a_new_link_to_a_pty_with_the_same_number_is_followed(tmp_path: Path) -> None:
+    port = PtyPort()
+    name = tmp_path / "robot"
+    name.symlink_to(port.path)
+    with wirebond.open(codec("diffdrive"), name) as link:
+        port.close()
+        with terminal_with_the_path(port.path):
+            name.unlink()
+            name.symlink_to(port.path)
+            end = time.monotonic() + PATIENCE
+            while link.stats.reconnects == 0:
+                assert time.monotonic() < end, (link.state, link.why)
+                time.sleep(0.01)
