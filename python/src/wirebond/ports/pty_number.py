@@ -39,8 +39,8 @@ class PtyNumber:
 def sentence(path: str) -> str:
     """Why a stranger's pty is not opened."""
     return (
-        f"{path} is another program's terminal now, because a pty's number is given away when it ends; open the new pty "
-        "by its own name, or use a link to it that stays (wirebond sim --link NAME)"
+        f"{path} is another program's terminal now, because a pty's number is given away when it ends; open the new "
+        "pty by its own name, or use a link to it that stays (wirebond sim --link NAME)"
     )
 
 
