@@ -1,11 +1,10 @@
 // Is a pty still the one that was opened? Its number goes to the next program that asks for a pty.
 #pragma once
 
-#include <string>
-
 #include <sys/types.h>
 
 #include <cstdint>
+#include <string>
 
 namespace wirebond::engine {
 
