@@ -49,8 +49,9 @@ class SerialOpener final : public Opener {
 
   posix::Descriptor open(const std::atomic<bool>&, PortProblem& problem) override {
     if (pty_.is_a_strangers(path_)) {
-      problem = {path_ + " is another program's terminal now, because a pty's number is given away when it ends; "
-                         "open the new pty by its own name, or use a link to it that stays (wirebond sim --link NAME)",
+      problem = {path_ +
+                     " is another program's terminal now, because a pty's number is given away when it ends; "
+                     "open the new pty by its own name, or use a link to it that stays (wirebond sim --link NAME)",
                  0};
       return {};
     }
