@@ -8,7 +8,7 @@ from __future__ import annotations
 import random
 import shutil
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,7 @@ class Sizes:
 
 
 ROVER = Sizes(256, 64, 4)  # as firmware/rover has them
+CART = Sizes(256, 128, 4)  # as README.md has them
 OTHERS = Sizes(256, 256, 4)
 LARGE = Sizes(512, 16384, 512)  # so that every message of a count finds room
 
@@ -184,7 +185,7 @@ def measure_memory(protocols: Sequence[str] = PROTOCOLS) -> list[Figure]:
             figures += [
                 _figure("m4_flash_bytes", flash, "bytes", 6656.0),
                 _figure("m4_ram_bytes", ram, "bytes", 448.0),
-                *_stacks("m4", name, graph),
+                *_stacks("m4", _model(name), graph),
             ]
         else:
             figures += [
@@ -223,22 +224,28 @@ def measure_servo() -> list[Figure]:
 
 
 def measure_debug_builds() -> list[Figure]:
-    """As development environments build until told otherwise: -O0 (`debug`) and -Og."""
+    """Of a minimal link, as development environments build it by default: -O0 (`debug`) and -Og."""
+    model = wirebond.load(FOLDER / "cart.yaml").model
     figures = []
-    for level, optimise in (("debug", "-O0"), ("og", "-Og")):
-        program, graph = runtime("diffdrive", optimise, ROVER)
-        figures.append(_figure(f"m4_{level}_flash_bytes", float(program.flash_bytes), "bytes"))
-        figures += _stacks(f"m4_{level}", "diffdrive", graph)
+    for level, optimise, flash_goal, stack_goals in (
+        ("debug", "-O0", 40 * 1024, {"send": 768, "poll": 1024, "interrupt": 448}),
+        ("og", "-Og", 16 * 1024, {"send": 448, "poll": 512, "interrupt": 256}),
+    ):
+        program, graph = runtime(model, optimise, CART, fills=True)
+        figures.append(_figure(f"m4_{level}_flash_bytes", float(program.flash_bytes), "bytes", float(flash_goal)))
+        figures += _stacks(f"m4_{level}", model, graph, stack_goals)
     return figures
 
 
-def _stacks(prefix: str, protocol: str, graph: Path) -> list[Figure]:
-    sends = [f"send_{m.name}" for m in _model(protocol).messages if m.sent_by(End.MCU)]
-    return [
-        _figure(f"{prefix}_send_stack_bytes", max(stack_depth(graph, send) for send in sends), "bytes"),
-        _figure(f"{prefix}_poll_stack_bytes", stack_depth(graph, "poll"), "bytes"),
-        _figure(f"{prefix}_interrupt_stack_bytes", max(stack_depth(graph, i) for i in INTERRUPT), "bytes"),
-    ]
+def _stacks(prefix: str, model: Protocol, graph: Path, goals: Mapping[str, int] | None = None) -> list[Figure]:
+    sends = [f"send_{m.name}" for m in model.messages if m.sent_by(End.MCU)]
+    entries: dict[str, Sequence[str]] = {"send": sends, "poll": ["poll"], "interrupt": INTERRUPT}
+    figures = []
+    for name, functions in entries.items():
+        deepest = max(stack_depth(graph, function) for function in functions)
+        goal = None if goals is None else float(goals[name])
+        figures.append(_figure(f"{prefix}_{name}_stack_bytes", deepest, "bytes", goal))
+    return figures
 
 
 # ---- interrupts masked, on a processor without exclusive access
@@ -261,16 +268,22 @@ def _masked() -> list[Figure]:
 
 
 def runtime(
-    protocol: str | Protocol, optimise: str, sizes: Sizes, processor: Processor = M4, *, counting: bool = False
+    protocol: str | Protocol,
+    optimise: str,
+    sizes: Sizes,
+    processor: Processor = M4,
+    *,
+    counting: bool = False,
+    fills: bool = False,
 ) -> tuple[Program, Path]:
     """The program of bench/firmware/runtime.cpp for a protocol, and its call graph. ``counting``: with the functions
-    that repeat."""
+    that repeat. ``fills``: the handler has a `fill` for each message that the MCU sends by itself."""
     model = _model(protocol) if isinstance(protocol, str) else protocol
     name = f"runtime_{model.name}_{processor.name}_{sizes.send}"
     folder = BUILD / name
     shutil.rmtree(folder, ignore_errors=True)
     generate_cpp(model, folder)
-    (folder / "handler.hpp").write_text(_handler(model), encoding="utf-8")
+    (folder / "handler.hpp").write_text(_handler(model, fills), encoding="utf-8")
     (folder / "sends.hpp").write_text(_sends(model), encoding="utf-8")
     definitions = {"RECEIVE_BYTES": sizes.receive, "SEND_BYTES": sizes.send, "SEND_FRAMES": sizes.frames}
     more = [*(f"-D{key}={value}U" for key, value in definitions.items()), "-ffunction-sections", "-Wl,--gc-sections"]
@@ -286,9 +299,10 @@ def _model(protocol: str) -> Protocol:
     return wirebond.load(ROOT / "protocols" / f"{protocol}.yaml").model
 
 
-def _handler(model: Protocol) -> str:
+def _handler(model: Protocol, fills: bool) -> str:
     """A handler that has every message and every deadline's function; an empty one each, in another file as it were."""
     actions = dict.fromkeys(d.then for d in model.deadlines if d.at == End.MCU)
+    structs = struct_names(model)
     return "\n".join(
         [
             f'#include "{model.name}_link.hpp"',
@@ -298,6 +312,11 @@ def _handler(model: Protocol) -> str:
             '    asm volatile("" : : "r"(&message) : "memory");',
             "    ++calls;",
             "  }",
+            *(
+                f"  bool fill(protocol::{structs[m.name]}&) {{ return true; }}"
+                for m in model.messages
+                if fills and m.sent_by(End.MCU) and m.every is not None
+            ),
             "  std::uint32_t calls = 0;",
             *(f'  void {action}() {{ asm volatile(""); }}' for action in actions),
             "};",

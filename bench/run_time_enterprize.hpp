@@ -12,7 +12,7 @@ namespace bench {
 class RunTimeEnterprize {
  public:
   explicit RunTimeEnterprize(wirebond::CrcMethod method = wirebond::CrcMethod::automatic)
-      : format_(enterprize::FromMcu{}.format()),
+      : format_(wirebond::widened(enterprize::FromMcu{}.format())),
         rows_(known()),
         tables_(*hidden(), rows_.data(), rows_.size(), method) {}
 

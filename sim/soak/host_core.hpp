@@ -55,7 +55,7 @@ class HostCore {
     return settings;
   }
 
-  const wirebond::FrameFormat format_ = mix::protocol::FromMcu{}.format();
+  const wirebond::FrameFormat format_ = wirebond::widened(mix::protocol::FromMcu{}.format());
   std::vector<wirebond::MessageRow> rows_;
   wirebond::RuntimeTables tables_;
   wirebond::RuntimeSource source_;

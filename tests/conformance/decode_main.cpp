@@ -43,7 +43,8 @@ auto rows_of() {
 
 Source make_source() {
 #if RUN_TIME
-  static const wirebond::FrameFormat format = Sender{}.format();  // the very value that the constant source folds
+  static const wirebond::FrameFormat format =
+      wirebond::widened(Sender{}.format());  // the very value that the constant source folds
   static const auto rows = rows_of<Sender>();
   static const wirebond::RuntimeTables tables(format, rows.data(), rows.size(), wirebond::CrcMethod::automatic, matches,
                                               matches_late);

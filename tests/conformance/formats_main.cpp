@@ -105,7 +105,8 @@ Match match_of() {
 
 template <class Generated>
 SharedSource shared() {
-  return {&Generated{}.format(),
+  static const wirebond::FrameFormat format = wirebond::widened(Generated{}.format());
+  return {&format,
           [](std::uint32_t id) { return Generated{}.message(id); },
           [](std::int16_t index) -> wirebond::PayloadRules {
             if constexpr (wirebond::detail::HasPayloadRules<Generated>::value) return Generated{}.payload_rules(index);

@@ -70,12 +70,15 @@ struct RegisterOf {
 template <unsigned Width, std::uint64_t Poly, bool Reflected>
 struct CrcTable {
   using Entry = typename RegisterOf<Width>::type;
-  static constexpr std::array<Entry, 256> make() {
-    std::array<Entry, 256> table{};
-    for (unsigned i = 0; i < 256; ++i) table[i] = static_cast<Entry>(crc_table_entry(i, Width, Poly, Reflected));
+  struct Entries {
+    Entry at[256];  // std::array would be two calls for each byte where nothing is optimised
+  };
+  static constexpr Entries make() {
+    Entries table{};
+    for (unsigned i = 0; i < 256; ++i) table.at[i] = static_cast<Entry>(crc_table_entry(i, Width, Poly, Reflected));
     return table;
   }
-  static constexpr std::array<Entry, 256> value = make();
+  static constexpr Entries value = make();
 };
 
 }  // namespace detail
@@ -86,11 +89,24 @@ WIREBOND_INLINE constexpr std::uint64_t check_begin(const CheckAlgorithm& a) {
   return a.init & detail::mask_of(a.width_bits);
 }
 
+namespace detail {
+
+WIREBOND_INLINE constexpr bool reflects_end(const CheckAlgorithm& a) {
+  return a.kind == CheckKind::crc && a.reflect_in != a.reflect_out;
+}
+
+/// `check_end` behind the reflection.
+WIREBOND_INLINE constexpr std::uint64_t check_finish(const CheckAlgorithm& a, std::uint64_t reg) {
+  if (a.negate) reg = ~reg + 1;
+  return (reg ^ a.xor_out) & mask_of(a.width_bits);
+}
+
+}  // namespace detail
+
 /// The check's value, out of the register after the last byte.
 WIREBOND_INLINE constexpr std::uint64_t check_end(const CheckAlgorithm& a, std::uint64_t reg) {
-  if (a.kind == CheckKind::crc && a.reflect_in != a.reflect_out) reg = detail::reflect(reg, a.width_bits);
-  if (a.negate) reg = ~reg + 1;
-  return (reg ^ a.xor_out) & detail::mask_of(a.width_bits);
+  if (detail::reflects_end(a)) reg = detail::reflect(reg, a.width_bits);
+  return detail::check_finish(a, reg);
 }
 
 namespace detail {
@@ -104,9 +120,9 @@ struct CrcRun {
 
   WIREBOND_INLINE static std::uint32_t step(std::uint32_t reg) {
     if constexpr (Reflected) {
-      return (reg >> 8) ^ Table::value[reg & 0xFFu];
+      return (reg >> 8) ^ Table::value.at[reg & 0xFFu];
     } else {
-      return (reg << 8) ^ (static_cast<std::uint32_t>(Table::value[reg >> 24]) << spare);
+      return (reg << 8) ^ (static_cast<std::uint32_t>(Table::value.at[reg >> 24]) << spare);
     }
   }
 
@@ -149,9 +165,9 @@ WIREBOND_INLINE std::uint64_t crc_update(std::uint64_t reg64, const std::uint8_t
     std::uint64_t reg = reg64;
     for (std::size_t i = 0; i < size; ++i) {
       if constexpr (Reflected) {
-        reg = (reg >> 8) ^ Table::value[(reg ^ bytes[i]) & 0xFFu];
+        reg = (reg >> 8) ^ Table::value.at[(reg ^ bytes[i]) & 0xFFu];
       } else {
-        reg = ((reg << 8) ^ Table::value[((reg >> (Width - 8)) ^ bytes[i]) & 0xFFu]) & detail::mask_of(Width);
+        reg = ((reg << 8) ^ Table::value.at[((reg >> (Width - 8)) ^ bytes[i]) & 0xFFu]) & detail::mask_of(Width);
       }
     }
     return reg;

@@ -280,7 +280,7 @@ class Deframer {
   bool may_start(std::uint8_t byte) const {
     constexpr bool unroll = Source::is_constant;
     constexpr detail::PartCounts most = detail::part_counts<Source>;
-    const FrameFormat& format = source_.format();
+    const auto& format = source_.format();
     const auto differs = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
       const Form& form = format.forms[i];
       return !detail::every<unroll, most.constants>(
@@ -295,8 +295,10 @@ class Deframer {
   /// Recover before trust: the next candidate may begin one byte later. With skips_failed a candidate whose size was
   /// known is skipped whole, lest something in its payload is taken for a frame.
   std::size_t failed_bytes(const Verdict& verdict) const {
-    const FrameFormat& format = source_.format();
-    return format.skips_failed && verdict.bytes > detail::of_format<longest_prefix>(source_) ? verdict.bytes : 1;
+    const auto& format = source_.format();
+    return format.skips_failed && verdict.bytes > detail::of_format<longest_prefix<detail::FormatOf<Source>>>(source_)
+               ? verdict.bytes
+               : 1;
   }
 
   // ---- frames between delimiters --------------------------------------------------------------------------------
@@ -304,9 +306,9 @@ class Deframer {
   template <class Sink>
   WIREBOND_INLINE std::size_t consume_delimited(const std::uint8_t* window, std::size_t size, bool give_up,
                                                 Sink&& sink) {
-    const FrameFormat& format = source_.format();
+    const auto& format = source_.format();
     const Mark mark = format.closing;  // a copy: a reference would keep the whole format in flash
-    const std::size_t longest = detail::of_format<max_wire_bytes>(source_);
+    const std::size_t longest = detail::of_format<max_wire_bytes<detail::FormatOf<Source>>>(source_);
     std::size_t at = 0;
     while (at < size) {
       const std::size_t opening = mark.stands_at(window + at, size - at) ? mark.size : 0;
@@ -385,8 +387,8 @@ class Deframer {
   template <class Sink>
   WIREBOND_INLINE std::size_t consume_bracketed(const std::uint8_t* window, std::size_t size, bool give_up,
                                                 Sink&& sink) {
-    const FrameFormat& format = source_.format();
-    const std::size_t longest = detail::of_format<max_wire_bytes>(source_);
+    const auto& format = source_.format();
+    const std::size_t longest = detail::of_format<max_wire_bytes<detail::FormatOf<Source>>>(source_);
     std::size_t at = 0;
     while (at < size) {
       const std::size_t start = detail::find_mark(format.opening, window, at, size);
@@ -439,7 +441,7 @@ class Deframer {
   /// `give_up` says that the line was silent behind the window: the window is one block.
   template <class Sink>
   WIREBOND_INLINE std::size_t consume_silence(const std::uint8_t* window, std::size_t size, bool give_up, Sink&& sink) {
-    const std::size_t longest = detail::of_format<max_frame_bytes>(source_);
+    const std::size_t longest = detail::of_format<max_frame_bytes<detail::FormatOf<Source>>>(source_);
     if (overlong_ || size > longest) {
       if (!overlong_) reject(Cause::length_out_of_range, size);
       blame(Cause::length_out_of_range, size);
@@ -463,10 +465,10 @@ class Deframer {
   /// Where the block failed by its id alone, the frame has the id and a size; else it has none, if it is no frame.
   WIREBOND_INLINE Verdict examine_block(const std::uint8_t* block, std::size_t size, Frame& frame) {
     if constexpr (tells_unlisted) frame.size = 0;
-    const std::size_t longest = detail::of_format<max_frame_bytes>(source_);
+    const std::size_t longest = detail::of_format<max_frame_bytes<detail::FormatOf<Source>>>(source_);
     const std::uint8_t* bytes = block;
     std::size_t unstuffed = size;
-    const FrameFormat& format = source_.format();
+    const auto& format = source_.format();
     if (size > longest + stuffing_overhead(format, longest)) return {Outcome::reject, Cause::length_out_of_range, size};
     if constexpr (detail::may_be_stuffed<Source>()) {
       if (format.stuffing != Stuffing::none) {
@@ -525,7 +527,7 @@ class Deframer {
   /// A start byte is settled next. Where frames are escaped, those before it end here.
   WIREBOND_INLINE void cut_unlisted() {
     if constexpr (tells_unlisted && detail::may_be<Source>(Framing::sized)) {
-      const FrameFormat& format = source_.format();
+      const auto& format = source_.format();
       if (grows_by_escapes(format) && detail::escapes_of(source_).starts != 0) {
         account_.unlisted.cut(settled_, format.plain_back);
       }

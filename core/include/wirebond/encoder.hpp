@@ -14,7 +14,7 @@
 namespace wirebond {
 
 /// Where in the frame's buffer its first byte lies before it is stuffed.
-WIREBOND_INLINE constexpr std::size_t frame_lead(const FrameFormat& format) {
+WIREBOND_INLINE constexpr std::size_t frame_lead(const FormatRules& format) {
   return opening_bytes(format) + (format.stuffing == Stuffing::cobs ? 1 : 0);
 }
 
@@ -40,7 +40,7 @@ WIREBOND_INLINE std::size_t write_mark(const Mark& mark, std::uint8_t* to) {
 }
 
 /// Put the delimiters around the `size` bytes behind where the opening one goes. Returns the size on the wire.
-WIREBOND_INLINE std::size_t enclose(const FrameFormat& format, std::uint8_t* buffer, std::size_t size) {
+WIREBOND_INLINE std::size_t enclose(const FormatRules& format, std::uint8_t* buffer, std::size_t size) {
   if (!has_marks(format)) return size;
   const std::size_t opening = opening_bytes(format);
   if (opening != 0) write_mark(format.opening, buffer);
@@ -55,33 +55,64 @@ WIREBOND_INLINE bool write_length(const Form& form, std::uint8_t* frame, std::si
   return counted <= form.length.most();
 }
 
+/// Bytes that a check's places are counted in.
+template <class Source>
+WIREBOND_INLINE std::size_t covered_by([[maybe_unused]] const Form& form, [[maybe_unused]] std::size_t index,
+                                       std::size_t size) {
+  if constexpr (part_counts<Source>.header_checks != 0) {
+    if (index < form.header_checks) return form.prefix;
+  }
+  return size;
+}
+
 /// Write a check's value: over what `rule` says of `frame`, or of the bytes as they are sent.
 template <class Source>
 WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::size_t index, std::uint8_t* frame,
-                                 std::size_t size, std::uint32_t id, std::uint64_t* registers) {
+                                 std::size_t size, std::uint32_t id, CheckRegisters<Source>& registers) {
+  constexpr PartCounts most = part_counts<Source>;
   const CheckRule& rule = form.checks[index];
-  const auto covered_by = [&](std::size_t i)
-                              WIREBOND_INLINE_LAMBDA { return i < form.header_checks ? form.prefix : size; };
-  const std::size_t covered = covered_by(index);
+  const std::size_t covered = covered_by<Source>(form, index, size);
   std::size_t from = rule.from.in(covered);
   std::uint64_t reg = begin_of(source, rule.algorithm);
-  if (rule.continues >= 0) {
-    const std::size_t earlier = static_cast<std::size_t>(rule.continues);
-    reg = registers[earlier];
-    from = form.checks[earlier].to.in(covered_by(earlier));
+  if constexpr (most.is_continued) {
+    if (rule.continues >= 0) {
+      const std::size_t earlier = static_cast<std::size_t>(rule.continues);
+      reg = registers.of[earlier];
+      from = form.checks[earlier].to.in(covered_by<Source>(form, earlier, size));
+    }
   }
   reg = source.check_update(rule.algorithm, reg, frame + from, rule.to.in(covered)-from);
-  registers[index] = reg;
-  if (rule.seeded) {
-    const std::uint8_t seed = source.message(id).seed;
-    reg = source.check_update(rule.algorithm, reg, &seed, 1);
+  if constexpr (most.is_continued) registers.of[index] = reg;
+  if constexpr (most.is_seeded) {
+    if (rule.seeded) {
+      const std::uint8_t seed = source.message(id).seed;
+      reg = source.check_update(rule.algorithm, reg, &seed, 1);
+    }
   }
   const std::uint64_t value = (end_of(source, rule.algorithm, reg) >> rule.shift) & mask_of(8u * rule.bytes);
   std::uint8_t* const at = frame + rule.at.in(covered);
-  if (rule.as_hex) {
-    write_hex(at, value, rule.bytes);
+  if constexpr (most.is_hex) {
+    if (rule.as_hex) return write_hex(at, value, rule.bytes);
+  }
+  store_bytes(at, value, rule.bytes, rule.order);
+}
+
+/// Write all checks over the frame or, `on_wire`, those over the bytes as they are sent.
+template <class Source>
+WIREBOND_INLINE void write_checks(const Source& source, const Form& form, [[maybe_unused]] bool on_wire,
+                                  std::uint8_t* bytes, std::size_t size, std::uint32_t id,
+                                  CheckRegisters<Source>& registers) {
+  constexpr PartCounts most = part_counts<Source>;
+  if constexpr (most.checks == 1 && !most.is_on_wire) {  // as most formats have it
+    if (form.check_count != 0) write_check(source, form, 0, bytes, size, id, registers);
   } else {
-    store_bytes(at, value, rule.bytes, rule.order);
+    every<Source::is_constant, most.checks>(0, form.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+      if constexpr (most.is_on_wire) {
+        if (form.checks[i].on_wire != on_wire) return true;
+      }
+      write_check(source, form, i, bytes, size, id, registers);
+      return true;
+    });
   }
 }
 
@@ -95,11 +126,11 @@ WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, s
                                    std::size_t payload_size, std::size_t form_index, const std::uint64_t* header,
                                    std::size_t& size) {
   constexpr bool unroll = Source::is_constant;
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   const Form& form = format.forms[form_index];
   std::uint8_t* const frame = buffer + frame_lead(format);
 
-  const std::size_t whole_payload = payload_size;
+  [[maybe_unused]] const std::size_t whole_payload = payload_size;
   std::size_t payload = payload_size;
   if (form.payload_size == PayloadSize::fixed) payload = form.fixed_payload;
   if (form.trims_zeros) {  // one byte stays, as receivers of such formats expect
@@ -112,7 +143,9 @@ WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, s
   if (payload_size > payload || payload > format.max_payload || on_wire > capacity || is_nothing) return false;
   if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return false;
   constexpr std::size_t exclusions = detail::part_counts<Source>.exclusions;
-  if (is_excluded<unroll, exclusions>(format, form, id, whole_payload, header)) return false;
+  if constexpr (exclusions != 0) {
+    if (is_excluded<unroll, exclusions>(format, form, id, whole_payload, header)) return false;
+  }
 
   std::memset(frame, 0, form.prefix);
   std::memset(frame + form.prefix + payload_size, 0, payload - payload_size + form.suffix);
@@ -139,30 +172,40 @@ WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, s
 template <class Source>
 WIREBOND_INLINE std::size_t close_frame(const Source& source, std::uint8_t* buffer, std::size_t size, std::uint32_t id,
                                         std::size_t form_index = 0) {
-  constexpr bool unroll = Source::is_constant;
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   const Form& form = format.forms[form_index];
   std::uint8_t* const frame = buffer + frame_lead(format);
-  std::uint64_t registers[max_checks] = {};
-  const auto write_checks = [&](bool stuffed, std::uint8_t* bytes, std::size_t bytes_size) WIREBOND_INLINE_LAMBDA {
-    detail::every<unroll, detail::part_counts<Source>.checks>(
-        0, form.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-          if (form.checks[i].on_wire == stuffed) {
-            detail::write_check(source, form, i, bytes, bytes_size, id, registers);
-          }
-          return true;
-        });
-  };
-  write_checks(false, frame, size);
+  detail::CheckRegisters<Source> registers{};
+  detail::write_checks(source, form, false, frame, size, id, registers);
   std::size_t between = size;
   if constexpr (detail::may_be_stuffed<Source>()) between = stuff_in_place(source, frame, size);
-  if (format.length_on_wire) {
-    detail::clear_number(form.length, frame, size);  // a frame that is closed again has the one of before
-    if (!detail::write_length(form, frame, size, between - form.prefix - form.suffix)) return 0;
+  if constexpr (detail::may_be<Source>(Framing::sized)) {
+    if (format.length_on_wire) {
+      detail::clear_number(form.length, frame, size);  // a frame that is closed again has the one of before
+      if (!detail::write_length(form, frame, size, between - form.prefix - form.suffix)) return 0;
+    }
   }
-  write_checks(true, buffer + opening_bytes(format), between);
+  if constexpr (detail::part_counts<Source>.is_on_wire) {
+    detail::write_checks(source, form, true, buffer + opening_bytes(format), between, id, registers);
+  }
   return detail::enclose(format, buffer, between);
 }
+
+/// How a frame that is written ends: whole, or waiting for its number (numbering.hpp).
+struct Sealed {
+  template <class Source>
+  WIREBOND_INLINE static std::size_t end(const Source& source, std::uint8_t* buffer, std::size_t capacity,
+                                         std::uint32_t id, std::size_t payload_size, std::size_t form_index,
+                                         const std::uint64_t* header = nullptr) {
+    if constexpr (!Source::is_constant) {
+      const std::size_t size = form_index == 0 ? source.fast_path().seal(buffer, capacity, id, payload_size) : 0;
+      if (size != 0) return size;
+    }
+    std::size_t size = 0;
+    if (!lay_out_frame(source, buffer, capacity, id, payload_size, form_index, header, size)) return 0;
+    return close_frame(source, buffer, size, id, form_index);
+  }
+};
 
 /// Finish the frame for message `id` whose `payload_size` bytes lie at buffer + payload_lead. Formats with a fixed
 /// payload are padded with zeros. `header` holds a value for each header field of the format, by place, of which the
@@ -177,23 +220,7 @@ template <class Source>
 WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
                                  std::size_t payload_size, std::size_t form_index = 0,
                                  const std::uint64_t* header = nullptr) {
-  if constexpr (!Source::is_constant) {
-    const std::size_t size = form_index == 0 ? source.fast_path().seal(buffer, capacity, id, payload_size) : 0;
-    if (size != 0) return size;
-  }
-  std::size_t size = 0;
-  if (!lay_out_frame(source, buffer, capacity, id, payload_size, form_index, header, size)) return 0;
-  return close_frame(source, buffer, size, id, form_index);
+  return Sealed::end(source, buffer, capacity, id, payload_size, form_index, header);
 }
-
-/// How a frame that is written ends: whole, or waiting for its number (numbering.hpp).
-struct Sealed {
-  template <class Source>
-  WIREBOND_INLINE static std::size_t end(const Source& source, std::uint8_t* buffer, std::size_t capacity,
-                                         std::uint32_t id, std::size_t payload_size, std::size_t form_index,
-                                         const std::uint64_t* header = nullptr) {
-    return seal(source, buffer, capacity, id, payload_size, form_index, header);
-  }
-};
 
 }  // namespace wirebond

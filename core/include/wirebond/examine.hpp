@@ -55,7 +55,8 @@ struct Verdict {
 /// Shall an MCU's link count frames of messages that the file does not list (unlisted.hpp)? Where checks count a seed
 /// of each message, a peer's other messages are all refused by their id, however strong the check is. Where the check
 /// is merely weak, the flash is not spent.
-constexpr bool counts_unlisted(const FrameFormat& format) {
+template <class Format>
+constexpr bool counts_unlisted(const Format& format) {
   const Form& form = format.forms[0];
   bool is_seeded = false;
   for (std::size_t i = 0; i < form.check_count; ++i) is_seeded = is_seeded || form.checks[i].seeded;
@@ -86,28 +87,37 @@ struct Received {
 template <class Source>
 WIREBOND_INLINE bool check_holds(const Source& source, const Form& form, std::size_t index, const std::uint8_t* frame,
                                  std::size_t frame_size, const Received& received, std::uint8_t seed,
-                                 std::uint64_t* registers) {
+                                 CheckRegisters<Source>& registers) {
+  constexpr PartCounts most = part_counts<Source>;
   const CheckRule& rule = form.checks[index];
-  if (rule.on_wire) {  // it begins and ends outside the stuffed bytes, so that its places are the same
-    frame = received.bytes;
-    frame_size = received.size;
+  if constexpr (most.is_on_wire) {
+    if (rule.on_wire) {  // it begins and ends outside the stuffed bytes, so that its places are the same
+      frame = received.bytes;
+      frame_size = received.size;
+    }
   }
   std::size_t from = rule.from.in(frame_size);
   const std::size_t to = rule.to.in(frame_size);
   std::uint64_t reg;
-  if (rule.continues >= 0) {  // what the earlier check covered is not run over again
-    reg = registers[rule.continues];
-    from = form.checks[static_cast<std::size_t>(rule.continues)].to.in(frame_size);
-  } else {
+  bool begins = true;
+  if constexpr (most.is_continued) begins = rule.continues < 0;
+  if (begins) {
     reg = begin_of(source, rule.algorithm);
+  } else {  // what the earlier check covered is not run over again
+    reg = registers.of[rule.continues];
+    from = form.checks[static_cast<std::size_t>(rule.continues)].to.in(frame_size);
   }
   reg = source.check_update(rule.algorithm, reg, frame + from, to - from);
-  registers[index] = reg;
-  if (rule.seeded) reg = source.check_update(rule.algorithm, reg, &seed, 1);
+  if constexpr (most.is_continued) registers.of[index] = reg;
+  if constexpr (most.is_seeded) {
+    if (rule.seeded) reg = source.check_update(rule.algorithm, reg, &seed, 1);
+  }
   const std::uint64_t expected = (end_of(source, rule.algorithm, reg) >> rule.shift) & mask_of(8u * rule.bytes);
   const std::uint8_t* const at = frame + rule.at.in(frame_size);
   std::uint64_t found;
-  if (rule.as_hex) return read_hex(at, rule.bytes, found) && expected == found;
+  if constexpr (most.is_hex) {
+    if (rule.as_hex) return read_hex(at, rule.bytes, found) && expected == found;
+  }
   switch (rule.bytes) {
     case 1: found = at[0]; break;
     case 2:
@@ -130,12 +140,13 @@ constexpr bool tells_unlisted_size() {
 }
 
 /// What the bytes before the payload tell.
+template <class Source>
 struct Head {
   MessageShape shape{};
   std::uint32_t id = 0;
-  std::size_t payload = 0;              ///< its size
-  std::size_t size = 0;                 ///< of the whole frame
-  std::uint64_t registers[max_checks];  ///< of the checks that were run; others are never read
+  std::size_t payload = 0;           ///< its size
+  std::size_t size = 0;              ///< of the whole frame
+  CheckRegisters<Source> registers;  ///< of the checks that were run; others are never read
 };
 
 /// Whether a payload of this size may be the message's.
@@ -187,9 +198,9 @@ WIREBOND_INLINE MessageShape shape_of(const Source& source, const Form& form, st
 /// `whole`: the candidate's size is known to be `available` (it lay between delimiters).
 template <class Source>
 WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, const std::uint8_t* candidate,
-                                     std::size_t available, bool whole, Head& head) {
+                                     std::size_t available, bool whole, Head<Source>& head) {
   constexpr bool unroll = Source::is_constant;
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
 
   // Constants first.
   std::size_t need = 0;
@@ -206,20 +217,22 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   });
   if (mismatch) return {Outcome::reject, Cause::constant_mismatch, 1};
   // What tells the form from others and is no constant, also where a constant behind it must be waited for.
-  const auto allows = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    const Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
-    if (exclusion.subject == Subject::size) return true;
-    const std::size_t end = static_cast<std::size_t>(exclusion.number.at.offset) + exclusion.number.bytes;
-    if (end > available) {
-      if (need == 0 || end < need) need = end;
-      return true;
-    }
-    const std::uint64_t value = read_wide(exclusion.number, candidate, 0);
-    return value < exclusion.low || exclusion.high < value;
-  };
   constexpr std::size_t exclusions = part_counts<Source>.exclusions;
-  if (!every<unroll, exclusions>(0, form.exclusion_count, allows)) {
-    return {Outcome::reject, Cause::constant_mismatch, 1};
+  if constexpr (exclusions != 0) {
+    const auto allows = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+      const Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
+      if (exclusion.subject == Subject::size) return true;
+      const std::size_t end = static_cast<std::size_t>(exclusion.number.at.offset) + exclusion.number.bytes;
+      if (end > available) {
+        if (need == 0 || end < need) need = end;
+        return true;
+      }
+      const std::uint64_t value = read_wide(exclusion.number, candidate, 0);
+      return value < exclusion.low || exclusion.high < value;
+    };
+    if (!every<unroll, exclusions>(0, form.exclusion_count, allows)) {
+      return {Outcome::reject, Cause::constant_mismatch, 1};
+    }
   }
   if (need != 0) return {Outcome::need_more, Cause::incomplete, need};
   if (available < form.prefix) return {Outcome::need_more, Cause::incomplete, form.prefix};
@@ -233,46 +246,64 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   const bool is_told = early || (!form.id.present() && !is_late);
   const bool tells_size =
       form.payload_size == PayloadSize::by_id;  // else a size out of range costs no look at messages
-  if (is_told && tells_size) head.shape = shape_of(source, form, head.id, candidate, 0, 0);
+  if constexpr (may_have<Source>(PayloadSize::by_id)) {
+    if (is_told && tells_size) head.shape = shape_of(source, form, head.id, candidate, 0, 0);
+  }
   std::size_t payload = form.fixed_payload;
   const std::size_t outside = static_cast<std::size_t>(form.prefix) + form.suffix;
-  if (form.payload_size == PayloadSize::by_length) {
-    const std::int64_t size =
-        static_cast<std::int64_t>(read_number(form.length, candidate, 0)) * form.length_unit + form.length_bias;
-    std::int64_t most = format.max_payload;
-    if (format.length_on_wire)
-      most += static_cast<std::int64_t>(stuffing_overhead(format, of_format<max_frame_bytes>(source)));
-    if (size < 0 || size > most) return {Outcome::reject, Cause::length_out_of_range, form.prefix};
-    payload = static_cast<std::size_t>(size);
-    if (format.length_on_wire && whole) {  // known now that nothing is stuffed any more
+  const PayloadSize kind = form.payload_size;
+  if constexpr (may_have<Source>(PayloadSize::by_length)) {
+    if (kind == PayloadSize::by_length) {
+      const std::int64_t size =
+          static_cast<std::int64_t>(read_number(form.length, candidate, 0)) * form.length_unit + form.length_bias;
+      std::int64_t most = format.max_payload;
+      if constexpr (may_be<Source>(Framing::sized)) {
+        constexpr auto longest = max_frame_bytes<FormatOf<Source>>;
+        if (format.length_on_wire)
+          most += static_cast<std::int64_t>(stuffing_overhead(format, of_format<longest>(source)));
+      }
+      if (size < 0 || size > most) return {Outcome::reject, Cause::length_out_of_range, form.prefix};
+      payload = static_cast<std::size_t>(size);
+      if constexpr (may_be<Source>(Framing::sized)) {
+        if (format.length_on_wire && whole) {  // known now that nothing is stuffed any more
+          if (available < outside || available - outside > format.max_payload) {
+            return {Outcome::reject, Cause::length_out_of_range, available};
+          }
+          payload = available - outside;
+        }
+      }
+    }
+  }
+  if constexpr (may_have<Source>(PayloadSize::by_id)) {
+    if (kind == PayloadSize::by_id) {
+      if (!head.shape.known()) return {Outcome::reject, Cause::unknown_message, form.prefix};
+      payload = head.shape.max_payload;
+      if constexpr (HasPayloadRules<Source>::value) {
+        if (head.shape.min_payload != head.shape.max_payload) {  // its counts tell
+          const ToldSize told =
+              told_size<CountsBytes<Source>::value>(source.payload_rules(head.shape.index), candidate + form.prefix,
+                                                    available - form.prefix, head.shape.min_payload);
+          if (told.need != 0) return {Outcome::need_more, Cause::incomplete, form.prefix + told.need};
+          if (!told.is_told) return {Outcome::reject, Cause::length_out_of_range, form.prefix};
+          payload = told.size;
+        }
+      }
+    }
+  }
+  if constexpr (may_have<Source>(PayloadSize::rest)) {
+    if (kind == PayloadSize::rest) {
       if (available < outside || available - outside > format.max_payload) {
         return {Outcome::reject, Cause::length_out_of_range, available};
       }
       payload = available - outside;
     }
-  } else if (form.payload_size == PayloadSize::by_id) {
-    if (!head.shape.known()) return {Outcome::reject, Cause::unknown_message, form.prefix};
-    payload = head.shape.max_payload;
-    if constexpr (HasPayloadRules<Source>::value) {
-      if (head.shape.min_payload != head.shape.max_payload) {  // its counts tell
-        const ToldSize told =
-            told_size<CountsBytes<Source>::value>(source.payload_rules(head.shape.index), candidate + form.prefix,
-                                                  available - form.prefix, head.shape.min_payload);
-        if (told.need != 0) return {Outcome::need_more, Cause::incomplete, form.prefix + told.need};
-        if (!told.is_told) return {Outcome::reject, Cause::length_out_of_range, form.prefix};
-        payload = told.size;
-      }
-    }
-  } else if (form.payload_size == PayloadSize::rest) {
-    if (available < outside || available - outside > format.max_payload) {
-      return {Outcome::reject, Cause::length_out_of_range, available};
-    }
-    payload = available - outside;
   }
   if (is_told && !tells_size) head.shape = shape_of(source, form, head.id, candidate, 0, payload);
-  const bool size_tells = is_told || !form.trims_zeros;  // else examine_rest asks
-  if (size_tells && size_is_excluded<unroll, exclusions>(format, form, restored(form, head.shape, payload))) {
-    return {Outcome::reject, Cause::length_out_of_range, form.prefix};
+  if constexpr (exclusions != 0) {
+    const bool size_tells = is_told || !form.trims_zeros;  // else examine_rest asks
+    if (size_tells && size_is_excluded<unroll, exclusions>(format, form, restored(form, head.shape, payload))) {
+      return {Outcome::reject, Cause::length_out_of_range, form.prefix};
+    }
   }
   if constexpr (tells_unlisted_size<Source>()) {
     head.payload = payload;
@@ -284,12 +315,15 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   }
 
   // Checks of the header, before its length makes anybody wait.
-  const bool header_holds =
-      every<unroll, part_counts<Source>.checks>(0, form.header_checks, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, form, i, candidate, form.prefix, {candidate, form.prefix}, head.shape.seed,
-                           head.registers);
-      });
-  if (!header_holds) return {Outcome::reject, Cause::header_check_mismatch, form.prefix};
+  constexpr std::size_t header_checks = part_counts<Source>.header_checks;
+  if constexpr (header_checks != 0) {
+    const bool header_holds =
+        every<unroll, header_checks>(0, form.header_checks, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+          return check_holds(source, form, i, candidate, form.prefix, {candidate, form.prefix}, head.shape.seed,
+                             head.registers);
+        });
+    if (!header_holds) return {Outcome::reject, Cause::header_check_mismatch, form.prefix};
+  }
 
   head.payload = payload;
   head.size = outside + payload;
@@ -314,7 +348,7 @@ WIREBOND_INLINE void fill(Frame& frame, const Form& form, std::size_t index, con
 template <class Source>
 WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std::size_t index,
                                      const std::uint8_t* candidate, std::size_t available, const Received* block,
-                                     Head& head, Frame& frame) {
+                                     Head<Source>& head, Frame& frame) {
   constexpr bool unroll = Source::is_constant;
   const std::size_t size = head.size;
   if (available < size) return {Outcome::need_more, Cause::incomplete, size};
@@ -330,9 +364,11 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
     head.id = form.id.present() ? read_number(form.id, candidate, size) : 0;
     head.shape = shape_of(source, form, head.id, candidate, size, head.payload);
     constexpr std::size_t exclusions = part_counts<Source>.exclusions;
-    if (form.trims_zeros &&
-        size_is_excluded<unroll, exclusions>(source.format(), form, restored(form, head.shape, head.payload))) {
-      return {Outcome::reject, Cause::length_out_of_range, size};
+    if constexpr (exclusions != 0) {
+      if (form.trims_zeros &&
+          size_is_excluded<unroll, exclusions>(source.format(), form, restored(form, head.shape, head.payload))) {
+        return {Outcome::reject, Cause::length_out_of_range, size};
+      }
     }
     if (!source.format().deliver_unknown && !fits(form, head.shape, head.payload)) {
       return {Outcome::reject, Cause::unknown_message, size};
@@ -347,10 +383,18 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
     }
   }
   const Received received = block != nullptr ? *block : Received{candidate, size};
-  const bool checks_hold = every<unroll, part_counts<Source>.checks>(
-      form.header_checks, form.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        return check_holds(source, form, i, candidate, size, received, head.shape.seed, head.registers);
-      });
+  bool checks_hold = true;
+  constexpr PartCounts most = part_counts<Source>;
+  if constexpr (most.checks == 1 && most.header_checks == 0) {  // as most formats have it
+    if (form.check_count != 0) {
+      checks_hold = check_holds(source, form, 0, candidate, size, received, head.shape.seed, head.registers);
+    }
+  } else {
+    checks_hold =
+        every<unroll, most.checks>(form.header_checks, form.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+          return check_holds(source, form, i, candidate, size, received, head.shape.seed, head.registers);
+        });
+  }
   if (!checks_hold) return {Outcome::reject, Cause::check_mismatch, size};
 
   fill(frame, form, index, candidate, head.shape, head.id, head.payload, size, form.trims_zeros);
@@ -365,9 +409,9 @@ template <class Source>
 WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, const std::uint8_t* candidate,
                                      std::size_t available, const Received* block, Frame& frame) {
   const Form& form = source.format().forms[index];
-  Head head;
+  Head<Source> head;
   if constexpr (Source::is_constant) {  // folds to nothing; GCC 12 does not see everywhere that they are written first
-    for (std::uint64_t& reg : head.registers) reg = 0;
+    head.registers = {};
   }
   const Verdict verdict = examine_head(source, form, candidate, available, block != nullptr, head);
   if (verdict.outcome != Outcome::frame) {
@@ -395,24 +439,19 @@ WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, co
   return whole;
 }
 
-}  // namespace detail
-
-/// Examine the bytes at `candidate`. Pure: the verdict depends on these bytes alone, so chunking cannot change it.
-/// `block`: the candidate's size is known to be `available`, and this is what it was before unstuffing; else null.
-/// Any thread or interrupt. Work is bounded by one pass over max_frame_bytes per form.
+/// The first form that holds. A rejection is reported for the form that got furthest: of two that blame as
+/// many bytes, the one whose cause is decided later. One whose bits "there or not" differ, or whose sizes do, is not
+/// meant at all.
 template <class Source>
-WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candidate, std::size_t available,
-                                const detail::Received* block, Frame& frame) {
-  const FrameFormat& format = source.format();
+WIREBOND_INLINE Verdict examine_forms(const Source& source, const std::uint8_t* candidate, std::size_t available,
+                                      const Received* block, Frame& frame) {
+  const auto& format = source.format();
   if constexpr (Source::is_constant) {
-    if (format.form_count == 1) return detail::examine_form(source, 0, candidate, available, block, frame);
+    if (format.form_count == 1) return examine_form(source, 0, candidate, available, block, frame);
   }
-  // Several forms: the first that holds. A rejection is reported for the form that got furthest: of two that blame as
-  // many bytes, the one whose cause is decided later. One whose bits "there or not" differ, or whose sizes do, is not
-  // meant at all.
   Verdict best{Outcome::reject, Cause::constant_mismatch, 0};
   const auto examine_next = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    const Verdict verdict = detail::examine_form(source, i, candidate, available, block, frame);
+    const Verdict verdict = examine_form(source, i, candidate, available, block, frame);
     const bool further =
         verdict.bytes > best.bytes || (verdict.bytes == best.bytes && verdict.cause > best.cause);  // in their order
     const bool better =
@@ -422,8 +461,23 @@ WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candid
     if (better) best = verdict;
     return verdict.outcome != Outcome::frame;
   };
-  detail::every<Source::is_constant, detail::part_counts<Source>.forms>(0, format.form_count, examine_next);
+  every<Source::is_constant, part_counts<Source>.forms>(0, format.form_count, examine_next);
   return best;
+}
+
+}  // namespace detail
+
+/// Examine the bytes at `candidate`. Pure: the verdict depends on these bytes alone, so chunking cannot change it.
+/// `block`: the candidate's size is known to be `available`, and this is what it was before unstuffing; else null.
+/// Any thread or interrupt. Work is bounded by one pass over max_frame_bytes per form.
+template <class Source>
+WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candidate, std::size_t available,
+                                const detail::Received* block, Frame& frame) {
+  if constexpr (detail::folds<Source>(0) && detail::part_counts<Source>.forms == 1) {
+    return detail::examine_form(source, 0, candidate, available, block, frame);
+  } else {
+    return detail::examine_forms(source, candidate, available, block, frame);
+  }
 }
 
 }  // namespace wirebond

@@ -192,7 +192,8 @@ struct InsertionRule {
   std::array<std::uint8_t, max_insertion> after{};
 };
 
-struct FrameFormat {
+/// What holds for all forms of a format.
+struct FormatRules {
   Framing framing = Framing::by_start;
   Stuffing stuffing = Stuffing::none;
   Mark opening{};             ///< delimiter before a frame
@@ -213,12 +214,31 @@ struct FrameFormat {
   /// What Source::message is asked for a frame without an id. Not 0 where other frames of this sender have one: then it
   /// is a value that no message has as its id.
   std::uint32_t no_id = 0;
-  std::array<Form, max_forms> forms{};
   std::array<CheckAlgorithm, max_algorithms> algorithms{};
   EscapeRule escapes{};
-  std::array<Exclusion, max_exclusions> exclusions{};  ///< of all forms
   InsertionRule insertion{};
 };
+
+/// A whole format, with room for `Forms` forms and `Exclusions` exclusions. A constant has room for its own only: where
+/// nothing is optimised, all of it lies in flash.
+template <std::size_t Forms, std::size_t Exclusions>
+struct SizedFormat : FormatRules {
+  std::array<Form, Forms> forms{};
+  std::array<Exclusion, Exclusions> exclusions{};  ///< of all forms
+};
+
+/// One with room for whatever a protocol file may say: for formats that are read at run time.
+using FrameFormat = SizedFormat<max_forms, max_exclusions>;
+
+/// The same format with all the room.
+template <class Format>
+constexpr FrameFormat widened(const Format& format) {
+  FrameFormat wide{};
+  static_cast<FormatRules&>(wide) = format;
+  for (std::size_t i = 0; i < format.forms.size(); ++i) wide.forms[i] = format.forms[i];
+  for (std::size_t i = 0; i < format.exclusions.size(); ++i) wide.exclusions[i] = format.exclusions[i];
+  return wide;
+}
 
 /// What the deframer must know of a message: nothing about its fields.
 struct MessageShape {
@@ -231,7 +251,8 @@ struct MessageShape {
 };
 
 /// Largest frame between delimiters after unstuffing, or on the wire where nothing is stuffed.
-WIREBOND_INLINE constexpr std::size_t max_frame_bytes(const FrameFormat& format) {
+template <class Format>
+WIREBOND_INLINE constexpr std::size_t max_frame_bytes(const Format& format) {
   std::size_t largest = 0;
   for (std::size_t i = 0; i < format.form_count; ++i) {
     const Form& form = format.forms[i];
@@ -246,7 +267,7 @@ WIREBOND_INLINE constexpr std::size_t max_frame_bytes(const FrameFormat& format)
 WIREBOND_INLINE constexpr std::size_t cobs_overhead(std::size_t size) { return 1 + size / 254; }
 
 /// Bytes that stuffing adds to a frame of `size` bytes at most.
-WIREBOND_INLINE constexpr std::size_t stuffing_overhead(const FrameFormat& format, std::size_t size) {
+WIREBOND_INLINE constexpr std::size_t stuffing_overhead(const FormatRules& format, std::size_t size) {
   switch (format.stuffing) {
     case Stuffing::cobs: return cobs_overhead(size);
     case Stuffing::escape:
@@ -257,29 +278,31 @@ WIREBOND_INLINE constexpr std::size_t stuffing_overhead(const FrameFormat& forma
   return 0;
 }
 
-WIREBOND_INLINE constexpr bool has_marks(const FrameFormat& format) {
+WIREBOND_INLINE constexpr bool has_marks(const FormatRules& format) {
   return format.framing == Framing::delimited || format.framing == Framing::bracketed;
 }
 
 /// Bytes that a sender puts before a frame.
-WIREBOND_INLINE constexpr std::size_t opening_bytes(const FrameFormat& format) {
+WIREBOND_INLINE constexpr std::size_t opening_bytes(const FormatRules& format) {
   return has_marks(format) && format.sends_opening ? format.opening.size : 0;
 }
 
 /// Bytes of the delimiters that a sender puts around a frame.
-WIREBOND_INLINE constexpr std::size_t delimiter_bytes(const FrameFormat& format) {
+WIREBOND_INLINE constexpr std::size_t delimiter_bytes(const FormatRules& format) {
   return has_marks(format) ? opening_bytes(format) + format.closing.size : 0;
 }
 
 /// Largest frame on the wire, delimiters included.
-WIREBOND_INLINE constexpr std::size_t max_wire_bytes(const FrameFormat& format) {
+template <class Format>
+WIREBOND_INLINE constexpr std::size_t max_wire_bytes(const Format& format) {
   const std::size_t frame = max_frame_bytes(format);
   const std::size_t marks = has_marks(format) ? std::size_t{format.opening.size} + format.closing.size : 0;
   return frame + stuffing_overhead(format, frame) + marks;
 }
 
 /// Wire bytes that a sender sets aside for a frame of this form: exact where nothing is stuffed, else the worst.
-WIREBOND_INLINE constexpr std::size_t wire_bytes(const FrameFormat& format, std::size_t payload_size,
+template <class Format>
+WIREBOND_INLINE constexpr std::size_t wire_bytes(const Format& format, std::size_t payload_size,
                                                  std::size_t form_index = 0) {
   const Form& form = format.forms[form_index];
   const std::size_t payload = form.payload_size == PayloadSize::fixed ? form.fixed_payload : payload_size;
@@ -305,7 +328,7 @@ WIREBOND_INLINE constexpr std::int64_t most_payload(const Form& form) {
 }
 
 /// Does `carries` hold for every size up to the format's greatest? Then no code asks it.
-WIREBOND_INLINE constexpr bool carries_all(const FrameFormat& format, const Form& form) {
+WIREBOND_INLINE constexpr bool carries_all(const FormatRules& format, const Form& form) {
   if (form.payload_size != PayloadSize::by_length) return true;  // `seal` compares with a fixed size itself
   return form.length.present() && form.length_unit == 1 && form.length_bias <= 0 &&
          static_cast<std::int64_t>(format.max_payload) - form.length_bias <= form.length.most();
@@ -313,7 +336,7 @@ WIREBOND_INLINE constexpr bool carries_all(const FrameFormat& format, const Form
 
 /// Can a frame of this form carry message `id`? Its id has room for it. `no_id` is the message that frames without an
 /// id carry, and no others.
-WIREBOND_INLINE constexpr bool carries_id(const FrameFormat& format, const Form& form, std::uint32_t id) {
+WIREBOND_INLINE constexpr bool carries_id(const FormatRules& format, const Form& form, std::uint32_t id) {
   if (!form.id.present()) return id == format.no_id;
   return (format.no_id == 0 || id != format.no_id) && id <= form.id.most() && (id & form.id_mask) == form.id_value;
 }
@@ -342,8 +365,8 @@ WIREBOND_INLINE constexpr Number number_at(const Form& form, std::uint8_t place)
 
 /// Does an exclusion keep a sender from this form, for message `id` with `payload` bytes before trimming? `header` may
 /// be null: then the fields have their defaults, which the sender's own forms allow. `Unroll`, `Most`: as for `every`.
-template <bool Unroll = false, std::size_t Most = max_exclusions>
-WIREBOND_INLINE constexpr bool is_excluded(const FrameFormat& format, const Form& form, std::uint32_t id,
+template <bool Unroll = false, std::size_t Most = max_exclusions, class Format>
+WIREBOND_INLINE constexpr bool is_excluded(const Format& format, const Form& form, std::uint32_t id,
                                            std::size_t payload, const std::uint64_t* header) {
   return !detail::every<Unroll, Most>(0, form.exclusion_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
@@ -359,8 +382,8 @@ WIREBOND_INLINE constexpr bool is_excluded(const FrameFormat& format, const Form
 
 /// Does a payload of this size, with the zeros that were cut from its end, break a condition of the form? `Unroll`,
 /// `Most`: as for `every`.
-template <bool Unroll = false, std::size_t Most = max_exclusions>
-WIREBOND_INLINE constexpr bool size_is_excluded(const FrameFormat& format, const Form& form, std::size_t payload) {
+template <bool Unroll = false, std::size_t Most = max_exclusions, class Format>
+WIREBOND_INLINE constexpr bool size_is_excluded(const Format& format, const Form& form, std::size_t payload) {
   return !detail::every<Unroll, Most>(0, form.exclusion_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Exclusion& exclusion = format.exclusions[form.first_exclusion + i];
     if (exclusion.subject != Subject::size || !exclusion.on_receive) return true;
@@ -369,7 +392,8 @@ WIREBOND_INLINE constexpr bool size_is_excluded(const FrameFormat& format, const
 }
 
 /// Bytes before the payload, of the form that has most.
-WIREBOND_INLINE constexpr std::size_t longest_prefix(const FrameFormat& format) {
+template <class Format>
+WIREBOND_INLINE constexpr std::size_t longest_prefix(const Format& format) {
   std::size_t longest = 0;
   for (std::size_t i = 0; i < format.form_count; ++i) {
     if (format.forms[i].prefix > longest) longest = format.forms[i].prefix;
@@ -378,7 +402,8 @@ WIREBOND_INLINE constexpr std::size_t longest_prefix(const FrameFormat& format) 
 }
 
 /// The byte that every frame begins with; -1: there are several forms, or it is not wholly constant.
-WIREBOND_INLINE constexpr int one_start(const FrameFormat& format) {
+template <class Format>
+WIREBOND_INLINE constexpr int one_start(const Format& format) {
   const Form& form = format.forms[0];
   const bool is_one = format.form_count == 1 && form.prefix_constants != 0 && form.constants[0].at.offset == 0 &&
                       form.constants[0].mask == 0xFF;

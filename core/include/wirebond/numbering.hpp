@@ -20,7 +20,7 @@ template <class Source>
 WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* frame, std::size_t size) {
   constexpr bool unroll = Source::is_constant;
   constexpr detail::PartCounts most = detail::part_counts<Source>;
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   std::size_t found = 0;
   detail::every<unroll, most.forms>(0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Form& form = format.forms[i];
@@ -59,7 +59,7 @@ WIREBOND_INLINE Number sequence_number(const Source& source, std::size_t form_in
 /// close it. Returns the size on the wire. `next()` gives the number; it is called only for a frame that has one.
 template <class Source, class Next>
 WIREBOND_INLINE std::size_t close_numbered(const Source& source, std::uint8_t* buffer, std::size_t size, Next&& next) {
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   std::uint8_t* const frame = buffer + frame_lead(format);
   const std::size_t taken = form_of(source, frame, size);
   std::size_t on_wire = 0;
@@ -85,7 +85,7 @@ WIREBOND_INLINE std::size_t close_numbered(const Source& source, std::uint8_t* b
 template <class Source>
 WIREBOND_INLINE std::size_t set_aside(const Source& source, std::uint8_t* buffer, std::size_t size,
                                       std::size_t form_index) {
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   if (format.stuffing != Stuffing::escape) return size + delimiter_bytes(format) + stuffing_overhead(format, size);
   const Form& form = format.forms[form_index];
   std::size_t added = size;  // what is sent as it is behind the others is moved while they are stuffed: no less will do
@@ -116,7 +116,7 @@ struct Waiting {
 };
 
 /// The size of a laid-out frame for which `room` bytes were set aside.
-WIREBOND_INLINE std::size_t waiting_size(const FrameFormat& format, const std::uint8_t* buffer, std::size_t room) {
+WIREBOND_INLINE std::size_t waiting_size(const FormatRules& format, const std::uint8_t* buffer, std::size_t room) {
   if (format.stuffing == Stuffing::escape)
     return static_cast<std::size_t>(load_bytes(buffer + room - 2, 2, ByteOrder::little));
   const std::size_t size = room - delimiter_bytes(format);

@@ -58,7 +58,8 @@ class SequenceTrack {
 };
 
 /// Bits of the sequence number; 0: no form of the format has one.
-constexpr std::uint64_t sequence_mask(const FrameFormat& format) {
+template <class Format>
+constexpr std::uint64_t sequence_mask(const Format& format) {
   for (std::size_t i = 0; i < format.form_count; ++i) {
     const Number number = number_at(format.forms[i], format.sequence_place);
     if (number.present()) return number.mask;
@@ -130,7 +131,7 @@ class SequenceWatch<Source, true> {
 
  protected:
   WIREBOND_NOINLINE void note(const Frame& frame) {
-    constexpr FrameFormat format = Source{}.format();
+    constexpr FormatRules format = Source{}.format();
     if (format.sequence_per_message && frame.message < 0) return;
     const std::size_t message = format.sequence_per_message ? static_cast<std::size_t>(frame.message) : 0;
     Value number = 0;

@@ -30,7 +30,7 @@ class Unstuffer {
   /// Go on until `count` bytes are written. Those from `stuffed_end` on are sent as they are. `waits`: that needs more
   /// than `available` bytes. `bad`: the next byte is none that a sender makes.
   WIREBOND_INLINE Result run(std::size_t available, std::size_t count, std::size_t stuffed_end) {
-    const FrameFormat& format = source_.format();
+    const auto& format = source_.format();
     const EscapeRule& escapes = escapes_of(source_);
     const InsertionRule& insertion = insertion_of(source_);
     for (;;) {
@@ -85,7 +85,7 @@ class Unstuffer {
 }  // namespace detail
 
 /// Do escapes among a frame's bytes make it longer than the size that it tells?
-WIREBOND_INLINE bool grows_by_escapes(const FrameFormat& format) {
+WIREBOND_INLINE bool grows_by_escapes(const FormatRules& format) {
   return format.framing == Framing::sized && format.stuffing == Stuffing::escape && !format.length_on_wire;
 }
 
@@ -97,7 +97,7 @@ template <class Source>
 WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* candidate, std::size_t available,
                                       std::uint8_t* scratch, Frame& frame) {
   using Unstuffer = detail::Unstuffer<Source>;
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   const std::size_t prefix = format.forms[0].prefix;  // that of all forms
   const auto more = [](std::size_t size, std::size_t by) {
     return Verdict{Outcome::need_more, Cause::incomplete, size + by};

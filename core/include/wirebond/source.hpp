@@ -4,6 +4,8 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
+#include <utility>
 
 #include "wirebond/check.hpp"
 #include "wirebond/format.hpp"
@@ -15,7 +17,7 @@ namespace wirebond {
 //
 //   struct Source {
 //     static constexpr bool is_constant;               // true: loops over parts unroll and fold
-//     const FrameFormat& format() const;
+//     const FrameFormat& format() const;               // or another SizedFormat
 //     MessageShape message(std::uint32_t id) const;
 //     void expect(std::int16_t index);  // message() answers so from here on, where several messages share an id
 //     std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t*, std::size_t) const;
@@ -33,6 +35,10 @@ namespace wirebond {
 // Generated code holds a constant source for each sender; runtime_source.hpp is the other one.
 
 namespace detail {
+
+/// The type of the source's format: a constant has room for its own forms only.
+template <class Source>
+using FormatOf = std::decay_t<decltype(std::declval<const Source&>().format())>;
 
 /// Is the source's format known to the compiler? A source may ask for the algorithms of a constant and hold values that
 /// are read at run time, as tests do that compile once for many formats.
@@ -75,6 +81,13 @@ struct PartCounts {
   std::size_t header_fields = 0;
   std::size_t checks = 0;
   std::size_t exclusions = 0;
+  std::size_t header_checks = 0;
+  bool payload_sizes[4] = {};  ///< by PayloadSize: a form has it so
+  // Some check is so:
+  bool is_seeded = false;
+  bool is_hex = false;
+  bool is_on_wire = false;
+  bool is_continued = false;
 };
 
 /// May the source's frames be found so? Where the format folds, code for what it is not is not even compiled: a build
@@ -110,16 +123,47 @@ constexpr PartCounts count_parts() {
       raise(most.header_fields, form.header_count);
       raise(most.checks, form.check_count);
       raise(most.exclusions, form.exclusion_count);
+      raise(most.header_checks, form.header_checks);
+      most.payload_sizes[static_cast<std::size_t>(form.payload_size)] = true;
+      for (std::size_t c = 0; c < form.check_count; ++c) {
+        most.is_seeded = most.is_seeded || form.checks[c].seeded;
+        most.is_hex = most.is_hex || form.checks[c].as_hex;
+        most.is_on_wire = most.is_on_wire || form.checks[c].on_wire;
+        most.is_continued = most.is_continued || form.checks[c].continues >= 0;
+      }
     }
     return most;
   } else {
-    return {max_forms, max_constants, max_header_fields, max_checks, max_exclusions};
+    return {max_forms,
+            max_constants,
+            max_header_fields,
+            max_checks,
+            max_exclusions,
+            max_checks,
+            {true, true, true, true},
+            true,
+            true,
+            true,
+            true};
   }
 }
 
 /// How often a loop over parts is unrolled: no compiler folds for nothing what a constant format does not have.
 template <class Source>
 inline constexpr PartCounts part_counts = count_parts<Source>();
+
+/// May a form of the source know its payload's size so?
+template <class Source>
+constexpr bool may_have(PayloadSize size) {
+  return part_counts<Source>.payload_sizes[static_cast<std::size_t>(size)];
+}
+
+/// Registers of a frame's checks: those that a later check goes on from are kept.
+template <class Source>
+struct CheckRegisters {
+  static constexpr bool are_kept = part_counts<Source>.is_continued;
+  std::uint64_t of[are_kept ? max_checks : 1];
+};
 
 /// Where the header field of place `Place` lies in each form of a format that folds: a few bytes in memory at most,
 /// where a look into the format could keep all of it there.
@@ -145,10 +189,38 @@ WIREBOND_INLINE auto of_format(const Source& source) {
   }
 }
 
+/// `check_begin` of each algorithm of a format that folds.
+template <class Source>
+constexpr auto make_check_begins() {
+  std::array<std::uint64_t, max_algorithms> begins{};
+  for (std::size_t i = 0; i < Source{}.format().algorithm_count; ++i) {
+    begins[i] = check_begin(Source{}.format().algorithms[i]);
+  }
+  return begins;
+}
+template <class Source>
+inline constexpr auto check_begins = make_check_begins<Source>();
+
+/// May a register of the source's be reflected at its end? Where the format folds, code for what it is not is not even
+/// compiled.
+template <class Source>
+constexpr bool may_reflect() {
+  if constexpr (folds<Source>(0)) {
+    for (std::size_t i = 0; i < Source{}.format().algorithm_count; ++i) {
+      if (reflects_end(Source{}.format().algorithms[i])) return true;
+    }
+    return false;
+  } else {
+    return true;
+  }
+}
+
 /// Register before the first byte.
 template <class Source>
 WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm) {
-  if constexpr (Source::is_constant) {
+  if constexpr (folds<Source>(0)) {
+    return check_begins<Source>[algorithm];
+  } else if constexpr (Source::is_constant) {
     return check_begin(source.format().algorithms[algorithm]);
   } else {
     return source.check_begin_of(algorithm);
@@ -158,11 +230,31 @@ WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm)
 /// The check's value, out of the register after the last byte.
 template <class Source>
 WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, std::uint64_t reg) {
-  if constexpr (Source::is_constant) {
+  if constexpr (Source::is_constant && !may_reflect<Source>()) {
+    return check_finish(source.format().algorithms[algorithm], reg);
+  } else if constexpr (Source::is_constant) {
     return check_end(source.format().algorithms[algorithm], reg);
   } else {
     return source.check_end_of(algorithm, reg);
   }
+}
+
+/// Do the header values allow this form, and can it carry message `id` with `payload` bytes?
+template <class Source>
+WIREBOND_INLINE bool takes_form(const Source& source, std::size_t index, std::uint32_t id, std::size_t payload,
+                                const HeaderValues& header) {
+  constexpr bool unroll = Source::is_constant;
+  constexpr PartCounts most = part_counts<Source>;
+  const auto& format = source.format();
+  const Form& form = format.forms[index];
+  if constexpr (most.header_fields != 0) {
+    if (header.values != nullptr && !agrees<unroll, most.header_fields>(form, header)) return false;
+  }
+  if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return false;
+  if constexpr (most.exclusions != 0) {
+    if (is_excluded<unroll, most.exclusions>(format, form, id, payload, header.values)) return false;
+  }
+  return true;
 }
 
 /// fn(index) for the form that a sender takes for message `id` with `payload` bytes: the first that the header values
@@ -171,18 +263,19 @@ WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, s
 template <class Source, class Fn>
 WIREBOND_INLINE bool with_own_form(const Source& source, std::uint32_t id, std::size_t payload, Fn&& fn,
                                    HeaderValues header = {}) {
-  constexpr bool unroll = Source::is_constant;
   constexpr PartCounts most = part_counts<Source>;
-  const FrameFormat& format = source.format();
-  const std::size_t count = header.values == nullptr ? format.own_forms : format.form_count;
-  return !every<true, most.forms>(0, count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-    const Form& form = format.forms[i];
-    if (header.values != nullptr && !agrees<unroll, most.header_fields>(form, header)) return true;
-    if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return true;
-    if (is_excluded<unroll, most.exclusions>(format, form, id, payload, header.values)) return true;
-    fn(i);
-    return false;
-  });
+  if constexpr (folds<Source>(0) && most.forms == 1) {
+    if (!takes_form(source, 0, id, payload, header)) return false;
+    fn(0);
+    return true;
+  } else {
+    const std::size_t count = header.values == nullptr ? source.format().own_forms : source.format().form_count;
+    return !every<true, most.forms>(0, count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+      if (!takes_form(source, i, id, payload, header)) return true;
+      fn(i);
+      return false;
+    });
+  }
 }
 
 }  // namespace detail

@@ -17,7 +17,7 @@ constexpr std::size_t joined_chunk = Source::is_constant ? 0 : 512;
 /// Memory that a StreamDeframer asks for: bytes carried from call to call, and room to unstuff one frame.
 template <class Source>
 WIREBOND_INLINE constexpr std::size_t workspace_bytes(const Source& source) {
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   const std::size_t scratch = format.stuffing == Stuffing::none ? 0 : max_wire_bytes(format);
   return 2 * max_wire_bytes(format) + 2 * joined_chunk<Source> + scratch;
 }
@@ -86,6 +86,7 @@ using PausesOf = std::conditional_t<ends_by_silence<Source>(), Pauses<Counter>, 
 template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
 class StreamDeframer : private detail::CarryPlace<Source>, private detail::PausesOf<Source, Counter> {
   using Pauses = detail::PausesOf<Source, Counter>;
+  static constexpr bool may_end_by_silence = detail::ends_by_silence<Source>();
 
  public:
   /// `workspace`: workspace_bytes(source) bytes that outlive this object. `idle_us`: the silence after which an
@@ -112,11 +113,14 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
   template <class Sink>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter came_us, Counter now_us, Sink&& sink) {
     if (size == 0) return;
-    if (ends_by_silence()) {
-      pause(came_us, now_us, sink);
-      // With what came before the pause this is no frame.
-      if (this->before_pause() != 0 && carried_ + size > detail::of_format<max_frame_bytes>(deframer_.source())) {
-        drop_before_pause(sink);
+    if constexpr (may_end_by_silence) {
+      if (ends_by_silence()) {
+        pause(came_us, now_us, sink);
+        // With what came before the pause this is no frame.
+        constexpr auto longest = max_frame_bytes<detail::FormatOf<Source>>;
+        if (this->before_pause() != 0 && carried_ + size > detail::of_format<longest>(deframer_.source())) {
+          drop_before_pause(sink);
+        }
       }
     }
     last_byte_us_ = now_us;
@@ -135,11 +139,10 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
   /// `idle_us`; its bytes are rescanned, which may free frames behind a false start.
   template <class Sink>
   void idle(Counter now_us, Sink&& sink) {
-    if (ends_by_silence()) {
-      pause(now_us, now_us, sink);
-    } else if (is_silent(now_us)) {
-      give_up(sink);
+    if constexpr (may_end_by_silence) {
+      if (ends_by_silence()) return pause(now_us, now_us, sink);
     }
+    if (is_silent(now_us)) give_up(sink);
   }
 
   /// Has the silence before a read that began at `now_us` and found nothing lasted `idle_us`?
@@ -149,7 +152,9 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
   template <class Sink>
   void give_up(Sink&& sink) {
     if (carried_ == 0 && !ends_by_silence()) return;
-    if (this->before_pause() != 0 && !holds_frame(0)) drop_before_pause(sink);
+    if constexpr (may_end_by_silence) {
+      if (this->before_pause() != 0 && !holds_frame(0)) drop_before_pause(sink);
+    }
     this->note_pause(0);
     deframer_.consume(buffer_ + begin(), carried_, true, sink);
     begin_at(0);

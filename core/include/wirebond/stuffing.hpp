@@ -173,7 +173,7 @@ inline std::ptrdiff_t uninsert(const InsertionRule& rule, const std::uint8_t* fr
 /// COBS the first of them before the frame. Returns the stuffed size; under COBS the result begins at frame - 1.
 template <class Source>
 WIREBOND_INLINE std::size_t stuff_in_place(const Source& source, std::uint8_t* frame, std::size_t size) {
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   if (format.stuffing == Stuffing::none) return size;
   const std::size_t front = format.plain_front;
   const std::size_t back = format.plain_back;
@@ -202,12 +202,12 @@ WIREBOND_INLINE std::size_t stuff_in_place(const Source& source, std::uint8_t* f
 template <class Source>
 WIREBOND_INLINE std::ptrdiff_t unstuff(const Source& source, const std::uint8_t* block, std::size_t size,
                                        std::uint8_t* to) {
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   const std::size_t front = format.plain_front;
   const std::size_t back = format.plain_back;
   if (size < front + back) return -1;
   const std::size_t inner = size - front - back;
-  const std::size_t room = detail::of_format<max_wire_bytes>(source) - front - back;
+  const std::size_t room = detail::of_format<max_wire_bytes<detail::FormatOf<Source>>>(source) - front - back;
   const std::ptrdiff_t result = format.stuffing == Stuffing::cobs  ? cobs_decode(block + front, inner, to + front, room)
                                 : format.stuffing == Stuffing::hex ? unhex(block + front, inner, to + front, room)
                                 : format.stuffing == Stuffing::insertion

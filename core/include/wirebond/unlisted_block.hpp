@@ -20,7 +20,7 @@ WIREBOND_INLINE bool is_unlisted_form(const Source& source, const Form& form, co
                                       std::size_t size, const Received& received, std::uint32_t& id) {
   constexpr bool unroll = Source::is_constant;
   constexpr PartCounts most = part_counts<Source>;
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   const std::size_t outside = static_cast<std::size_t>(form.prefix) + form.suffix;
   if (!form.id.present() || size < outside) return false;
   const std::size_t payload = size - outside;
@@ -50,7 +50,7 @@ WIREBOND_INLINE bool is_unlisted_form(const Source& source, const Form& form, co
   const std::uint32_t number = read_number(form.id, candidate, size);
   const MessageShape shape = shape_of(source, form, number, candidate, size, payload);
   if (fits(form, shape, payload)) return false;
-  std::uint64_t registers[max_checks] = {};
+  CheckRegisters<Source> registers{};
   const bool checks_hold = every<unroll, most.checks>(0, form.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const bool holds = check_holds(source, form, i, candidate, size, received, shape.seed, registers);
     return holds || (form.checks[i].seeded && !shape.known());
@@ -64,7 +64,7 @@ WIREBOND_INLINE bool is_unlisted_form(const Source& source, const Form& form, co
 template <class Source>
 WIREBOND_INLINE bool is_unlisted_block(const Source& source, const std::uint8_t* candidate, std::size_t size,
                                        const Received& received, std::uint32_t& id) {
-  const FrameFormat& format = source.format();
+  const auto& format = source.format();
   const auto is_other = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     return !is_unlisted_form(source, format.forms[i], candidate, size, received, id);
   };

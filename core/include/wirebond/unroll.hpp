@@ -11,6 +11,12 @@ namespace wirebond {
 
 namespace detail {
 
+#if defined(__OPTIMIZE__) || !defined(__GNUC__)
+inline constexpr bool unrolls = true;
+#else
+inline constexpr bool unrolls = false;  // nothing would fold
+#endif
+
 template <class Fn, std::size_t... I>
 WIREBOND_INLINE constexpr bool every_unrolled(std::size_t begin, std::size_t end, Fn& fn, std::index_sequence<I...>) {
   return ((I < begin || I >= end || fn(I)) && ...);
@@ -20,7 +26,9 @@ WIREBOND_INLINE constexpr bool every_unrolled(std::size_t begin, std::size_t end
 /// folds.
 template <bool Unroll, std::size_t Capacity, class Fn>
 WIREBOND_INLINE constexpr bool every(std::size_t begin, std::size_t end, Fn&& fn) {
-  if constexpr (Unroll) {
+  if constexpr (Unroll && Capacity == 0) {
+    return true;
+  } else if constexpr (Unroll && unrolls) {
     return every_unrolled(begin, end, fn, std::make_index_sequence<Capacity>{});
   } else {
     for (std::size_t i = begin; i < end; ++i) {

@@ -10,6 +10,7 @@
 
 #include "wirebond/deadline.hpp"
 #include "wirebond/mcu/asked_addresses.hpp"
+#include "wirebond/mcu/atomics.hpp"
 #include "wirebond/mcu/buffers.hpp"
 #include "wirebond/mcu/handshake.hpp"
 #include "wirebond/mcu/outbox.hpp"
@@ -331,7 +332,7 @@ class Link : private SendPause<Protocol::pause_us>,
   /// the flag; a `poll` that finds it has interrupted it.
   class Event {
    public:
-    explicit Event(std::atomic<bool>& flag) : flag_(flag), before_(flag.load(std::memory_order_relaxed)) {
+    explicit Event(LoadStore<bool>& flag) : flag_(flag), before_(flag.load(std::memory_order_relaxed)) {
       flag_.store(true, std::memory_order_relaxed);
       std::atomic_signal_fence(std::memory_order_seq_cst);
     }
@@ -343,7 +344,7 @@ class Link : private SendPause<Protocol::pause_us>,
     Event& operator=(const Event&) = delete;
 
    private:
-    std::atomic<bool>& flag_;
+    LoadStore<bool>& flag_;
     bool before_;
   };
 
@@ -598,12 +599,12 @@ class Link : private SendPause<Protocol::pause_us>,
   std::uint32_t transmit_timeouts_ = 0;
   std::uint32_t slow_polls_ = 0;
   std::uint32_t nested_polls_ = 0;
-  std::uint32_t heard_us_ = 0;            ///< the last valid frame
-  std::uint32_t line_moved_us_ = 0;       ///< the last byte, or restart for want of one
-  std::uint32_t begun_us_ = 0;            ///< about when the run with the port was begun
-  std::atomic<std::uint32_t> now_us_{0};  ///< of the last poll
-  std::atomic<bool> in_event_{false};     ///< the UART's interrupt is at work
-  std::atomic<LinkState> state_{LinkState::down};
+  std::uint32_t heard_us_ = 0;          ///< the last valid frame
+  std::uint32_t line_moved_us_ = 0;     ///< the last byte, or restart for want of one
+  std::uint32_t begun_us_ = 0;          ///< about when the run with the port was begun
+  LoadStore<std::uint32_t> now_us_{0};  ///< of the last poll
+  LoadStore<bool> in_event_{false};     ///< the UART's interrupt is at work
+  LoadStore<LinkState> state_{LinkState::down};
   Peer peer_ = Peer::unknown;
   bool is_timed_ = false;
 };

@@ -8,6 +8,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "wirebond/mcu/atomics.hpp"
+
 namespace wirebond {
 
 namespace detail {
@@ -136,8 +138,8 @@ class ReceiveAge<true> {
     }
 
    private:
-    std::atomic<std::uint32_t> position_{0};
-    std::atomic<std::uint32_t> time_us_{0};
+    LoadStore<std::uint32_t> position_{0};
+    LoadStore<std::uint32_t> time_us_{0};
   };
 
   static bool is_later(std::uint32_t a, std::uint32_t b) { return static_cast<std::int32_t>(a - b) > 0; }
@@ -148,12 +150,12 @@ class ReceiveAge<true> {
     return is_later(now_us, looked_us) && now_us - looked_us >= limit_us;
   }
 
-  std::atomic<std::uint32_t> looked_us_{0};
-  std::atomic<bool> is_late_{false};
-  std::atomic<std::uint32_t> version_{0};  // odd: the stamps are being written
-  std::array<Stamp, 2> stamps_;            // older, newer
-  std::uint32_t noted_ = 0;                // version_ when `poll` last began; these two are its own
-  std::uint32_t noted_before_ = 0;         // and the time before
+  LoadStore<std::uint32_t> looked_us_{0};
+  LoadStore<bool> is_late_{false};
+  LoadStore<std::uint32_t> version_{0};  // odd: the stamps are being written
+  std::array<Stamp, 2> stamps_;          // older, newer
+  std::uint32_t noted_ = 0;              // version_ when `poll` last began; these two are its own
+  std::uint32_t noted_before_ = 0;       // and the time before
 };
 
 }  // namespace wirebond

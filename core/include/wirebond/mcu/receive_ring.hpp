@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/mcu/atomics.hpp"
+
 namespace wirebond {
 
 /// What became of the bytes that DMA wrote, modulo 2^32: received = handed out + lapped + dropped + still there.
@@ -233,12 +235,12 @@ class ReceiveRing {
 
   const std::uint8_t* bytes_;
   Count mask_;
-  std::atomic<Count> written_{0};              ///< by the interrupt
-  std::array<Count, hole_capacity> holes_{};   ///< where holes begin; by the interrupt
-  std::atomic<std::uint8_t> holes_noted_{0};   ///< by the interrupt
-  std::atomic<std::uint8_t> holes_passed_{0};  ///< by the reader
-  std::atomic<std::uint8_t> restarts_{0};      ///< by the interrupt; odd: reception is being begun again
-  std::atomic<Count> read_{0};                 ///< by the reader
+  LoadStore<Count> written_{0};               ///< by the interrupt
+  std::array<Count, hole_capacity> holes_{};  ///< where holes begin; by the interrupt
+  LoadStore<std::uint8_t> holes_noted_{0};    ///< by the interrupt
+  LoadStore<std::uint8_t> holes_passed_{0};   ///< by the reader
+  LoadStore<std::uint8_t> restarts_{0};       ///< by the interrupt; odd: reception is being begun again
+  LoadStore<Count> read_{0};                  ///< by the reader
   Count seen_ = 0;
   Count hole_bytes_ = 0;  ///< in the holes that were passed
   Count lapped_ = 0;

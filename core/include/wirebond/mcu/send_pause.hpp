@@ -4,6 +4,8 @@
 #include <atomic>
 #include <cstdint>
 
+#include "wirebond/mcu/atomics.hpp"
+
 namespace wirebond {
 
 /// `begin` and `is_over` belong to the UART's interrupt, `poll` to its own context. The interrupt knows when a run has
@@ -44,8 +46,8 @@ class SendPause {
     seen,     // one poll came, whose time may be from before
     timed,    // since begun_us_
   };
-  std::atomic<std::uint8_t> phase_{over};
-  std::atomic<std::uint32_t> begun_us_{0};
+  LoadStore<std::uint8_t> phase_{over};
+  LoadStore<std::uint32_t> begun_us_{0};
 };
 
 /// Frames follow each other: nothing is measured, and no memory is used.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -102,6 +103,7 @@ def cpp_header(protocol: Protocol) -> str:
         types=_type_views(protocol),
         messages=_message_views(protocol),
         formats=[(end.value, format_lines(plan)) for end, plan in plans.items()],
+        format_sizes=_format_sizes(plans.values()),
         updates=[_update(a, i) for i, a in enumerate(plans[End.HOST].algorithms)],
         sources=[_source_view(protocol, end, plans[end]) for end in (End.HOST, End.MCU)],
         actions=[names.identifier(action) for action in dict.fromkeys(d.then for d in protocol.deadlines)],
@@ -272,6 +274,12 @@ def no_id_literal(protocol: Protocol) -> str:
 
 
 # ---- the frame format -------------------------------------------------------------------------------------------
+
+
+def _format_sizes(plans: Iterable[Plan]) -> tuple[int, int]:
+    """The most forms of an end, and the most exclusions: one type for both, or its functions would be there twice."""
+    sizes = [(len(plan.forms), sum(len(form.exclusions) for form in plan.forms)) for plan in plans]
+    return max(forms for forms, _ in sizes), max(1, *(exclusions for _, exclusions in sizes))
 
 
 def format_lines(plan: Plan) -> list[str]:
