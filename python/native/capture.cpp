@@ -2,6 +2,7 @@
 #include "capture.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <thread>
 #include <utility>
@@ -50,13 +51,15 @@ struct Landmark {
 /// Decodes one part of a capture, from its begin as if nothing came before.
 class Part {
  public:
-  Part(const ProtocolTable& protocol, const FormatTable& format, std::uint64_t begin)
+  /// `idle_us`: see Timing; bytes of a capture without times never wait.
+  Part(const ProtocolTable& protocol, const FormatTable& format, std::uint64_t begin,
+       std::uint64_t idle_us = ~std::uint64_t{0})
       : protocol_(protocol),
         format_(format),
         begin_(begin),
         at_(begin),
         workspace_(workspace_bytes(format.source())),
-        deframer_(format.source(), workspace_.data(), ~std::uint64_t{0}) {  // bytes of a capture carry no time
+        deframer_(format.source(), workspace_.data(), idle_us) {
     found_.messages.resize(protocol.messages().size());
   }
 
@@ -72,6 +75,30 @@ class Part {
       at_ += size;
       done += size;
     }
+  }
+
+  /// The whole capture, read by read.
+  void run_timed(const std::uint8_t* bytes, const Timing& timing, std::atomic<std::uint64_t>& done,
+                 const std::atomic<bool>& cancelled) {
+    is_timed_ = true;
+    const auto sink = [this](const Frame& frame) { take(frame); };
+    auto broken = timing.breaks.begin();
+    auto expected = timing.expected.begin();
+    for (std::size_t i = 0; i < timing.count && !cancelled; ++i) {
+      if (broken != timing.breaks.end() && *broken == i) {
+        deframer_.give_up(sink);
+        ++broken;
+      }
+      time_ = timing.times[i];
+      const auto now_us = static_cast<std::uint64_t>(std::llround(time_ * 1e6));
+      deframer_.idle(now_us, sink);
+      for (; expected != timing.expected.end() && expected->first == i; ++expected) deframer_.expect(expected->second);
+      const std::uint64_t end = timing.ends[i];
+      deframer_.feed(bytes + at_, end - at_, now_us, sink);
+      done += end - at_;
+      at_ = end;
+    }
+    finish();
   }
 
   /// Go on behind the part's end until a landmark of `next` is reached; null when `end` comes first.
@@ -116,6 +143,7 @@ class Part {
     if (frame.message < 0) {
       found_.unknown.offsets.push_back(offset);
       found_.unknown.ids.push_back(frame.id);
+      if (is_timed_) found_.unknown.times.push_back(time_);
       take_header(frame, found_.unknown);
       return;
     }
@@ -123,6 +151,7 @@ class Part {
     const MessageTable& message = protocol_.messages()[index];
     Rows& rows = found_.messages[index];
     rows.offsets.push_back(offset);
+    if (is_timed_) rows.times.push_back(time_);
     take_header(frame, rows);
     const std::size_t sent = frame.payload_size;
     const bool varies = row_bytes(message) == 0;
@@ -163,6 +192,8 @@ class Part {
   std::vector<std::uint8_t> workspace_;
   StreamDeframer<RuntimeSource, std::uint64_t, PartAccount> deframer_;
   Capture found_;
+  bool is_timed_ = false;
+  double time_ = 0;
   std::vector<Landmark> landmarks_;
   Account met_{};
   std::size_t unlisted_until_met_ = 0;
@@ -248,6 +279,18 @@ Capture decode_capture(const ProtocolTable& protocol, const FormatTable& format,
   }
   parts[current]->finish();
   append(whole, *parts[current], from, protocol, format.header().size(), false);
+  return whole;
+}
+
+Capture decode_timed(const ProtocolTable& protocol, const FormatTable& format, const std::uint8_t* bytes,
+                     const Timing& timing, std::atomic<std::uint64_t>& done, const std::atomic<bool>& cancelled) {
+  Part part(protocol, format, 0, timing.idle_us);
+  part.run_timed(bytes, timing, done, cancelled);
+  Capture whole;
+  whole.messages.resize(protocol.messages().size());
+  Landmark from;
+  from.rows.assign(protocol.messages().size() + 1, 0);
+  append(whole, part, from, protocol, format.header().size(), false);
   return whole;
 }
 

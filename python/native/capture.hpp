@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "protocol.hpp"
@@ -19,6 +20,7 @@ struct Rows {
   std::vector<std::uint32_t> ids;      ///< unknown frames only
   std::vector<std::uint8_t> payloads;  ///< min_payload bytes a row; whole payloads where their size varies
   std::vector<std::size_t> ends;       ///< of the payloads, where their size varies
+  std::vector<double> times;           ///< of a capture with times: when the read began that completed the frame
   std::vector<std::uint64_t> header;   ///< bits of each header field of the format, one behind the other; 0: not there
 
   std::size_t begin_of(std::size_t row) const { return row == 0 ? 0 : ends[row - 1]; }
@@ -41,5 +43,19 @@ struct Capture {
 Capture decode_capture(const ProtocolTable& protocol, const FormatTable& format, const std::uint8_t* bytes,
                        std::size_t size, unsigned threads, std::atomic<std::uint64_t>& done,
                        const std::atomic<bool>& cancelled);
+
+/// How the bytes of a capture came: read by read. What it points to outlives the decoding.
+struct Timing {
+  const std::uint64_t* ends = nullptr;  ///< of each read, in the capture; they rise
+  const double* times = nullptr;        ///< when it began, in seconds; they do not fall
+  std::size_t count = 0;
+  std::uint64_t idle_us = 0;                                     ///< silence that ends an incomplete frame
+  std::vector<std::size_t> breaks;                               ///< the port was away before the read of this index
+  std::vector<std::pair<std::size_t, std::int16_t>> expected{};  ///< before this read, this message was asked for
+};
+
+/// The same for a capture with times, as a decoder that is fed read by read sees it. One thread.
+Capture decode_timed(const ProtocolTable& protocol, const FormatTable& format, const std::uint8_t* bytes,
+                     const Timing& timing, std::atomic<std::uint64_t>& done, const std::atomic<bool>& cancelled);
 
 }  // namespace wirebond::engine

@@ -5,10 +5,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <cstring>
 #include <exception>
 #include <mutex>
+#include <stdexcept>
 #include <thread>
 #include <type_traits>
 #include <vector>
@@ -274,8 +276,8 @@ void add_header_columns(const FormatTable& format, const Rows& rows, nb::dict& c
 }
 
 /// Decode without the GIL; now and then, and at the end, take it for `progress(done, size)` and for Ctrl-C.
-Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format, const BufferView& view,
-                       unsigned threads, nb::handle progress) {
+template <class Decode>
+Capture decode_watched(Decode decode, std::size_t total, nb::handle progress) {
   std::atomic<std::uint64_t> done{0};
   std::atomic<bool> cancelled{false};
   bool ready = false;
@@ -285,7 +287,7 @@ Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format,
   std::exception_ptr fault;
   std::thread work([&] {
     try {
-      capture = decode_capture(protocol, format, view.data(), view.size(), threads, done, cancelled);
+      capture = decode(done, cancelled);
     } catch (...) {
       fault = std::current_exception();
     }
@@ -302,8 +304,7 @@ Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format,
   const auto tell = [&] {
     interrupted = PyErr_CheckSignals() != 0;
     if (interrupted || progress.is_none()) return;
-    const nb::object told =
-        nb::steal(PyObject_CallFunction(progress.ptr(), "KK", done.load(), std::uint64_t{view.size()}));
+    const nb::object told = nb::steal(PyObject_CallFunction(progress.ptr(), "KK", done.load(), std::uint64_t{total}));
     interrupted = !told.is_valid();
   };
   while (!finished()) {
@@ -317,23 +318,25 @@ Capture decode_watched(const ProtocolTable& protocol, const FormatTable& format,
   return capture;
 }
 
-}  // namespace
+template <class Decode>
+Capture decode(Decode decode, std::size_t size, nb::handle progress) {
+  if (size >= watched_size) return decode_watched(decode, size, progress);
+  const nb::gil_scoped_release release;  // the capture is held by its buffer view
+  std::atomic<std::uint64_t> done{0};
+  const std::atomic<bool> cancelled{false};
+  return decode(done, cancelled);
+}
 
-nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
-                        const std::shared_ptr<const FormatTable>& shared_format, nb::handle bytes, unsigned threads,
-                        nb::handle progress) {
+/// What Python gets of a capture of this many bytes.
+nb::dict tables_of(const std::shared_ptr<const ProtocolTable>& protocol,
+                   const std::shared_ptr<const FormatTable>& shared_format, Capture&& capture, std::size_t size) {
   const FormatTable& format = *shared_format;
-  const BufferView view(bytes);
-  Capture capture;
-  if (view.size() < watched_size) {
-    const nb::gil_scoped_release release;  // the capture is held by its buffer view
-    std::atomic<std::uint64_t> done{0};
-    capture = decode_capture(*protocol, format, view.data(), view.size(), 1, done, false);
-  } else {
-    capture = decode_watched(*protocol, format, view, threads, progress);
-  }
   std::vector<Rows>& tables = capture.messages;
   Rows& unknown = capture.unknown;
+  const auto add_places = [](nb::dict& table, Rows& rows) {
+    if (!rows.times.empty()) table["t"] = make_array(std::move(rows.times));
+    table["offset"] = make_array(std::move(rows.offsets));
+  };
 
   std::vector<std::uint64_t> counts;
   nb::dict messages;
@@ -346,7 +349,7 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
     add_header_columns(format, rows, fields);
     nb::dict table;
     table["fields"] = fields;
-    table["offset"] = make_array(std::move(rows.offsets));
+    add_places(table, rows);
     messages[message.key] = table;
   }
   if (!unknown.offsets.empty()) {
@@ -355,7 +358,7 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
     add_header_columns(format, unknown, fields);
     nb::dict table;
     table["fields"] = fields;
-    table["offset"] = make_array(std::move(unknown.offsets));
+    add_places(table, unknown);
     messages["unknown"] = table;
   }
   nb::dict out;
@@ -363,8 +366,46 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
   SequenceBook sequence(shared_format);
   for (const SeenNumber& seen : capture.numbers) sequence.take(seen);
   out["stats"] =
-      account_dict(capture.account, capture.unlisted, view.size(), 0, *protocol, counts, format, sequence.account());
+      account_dict(capture.account, capture.unlisted, size, 0, *protocol, counts, format, sequence.account());
   return out;
+}
+
+}  // namespace
+
+nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
+                        const std::shared_ptr<const FormatTable>& format, nb::handle bytes, unsigned threads,
+                        nb::handle progress) {
+  const BufferView view(bytes);
+  const auto work = [&](std::atomic<std::uint64_t>& done, const std::atomic<bool>& cancelled) {
+    return decode_capture(*protocol, *format, view.data(), view.size(), threads, done, cancelled);
+  };
+  return tables_of(protocol, format, decode(work, view.size(), progress), view.size());
+}
+
+nb::dict decode_timed_columns(const std::shared_ptr<const ProtocolTable>& protocol,
+                              const std::shared_ptr<const FormatTable>& format, nb::handle bytes, const nb::dict& reads,
+                              nb::handle progress) {
+  const BufferView view(bytes);
+  const BufferView ends(reads["ends"]);
+  const BufferView times(reads["times"]);
+  Timing timing;
+  timing.ends = reinterpret_cast<const std::uint64_t*>(ends.data());
+  timing.times = reinterpret_cast<const double*>(times.data());
+  timing.count = std::min(ends.size(), times.size()) / sizeof(std::uint64_t);
+  timing.idle_us = static_cast<std::uint64_t>(std::ceil(nb::cast<double>(reads["idle"]) * 1e6));
+  for (nb::handle index : nb::list(reads["breaks"])) timing.breaks.push_back(nb::cast<std::size_t>(index));
+  for (nb::handle one : nb::list(reads["expected"])) {
+    timing.expected.emplace_back(nb::cast<std::size_t>(one[0]), nb::cast<std::int16_t>(one[1]));
+  }
+  std::uint64_t last = 0;
+  for (std::size_t i = 0; i < timing.count; ++i) {
+    if (timing.ends[i] < last || timing.ends[i] > view.size()) throw std::invalid_argument("the reads do not fit");
+    last = timing.ends[i];
+  }
+  const auto work = [&](std::atomic<std::uint64_t>& done, const std::atomic<bool>& cancelled) {
+    return decode_timed(*protocol, *format, view.data(), timing, done, cancelled);
+  };
+  return tables_of(protocol, format, decode(work, view.size(), progress), view.size());
 }
 
 }  // namespace wirebond::engine

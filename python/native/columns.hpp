@@ -19,4 +19,12 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
                         const std::shared_ptr<const FormatTable>& format, nb::handle capture, unsigned threads,
                         nb::handle progress);
 
+/// The same for bytes that came read by read, each table with `t`: when the read began that completed the frame.
+/// `reads`: `ends` (u64 each, in the capture) and `times` (f64, seconds, not falling) as buffers, `idle` in seconds,
+/// `breaks` (the port was away before the read of this index), `expected` (before the read of this index, this message
+/// was asked for). One thread works.
+nb::dict decode_timed_columns(const std::shared_ptr<const ProtocolTable>& protocol,
+                              const std::shared_ptr<const FormatTable>& format, nb::handle capture,
+                              const nb::dict& reads, nb::handle progress);
+
 }  // namespace wirebond::engine

@@ -10,6 +10,7 @@
 #include "header.hpp"
 #include "link.hpp"
 #include "link_core.hpp"
+#include "mcap_records.hpp"
 #include "protocol.hpp"
 #include "wirebond/posix/latency.hpp"
 
@@ -111,6 +112,10 @@ NB_MODULE(_engine, m) {
   m.def("header_bits", &header_bits, "format"_a, "header"_a);
   m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
         "progress"_a.none());
+  m.def("decode_timed_columns", &decode_timed_columns, "protocol"_a, "format"_a, "capture"_a, "reads"_a,
+        "progress"_a.none());
+  m.def("message_records", &message_records, "buffer"_a, "at"_a, "end"_a);
+  m.def("gathered", &gathered, "buffer"_a, "places"_a, "sizes"_a);
   m.def(
       "port_latency_us",
       [](const std::string& path, double bytes_per_second, const std::string& ttys) {

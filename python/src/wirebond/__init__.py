@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from wirebond.link.parameters import Parameters
     from wirebond.link.peer import Peer
     from wirebond.log import LogLine
+    from wirebond.recording import Recorder, Recording
 
 __version__ = "0.1.0"
 
@@ -67,6 +68,8 @@ __all__ = [
     "ProtocolMismatchError",
     "QueueFullError",
     "Rates",
+    "Recorder",
+    "Recording",
     "RequestTimeoutError",
     "SendStats",
     "SequenceCounts",
@@ -109,12 +112,15 @@ _HOMES = {
         "link.peer": ("Peer",),
         "link": ("Dump", "DumpEntry", "Link", "LinkStats", "Rates", "SendStats", "open"),
         "log": ("LogLine",),
+        "recording": ("Recorder", "Recording"),
     }.items()
     for name in names
 }
 
 
 def __getattr__(name: str) -> object:
+    if name == "recording":  # a module: `wirebond.recording.open`
+        return import_module("wirebond.recording")
     if name not in _HOMES:
         raise AttributeError(f"module 'wirebond' has no attribute {name!r}")
     found: object = getattr(import_module(f"wirebond.{_HOMES[name]}"), "open_link" if name == "open" else name)

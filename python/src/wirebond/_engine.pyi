@@ -295,3 +295,28 @@ def decode_columns(
     :returns: ``messages``: by name a dict of ``fields`` and ``offset``; ``stats`` as ``Decoder.stats``.
     :raises TypeError: ``capture`` is no buffer.
     """
+
+def decode_timed_columns(
+    protocol: ProtocolTable,
+    format: FormatTable,
+    capture: object,
+    reads: dict[str, Any],
+    progress: Callable[[int, int], object] | None,
+) -> dict[str, Any]:
+    """A capture that came read by read. Releases the interpreter's lock.
+
+    :param reads: ``ends`` of the reads in the capture (u64 each) and their ``times`` (f64 each, seconds, not falling)
+        as buffers; ``idle`` in seconds; ``breaks``: the port was away before the read of this index; ``expected``:
+        before the read of this index the message of this index was asked for.
+    :returns: as ``decode_columns``; each table also has ``t``.
+    """
+
+def message_records(buffer: object, at: int, end: int) -> tuple[int, bytes, bytes, bytes, bytes, bytes]:
+    """The messages of an MCAP file from ``at`` on, up to another record, or one that is not whole; at most a million.
+
+    :returns: where that is; channels (u16 each), log and publish times (u64 each), places of the data (u64 each) and
+        their sizes (u32 each).
+    """
+
+def gathered(buffer: object, places: object, sizes: object) -> bytes:
+    """The bytes at these places (u64 each) of these sizes (u32 each), one behind the other."""

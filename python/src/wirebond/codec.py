@@ -228,10 +228,12 @@ class Table:
 
     :ivar offset: of each row's first byte in the capture, in bytes; uint64 of shape (rows,).
     :ivar fields: the columns by name.
+    :ivar t: of a recording: when each row came, in seconds since its start; None: a capture has no times.
     """
 
     offset: NDArray[np.uint64]
     fields: dict[str, Column] = field(repr=False)
+    t: NDArray[np.float64] | None = field(default=None, repr=False)
 
     def __getitem__(self, name: str) -> Column:
         try:

@@ -229,6 +229,64 @@ def listen(
 
 
 @app.command()
+def record(
+    file: ProtocolFile,
+    port: Port,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="PATH", help="The new file. Default: PROTOCOL-DATE-TIME.mcap.")
+    ] = None,
+    minutes: Annotated[
+        float | None, typer.Option(parser=amount, metavar="NUMBER", help="End by itself after this many minutes.")
+    ] = None,
+    baud: Baud = None,
+    wait: Annotated[bool, typer.Option("--wait", help="Begin without the port, and wait until it is there.")] = False,
+    role: Role = "host",
+) -> None:
+    """Record both directions of a link until Ctrl-C: raw bytes with their times, events, the protocol file."""
+    from wirebond.cli.record import record_port
+
+    raise_from_here()
+    raise typer.Exit(record_port(file, port, out, baud, minutes, wait, role))
+
+
+RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of `wirebond record`.")]
+OtherProtocol = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Decode with this protocol file, not with the recording's own.")
+]
+
+
+@app.command()
+def info(
+    recording: RecordingFile,
+    protocol: OtherProtocol = None,
+    as_json: AsJson = False,
+    no_repair: Annotated[
+        bool, typer.Option("--no-repair", help="Leave a recording that was not closed as it is.")
+    ] = False,
+) -> None:
+    """Say what a recording holds. One that was not closed is closed, and what was cut off is told."""
+    from wirebond.recording.command import show_info
+
+    raise_from_here()
+    raise typer.Exit(show_info(recording, protocol, as_json, not no_repair))
+
+
+@app.command(name="export")
+def export_messages(
+    recording: RecordingFile,
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, parquet, or mcap with decoded JSON.")],
+    message: Annotated[str | None, typer.Option(metavar="NAME", help="Only this message.")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder; it is made if need be.")] = Path(),
+    protocol: OtherProtocol = None,
+) -> None:
+    """Write the messages of a recording for other programs: a file for each message."""
+    from wirebond.recording.command import export_recording
+
+    raise_from_here()
+    raise typer.Exit(export_recording(recording, to, message, out, protocol))
+
+
+@app.command()
 def send(
     file: ProtocolFile,
     port: Port,

@@ -10,7 +10,7 @@ import time
 import weakref
 from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from wirebond.codec import Codec, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, PortError, QueueFullError, StoppedError, UsageError
@@ -42,6 +42,9 @@ from wirebond.protocol.model import Address, End, Message
 from wirebond.protocol.problems import no_message
 from wirebond.sim.port import NAME, SimulatedPort
 from wirebond.typed import TypedMessage, name_and_values
+
+if TYPE_CHECKING:
+    from wirebond.recording.recorder import Recorder
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
 MAX_HOLD = 60.0  # seconds: a longer lease would be none
@@ -420,6 +423,19 @@ class Link(Receiving):
         :raises UsageError: no such capacity.
         """
         return Tap(self._engine, capacity, self._actions, [m.name for m in self.codec.model.messages])
+
+    def record(self, path: str | os.PathLike[str]) -> Recorder:
+        """Record everything that is read, written and happens, from now to the end of a ``with`` block or ``close``.
+        Any thread; several recordings may run at once.
+
+        :param path: the new file, an MCAP file.
+        :returns: what records; ``with link.record("run.mcap"):`` closes it.
+        :raises UsageError: the file exists, or the link's protocol was not read from a file.
+        :raises OSError: the file cannot be written.
+        """
+        from wirebond.recording.recorder import Recorder  # noqa: PLC0415 most programs do not record
+
+        return Recorder(self, path)
 
     def note(self, kind: str, **facts: Any) -> None:
         """Let an event of the program stand in the recordings of this link, at this moment. Any thread.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 from wirebond.protocol.meaning import references
 from wirebond.protocol.meaning.draft import delivers_unknown, finish, skips_failed, validate_first_bytes, validate_sizes
@@ -35,7 +36,7 @@ def loads(text: str, path: str = "<text>") -> Protocol:
     protocol = _read(root, path, problems) if isinstance(root, Mapping) else None
     problems.raise_if_any()
     assert protocol is not None, "what is missing from the protocol has been reported"
-    return protocol
+    return replace(protocol, text=text)
 
 
 def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:

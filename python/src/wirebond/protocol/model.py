@@ -705,6 +705,7 @@ class Protocol:
     fixed: End | None = None  # the end that exists already and cannot change; BOTH: a link that is only listened to
     description: str = ""
     path: str = field(default="", compare=False)
+    text: str = field(default="", compare=False, repr=False)  # of the file
 
     def message(self, name: str) -> Message:
         """The message of this name; KeyError if there is none."""

@@ -1,0 +1,139 @@
+"""Decoded messages of a recording as files of others: CSV, Parquet, MCAP with JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from wirebond.codec import Table
+from wirebond.errors import UsageError, WirebondError
+from wirebond.protocol.problems import no_message
+from wirebond.recording.closing import write_mcap
+from wirebond.recording.recording import Recording
+from wirebond.recording.whole import whole_file
+
+FORMATS = ("csv", "parquet", "mcap")
+_ROWS = 65536  # written at a time
+Progress = Callable[[int, int], object]
+
+
+def export(
+    recording: Recording, to: str, folder: Path, message: str | None = None, *, progress: Progress | None = None
+) -> list[Path]:
+    """Write a file for each message that occurred; for MCAP one file with a channel for each.
+
+    :param to: one of ``FORMATS``.
+    :param folder: is made if need be.
+    :param message: only this one; None: all.
+    :param progress: called as ``progress(done, size)``.
+    :returns: what was written.
+    :raises UsageError: another format, or the protocol has no such message.
+    :raises WirebondError: pyarrow is missing.
+    :raises OSError: a file cannot be written; those that were written before are whole.
+    """
+    if to not in FORMATS:
+        raise UsageError(f"{to!r} is no format of `export`; expected {', '.join(FORMATS)}")
+    names = [m.name for m in recording.codec.model.messages]
+    if message is not None and message not in (*names, "unknown"):
+        raise UsageError(no_message(recording.codec.name, message, names))
+    if to == "parquet":
+        _pyarrow()
+    folder.mkdir(parents=True, exist_ok=True)
+    if to == "mcap":
+        out = folder / f"{recording.path.stem}-decoded.mcap"
+        write_mcap(recording, out, raw=False, message=message, progress=progress)
+        return [out]
+    tables = dict(_tables(recording, message))
+    total, done = sum(len(table) for table in tables.values()), 0
+    written = []
+    for name, table in tables.items():
+        out = folder / f"{name}.{to}"
+        with whole_file(out) as file:
+            for rows in (_write_csv if to == "csv" else _write_parquet)(file, table):
+                done += rows
+                if progress is not None:
+                    progress(done, total)
+        written.append(out)
+    return written
+
+
+def _tables(recording: Recording, message: str | None) -> Iterator[tuple[str, Table]]:
+    """By file name: the message's, with the end that sent it where both did."""
+    of = {sender: recording.columns(sender) for sender in ("mcu", "host")}
+    for sender, columns in of.items():
+        for name, table in columns.items():
+            if message in (None, name):
+                in_both = all(name in other for other in of.values())
+                yield (f"{sender}-{name}" if in_both else name), table
+
+
+def flat_columns(table: Table) -> dict[str, Any]:
+    """Time and fields; an array of fixed size gives a column for each element, lists are JSON."""
+    found: dict[str, Any] = {} if table.t is None else {"t": table.t}
+    for name, column in table.items():
+        if isinstance(column, np.ndarray) and column.ndim == 2:
+            found |= {f"{name}[{i}]": column[:, i] for i in range(column.shape[1])}
+        else:
+            found[name] = column
+    return found
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.hex(" ")
+    if isinstance(value, list | dict | tuple):
+        return json.dumps(value, default=lambda entry: bytes(entry).hex(" "))
+    return value
+
+
+def _write_csv(file: IO[bytes], table: Table) -> Iterator[int]:
+    columns = flat_columns(table)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for begin in range(0, len(table), _ROWS):
+        end = min(begin + _ROWS, len(table))
+        parts = []
+        for name, column in columns.items():
+            part = column[begin:end]
+            if not isinstance(part, np.ndarray):
+                part = [_cell(value) for value in part]
+            elif name == "t":
+                part = np.round(part, 6).tolist()
+            else:
+                part = part.tolist()
+            parts.append(part)
+        writer.writerows(zip(*parts, strict=True))
+        file.write(text.getvalue().encode())
+        text.seek(0)
+        text.truncate()
+        yield end - begin
+    file.write(text.getvalue().encode())
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow  # noqa: PLC0415 an optional dependency
+        import pyarrow.parquet  # noqa: PLC0415
+    except ImportError:
+        raise WirebondError(
+            "Parquet needs the package pyarrow, which is not installed; install it with `pip install pyarrow`, or "
+            "choose `--to csv`"
+        ) from None
+    return pyarrow, pyarrow.parquet
+
+
+def _write_parquet(file: IO[bytes], table: Table) -> Iterator[int]:
+    arrow, parquet = _pyarrow()
+    columns = {}
+    for name, column in flat_columns(table).items():
+        is_plain = isinstance(column, np.ndarray) or all(isinstance(value, str | bytes) for value in column)
+        columns[name] = arrow.array(column if is_plain else [_cell(value) for value in column])
+    parquet.write_table(arrow.table(columns), file)
+    yield len(table)

@@ -1,0 +1,104 @@
+"""How a recording lies in an MCAP file: names of channels, metadata and the attached protocol file. Reads and writes
+nothing.
+
+The channels ``rx`` and ``tx`` have a message for each read and each write of the port: its bytes, the log time when it
+was done, and the publish time when a read began. ``events`` has JSON. A closed recording also has a channel of JSON for
+each message of the protocol, ``mcu/odometry`` or ``host/velocity``. Times are nanoseconds since 1970.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from wirebond.codec import Codec, Message
+from wirebond.protocol.model import Field, FieldKind
+
+VERSION = "1"
+PROFILE = "wirebond"
+METADATA = "wirebond"
+PROTOCOL_FILE = "protocol.yaml"
+MEDIA_TYPE = "application/yaml"
+RECEIVED, SENT, EVENTS = "rx", "tx", "events"
+RAW = "raw"  #: encoding of the bytes as they were on the wire
+DIRECTIONS = {RECEIVED: "received", SENT: "sent"}
+
+_EVENT_SCHEMA = {
+    "title": "wirebond.Event",
+    "type": "object",
+    "properties": {"t": {"type": "number", "description": "seconds since the start"}, "kind": {"type": "string"}},
+    "required": ["t", "kind"],
+}
+_JSON_TYPES = {
+    FieldKind.BOOL: "boolean",
+    FieldKind.UNSIGNED: "integer",
+    FieldKind.SIGNED: "integer",
+    FieldKind.FLOAT: "number",
+}
+
+
+def event_schema() -> bytes:
+    return json.dumps(_EVENT_SCHEMA).encode()
+
+
+def topic_of(message: Message, sender: str) -> str:
+    """The channel of a decoded message; ``sender``: of its bytes."""
+    return f"{sender}/{message.name}"
+
+
+def message_schema(codec: Codec, name: str) -> bytes:
+    """JSON Schema of a message's decoded values."""
+    model = next((m for m in codec.model.messages if m.name == name), None)
+    properties = {} if model is None else {f.name: _schema_of(f) for f in model.fields if f.kind != FieldKind.PADDING}
+    return json.dumps({"title": name, "type": "object", "properties": properties}, ensure_ascii=False).encode()
+
+
+def _schema_of(field: Field) -> dict[str, Any]:
+    described: dict[str, Any] = {}
+    if field.enum or field.kind in (FieldKind.TEXT, FieldKind.BYTES):
+        described["type"] = ["string", "integer"] if field.enum else "string"
+    elif field.flags:
+        described = {"type": "array", "items": {"type": ["string", "integer"]}}
+    elif field.kind in _JSON_TYPES:
+        described["type"] = "number" if field.is_scaled else _JSON_TYPES[field.kind]
+    else:
+        described["type"] = "object"
+    if field.unit:
+        described["description"] = field.unit
+    if field.count is not None or field.max_count:
+        described = {"type": "array", "items": described}
+    return described
+
+
+def message_json(message: Message) -> bytes:
+    """A decoded message as its channel has it: its fields; ``header`` where its frame has fields; bytes as hex."""
+    values: Mapping[str, Any] = message.fields
+    if message.name == "unknown":
+        values = {"id": message.id, "payload": message.payload}
+    if header := message.header:
+        values = {**values, "header": header}
+    return to_json(values)
+
+
+def to_json(values: Any) -> bytes:
+    """Compact. Numbers that JSON has not become null."""
+    try:
+        return json.dumps(values, allow_nan=False, separators=(",", ":"), default=_hex).encode()
+    except ValueError:
+        return json.dumps(_finite(values), separators=(",", ":"), default=_hex).encode()
+
+
+def _hex(value: object) -> str:
+    if isinstance(value, bytes | bytearray | memoryview):
+        return bytes(value).hex(" ")
+    raise TypeError(type(value))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

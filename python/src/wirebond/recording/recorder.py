@@ -1,0 +1,154 @@
+"""Recording a link while it runs: a thread drains the link's tap every 50 ms at the latest, another one waits for the
+disk."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from wirebond.link.tap import Chunk, LinkEvent, TapSource
+from wirebond.recording.closing import close_recording
+from wirebond.recording.writer import RecordingWriter, facts_of, full_disk_sentence
+
+BATCH = 0.05  # seconds between two writes at most
+_SYNC = 1.0  # seconds between two waits for the disk
+_logger = logging.getLogger("wirebond")
+
+Progress = Callable[[int, int], object]
+
+
+class Recorder:
+    """Records from its making to ``close``. The link goes on whatever happens to the file.
+
+    ``with link.record("run.mcap"):`` makes one. Any thread may read its counts.
+
+    :param source: a link, or whoever has its tap.
+    :param path: the new file.
+    :ivar bytes: recorded of both directions.
+    :ivar chunks: reads and writes that were recorded.
+    :ivar lost_bytes: of both directions; there was no room for them, because this thread came too late.
+    :ivar error: why the file ended early, as a sentence; empty while it did not.
+    :raises UsageError: the file exists, or the protocol was not read from a file.
+    :raises OSError: the file cannot be written.
+    """
+
+    def __init__(self, source: TapSource, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self.bytes = 0
+        self.chunks = 0
+        self.lost_bytes = 0
+        self.error = ""
+        self.started = time.monotonic()
+        wall_ns = time.time_ns()
+        self._writer = RecordingWriter(self.path, source.codec, source.role, self.started, wall_ns, facts_of(source))
+        self._tap = source.tap()
+        self._source = source
+        self._seconds: float | None = None
+        self._stats: int | None = None
+        self._frames_before = 0
+        self._frames_before = self._messages_now()
+        self._ends = threading.Event()
+        self._is_closed = False
+        self._lock = threading.Lock()  # of close
+        self._thread = threading.Thread(target=self._record, name="wirebond-recorder", daemon=True)
+        self._disk = threading.Thread(target=self._sync, name="wirebond-recorder-disk", daemon=True)
+        self._thread.start()
+        self._disk.start()
+
+    @property
+    def seconds(self) -> float:
+        """How long it has recorded."""
+        return time.monotonic() - self.started if self._seconds is None else self._seconds
+
+    @property
+    def messages(self) -> int:
+        """How many frames the source has received since then, where it has an account."""
+        return self._messages_now() if self._stats is None else self._stats
+
+    def _messages_now(self) -> int:
+        stats = getattr(self._source, "stats", None)
+        return 0 if stats is None else int(stats.receive.frames) - self._frames_before
+
+    def close(self, *, compact: bool = True, progress: Progress | None = None) -> None:
+        """Take what has come, finish the file. A second call does nothing.
+
+        :param compact: also rewrite it: compressed, with the decoded messages and an index. That takes a second for a
+            million messages or less; the file is whole before, and stays so if this is interrupted.
+        :param progress: called as ``progress(done, size)`` meanwhile.
+        """
+        with self._lock:
+            if self._is_closed:
+                return
+            self._is_closed = True
+            self._ends.set()
+            self._thread.join()
+            self._disk.join()
+            self._tap.close()
+            if not self.error:
+                self._try(self._writer.finish)
+                self._writer.sync()
+            self._writer.close()
+            self._seconds = time.monotonic() - self.started
+            self._stats = self._messages_now()
+        if compact and not self.error:
+            self.compact(progress)
+
+    def compact(self, progress: Progress | None = None) -> None:
+        """Rewrite the closed file: compressed, with the decoded messages and an index.
+
+        :param progress: called as ``progress(done, size)`` meanwhile.
+        :raises OSError: it cannot be written; the file is whole, as it was.
+        """
+        close_recording(self.path, progress=progress)
+
+    def _record(self) -> None:
+        due = time.monotonic()
+        while True:
+            due = max(due + BATCH * 0.8, time.monotonic())
+            ending = self._ends.wait(max(0.0, due - time.monotonic()))
+            taken = self._tap.take()
+            if self.error:
+                if ending:
+                    return
+                continue
+            for piece in taken.pieces:
+                self._writer.add(piece)
+                if isinstance(piece, Chunk):
+                    self.bytes += len(piece.bytes)
+                    self.chunks += 1
+            if taken.lost_pieces:
+                self.lost_bytes += taken.lost_received_bytes + taken.lost_sent_bytes
+                facts = {
+                    "pieces": taken.lost_pieces,
+                    "received_bytes": taken.lost_received_bytes,
+                    "sent_bytes": taken.lost_sent_bytes,
+                }
+                self._writer.add(LinkEvent(taken.pieces[-1].t if taken.pieces else self.started, "lost", facts))
+            self._try(self._writer.flush)
+            if ending:
+                return
+
+    def _try(self, step: Callable[[], None]) -> None:
+        try:
+            step()
+        except OSError as error:
+            self.error = full_disk_sentence(error, self.path)
+            _logger.error("%s", self.error)
+
+    def _sync(self) -> None:
+        while not self._ends.wait(_SYNC):
+            self._writer.sync()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,38 @@
+"""Long files that are there whole or not at all, whoever stops their writing."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+
+@contextlib.contextmanager
+def whole_file(out: Path) -> Iterator[IO[bytes]]:
+    """A file beside ``out``, which takes that name when the block ends without an exception.
+
+    :raises OSError: with ``out`` as its ``filename``; nothing was changed, and nothing is left behind.
+    """
+    target = Path(os.path.realpath(out))
+    unfinished = target.parent / f".wirebond-{secrets.token_hex(6)}.tmp"
+    try:
+        if target.is_dir():
+            raise IsADirectoryError(21, "a folder")
+        descriptor = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        with os.fdopen(descriptor, "wb") as file:
+            if target.exists():
+                os.fchmod(file.fileno(), target.stat().st_mode & 0o7777)
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        unfinished.replace(target)
+    except OSError as error:
+        if error.filename in (None, str(unfinished), unfinished):
+            error.filename, error.filename2 = str(out), None
+        raise
+    finally:
+        with contextlib.suppress(OSError):
+            unfinished.unlink(missing_ok=True)

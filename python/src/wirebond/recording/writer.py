@@ -1,0 +1,171 @@
+"""Writing a recording while it grows: pieces of a tap into an MCAP file without chunks, one write call for each batch.
+No thread, no clock, no port."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mcap.writer import IndexType, Writer
+
+from wirebond import __version__
+from wirebond.codec import Codec
+from wirebond.errors import UsageError, WirebondError
+from wirebond.link.tap import Chunk, LinkEvent
+from wirebond.recording import layout
+
+LIBRARY = f"wirebond {__version__}"
+
+
+class Batch:
+    """What the MCAP library writes to: kept until it goes to the file at once."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+        self._size = 0
+
+    def write(self, data: bytes) -> int:
+        self._parts.append(data)
+        self._size += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes since the beginning of the file."""
+        return self._size
+
+    def take(self) -> bytes:
+        data = b"".join(self._parts)
+        self._parts.clear()
+        return data
+
+
+class RecordingWriter:
+    """One new file. One thread at a time, but for ``sync``. Times are seconds of the clock that the pieces have.
+
+    :param path: of a file that does not exist yet.
+    :param started: when the recording begins, on that clock.
+    :param wall_ns: the same moment in nanoseconds since 1970. It is asked once; the pieces' own clock has no jumps.
+    :param facts: texts that the recording keeps, such as its port.
+    :raises UsageError: the protocol has no text; the file exists.
+    :raises OSError: the file cannot be written.
+    """
+
+    def __init__(
+        self, path: Path, codec: Codec, role: str, started: float, wall_ns: int, facts: Mapping[str, str]
+    ) -> None:
+        if not codec.model.text:
+            raise UsageError("a recording keeps the protocol file, and this protocol was not read from one")
+        self.path = path
+        self.size = 0  # bytes of the file
+        self._origin_us = round(started * 1e6)
+        self._wall_ns = wall_ns
+        try:
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        except FileExistsError:
+            raise UsageError(f"{path} exists already; name another file, or remove it") from None
+        with contextlib.suppress(OSError):  # a file system without locks: `info` cannot see that it still grows
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        self._batch = Batch()
+        self._mcap = Writer(self._batch, use_chunking=False, index_types=IndexType.ALL)  # type: ignore[arg-type]
+        self._mcap.start(layout.PROFILE, LIBRARY)
+        about = {
+            "version": layout.VERSION,
+            "protocol": codec.name,
+            "hash": f"{codec.hash:016x}",
+            "role": role,
+            "started_ns": str(wall_ns),
+            "monotonic_us": str(self._origin_us),
+            **facts,
+        }
+        self._mcap.add_metadata(layout.METADATA, about)
+        text = codec.model.text.encode()
+        self._mcap.add_attachment(wall_ns, wall_ns, layout.PROTOCOL_FILE, layout.MEDIA_TYPE, text)
+        schema = self._mcap.register_schema("wirebond.Event", "jsonschema", layout.event_schema())
+        self._channels = {
+            "received": self._mcap.register_channel(layout.RECEIVED, layout.RAW, 0),
+            "sent": self._mcap.register_channel(layout.SENT, layout.RAW, 0),
+        }
+        self._events = self._mcap.register_channel(layout.EVENTS, "json", schema)
+        try:
+            self.flush()
+        except OSError:
+            os.close(self._file)
+            path.unlink(missing_ok=True)
+            raise
+
+    def add(self, piece: Chunk | LinkEvent) -> None:
+        """Nothing reaches the file before ``flush``."""
+        at = self._ns(piece.t)
+        if isinstance(piece, Chunk):
+            self._mcap.add_message(self._channels[piece.direction], at, piece.bytes, self._ns(piece.before))
+            return
+        t = round(piece.t - self._origin_us / 1e6, 6)
+        self._mcap.add_message(self._events, at, layout.to_json({"t": t, "kind": piece.kind, **piece.facts}), at)
+
+    def flush(self) -> None:
+        """One write call for what was added. After an error the file ends with the batch before.
+
+        :raises OSError: the system did not take it; it is gone.
+        """
+        data = memoryview(self._batch.take())
+        before = self.size
+        try:
+            while data:
+                written = os.write(self._file, data)
+                self.size += written
+                data = data[written:]
+        except OSError as error:
+            self.size = before
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, before)
+            error.filename = str(self.path)
+            raise
+
+    def sync(self) -> None:
+        """Wait until the disk has what was flushed. Any thread."""
+        with contextlib.suppress(OSError):  # of a pipe or a special file system; a full disk shows in `flush`
+            os.fdatasync(self._file)
+
+    def finish(self) -> None:
+        """Write the end of the file.
+
+        :raises OSError: as ``flush``.
+        """
+        self._mcap.finish()  # type: ignore[no-untyped-call]
+        self.flush()
+
+    def close(self) -> None:
+        """Give the file back, finished or not."""
+        os.close(self._file)
+
+    def _ns(self, t: float) -> int:
+        return max(0, self._wall_ns + (round(t * 1e6) - self._origin_us) * 1000)
+
+
+def full_disk_sentence(error: OSError, path: Path) -> str:
+    """Why a recording ended early."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        why = "no space is left on the disk; make room, or record to another one"
+    elif error.errno == errno.EFBIG:
+        why = "the file may not become larger here; raise the limit, or record for a shorter time"
+    else:
+        why = f"{error.strerror or error}; look at the disk"
+    return f"the recording {path} ended early: {why}. What was written before can be read"
+
+
+class RecordingEndedError(WirebondError):
+    """The file of a recording took no more."""
+
+
+def facts_of(link: Any) -> dict[str, str]:
+    """What a recording keeps of a link beside its bytes."""
+    found = {}
+    for name in ("port", "baud", "adapter_latency"):
+        if (value := getattr(link, name, None)) is not None:
+            found[name] = str(value)
+    return found
