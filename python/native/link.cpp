@@ -74,6 +74,7 @@ Link::Link(LinkSetup setup, std::unique_ptr<Opener> opener, bool waits_for_port)
   }
   const std::uint64_t now = monotonic_us();
   if (port_.is_open()) {
+    line_ = opener_->line();
     up_since_us_ = now;
     core_.port_up(now);
   } else {
@@ -230,9 +231,11 @@ nb::list Link::receive(double timeout) {
       const auto slice = std::chrono::steady_clock::now() + std::chrono::duration<double>(signal_slice);
       const auto until =
           std::min<std::chrono::time_point<std::chrono::steady_clock, std::chrono::duration<double>>>(slice, end);
-      arrived_.wait_until(lock, until, [&] { return core_.has_arrivals() || is_done_; });
+      // What closes takes its changes at the end, so that nothing but the end cuts the last wait short.
+      arrived_.wait_until(lock, until,
+                          [&] { return core_.has_arrivals() || is_done_ || (core_.has_changes() && !is_closing_); });
       taken = core_.take();
-      is_over = is_done_ || std::chrono::steady_clock::now() >= end;
+      is_over = is_done_ || (core_.has_changes() && !is_closing_) || std::chrono::steady_clock::now() >= end;
     }
     if (!taken.empty() || is_over) break;
     if (PyErr_CheckSignals() != 0) throw nb::python_error();
@@ -240,6 +243,20 @@ nb::list Link::receive(double timeout) {
   nb::list out;
   for (const Arrivals& arrivals : taken) out.extend(to_list(arrivals.batch, arrivals.events));
   return out;
+}
+
+nb::list Link::changes() {
+  std::deque<LinkChange> changes;
+  {
+    const std::lock_guard lock(mutex_);
+    changes = core_.take_changes();
+  }
+  return to_list(changes);
+}
+
+std::optional<LineReport> Link::line() {
+  const std::lock_guard lock(mutex_);
+  return line_;
 }
 
 nb::dict Link::stats() {
@@ -302,9 +319,9 @@ std::vector<std::uint8_t> Link::struck_deadlines() {
 
 void Link::recover_deadline(std::uint8_t action) {
   const std::lock_guard lock(mutex_);
-  const std::uint64_t now = monotonic_us();
-  core_.link().deadlines().recover(action, now);
-  core_.note_changes(now);
+  core_.recover_deadline(action, monotonic_us());
+  arrived_.notify_all();
+  wake();  // its silence counts again
 }
 
 // ---- the thread ------------------------------------------------------------------------------------------------
@@ -335,9 +352,8 @@ void Link::run() {
     } else {
       open_again(lock, monotonic_us());
     }
-    const std::uint64_t polled = monotonic_us();
-    core_.link().poll(polled);
-    core_.note_changes(polled, "expired");
+    core_.poll(monotonic_us());
+    if (core_.has_news()) arrived_.notify_all();
     write_some();
   }
   why_.clear();
@@ -360,7 +376,6 @@ void Link::read_some() {
   } else {  // 0 is a hang-up; EIO, ENXIO and others a device that went away
     go_down(got == 0 ? 0 : errno, began_us);
   }
-  if (core_.has_arrivals()) arrived_.notify_all();
 }
 
 void Link::write_some() {
@@ -391,7 +406,7 @@ void Link::lose_port(std::uint64_t now_us) {
   core_.port_down(now_us, why_);
   if (now_us - std::min(up_since_us_, now_us) > settled_after_us) open_wait_us_ = first_open_wait_us;
   look_again(now_us);
-  if (core_.has_arrivals()) arrived_.notify_all();
+  arrived_.notify_all();
 }
 
 /// The next try, and what may bring it forward.
@@ -420,6 +435,7 @@ void Link::open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us) 
   }
   port_ = std::move(port);
   why_.clear();
+  line_ = opener_->line();
   appearance_.stop();
   up_since_us_ = now_us;
   core_.port_up(now_us);
@@ -479,7 +495,8 @@ Resolve calling(nb::callable resolve) {
   };
 }
 
-/// `port`: `name`; and nothing more for a tty, `resolve` for one that moves, or `host` and `service` for TCP.
+/// `port`: `name`; `root`, where the system's files are, for a tty, and `resolve` for one that moves; or `host` and
+/// `service` for TCP.
 std::unique_ptr<Opener> opener_of(const nb::dict& port, const nb::dict& settings) {
   auto name = nb::cast<std::string>(port["name"]);
   if (port.contains("host")) {
@@ -491,10 +508,33 @@ std::unique_ptr<Opener> opener_of(const nb::dict& port, const nb::dict& settings
   serial.data_bits = nb::cast<std::uint8_t>(settings["data_bits"]);
   serial.parity = parity == "even" ? posix::Parity::even : parity == "odd" ? posix::Parity::odd : posix::Parity::none;
   serial.stop_bits = nb::cast<std::uint8_t>(settings["stop_bits"]);
+  auto root = nb::cast<std::string>(port["root"]);
   if (port.contains("resolve")) {
-    return moving_serial_opener(std::move(name), calling(nb::cast<nb::callable>(port["resolve"])), serial);
+    return moving_serial_opener(std::move(name), calling(nb::cast<nb::callable>(port["resolve"])), serial,
+                                std::move(root));
   }
-  return serial_opener(std::move(name), serial);
+  return serial_opener(std::move(name), serial, std::move(root));
+}
+
+/// As `wirebond.link.line.line_from` takes it.
+nb::object to_dict(const std::optional<LineReport>& line) {
+  if (!line) return nb::none();
+  static constexpr const char* parities[] = {"none", "even", "odd"};
+  static constexpr const char* answers[] = {"not_offered", "refused", "accepted"};
+  const posix::SerialReport& serial = line->serial;
+  nb::dict out;
+  out["baud"] = serial.actual.baud;
+  out["asked_baud"] = line->asked_baud;
+  out["data_bits"] = serial.actual.data_bits;
+  out["parity"] = parities[static_cast<std::size_t>(serial.actual.parity)];
+  out["stop_bits"] = serial.actual.stop_bits;
+  out["is_exclusive"] = serial.is_exclusive;
+  out["low_latency"] = answers[static_cast<std::size_t>(serial.low_latency)];
+  if (line->timer.before_ms >= 0) {
+    out["latency_timer"] =
+        nb::make_tuple(line->timer.path, line->timer.before_ms, line->timer.now_ms, line->timer.code);
+  }
+  return out;
 }
 
 }  // namespace
@@ -546,6 +586,8 @@ void bind_link(nb::module_& m) {
       .def("is_stopped", [](LinkHandle& self) { return (*self).is_stopped(); })
       .def(
           "receive", [](LinkHandle& self, double timeout) { return (*self).receive(timeout); }, nb::arg("timeout"))
+      .def("changes", [](LinkHandle& self) { return (*self).changes(); })
+      .def("line", [](LinkHandle& self) { return to_dict((*self).line()); })
       .def("stats", [](LinkHandle& self) { return (*self).stats(); })
       .def("recent", [](LinkHandle& self) { return (*self).recent(); })
       .def(

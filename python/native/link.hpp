@@ -45,9 +45,11 @@ class Link {
   void release_stop();
   bool is_stopped();
 
-  /// Messages that came in since the last call; waits up to `timeout` seconds for the first one. A signal's Python
-  /// handler runs within a moment; its exception ends the wait.
+  /// Messages that came in since the last call; waits up to `timeout` seconds for the first one, or for a change. A
+  /// signal's Python handler runs within a moment; its exception ends the wait.
   nb::list receive(double timeout);
+  /// Deadlines that have struck or ended, ports that came and went, since the last call.
+  nb::list changes();
 
   nb::dict stats();
   /// The last bytes of both directions. Copying the most that is kept holds the mutex for a tenth of a millisecond.
@@ -60,6 +62,8 @@ class Link {
   const char* state();
   /// Why the port is away, as a sentence; empty while it is there.
   std::string why();
+  /// What the driver made of the line's settings when the port was opened last; none: it has none, or was never open.
+  std::optional<LineReport> line();
   bool is_closed() const { return is_closed_.load(); }
   std::vector<std::uint8_t> struck_deadlines();
   void recover_deadline(std::uint8_t action);
@@ -93,6 +97,7 @@ class Link {
   posix::Descriptor wakeup_;
   posix::Appearance appearance_;  ///< the thread's: watches while the port is away
   std::string why_;
+  std::optional<LineReport> line_;  ///< of the port that was opened last
   std::uint64_t up_since_us_ = 0;
   std::uint64_t next_open_us_ = 0;
   std::uint64_t open_wait_us_;  ///< between two tries; grows

@@ -116,6 +116,7 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
   }
   deadline_since_.resize(setup_.deadlines.size());
   deadline_marks_.resize(setup_.deadlines.size());
+  deadline_struck_.resize(setup_.deadlines.size());
 
   HostLink::Memory memory;
   memory.workspace = workspace_.data();
@@ -152,6 +153,7 @@ void LinkCore::received(const std::uint8_t* bytes, std::size_t size, std::uint64
   });
   publish(std::move(arrivals));
   note_changes(after_us);
+  tell_deadlines(after_us);
 }
 
 void LinkCore::idle(std::uint64_t began_us) {
@@ -160,6 +162,38 @@ void LinkCore::idle(std::uint64_t began_us) {
     keep(frame, may_act, is_foreign, began_us, arrivals);
   });
   publish(std::move(arrivals));
+  tell_deadlines(began_us);
+}
+
+void LinkCore::poll(std::uint64_t now_us) {
+  note_changes(now_us);
+  link_->poll(now_us);
+  note_changes(now_us, "expired");
+  tell_deadlines(now_us);
+}
+
+void LinkCore::recover_deadline(std::uint8_t action, std::uint64_t now_us) {
+  link_->deadlines().recover(action, now_us);
+  note_changes(now_us);
+  tell_deadlines(now_us);
+}
+
+/// Which actions have struck or ended since the last call.
+void LinkCore::tell_deadlines(std::uint64_t now_us) {
+  for (std::size_t i = 0; i < setup_.deadlines.size(); ++i) {
+    const std::uint8_t action = setup_.deadlines[i].action;
+    const std::uint8_t has_struck = link_->deadlines().struck(action);
+    if (deadline_struck_[i] == has_struck) continue;
+    for (std::size_t j = i; j < setup_.deadlines.size(); ++j) {  // several deadlines may have one action
+      if (setup_.deadlines[j].action == action) deadline_struck_[j] = has_struck;
+    }
+    tell({now_us, has_struck != 0 ? ChangeKind::struck : ChangeKind::ended, action});
+  }
+}
+
+void LinkCore::tell(LinkChange change) {
+  if (changes_.size() == max_waiting_changes) changes_.pop_front();
+  changes_.push_back(change);
 }
 
 Outgoing LinkCore::to_write(std::uint64_t now_us) { return to_write_ = link_->to_write(now_us); }
@@ -180,6 +214,7 @@ void LinkCore::port_up(std::uint64_t now_us) {
   if (was_up_) reconnects_ += 1;
   was_up_ = true;
   link_->port_up(now_us);
+  tell({now_us, ChangeKind::port_up});
 }
 
 void LinkCore::port_down(std::uint64_t now_us, const std::string& why) {
@@ -190,6 +225,8 @@ void LinkCore::port_down(std::uint64_t now_us, const std::string& why) {
     keep(frame, may_act, is_foreign, now_us, arrivals);
   });
   publish(std::move(arrivals));
+  tell_deadlines(now_us);
+  tell({now_us, ChangeKind::port_down});
 }
 
 int LinkCore::open_tap(std::size_t capacity, std::uint64_t now_us) {
@@ -356,6 +393,15 @@ nb::tuple to_tuple(const RecentCopy& recent) {
   return nb::make_tuple(pieces, recent.dropped_bytes);
 }
 
+nb::list to_list(const std::deque<LinkChange>& changes) {
+  static constexpr const char* names[] = {"struck", "ended", "port_up", "port_down"};
+  nb::list out;
+  for (const LinkChange& change : changes) {
+    out.append(nb::make_tuple(names[static_cast<std::size_t>(change.kind)], change.t_us, change.action));
+  }
+  return out;
+}
+
 std::vector<std::uint8_t> LinkCore::struck_deadlines() const {
   std::vector<std::uint8_t> out;
   for (const DeadlineRule& rule : setup_.deadlines) {
@@ -447,13 +493,7 @@ void bind_link_core(nb::module_& m) {
           nb::arg("bytes"), nb::arg("before"), nb::arg("after"))
       .def("idle", &LinkCore::idle, nb::arg("now"))
       .def(
-          "poll",
-          [](LinkCore& self, std::uint64_t now) {
-            self.note_changes(now);
-            self.link().poll(now);
-            self.note_changes(now, "expired");
-          },
-          nb::arg("now"))
+          "poll", [](LinkCore& self, std::uint64_t now) { self.poll(now); }, nb::arg("now"))
       .def(
           "to_write",
           [](LinkCore& self, std::uint64_t now) {
@@ -473,7 +513,8 @@ void bind_link_core(nb::module_& m) {
           nb::arg("size"), nb::arg("now"))
       .def(
           "next_due", [](LinkCore& self, std::uint64_t now) { return self.link().next_due(now); }, nb::arg("now"))
-      .def("has_arrivals", &LinkCore::has_arrivals)
+      .def("has_news", &LinkCore::has_news)
+      .def("changes", [](LinkCore& self) { return to_list(self.take_changes()); })
       .def("receive",
            [](LinkCore& self) {
              nb::list out;
@@ -492,7 +533,7 @@ void bind_link_core(nb::module_& m) {
       .def("struck_deadlines", &LinkCore::struck_deadlines)
       .def(
           "recover_deadline",
-          [](LinkCore& self, std::uint8_t action, std::uint64_t now) { self.link().deadlines().recover(action, now); },
+          [](LinkCore& self, std::uint8_t action, std::uint64_t now) { self.recover_deadline(action, now); },
           nb::arg("action"), nb::arg("now"));
 }
 

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "decoder.hpp"
@@ -53,6 +54,14 @@ struct Arrivals {
   std::vector<Event> events;
 };
 
+/// What happens on a link beside frames.
+enum class ChangeKind : std::uint8_t { struck, ended, port_up, port_down };
+struct LinkChange {
+  std::uint64_t t_us = 0;
+  ChangeKind kind = ChangeKind::struck;
+  std::uint8_t action = 0;  ///< of the deadline that has struck or ended
+};
+
 /// All that a link counts, at one moment.
 struct LinkAccount {
   HostSendAccount send;
@@ -77,6 +86,7 @@ class LinkCore {
   static constexpr std::size_t max_queued_bytes = 65536;
   static constexpr std::size_t max_queued_frames = 16384;
   static constexpr std::size_t max_waiting_messages = 65536;
+  static constexpr std::size_t max_waiting_changes = 1024;  ///< then the oldest are dropped
 
   LinkCore(LinkSetup setup, std::uint64_t now_us);
   LinkCore(const LinkCore&) = delete;
@@ -91,6 +101,8 @@ class LinkCore {
   void received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                 bool is_all);
   void idle(std::uint64_t began_us);
+  void poll(std::uint64_t now_us);
+  void recover_deadline(std::uint8_t action, std::uint64_t now_us);
   /// Those of `link()`; what was written is kept for `recent`.
   Outgoing to_write(std::uint64_t now_us);
   void written(std::size_t size, std::uint64_t now_us);
@@ -104,8 +116,11 @@ class LinkCore {
   nb::bytes hand_over(std::uint64_t now_us);
 
   bool has_arrivals() const { return !arrivals_.empty(); }
+  bool has_changes() const { return !changes_.empty(); }
+  bool has_news() const { return has_arrivals() || has_changes(); }
   /// All that came and was not taken; without the GIL.
   std::deque<Arrivals> take();
+  std::deque<LinkChange> take_changes() { return std::exchange(changes_, {}); }
 
   /// From now on all that is read, written and happens is kept for `take_tap`, up to this many bytes.
   int open_tap(std::size_t capacity, std::uint64_t now_us);
@@ -136,6 +151,8 @@ class LinkCore {
   void tap_text(TapKind kind, const std::string& text, std::uint64_t t_us) {
     tap(kind, reinterpret_cast<const std::uint8_t*>(text.data()), text.size(), t_us, t_us);
   }
+  void tell_deadlines(std::uint64_t now_us);
+  void tell(LinkChange change);
 
   LinkSetup setup_;
   std::vector<std::uint8_t> workspace_;
@@ -151,6 +168,7 @@ class LinkCore {
   std::unique_ptr<FrameNumbers> numbers_;    ///< null: frames have no sequence number
   std::vector<std::uint64_t> deadline_since_;
   std::vector<std::uint8_t> deadline_marks_;
+  std::vector<std::uint8_t> deadline_struck_;  ///< by rule: its action had struck when it was looked at last
   std::unique_ptr<HostLink> link_;
 
   std::vector<std::uint64_t> counts_;  ///< delivered frames by message
@@ -165,6 +183,7 @@ class LinkCore {
   ForeignCounts foreign_;
   std::deque<Arrivals> arrivals_;
   std::size_t waiting_messages_ = 0;
+  std::deque<LinkChange> changes_;
   std::uint64_t dropped_messages_ = 0;
   std::uint64_t reconnects_ = 0;
   bool was_up_ = false;
@@ -182,6 +201,9 @@ nb::tuple to_tuple(const TapCopy& taken);
 
 /// ``(kind, t, bytes)`` for each piece, times in microseconds; and how many bytes were dropped. With the GIL, no lock.
 nb::tuple to_tuple(const RecentCopy& recent);
+
+/// ``(kind, t, action)`` for each, times in microseconds. With the GIL, no lock.
+nb::list to_list(const std::deque<LinkChange>& changes);
 
 /// One entry of the settings' `stop`: message, frame, reply, seconds between two, address, is_in_stop.
 StopFrame stop_frame(nb::handle safe);

@@ -45,7 +45,8 @@ std::string sentence(const std::string& path, const posix::SerialSettings& setti
 
 class SerialOpener final : public Opener {
  public:
-  SerialOpener(std::string path, const posix::SerialSettings& settings) : path_(std::move(path)), settings_(settings) {}
+  SerialOpener(std::string path, const posix::SerialSettings& settings, std::string root)
+      : path_(std::move(path)), settings_(settings), root_(std::move(root)) {}
 
   posix::Descriptor open(const std::atomic<bool>&, PortProblem& problem) override {
     if (pty_.is_a_strangers(path_)) {
@@ -56,11 +57,16 @@ class SerialOpener final : public Opener {
       return {};
     }
     posix::SerialError error;
-    posix::Descriptor port = posix::open_serial(path_, settings_, error);
-    if (port.is_open())
-      pty_.remember(path_);
-    else
+    posix::LatencyTimer timer = posix::latency_timer(path_, root_);  // the low-latency flag changes it
+    posix::SerialReport report;
+    posix::Descriptor port = posix::open_serial(path_, settings_, error, &report);
+    if (!port.is_open()) {
       problem = {sentence(path_, settings_, error), error.code};
+      return port;
+    }
+    pty_.remember(path_);
+    posix::set_latency_timer(timer);
+    line_ = LineReport{settings_.baud, report, std::move(timer)};
     return port;
   }
 
@@ -76,24 +82,27 @@ class SerialOpener final : public Opener {
   }
 
   std::string path() const override { return path_; }
+  std::optional<LineReport> line() const override { return line_; }
 
  private:
   std::string path_;
   posix::SerialSettings settings_;
   PtyNumber pty_;
+  std::string root_;
+  std::optional<LineReport> line_;
 };
 
 class MovingSerialOpener final : public Opener {
  public:
-  MovingSerialOpener(std::string name, Resolve resolve, const posix::SerialSettings& settings)
-      : name_(std::move(name)), resolve_(std::move(resolve)), settings_(settings) {}
+  MovingSerialOpener(std::string name, Resolve resolve, const posix::SerialSettings& settings, std::string root)
+      : name_(std::move(name)), resolve_(std::move(resolve)), settings_(settings), root_(std::move(root)) {}
 
   std::string name() const override { return name_; }
 
   posix::Descriptor open(const std::atomic<bool>& cancelled, PortProblem& problem) override {
     const std::string path = resolve_(problem);
     if (path.empty()) return {};
-    at_ = serial_opener(path, settings_);
+    at_ = serial_opener(path, settings_, root_);
     return at_->open(cancelled, problem);
   }
 
@@ -104,11 +113,13 @@ class MovingSerialOpener final : public Opener {
   std::string why_gone(int code) const override { return name_ + ": " + at_->why_gone(code); }
 
   std::string path() const override { return "/dev/" + name_; }
+  std::optional<LineReport> line() const override { return at_ == nullptr ? std::nullopt : at_->line(); }
 
  private:
   std::string name_;
   Resolve resolve_;
   posix::SerialSettings settings_;
+  std::string root_;
   std::unique_ptr<Opener> at_;  ///< where it was found last
 };
 
@@ -162,12 +173,13 @@ class TcpOpener final : public Opener {
 
 }  // namespace
 
-std::unique_ptr<Opener> serial_opener(std::string path, const posix::SerialSettings& settings) {
-  return std::make_unique<SerialOpener>(std::move(path), settings);
+std::unique_ptr<Opener> serial_opener(std::string path, const posix::SerialSettings& settings, std::string root) {
+  return std::make_unique<SerialOpener>(std::move(path), settings, std::move(root));
 }
 
-std::unique_ptr<Opener> moving_serial_opener(std::string name, Resolve resolve, const posix::SerialSettings& settings) {
-  return std::make_unique<MovingSerialOpener>(std::move(name), std::move(resolve), settings);
+std::unique_ptr<Opener> moving_serial_opener(std::string name, Resolve resolve, const posix::SerialSettings& settings,
+                                             std::string root) {
+  return std::make_unique<MovingSerialOpener>(std::move(name), std::move(resolve), settings, std::move(root));
 }
 
 std::unique_ptr<Opener> tcp_opener(std::string name, std::string host, std::string port) {

@@ -8,9 +8,11 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "wirebond/posix/descriptor.hpp"
+#include "wirebond/posix/latency.hpp"
 #include "wirebond/posix/serial.hpp"
 
 namespace wirebond::engine {
@@ -19,6 +21,13 @@ namespace wirebond::engine {
 struct PortProblem {
   std::string sentence;
   int code = 0;  ///< the system's error number; 0 where it gave none
+};
+
+/// What was asked of a serial port's driver, and what came of it.
+struct LineReport {
+  std::uint32_t asked_baud = 0;
+  posix::SerialReport serial;
+  posix::LatencyTimer timer;
 };
 
 /// One thread at a time.
@@ -39,17 +48,22 @@ class Opener {
   /// Why an open port is not there any more: `code` of a read or write, 0 for the end of its bytes.
   virtual std::string why_gone(int code) const = 0;
 
+  /// Of the port that `open` gave last; none: it has no settings.
+  virtual std::optional<LineReport> line() const { return std::nullopt; }
+
   /// The file whose appearance says that opening is worth a try; empty: there is none.
   virtual std::string path() const { return {}; }
 };
 
-std::unique_ptr<Opener> serial_opener(std::string path, const posix::SerialSettings& settings);
+/// `root`: where `sys` is: "/", and a folder of their own for tests.
+std::unique_ptr<Opener> serial_opener(std::string path, const posix::SerialSettings& settings, std::string root);
 
 /// Where the name leads at the moment; empty, and `problem`, where it leads nowhere. Called as `Opener::open` is.
 using Resolve = std::function<std::string(PortProblem& problem)>;
 
 /// A tty whose path may be another one each time, as that of a USB device with a name such as usb:1a86:55d3.
-std::unique_ptr<Opener> moving_serial_opener(std::string name, Resolve resolve, const posix::SerialSettings& settings);
+std::unique_ptr<Opener> moving_serial_opener(std::string name, Resolve resolve, const posix::SerialSettings& settings,
+                                             std::string root);
 
 /// `name`: the port as the user wrote it, for sentences.
 std::unique_ptr<Opener> tcp_opener(std::string name, std::string host, std::string port);

@@ -247,10 +247,11 @@ class TestWithVirtualMcu:
         assert json.loads(result.stdout)["fields"] == {"index": 3, "value": 1.5, "result": "ok"}
 
     def test_monitor_prints_json_lines_and_ends_by_itself(self, sim: str) -> None:
-        result = run("monitor", NATIVE, sim, "--json", "--seconds", "1")
+        result = run("monitor", NATIVE, sim, "--json", "--seconds", "1", "-v")
         assert result.returncode == 0
-        names = {json.loads(line)["message"] for line in result.stdout.splitlines()}
-        assert "state" in names
+        line, *messages = [json.loads(line) for line in result.stdout.splitlines()]
+        assert (line["event"], line["baud"], line["is_exclusive"]) == ("line", codec("native").model.link.baud, True)
+        assert "state" in {message["message"] for message in messages}
         assert "0 discarded" not in result.stderr
 
 

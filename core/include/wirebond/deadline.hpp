@@ -167,6 +167,21 @@ class BasicDeadlines {
     return false;
   }
 
+  /// How long until the next deadline strikes, seen from `now_us`, if its message stays away; `never`: none can strike
+  /// any more before a message or `recover`.
+  Time time_left(Time now_us) const {
+    Time least = never;
+    for (std::size_t i = 0; i < memory_.size(); ++i) {
+      if (has_struck(i)) continue;
+      const Time passed_us = static_cast<Time>(now_us - memory_.since_us[i]);
+      const Time after_us = memory_.rule(i).after_us;
+      const Time left_us = passed_us < after_us ? static_cast<Time>(after_us - passed_us) : Time{0};
+      if (left_us < least) least = left_us;
+    }
+    return least;
+  }
+  static constexpr Time never = static_cast<Time>(~Time{0});
+
   /// What `may_act` refused.
   const NotActed<Time>& not_acted() const { return not_acted_; }
 

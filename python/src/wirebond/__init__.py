@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         UsageError,
         WirebondError,
     )
-    from wirebond.link import Dump, DumpEntry, Link, LinkStats, Rates, SendStats
+    from wirebond.link import Dump, DumpEntry, LatencyTimer, Line, Link, LinkStats, LowLatency, Rates, SendStats
     from wirebond.link import open_link as open
     from wirebond.link.aio import Aio
     from wirebond.link.clock_sync import ClockReading, HostTime
@@ -51,13 +51,16 @@ __all__ = [
     "DumpEntry",
     "Heard",
     "HostTime",
+    "LatencyTimer",
     "Latest",
+    "Line",
     "Link",
     "LinkDownError",
     "LinkStats",
     "Listener",
     "LogEvent",
     "LogLine",
+    "LowLatency",
     "Message",
     "MessageError",
     "ParameterError",
@@ -110,7 +113,18 @@ _HOMES = {
         "link.log_lines": ("LogEvent",),
         "link.parameters": ("Parameters",),
         "link.peer": ("Peer",),
-        "link": ("Dump", "DumpEntry", "Link", "LinkStats", "Rates", "SendStats", "open"),
+        "link": (
+            "Dump",
+            "DumpEntry",
+            "LatencyTimer",
+            "Line",
+            "Link",
+            "LinkStats",
+            "LowLatency",
+            "Rates",
+            "SendStats",
+            "open",
+        ),
         "log": ("LogLine",),
         "recording": ("Recorder", "Recording"),
     }.items()

@@ -170,8 +170,11 @@ class LinkCore:
         """The driver says how many bytes it holds."""
     def next_due(self, now: int) -> int:
         """When to call again; 2**64 - 1 where only bytes matter."""
-    def has_arrivals(self) -> bool:
-        """Has ``receive`` something to give?"""
+    def has_news(self) -> bool:
+        """Has ``receive`` or ``changes`` something to give?"""
+    def changes(self) -> list[tuple[str, int, int]]:
+        """What happened beside messages since the last call: kind (``struck``, ``ended``, ``port_up``, ``port_down``),
+        time in microseconds, and the index of the deadline's action. Of more than 1024 the oldest are dropped."""
     def receive(self) -> list[Message]:
         """Messages since the last call."""
     def stats(self) -> dict[str, Any]:
@@ -190,7 +193,8 @@ class Link:
         self, protocol: ProtocolTable, receive: FormatTable, port: dict[str, Any], settings: dict[str, Any]
     ) -> None:
         """``port``: ``name``; ``waits``: a port that cannot be opened is no error; ``host`` and ``service`` for TCP;
-        ``resolve``, called without arguments, for a tty whose path may change.
+        ``root``, where the system's ``sys`` is, for a tty; ``resolve``, called without arguments, for one whose path
+        may change.
         ``settings`` is what ``wirebond.link.engine_settings`` gives."""
     def send(self, message: int, frame: bytes, reply: int, takes_number: bool, address: int) -> int:
         """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""
@@ -214,7 +218,12 @@ class Link:
     def is_stopped(self) -> bool:
         """Is the emergency stop latched?"""
     def receive(self, timeout: float) -> list[Message]:
-        """Messages since the last call."""
+        """Messages since the last call; waits up to ``timeout`` seconds for the first one, or for a change."""
+    def changes(self) -> list[tuple[str, int, int]]:
+        """As ``LinkCore.changes``."""
+    def line(self) -> dict[str, Any] | None:
+        """What the driver made of the line's settings, for ``wirebond.link.line.line_from``; None: it has none, or the
+        port was never open."""
     def stats(self) -> dict[str, Any]:
         """The account, as the fields of ``wirebond.LinkStats``."""
     def recent(self) -> tuple[list[tuple[str, int, bytes]], int]:

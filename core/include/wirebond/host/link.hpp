@@ -60,7 +60,6 @@ class HostLink {
         outbox_(memory.outbox, settings.pacing, settings.max_age_us),
         addressing_(source.format(), settings.addressing),
         deadlines_(memory.deadlines, now_us),
-        deadline_count_(memory.deadlines.count),
         looked_us_(now_us) {}
   HostLink(const HostLink&) = delete;
   HostLink& operator=(const HostLink&) = delete;
@@ -126,15 +125,14 @@ class HostLink {
   bool is_blocked() const { return outbox_.is_blocked(); }
   void driver_holds(std::size_t size, std::uint64_t now_us) { outbox_.driver_holds(size, now_us); }
 
-  /// When to call again where no byte comes; `HostOutbox::never`: only for bytes. Deadlines are looked at every
-  /// `deadline_step_us`.
+  /// When to call again where no byte comes; `HostOutbox::never`: only for bytes.
   std::uint64_t next_due(std::uint64_t now_us) const {
     std::uint64_t due = outbox_.next_due(now_us);
     if (deframer_.pending() != 0) due = std::min(due, std::max(deframer_.look_at(last_byte_us_, now_us), now_us));
-    if (deadline_count_ != 0) due = std::min(due, now_us + deadline_step_us);
+    const std::uint64_t left_us = deadlines_.time_left(now_us);
+    if (left_us != Watch::never) due = std::min(due, now_us + left_us);
     return due;
   }
-  static constexpr std::uint64_t deadline_step_us = 10'000;
 
   // ---- what programs want: see HostOutbox
 
@@ -181,7 +179,6 @@ class HostLink {
   HostOutbox outbox_;
   HostAddressing addressing_;
   Watch deadlines_;
-  std::size_t deadline_count_;
   std::uint64_t looked_us_;  ///< no byte that came before is still to be read
   std::uint64_t last_byte_us_ = 0;
   std::uint64_t last_frame_us_ = 0;

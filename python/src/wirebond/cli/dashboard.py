@@ -125,6 +125,9 @@ class Dashboard:
             f"{send.expired} expired, {send.overruled} overruled, {send.refused_down + send.refused_full} refused)",
         )
         table.add_row("reconnects", str(stats.reconnects))
+        line = self._link.line
+        if line is not None:
+            table.add_row("line", Text(str(line), overflow="fold"))
         peer = self._link.peer
         if peer.state == "different":
             table.add_row("[red]peer[/]", Text(peer.why, style="bold red", overflow="fold"))

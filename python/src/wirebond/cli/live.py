@@ -37,6 +37,7 @@ from wirebond.codec import Codec, Message, load
 from wirebond.diagnosis import diagnose
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
 from wirebond.link import Link, open_link
+from wirebond.link.line import Line
 from wirebond.link.peer import Peer
 from wirebond.link.rates import LONGEST_WINDOW
 from wirebond.protocol.model import End
@@ -70,6 +71,7 @@ def monitor_port(
     waits: bool,
     role: str,
     dump_on_exit: Path | None = None,
+    is_verbose: bool = False,
 ) -> None:
     # A viewer shows everything: what is late, held back, or for others.
     with open_link(
@@ -86,7 +88,7 @@ def monitor_port(
         end = _end(seconds)
         with _ctrl_c_ends():
             if as_json or not console.is_terminal:
-                _print_messages(link, end, as_json)
+                _print_messages(link, end, as_json, is_verbose)
             else:
                 _show_dashboard(link, f"{link.codec.name} on {port}", end)
         if dump_on_exit is not None:
@@ -100,14 +102,19 @@ def monitor_port(
     errors.print(stats_line(stats) + (f"; {port} was away at the end" if is_away else ""))
 
 
-def _print_messages(link: Link, end: float, as_json: bool) -> None:
+def _print_messages(link: Link, end: float, as_json: bool, is_verbose: bool) -> None:
     was_away = False
     told: Peer | None = None
+    shown: Line | None = None
     while (left := end - time.monotonic()) > 0:
         is_away = link.state == "down"
         if is_away != was_away:
             errors.print(f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there")
             was_away = is_away
+        line = link.line
+        if is_verbose and line != shown and line is not None and not is_away:
+            _show_line(link.port, line, as_json)
+            shown = line
         peer = link.peer
         if peer.state == "different" and peer != told:
             warn(peer.why)
@@ -117,6 +124,13 @@ def _print_messages(link: Link, end: float, as_json: bool) -> None:
                 print_message(message, link.codec)
             else:
                 console.print(one_line(message, link.codec), soft_wrap=True)
+
+
+def _show_line(port: str, line: Line, as_json: bool) -> None:
+    if as_json:
+        write(to_json({"t": round(time.monotonic(), 6), "event": "line", "port": port, **line.as_dict()}) + "\n")
+    else:
+        errors.print(f"{plain(port)}: {plain(str(line))}")
 
 
 def one_line(message: Message, codec: Codec) -> Text:

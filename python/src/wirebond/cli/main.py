@@ -186,12 +186,16 @@ def monitor(
         typer.Option(metavar="PATH", help="At the end write the last bytes of the line here; .jsonl: as JSON."),
     ] = None,
     role: Role = "host",
+    verbose: Annotated[
+        bool,
+        typer.Option("--verbose", "-v", help="Also say what the port's driver made of baud rate, parity and latency."),
+    ] = False,
 ) -> None:
     """Show what the other end sends: messages, rates, line use, statistics."""
     from wirebond.cli.live import monitor_port
 
     raise_from_here()
-    monitor_port(file, port, baud, seconds, as_json, wait, role, dump_on_exit)
+    monitor_port(file, port, baud, seconds, as_json, wait, role, dump_on_exit, verbose)
 
 
 @app.command()

@@ -13,7 +13,6 @@ from typing import Any
 from wirebond.codec import Message
 
 MAX_WAITING = 65536  # messages that wait for slow handlers; then the oldest are dropped, counted
-_DEADLINE_STEP = 0.01  # seconds between two looks at deadlines, as often as the link itself looks
 _REPORT_EVERY = 1.0  # seconds between two reports of one handler's errors
 
 _log = logging.getLogger("wirebond")
@@ -25,7 +24,8 @@ class DeadlineEvent:
 
     :ivar action: the deadline's ``then``.
     :ivar struck: True: it has struck; False: it has ended.
-    :ivar t: when this was seen, on ``time.monotonic()``; at most 10 ms later, unless a handler was busy.
+    :ivar t: when the link's thread saw it, on ``time.monotonic()``. For one that had struck before the function was
+        registered: when the function is called.
     """
 
     action: str
@@ -39,6 +39,8 @@ class _Handler:
     call: Callable[[Any], object]  # what is called with a message or an event
     name: str | None  # of the message or the action; None: all
     told: set[str] = field(default_factory=set)  # actions that it knows as struck
+    since: float = 0.0  # when it was registered
+    is_new: bool = True  # it does not know yet what had struck before
     reported: float = -_REPORT_EVERY
     unreported: int = 0
 
@@ -58,7 +60,7 @@ class Handlers:
         self._lock = threading.RLock()
         self._of_messages: tuple[_Handler, ...] = ()
         self._of_deadlines: tuple[_Handler, ...] = ()
-        self._queue: SimpleQueue[Message | None] = SimpleQueue()  # None: look again
+        self._queue: SimpleQueue[Message | DeadlineEvent | None] = SimpleQueue()  # None: look again
         self._thread: threading.Thread | None = None
         self._has_ended = False
         self._is_left = False  # nothing more is called
@@ -76,7 +78,7 @@ class Handlers:
     def add_deadline(self, function: Callable[..., object], action: str | None, call: Callable[[Any], object]) -> None:
         """Call ``call`` when this deadline strikes and ends; at once where it has struck."""
         with self._lock:
-            self._of_deadlines += (_Handler(function, call, action),)
+            self._of_deadlines += (_Handler(function, call, action, since=time.monotonic()),)
         self._queue.put(None)
 
     def remove(self, function: Callable[..., object]) -> bool:
@@ -105,6 +107,11 @@ class Handlers:
         if self._queue.qsize() >= MAX_WAITING:
             self._drop_oldest()
         self._queue.put(message)
+
+    def put_change(self, action: str, struck: bool, t: float) -> None:
+        """A deadline has struck or ended. One thread at a time."""
+        if self._of_deadlines:
+            self._queue.put(DeadlineEvent(action, struck, t))
 
     def end(self) -> None:
         """No message will come any more: the thread ends behind those that wait."""
@@ -153,18 +160,16 @@ class Handlers:
     # ---- the thread
 
     def _run(self) -> None:
-        looked = 0.0
+        looked: tuple[_Handler, ...] = ()  # the handlers of deadlines that know what had struck before they came
         while not self._is_left:
-            watches = bool(self._of_deadlines)
-            try:
-                message = self._queue.get(timeout=_DEADLINE_STEP if watches else None)
-            except Empty:
-                message = None
-            if watches and time.monotonic() - looked >= _DEADLINE_STEP / 2:
-                looked = time.monotonic()
-                self._look_at_deadlines(looked)
-            if message is not None:
-                self._call_for(message)
+            item = self._queue.get()
+            if self._of_deadlines is not looked:
+                looked = self._of_deadlines
+                self._tell_what_has_struck(looked)
+            if isinstance(item, DeadlineEvent):
+                self._call_for_change(item)
+            elif item is not None:
+                self._call_for(item)
             elif self._has_ended and self._queue.empty():
                 return
 
@@ -176,13 +181,23 @@ class Handlers:
         if not called:
             self._give_back(message)
 
-    def _look_at_deadlines(self, now: float) -> None:
+    def _tell_what_has_struck(self, handlers: tuple[_Handler, ...]) -> None:
+        """To handlers that are new."""
         struck = self._struck()
-        for handler in self._of_deadlines:
-            for action in sorted(handler.told ^ struck):
+        for handler in handlers:
+            is_new, handler.is_new = handler.is_new, False
+            for action in sorted(struck) if is_new else ():
                 if handler.name is None or handler.name == action:
-                    handler.told ^= {action}
-                    self._call(handler, DeadlineEvent(action, action in struck, now))
+                    handler.told.add(action)
+                    self._call(handler, DeadlineEvent(action, True, time.monotonic()))
+
+    def _call_for_change(self, event: DeadlineEvent) -> None:
+        for handler in self._of_deadlines:
+            knows = event.action in handler.told
+            if handler.name not in (None, event.action) or knows == event.struck or event.t < handler.since:
+                continue
+            handler.told ^= {event.action}
+            self._call(handler, event)
 
     def _call(self, handler: _Handler, value: object) -> bool:
         """False: it was removed meanwhile."""
@@ -199,7 +214,7 @@ class Handlers:
 
     def _drop_oldest(self) -> bool:
         try:
-            self.dropped += self._queue.get_nowait() is not None
+            self.dropped += isinstance(self._queue.get_nowait(), Message)
         except Empty:
             return False
         return True

@@ -66,6 +66,7 @@ class Inbox:
         self._place = place
         self._lock = threading.RLock()  # a garbage collection within may take messages
         self._arrived: deque[Message] = deque()  # from the engine, not routed yet
+        self._changed: deque[tuple[str, int, int]] = deque()  # the same; of deadlines and of the port
         self._is_routing = False
         self._queue: SimpleQueue[Message | None] = SimpleQueue()  # to be taken; None behind the last of all
         self._dropped = 0
@@ -78,6 +79,7 @@ class Inbox:
         self._callers = 0  # that take from the engine themselves
         self._listeners: tuple[Callable[[], None], ...] = ()
         self._watchers: dict[str, Callable[[Message], None]] = {}
+        self._port_watchers: tuple[Callable[[bool, float], None], ...] = ()
         self.ended = threading.Event()  # no message will come any more
         self.requests = RequestBook(codec, end)
         self.handlers = Handlers(place, self.struck, self.give)
@@ -141,6 +143,11 @@ class Inbox:
     def watch(self, name: str, watcher: Callable[[Message], None]) -> None:
         """Call it with each message of this name, which it does not take. It runs nothing of the program."""
         self._watchers[name] = watcher
+
+    def watch_port(self, watcher: Callable[[bool, float], None]) -> None:
+        """Call it when the port was opened (True) or went away (False), with the time. It runs nothing of the
+        program."""
+        self._port_watchers += (watcher,)
 
     # ---- the newest
 
@@ -249,14 +256,18 @@ class Inbox:
         """Wait for what comes, and route it. False: nothing came in time, or nothing will come."""
         # In one call of C: a signal between receiving and keeping would lose the messages.
         self._arrived.extend(itertools.chain.from_iterable(map(self._engine.receive, (timeout,))))
-        has_come = bool(self._arrived)
+        self._changed.extend(itertools.chain.from_iterable(itertools.starmap(self._engine.changes, ((),))))
+        has_come = bool(self._arrived or self._changed)
         with self._lock:
             if self._is_routing:  # called by a garbage collection or a signal within: the outer call goes on
                 return has_come
             self._is_routing = True
             try:
-                while self._arrived:
-                    self._route(self._arrived.popleft())
+                while self._arrived or self._changed:
+                    if self._changed and not (self._arrived and self._arrived[0].t <= self._changed[0][1] / 1e6):
+                        self._route_change(*self._changed.popleft())
+                    else:
+                        self._route(self._arrived.popleft())
             finally:
                 self._is_routing = False
         return has_come
@@ -271,6 +282,14 @@ class Inbox:
             self.handlers.put(message)
         elif not is_taken:
             self.give(message)
+
+    def _route_change(self, kind: str, t_us: int, action: int) -> None:
+        t = t_us / 1e6
+        if kind in ("struck", "ended"):
+            self.handlers.put_change(self._actions[action], kind == "struck", t)
+            return
+        for watcher in self._port_watchers:
+            watcher(kind == "port_up", t)
 
     def _tell(self) -> None:
         for listener in self._listeners:

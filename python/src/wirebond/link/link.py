@@ -20,6 +20,7 @@ from wirebond.link.clock_sync import ClockReading, HostTime
 from wirebond.link.dump import Dump, Piece
 from wirebond.link.ends import Receiver, actions_at, other, own_address_field
 from wirebond.link.inbox import Inbox
+from wirebond.link.line import Line, line_from
 from wirebond.link.parameters import Parameters
 from wirebond.link.peer import Peer
 from wirebond.link.rates import DEFAULT_WINDOW, RateMeter, Rates
@@ -331,6 +332,14 @@ class Link(Receiving):
     def why(self) -> str:
         """Why the port is away, as a sentence with what to do; empty while it is there. Any thread."""
         return self._engine.why()
+
+    @property
+    def line(self) -> Line | None:
+        """What the driver of the serial port made of the link's settings when it was opened last: the baud rate that it
+        really runs at, the shape of a byte, exclusive use, low latency, an FTDI adapter's latency timer. None: the port
+        was never open, or is no serial port. Any thread."""
+        raw = self._engine.line()
+        return None if raw is None else line_from(raw)
 
     @property
     def peer(self) -> Peer:

@@ -79,6 +79,11 @@ class LineLimit:
         self._missed += 1
         return False
 
+    @property
+    def due(self) -> float:
+        """When there will be missed ones to tell."""
+        return self._began + 1.0 if self._missed else float("inf")
+
     def take_missed(self, t: float) -> int:
         """How many did not pass, once their second is over."""
         if self._missed == 0 or t - self._began < 1.0:

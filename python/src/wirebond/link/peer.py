@@ -48,7 +48,7 @@ class PeerBook:
         self._asked: list[float] = []  # when; of hellos that are not answered
         self._wait = FIRST_WAIT
         self._connected = 0.0
-        self._next = 0.0  # when to say hello; it is not said to a peer that is known
+        self._next = float("inf")  # when to say hello; it is not said without a port, nor to a peer that is known
         self.restarts = 0  # times that the peer said hello by itself after it had been known
         self.peer = self._unknown()
 
@@ -63,6 +63,11 @@ class PeerBook:
     def is_due(self, t: float) -> bool:
         """Shall hello be said now?"""
         return self.message is not None and t >= self._next
+
+    @property
+    def due(self) -> float:
+        """When hello shall be said next."""
+        return self._next if self.message is not None else float("inf")
 
     def asked(self, t: float) -> None:
         """Hello was said, or could not be said."""

@@ -8,9 +8,11 @@ them holds the lock meanwhile.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import threading
 import time
+from collections.abc import Iterable
 from typing import Any
 
 from wirebond import _engine
@@ -60,6 +62,7 @@ class PythonLink:
         self._left: PythonPort | None = None  # went down, to be closed by the supervisor
         self._reader: threading.Thread | None = None
         self._opening: threading.Thread | None = None
+        self._line: dict[str, Any] | None = None
         self._why = ""
         self._up_since = 0.0
         self._next_open = 0.0
@@ -131,15 +134,25 @@ class PythonLink:
         with self._owned():
             return self._core.is_stopped()
 
-    def receive(self, timeout: float) -> list[Message]:
+    def receive(self, timeout: float) -> Iterable[Message]:
+        """Waits as the engine's does. The messages are taken when the result is read, in one call of C: a signal's
+        handler that raises can lose none."""
         until = time.monotonic() + min(max(timeout, 0.0), 1e6) if timeout == timeout else 0.0  # noqa: PLR0124 NaN
         with self._owned():
-            while not self._core.has_arrivals() and not self._is_done:
+            while not self._core.has_news() and not self._is_done:
                 left = until - time.monotonic()
                 if left <= 0:
                     break
                 self._arrived.wait(left)
-            return self._core.receive()
+        return itertools.chain.from_iterable(itertools.starmap(self._core.receive, ((),)))
+
+    def changes(self) -> Iterable[tuple[str, int, int]]:
+        self._owned()  # in a forked child it raises
+        return itertools.chain.from_iterable(itertools.starmap(self._core.changes, ((),)))
+
+    def line(self) -> dict[str, Any] | None:
+        with self._owned():
+            return None if self._line is None else dict(self._line)
 
     def stats(self) -> dict[str, Any]:
         with self._owned():
@@ -184,6 +197,8 @@ class PythonLink:
     def recover_deadline(self, action: int) -> None:
         with self._owned():
             self._core.recover_deadline(action, _now())
+            self._arrived.notify_all()
+            self._wake_if_late()
 
     def begin_close(self) -> None:
         if os.getpid() != self._process:
@@ -236,6 +251,7 @@ class PythonLink:
 
     def _come_up(self, port: PythonPort) -> None:
         self._port = port
+        self._line = self._opener.line
         self._why = ""
         self._up_since = time.monotonic()
         self._core.port_up(_now())
@@ -279,7 +295,7 @@ class PythonLink:
                         self._core.received(data, int(looked * 1e6), _now())
                     else:
                         self._core.idle(began)
-                    if self._core.has_arrivals():
+                    if self._core.has_news():
                         self._arrived.notify_all()
                     self._wake_if_late()
         except OSError as error:
@@ -297,6 +313,8 @@ class PythonLink:
                     break
                 now = _now()
                 self._core.poll(now)
+                if self._core.has_news():
+                    self._arrived.notify_all()
                 data = b"" if port is None else self._claim(port, now)
                 if not data:
                     if port is None and self._left is None:
@@ -390,6 +408,7 @@ class PythonLink:
                 self._look_again(time.monotonic())
             elif not self._is_closing:
                 self._come_up(port)
+                self._arrived.notify_all()
                 port = None
             self._work.notify()
         if port is not None:  # the link ended meanwhile

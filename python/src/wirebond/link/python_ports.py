@@ -5,16 +5,19 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import platform
 import select
 import socket
 import stat
+import struct
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from wirebond.errors import PortError
-from wirebond.ports import pty_number
+from wirebond.ports import pty_number, sysfs
 from wirebond.ports.permission import no_permission
 from wirebond.ports.port_name import PortName
 from wirebond.ports.pty_number import PtyNumber
@@ -162,14 +165,17 @@ class PythonOpener:
     """Opens one port, again and again. One thread at a time.
 
     :param wait: seconds that a ``read`` of its ports waits.
+    :param root: where the system's ``sys`` is.
     """
 
-    def __init__(self, name: PortName, settings: LineSettings, wait: float) -> None:
+    def __init__(self, name: PortName, settings: LineSettings, wait: float, root: Path = Path("/")) -> None:
         self._name = name
         self._settings = settings
         self._wait = wait
         self._at = name.text  # where it was found last
         self._pty = PtyNumber()
+        self._root = root
+        self.line: dict[str, Any] | None = None  #: of the port that was opened last, for `line_from`; None: it has none
 
     def open(self) -> PythonPort:
         """May wait for seconds.
@@ -183,9 +189,11 @@ class PythonOpener:
         try:
             if name.is_tcp and not name.is_rfc2217:
                 return TcpPort(socket.create_connection((name.host, int(name.service)), ANSWER), self._wait)
-            port = PyserialPort(self._open_with_pyserial())
+            timer = _LatencyTimer(self._root, self._at)
+            port = self._open_with_pyserial()
+            self.line = self._line_of(port, timer)
             self._pty.remember(self._at)
-            return port
+            return PyserialPort(port)
         except (OSError, ValueError, TtyError) as failure:
             error = failure
             if not isinstance(error, (OSError, ValueError)):  # a tty that goes away while it is set up
@@ -212,6 +220,20 @@ class PythonOpener:
         import serial  # noqa: PLC0415
 
         return serial.serial_for_url(self._at, **options, **({} if os.name == "nt" else {"exclusive": True}))
+
+    def _line_of(self, port: Any, timer: _LatencyTimer) -> dict[str, Any]:
+        """What the port really does. An RFC 2217 server has confirmed the settings."""
+        line = self._settings
+        made = {"baud": line.baud, "asked_baud": line.baud, "data_bits": line.data_bits, "parity": line.parity}
+        made |= {"stop_bits": line.stop_bits, "is_exclusive": not self._name.is_tcp, "low_latency": "not_offered"}
+        if self._name.is_tcp or not _HAS_TERMIOS2:
+            return made
+        made |= _read_back(port.fileno(), line.baud)
+        if _low_latency(port.fileno()) is not None:
+            with contextlib.suppress(OSError, ValueError):
+                port.set_low_latency_mode(True)
+            made["low_latency"] = "accepted" if _low_latency(port.fileno()) else "refused"
+        return made | timer.set()
 
     def why_gone(self, error: OSError | None) -> str:
         """Why an open port is not there any more."""
@@ -288,6 +310,59 @@ class PythonOpener:
         if "RFC2217" in text or "timeout while waiting" in text:
             return f"{name} did not confirm the settings of the link ({self._settings}); check what its server allows"
         return f"cannot connect to {name}: {cause}; check its address and the network"
+
+
+_TCGETS2 = 0x802C542A  # of Linux on x86 and ARM: struct termios2, with the rate as a number
+_HAS_TERMIOS2 = sys.platform == "linux" and platform.machine() in ("x86_64", "i686", "aarch64", "armv7l", "riscv64")
+_TIOCGSERIAL, _ASYNC_LOW_LATENCY = 0x541E, 1 << 13
+_CSIZE, _CSTOPB, _PARENB, _PARODD = 0o60, 0o100, 0o400, 0o1000
+
+
+def _read_back(descriptor: int, asked_baud: int) -> dict[str, Any]:
+    """Rate and shape of the bytes as the driver has them."""
+    import fcntl  # noqa: PLC0415 Windows has none
+
+    raw = fcntl.ioctl(descriptor, _TCGETS2, bytes(44))
+    flags, rate = struct.unpack_from("=I", raw, 8)[0], struct.unpack_from("=I", raw, 40)[0]
+    return {
+        "baud": rate or asked_baud,
+        "data_bits": 5 + ((flags & _CSIZE) >> 4),
+        "parity": "none" if not flags & _PARENB else "odd" if flags & _PARODD else "even",
+        "stop_bits": 2 if flags & _CSTOPB else 1,
+    }
+
+
+def _low_latency(descriptor: int) -> bool | None:
+    """Does the driver have the flag? None: it knows no such flags."""
+    import fcntl  # noqa: PLC0415
+
+    try:
+        raw = fcntl.ioctl(descriptor, _TIOCGSERIAL, bytes(128))
+    except OSError:
+        return None
+    return bool(struct.unpack_from("=i", raw, 16)[0] & _ASYNC_LOW_LATENCY)
+
+
+class _LatencyTimer:
+    """As the engine's: the timer of an FTDI adapter, before and behind the opening."""
+
+    def __init__(self, root: Path, port: str) -> None:
+        self._path = root / "sys/bus/usb-serial/devices" / Path(port).resolve().name / "latency_timer"
+        self._before = sysfs.number(self._path)
+
+    def set(self) -> dict[str, Any]:
+        if self._before is None:
+            return {}
+        code = 0
+        now = sysfs.number(self._path)
+        if now is not None and now > 1:
+            try:
+                with self._path.open("r+b", buffering=0) as file:
+                    file.write(b"1\n")
+            except OSError as error:
+                code = error.errno or 0
+            now = sysfs.number(self._path)
+        return {"latency_timer": (str(self._path), self._before, self._before if now is None else now, code)}
 
 
 _LIST_PORTS = "python -m serial.tools.list_ports" if os.name == "nt" else "ls /dev/tty*"

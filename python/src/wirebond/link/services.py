@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import threading
 import time
 import weakref
@@ -33,9 +34,9 @@ if TYPE_CHECKING:
     from wirebond.link.link import Link
     from wirebond.link.python_link import PythonLink
 
-_LOOK_EVERY = 0.1  # seconds between two looks at the port
 _CLOCK_EVERY = 1.0  # seconds between two exchanges of the clock
 _CLOCK_SOON = 5  # exchanges at the beginning that follow each other at once
+_CLOCK_RETRY = 0.1  # seconds after an exchange that could not begin
 _CLOCK_TIMEOUT = 1.0  # seconds for the MCU's answer
 _MOST_HEARD = 1024  # messages that wait for the thread; then the oldest are dropped
 
@@ -63,17 +64,18 @@ class Services:
         says_hello: bool,
         syncs_clock: bool,
     ) -> None:
-        self._link = weakref.ref(link)
+        self._wake = threading.Event()
+        wake = self._wake
+        self._link = weakref.ref(link, lambda _: wake.set())  # the thread ends with the link
         self._codec = codec
         self._engine = engine
         self._place = link.port
         self._says_hello = says_hello and end == End.HOST
         self._answers = says_hello and end == End.MCU
         self._lock = threading.Lock()
-        self._wake = threading.Event()
         self._book = PeerBook(codec, "MCU" if end == End.HOST else "host")
         self._heard: deque[tuple[Callable[[Message], None], Message]] = deque(maxlen=_MOST_HEARD)
-        self._connections = -1  # none was seen yet
+        self._opened: deque[float] = deque()  # when the port was, since the last look
         self._clock = _ClockExchanges(codec, inbox) if syncs_clock else None
         self._restarts = 0  # of the peer, that the clock knows of
         self._limit = LineLimit()
@@ -83,6 +85,7 @@ class Services:
         if self._book.message is not None:
             inbox.watch(self._book.message, self._later(self._hello))
         if names or self._book.message is not None or (self._clock is not None and self._clock.sync is not None):
+            inbox.watch_port(self._note_port)
             inbox.start()
             threading.Thread(target=self._run, name=f"services of {self._place}", daemon=True).start()
 
@@ -140,19 +143,27 @@ class Services:
             link = self._link()
             if link is None:
                 return
-            self._look(link, time.monotonic())
+            due = self._look(link, time.monotonic())
             del link
-            self._wake.wait(_LOOK_EVERY)
+            self._wake.wait(None if due == math.inf else max(due - time.monotonic(), 0.0))
             self._wake.clear()
 
-    def _look(self, link: Link, now: float) -> None:
+    def _note_port(self, is_open: bool, t: float) -> None:
+        """In the thread that receives."""
+        if is_open:
+            self._opened.append(t)
+        self._wake.set()
+
+    def _look(self, link: Link, now: float) -> float:
+        """Do what is due.
+
+        :returns: when to look again where nothing wakes before: inf: never.
+        """
         state = link.state
-        if state != "down":
-            connections = self._engine.stats()["reconnects"]
-            if connections != self._connections:
-                self._connections = connections
-                with self._lock:
-                    self._book.connected(now)
+        while self._opened:
+            opened = self._opened.popleft()
+            with self._lock:
+                self._book.connected(opened)
         while self._heard:
             function, message = self._heard.popleft()
             function(message)
@@ -171,6 +182,11 @@ class Services:
                     self._restarts = self._book.restarts
                     self._clock.restart()
                 self._clock.take()
+        due = self._limit.due
+        if state != "down":
+            due = min(due, self._book.due if self._says_hello else math.inf)
+            due = min(due, math.inf if self._clock is None else self._clock.due)
+        return due
 
     # ---- log lines
 
@@ -209,6 +225,7 @@ class _ClockExchanges:
     def __init__(self, codec: Codec, inbox: Inbox) -> None:
         self._requests = inbox.requests
         self._service: Service | None = codec.model.service("clock")
+        self._asked_at = 0.0
         self._asked: Question | None = None  # no `Asked`, which would keep the link
         self._answers: deque[Message] = deque()  # to `_asked`: one at most
         self._next = 0.0
@@ -230,7 +247,7 @@ class _ClockExchanges:
         if self.sync is None or self._service is None or self._answers:
             return
         if self._asked is not None:
-            if now - self._asked.since < _CLOCK_TIMEOUT:
+            if now - self._asked_at < _CLOCK_TIMEOUT:
                 return
             self._requests.withdraw(self._asked)
             self._asked = None
@@ -248,8 +265,18 @@ class _ClockExchanges:
 
         self._next = now + (0.0 if self._soon > 0 else _CLOCK_EVERY)
         self._soon -= 1
-        with contextlib.suppress(WirebondError):  # the port is away, the queue full: it is asked again
+        self._asked_at = now
+        try:
             self._asked = link._ask(request, values, _CLOCK_TIMEOUT, None, {}, answered).question
+        except WirebondError:  # the port is away, the queue full: it is asked again
+            self._next = max(self._next, now + _CLOCK_RETRY)
+
+    @property
+    def due(self) -> float:
+        """When to look next."""
+        if self.sync is None:
+            return math.inf
+        return self._next if self._asked is None else self._asked_at + _CLOCK_TIMEOUT
 
     def take(self) -> None:
         """What was answered."""

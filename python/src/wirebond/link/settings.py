@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from wirebond import _engine
@@ -24,6 +25,7 @@ LEAST_RECENT, MOST_RECENT = 1 << 16, 1 << 21  # bytes
 MORE_ADDRESSES = 255  # that a link has leases and safe values for, beside the first of each message
 
 
+ROOT = Path("/")  #: where the system's `sys` is; tests have one of their own
 HAS_ENGINE_PORTS = hasattr(_engine, "Link")  #: the engine opens ttys and TCP connections itself, as on Linux
 
 
@@ -40,14 +42,14 @@ def open_engine(
     line = LineSettings(settings["baud"], settings["data_bits"], settings["parity"], settings["stop_bits"])
     silence = settings["pause_seconds"] or _LONGEST_READ  # that ends a frame
     wait = min(max(silence / 2, _SHORTEST_READ), _LONGEST_READ)
-    return PythonLink(protocol, receive, PythonOpener(port, line, wait), settings, waits)
+    return PythonLink(protocol, receive, PythonOpener(port, line, wait, ROOT), settings, waits)
 
 
 def engine_port(port: PortName, waits: bool) -> dict[str, Any]:
     found: dict[str, Any] = {"name": port.text, "waits": waits}
     if port.is_tcp:
         return found | {"host": port.host, "service": port.service}
-    return found | ({"resolve": port.path} if port.moves else {})
+    return found | {"root": str(ROOT)} | ({"resolve": port.path} if port.moves else {})
 
 
 def latency_of(codec: Codec, port: PortName, baud: int, given: float | None) -> float:

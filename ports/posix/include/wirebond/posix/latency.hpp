@@ -1,12 +1,17 @@
-// How long a port may hold received bytes back: what the system's device tree says. Opens no port.
+// How long a port may hold received bytes back: what the system's device tree says, and its latency timer. Opens no
+// port.
 #pragma once
 
+#include <fcntl.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <climits>
 #include <cstdint>
 #include <cstdlib>
 #include <string>
+
+#include "wirebond/posix/descriptor.hpp"
 
 namespace wirebond::posix {
 
@@ -29,6 +34,47 @@ inline std::uint32_t port_latency_us(const std::string& path, double bytes_per_s
   if (::realpath(entry.c_str(), real) == nullptr) return 0;
   if (std::string(real).find("/usb") != std::string::npos) return adapter_latency_us;
   return static_cast<std::uint32_t>(1e6 * uart_buffer_bytes / bytes_per_second);
+}
+
+/// The latency timer of an FTDI adapter: how long it holds received bytes back, from one report over USB to the next.
+/// The driver ftdi_sio shows it as a file of sysfs (1 to 255 ms, 16 by default); ports of other drivers have none.
+struct LatencyTimer {
+  std::string path;    ///< of the file
+  int before_ms = -1;  ///< before the port was opened; -1: there is no such file
+  int now_ms = -1;
+  int code = 0;  ///< errno of a write that failed
+};
+
+/// The number in a small file of sysfs; -1: there is none.
+inline int small_number(const std::string& path) {
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  char text[16] = {};
+  if (!file.is_open() || ::read(file.get(), text, sizeof text - 1) <= 0) return -1;
+  char* end = text;
+  const long number = std::strtol(text, &end, 10);
+  return end == text || number < 0 || number > INT_MAX ? -1 : static_cast<int>(number);
+}
+
+/// As it is now. `root`: where the system's `sys` is; tests have one of their own.
+inline LatencyTimer latency_timer(const std::string& port, const std::string& root = "/") {
+  char real[PATH_MAX];
+  const std::string name = ::realpath(port.c_str(), real) != nullptr ? real : port;
+  LatencyTimer timer;
+  timer.path = root + (root.empty() || root.back() != '/' ? "/" : "") + "sys/bus/usb-serial/devices/" +
+               name.substr(name.rfind('/') + 1) + "/latency_timer";
+  timer.before_ms = timer.now_ms = small_number(timer.path);
+  return timer;
+}
+
+/// Bring the timer of a port that is open to 1 ms, where it is longer and its file may be written.
+inline void set_latency_timer(LatencyTimer& timer) {
+  constexpr int best_ms = 1;
+  if (timer.before_ms < 0) return;
+  timer.now_ms = small_number(timer.path);
+  if (timer.now_ms <= best_ms) return;
+  const Descriptor file(::open(timer.path.c_str(), O_WRONLY | O_CLOEXEC));
+  if (!file.is_open() || ::write(file.get(), "1\n", 2) != 2) timer.code = errno;
+  timer.now_ms = small_number(timer.path);
 }
 
 }  // namespace wirebond::posix

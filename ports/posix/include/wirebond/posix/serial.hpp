@@ -33,8 +33,43 @@ struct SerialError {
   std::uint32_t actual_baud = 0;  ///< step baud: what the driver would do instead
 };
 
-/// Make the tty raw and set speed and format. False with `error` filled on failure.
-inline bool configure_serial(int fd, const SerialSettings& settings, SerialError& error) {
+/// What a driver says to the low-latency flag.
+enum class LowLatency : std::uint8_t {
+  not_offered,  ///< it knows no such flags, as a pty
+  refused,      ///< it refuses the flag, or takes it and does not keep it
+  accepted,
+};
+
+/// What an open tty does, read back from its driver.
+struct SerialReport {
+  SerialSettings actual;
+  bool is_exclusive = false;  ///< no other program that asks for the lock has it
+  LowLatency low_latency = LowLatency::not_offered;
+};
+
+/// What the driver made of the settings; what it does not say stays as it is in `actual`.
+inline void read_back(const struct termios2& tio, SerialSettings& actual) {
+  constexpr std::uint8_t bits[] = {5, 6, 7, 8};
+  if (tio.c_ospeed != 0) actual.baud = tio.c_ospeed;
+  actual.data_bits = bits[(tio.c_cflag & CSIZE) / CS6];
+  actual.stop_bits = (tio.c_cflag & CSTOPB) != 0 ? 2 : 1;
+  actual.parity = (tio.c_cflag & PARENB) == 0 ? Parity::none : (tio.c_cflag & PARODD) != 0 ? Parity::odd : Parity::even;
+}
+
+/// Ask for low latency: the driver hands bytes over as they come. Nothing else depends on the answer.
+inline LowLatency ask_for_low_latency(int fd) {
+  struct serial_struct serial {};
+  if (::ioctl(fd, TIOCGSERIAL, &serial) != 0) return LowLatency::not_offered;
+  serial.flags |= ASYNC_LOW_LATENCY;
+  if (::ioctl(fd, TIOCSSERIAL, &serial) != 0) return LowLatency::refused;
+  struct serial_struct now {};
+  const bool keeps = ::ioctl(fd, TIOCGSERIAL, &now) == 0 && (now.flags & ASYNC_LOW_LATENCY) != 0;
+  return keeps ? LowLatency::accepted : LowLatency::refused;
+}
+
+/// Make the tty raw and set speed and format. False with `error` filled on failure. `actual`: what came of it.
+inline bool configure_serial(int fd, const SerialSettings& settings, SerialError& error,
+                             SerialSettings* actual = nullptr) {
   struct termios2 tio {};
   if (::ioctl(fd, TCGETS2, &tio) != 0) {
     error = {errno == ENOTTY ? SerialError::Step::not_a_tty : SerialError::Step::configure, errno, 0};
@@ -66,30 +101,32 @@ inline bool configure_serial(int fd, const SerialSettings& settings, SerialError
       error = {SerialError::Step::baud, 0, static_cast<std::uint32_t>(got)};
       return false;
     }
+    if (actual != nullptr) read_back(now, *actual);
   }
   return true;
 }
 
 /// Open `path` as a raw, exclusive, non-blocking tty. Bytes that came before are dropped: they are stale.
 /// Adapters that know it get the low-latency flag (FTDI: 1 ms instead of 16). An empty Descriptor and `error` on
-/// failure.
-inline Descriptor open_serial(const std::string& path, const SerialSettings& settings, SerialError& error) {
+/// failure. `report`, where it is given: what the driver made of it.
+inline Descriptor open_serial(const std::string& path, const SerialSettings& settings, SerialError& error,
+                              SerialReport* report = nullptr) {
+  SerialReport unused;
+  SerialReport& made = report != nullptr ? *report : unused;
+  made = {settings, false, LowLatency::not_offered};
   Descriptor fd(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!fd.is_open()) {
     error = {errno == EBUSY ? SerialError::Step::busy : SerialError::Step::open, errno, 0};
     return {};
   }
-  if (!configure_serial(fd.get(), settings, error)) return {};
+  if (!configure_serial(fd.get(), settings, error, &made.actual)) return {};
   // A lock rather than TIOCEXCL: it ends with its holder, also on a pty that stays open, and it holds for root too.
   if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
     error = {SerialError::Step::busy, errno, 0};
     return {};
   }
-  struct serial_struct serial {};
-  if (::ioctl(fd.get(), TIOCGSERIAL, &serial) == 0) {
-    serial.flags |= ASYNC_LOW_LATENCY;
-    static_cast<void>(::ioctl(fd.get(), TIOCSSERIAL, &serial));  // only some drivers know it
-  }
+  made.is_exclusive = true;
+  made.low_latency = ask_for_low_latency(fd.get());
   static_cast<void>(::ioctl(fd.get(), TCFLSH, TCIFLUSH));
   return fd;
 }
