@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.gen import generate_cpp, port_headers, write_files
+from wirebond.gen import generate_c, generate_cpp, port_headers, write_files
 from wirebond.protocol.loader import load
 
 PAGE = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
@@ -180,3 +180,109 @@ def test_its_rover_stands_still_in_safe_mode_until_somebody_recovers(project: Pa
     double = ports / "stm32_hal/tests/stm32f4xx_hal.cpp"
     run("c++", "-std=c++17", "-O0", "-Wall", "-Wextra", *includes, main, double, "-o", "drives", cwd=project)
     run("./drives", cwd=project)
+
+
+# What a project may do wrong, and the first words of what its link says of it.
+MISTAKES = {
+    "none": "nothing is known to be wrong",
+    "interrupt off": "the UART's interrupt is off",
+    "no line for pends": "the UART's interrupt was pended and `on_pended` was not called",
+    "DMA in normal mode": "the receive DMA is in normal mode",
+    "no receive DMA": "the UART has no receive DMA",
+    "no transmit DMA": "the UART has no transmit DMA",
+    "wrong baud rate": "the UART has another baud rate",
+    "tick below the UART": "the HAL's tick cannot interrupt",
+    "UART not initialised": "the UART is not initialised",
+}
+MISTAKEN = """\
+// A project with a mistake on the double of the HAL: both ends send for two seconds, then it prints what its link says.
+#include <cstdio>
+#include <string>
+
+#include "board.hpp"
+#include "diffdrive.hpp"
+#include "stm32f4xx_hal.h"
+#include "wirebond/fake/line.hpp"
+
+extern "C" void rover_link_pended(void);
+extern "C" void rover_link_poll(std::uint32_t now_us);
+extern "C" const char* rover_link_why(void);
+
+static std::string mistake;
+
+extern "C" void USART3_IRQHandler(void) {
+  if (mistake != "no line for pends") rover_link_pended();
+}
+
+int main(int, char** arguments) {
+  mistake = arguments[1];
+  wirebond::fake::Line in{diffdrive::baud, 10};
+  wirebond::fake::Line out{diffdrive::baud, 10};
+  wirebond::fake::Uart hardware{in, out};
+  Board board{hardware};
+  if (mistake == "interrupt off") nvic_registers = {};
+  if (mistake == "DMA in normal mode") huart3.hdmarx->Init.Mode = DMA_NORMAL;
+  if (mistake == "no receive DMA") huart3.hdmarx = nullptr;
+  if (mistake == "no transmit DMA") huart3.hdmatx = nullptr;
+  if (mistake == "wrong baud rate") huart3.Init.BaudRate = 9600;
+  if (mistake == "tick below the UART") uwTickPrio = 15;
+  if (mistake == "UART not initialised") huart3.gState = huart3.RxState = HAL_UART_STATE_RESET;
+  wirebond::fake::Time now = 0;
+  for (int i = 0; i < 2000; ++i) {
+    if (i % 10 == 0) {
+      unsigned char frame[diffdrive::Velocity::Info::max_frame_bytes];
+      std::size_t size = 0;
+      if (diffdrive::encode(diffdrive::Velocity{}, frame, sizeof frame, size) != wirebond::Status::ok) return 1;
+      in.put(frame, size, now);
+    }
+    board.run(now += 1'000'000);
+    rover_link_poll(static_cast<std::uint32_t>(now / 1000));
+  }
+  std::puts(rover_link_why());
+}
+"""
+C_PROJECT = """
+static void on_stop(void* context) { (void)context; }
+static bool fill_odometry(void* context, diffdrive_odometry_t* odometry) {
+  (void)context;
+  odometry->left_ticks = 1;
+  return true;
+}
+static const diffdrive_link_handlers_t handlers = {
+    .on_stop = on_stop, .on_safe_mode = on_stop, .fill_odometry = fill_odometry};
+diffdrive_link_t* rover_link;
+void rover_link_poll(uint32_t now_us) {
+  if (rover_link == NULL) rover_link = diffdrive_link_open(&handlers, &rover_port);
+  if (rover_link != NULL) diffdrive_link_poll(rover_link, now_us);
+}
+const char* rover_link_why(void) { return wirebond_why_text(diffdrive_link_why(rover_link)); }
+"""
+
+
+@pytest.mark.parametrize("language", ["C++", "C"])
+def test_each_mistake_in_a_project_is_said_by_its_link(language: str, project: Path) -> None:
+    ports = ROOT / "ports"
+    main = project / "Core/Src/mistaken.cpp"
+    main.write_text(MISTAKEN, encoding="utf-8")
+    source = project / "Core/Src/rover_link.cpp"
+    made = []
+    includes = [f"-I{project / 'Core/Inc'}", f"-I{ports / 'stm32_hal/tests'}", f"-I{ports / 'fake/include'}"]
+    quick = ["-O0", "-Wall", "-Wextra", "-Werror"]
+    if language == "C":
+        generate_c(load(PROTOCOLS / "diffdrive.yaml"), project / "generated_c")
+        generate_cpp(load(PROTOCOLS / "diffdrive.yaml"), project / "generated_c")
+        includes.append(f"-I{project / 'generated_c'}")
+        page = (ROOT / "docs" / "c.md").read_text(encoding="utf-8")
+        port = next(b for b in re.findall(r"^```c\n(.*?)^```$", page, re.M | re.S) if "rover_port" in b)
+        source = project / "rover.c"
+        source.write_text(port + C_PROJECT, encoding="utf-8")
+        made = [project / "generated_c" / f"diffdrive{kind}.cpp" for kind in ("", "_link")]
+        run("gcc", "-std=c99", *quick, *includes, "-c", source, "-o", "rover.o", cwd=project)
+        source = project / "rover.o"
+    else:
+        includes.append(f"-I{project / 'generated'}")
+    double = ports / "stm32_hal/tests/stm32f4xx_hal.cpp"
+    run("c++", "-std=c++17", *quick, *includes, main, source, *made, double, "-o", "mistaken", cwd=project)
+    for mistake, words in MISTAKES.items():
+        said = subprocess.run([project / "mistaken", mistake], capture_output=True, text=True, check=True).stdout
+        assert said.startswith(words), mistake

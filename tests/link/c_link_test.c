@@ -63,9 +63,15 @@ static bool reaches(void* context, const void* bytes, size_t size) {
   return bytes != NULL && size != 0 && ((struct wire*)context)->is_reachable;
 }
 
+static wirebond_why_t setup; /* what the port says of its settings */
+static wirebond_why_t check(void* context, uint32_t baud) {
+  return context != NULL && baud == 115200 ? setup : WIREBOND_WHY_BAUD_DIFFERS;
+}
+
 static wirebond_port_t port_over(struct wire* wire) {
-  const wirebond_port_t port = {
-      wire, start_receive, receiving, receive_position, start_transmit, stop_transmit, pend, reaches, NULL, false};
+  const wirebond_port_t port = {wire,           start_receive, receiving, receive_position,
+                                start_transmit, stop_transmit, pend,      reaches,
+                                NULL,           false,         check};
   memset(wire, 0, sizeof *wire);
   wire->is_reachable = true;
   return port;
@@ -139,13 +145,20 @@ static void drive(void) {
 
   diffdrive_init_status(&status);
   expect(diffdrive_send_status(link, &status) == WIREBOND_LINK_DOWN, "a link sends before it is polled");
+  expect(diffdrive_link_why(link) == WIREBOND_WHY_NOT_POLLED, "why: not polled");
   wire.is_reachable = false;
   diffdrive_link_poll(link, now_us);
+  expect(diffdrive_link_why(link) == WIREBOND_WHY_BUFFERS_UNREACHABLE, "why: buffers out of reach");
   expect(diffdrive_link_state(link) == WIREBOND_STATE_DOWN, "a link starts on memory that DMA does not reach");
   wire.is_reachable = true;
   diffdrive_link_poll(link, now_us);
   expect(wire.receive_starts == 1 && wire.size == 64, "the first poll does not start reception");
   expect(rover.state == WIREBOND_STATE_STALE, "the start is not told");
+  for (setup = WIREBOND_WHY_UART_NOT_SET_UP; setup <= WIREBOND_WHY_INTERRUPT_OFF; ++setup) {
+    expect(diffdrive_link_why(link) == setup, wirebond_why_text(setup));
+  }
+  setup = WIREBOND_WHY_NOTHING;
+  expect(diffdrive_link_why(link) == WIREBOND_WHY_NOTHING_HEARD, "why: nothing heard");
 
   // Received bytes reach their handler.
   diffdrive_init_velocity(&velocity);
@@ -159,6 +172,13 @@ static void drive(void) {
   expect(diffdrive_link_receive_account(link).handed_out == diffdrive_link_account(link).bytes, "the accounts differ");
   expect(diffdrive_link_account(link).bytes == size && diffdrive_link_account(link).frame_bytes == size, "bytes");
   expect(diffdrive_link_violations(link).rejected == 0, "violations");
+  expect(diffdrive_link_why(link) == WIREBOND_WHY_NOTHING, "why: nothing is wrong");
+  setup = WIREBOND_WHY_TICK_BELOW_UART;
+  expect(diffdrive_link_why(link) == WIREBOND_WHY_TICK_BELOW_UART, "why: the tick");
+  setup = WIREBOND_WHY_NOTHING;
+  wire.is_receiving = false;
+  expect(diffdrive_link_why(link) == WIREBOND_WHY_RECEPTION_STOPS, "why: reception stops");
+  wire.is_receiving = true;
 
   // Both deadlines strike at their time: one second and three after the velocity.
   for (i = 0; i < 998; ++i) diffdrive_link_poll(link, now_us += ms);
@@ -180,6 +200,8 @@ static void drive(void) {
   rover.has_odometry = true;
   for (i = 0; i < 50; ++i) diffdrive_link_poll(link, now_us += ms);
   expect(wire.pended && wire.run_size == 0, "a run starts before the interrupt");
+  expect(diffdrive_link_counters(link).unserved_pends > 1, "pends that nobody served are not counted");
+  expect(diffdrive_link_why(link) == WIREBOND_WHY_PENDS_UNSERVED, "why: pends are not served");
   wire.pended = false;
   diffdrive_link_on_pended(link);
   {

@@ -14,6 +14,7 @@
 #define DMA_CHXCTL_CHEN 1u
 #define DMA_CHXCTL_FTFIE 2u
 #define DMA_CHXCTL_HTFIE 4u
+#define DMA_CHXCTL_CMEN 32u
 #define USART_CTL2_ERRIE 1u
 #define USART_CTL2_DENR 64u
 #define USART_CTL2_DENT 128u
@@ -44,3 +45,9 @@ std::uint16_t usart_data_receive(std::uint32_t usart);
 void usart_interrupt_enable(std::uint32_t usart, usart_interrupt_enum interrupt);
 FlagStatus usart_interrupt_flag_get(std::uint32_t usart, usart_interrupt_flag_enum flag);
 void NVIC_SetPendingIRQ(IRQn_Type interrupt);
+
+struct NVIC_Type {
+  std::uint32_t ISER[8];
+};
+inline NVIC_Type nvic_registers{};
+#define NVIC (&nvic_registers)

@@ -146,3 +146,15 @@ TEST_CASE("memory that DMA cannot reach is refused") {
   CHECK(bench.port.reaches(reinterpret_cast<const void*>(0x1001'0000), 1));
   CHECK_FALSE(bench.port.reaches(reinterpret_cast<const void*>(0x0FFF'FFFF), 2));
 }
+
+TEST_CASE("each mistake in the settings is told by its name") {
+  using wirebond::Why;
+  Bench bench;
+  DMA_CHCTL(DMA0, DMA_CH4) |= DMA_CHXCTL_CMEN;
+  NVIC->ISER[USART0_IRQn / 32] = 1u << USART0_IRQn % 32;
+  CHECK(bench.port.check(115'200) == Why::nothing);
+  NVIC->ISER[USART0_IRQn / 32] = 0;
+  CHECK(bench.port.check(115'200) == Why::interrupt_off);
+  DMA_CHCTL(DMA0, DMA_CH4) &= ~DMA_CHXCTL_CMEN;
+  CHECK(bench.port.check(115'200) == Why::receive_dma_not_circular);
+}

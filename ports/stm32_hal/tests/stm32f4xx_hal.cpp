@@ -7,16 +7,27 @@ using wirebond::fake::Uart;
 
 namespace {
 
-DMA_HandleTypeDef hdma_usart3_rx{&huart3};
+DMA_HandleTypeDef hdma_usart3_rx{};
+DMA_HandleTypeDef hdma_usart3_tx{};
 Uart& uart_of(UART_HandleTypeDef* handle) { return *static_cast<Uart*>(handle->uart); }
 
 }  // namespace
 
 UART_HandleTypeDef huart3{};
+NVIC_Type nvic_registers{};
+uint32_t uwTickPrio = 0;
 
 Board::Board(Uart& uart) : uart_(uart) {
   huart3 = {};
+  hdma_usart3_rx = {{DMA_CIRCULAR}, &huart3};
+  hdma_usart3_tx = {{DMA_NORMAL}, &huart3};
   huart3.hdmarx = &hdma_usart3_rx;
+  huart3.hdmatx = &hdma_usart3_tx;
+  huart3.Init.BaudRate = 115200;
+  huart3.gState = huart3.RxState = HAL_UART_STATE_READY;
+  nvic_registers = {};
+  nvic_registers.ISER[USART3_IRQn / 32] = 1u << USART3_IRQn % 32;
+  uwTickPrio = 0;
   huart3.uart = &uart;
 }
 
@@ -24,6 +35,7 @@ Board::~Board() { huart3 = {}; }
 
 void Board::on_received() {
   if (huart3.RxState != HAL_UART_STATE_BUSY_RX) return;
+  if (!uart_.receiving()) huart3.RxState = HAL_UART_STATE_READY;  // DMA is in normal mode
   // Half, full and idle have different values here. Where DMA is by now may be further: the port must not care.
   const auto place = static_cast<std::uint16_t>(uart_.receive_position());
 #if USE_HAL_UART_REGISTER_CALLBACKS == 1
@@ -52,7 +64,9 @@ void Board::on_error() {
 #endif
 }
 
-void Board::on_pended() { USART3_IRQHandler(); }
+void Board::on_pended() {
+  if (nvic_registers.ISER[USART3_IRQn / 32] != 0) USART3_IRQHandler();
+}
 
 extern "C" {
 
@@ -60,6 +74,7 @@ HAL_StatusTypeDef HAL_UARTEx_ReceiveToIdle_DMA(UART_HandleTypeDef* huart, uint8_
   if (huart->RxState != HAL_UART_STATE_READY) return HAL_BUSY;
   if (pData == nullptr || Size == 0) return HAL_ERROR;
   huart->RxXferSize = Size;
+  uart_of(huart).behaviour.circular = huart->hdmarx->Init.Mode == DMA_CIRCULAR;
   if (!uart_of(huart).start_receive(pData, Size)) return HAL_ERROR;  // its DMA is being stopped
   huart->RxState = HAL_UART_STATE_BUSY_RX;
   return HAL_OK;
@@ -93,6 +108,8 @@ uint32_t __HAL_DMA_GET_COUNTER(const DMA_HandleTypeDef* hdma) {
 void NVIC_SetPendingIRQ(IRQn_Type IRQn) {
   if (IRQn == USART3_IRQn) uart_of(&huart3).pend();
 }
+
+uint32_t NVIC_GetPriority(IRQn_Type) { return 5; }
 
 #if USE_HAL_UART_REGISTER_CALLBACKS == 1
 HAL_StatusTypeDef HAL_UART_RegisterCallback(UART_HandleTypeDef* huart, HAL_UART_CallbackIDTypeDef CallbackID,

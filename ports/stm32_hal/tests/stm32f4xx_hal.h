@@ -17,14 +17,34 @@ extern "C" {
 
 typedef enum { USART3_IRQn = 39 } IRQn_Type;
 typedef enum { HAL_OK, HAL_ERROR, HAL_BUSY, HAL_TIMEOUT } HAL_StatusTypeDef;
-typedef enum { HAL_UART_STATE_READY, HAL_UART_STATE_BUSY_TX, HAL_UART_STATE_BUSY_RX } HAL_UART_StateTypeDef;
+typedef enum {
+  HAL_UART_STATE_RESET = 0,
+  HAL_UART_STATE_READY = 0x20,
+  HAL_UART_STATE_BUSY_TX = 0x21,
+  HAL_UART_STATE_BUSY_RX = 0x22
+} HAL_UART_StateTypeDef;
 typedef enum { HAL_UART_TX_COMPLETE_CB_ID = 1, HAL_UART_ERROR_CB_ID = 4 } HAL_UART_CallbackIDTypeDef;
 
+#define DMA_NORMAL 0x0U
+#define DMA_CIRCULAR 0x100U
 typedef struct {
+  uint32_t Mode;
+} DMA_InitTypeDef;
+typedef struct {
+  uint32_t BaudRate;
+} UART_InitTypeDef;
+typedef struct {
+  uint32_t ISER[8];
+} NVIC_Type;
+
+typedef struct {
+  DMA_InitTypeDef Init;
   struct __UART_HandleTypeDef* Parent;
 } DMA_HandleTypeDef;
 
 typedef struct __UART_HandleTypeDef {
+  UART_InitTypeDef Init;
+  DMA_HandleTypeDef* hdmatx;
   DMA_HandleTypeDef* hdmarx;
   uint16_t RxXferSize;
   HAL_UART_StateTypeDef gState;
@@ -43,6 +63,10 @@ HAL_StatusTypeDef HAL_UART_AbortReceive(UART_HandleTypeDef* huart);
 HAL_StatusTypeDef HAL_UART_AbortTransmit(UART_HandleTypeDef* huart);
 uint32_t __HAL_DMA_GET_COUNTER(const DMA_HandleTypeDef* hdma); /* a macro in the vendor's */
 void NVIC_SetPendingIRQ(IRQn_Type IRQn);
+uint32_t NVIC_GetPriority(IRQn_Type IRQn);
+extern NVIC_Type nvic_registers;
+#define NVIC (&nvic_registers)
+extern uint32_t uwTickPrio;
 
 #if USE_HAL_UART_REGISTER_CALLBACKS == 1
 typedef void (*pUART_CallbackTypeDef)(UART_HandleTypeDef* huart);

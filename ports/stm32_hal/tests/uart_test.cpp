@@ -212,3 +212,26 @@ TEST_CASE("memory that DMA cannot reach is refused, also where a buffer only tou
   CHECK(bench.port.reaches(bytes.data(), 1));
   CHECK_FALSE(bench.port.reaches(bytes.data(), 0x1'0000));  // more than the HAL can count
 }
+
+TEST_CASE("each mistake in the settings is told by its name") {
+  using wirebond::Why;
+  Bench bench;
+  const auto check = [&] { return bench.port.check(115'200); };
+  CHECK(check() == Why::nothing);
+  uwTickPrio = 5;  // the UART's own: the tick cannot interrupt it
+  CHECK(check() == Why::tick_below_uart);
+  nvic_registers = {};
+  CHECK(check() == Why::interrupt_off);
+  CHECK(bench.port.check(921'600) == Why::baud_differs);
+  huart3.hdmarx->Init.Mode = DMA_NORMAL;
+  CHECK(check() == Why::receive_dma_not_circular);
+  huart3.hdmatx = nullptr;
+  CHECK(check() == Why::no_transmit_dma);
+  const Bytes bytes{1};
+  CHECK_FALSE(bench.port.start_transmit(bytes.data(), bytes.size()));
+  huart3.hdmarx = nullptr;
+  CHECK(check() == Why::no_receive_dma);
+  CHECK_FALSE(bench.start());
+  huart3.gState = HAL_UART_STATE_RESET;
+  CHECK(check() == Why::uart_not_set_up);
+}

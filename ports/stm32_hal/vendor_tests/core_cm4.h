@@ -25,8 +25,14 @@ static inline uint32_t store_half(uint16_t value, volatile uint16_t* address) { 
 #define __STREXW(value, address) store_word(value, address)
 #define __STREXH(value, address) store_half(value, address)
 
-/* registers.hpp has it. */
+/* registers.cpp has them. */
 void NVIC_SetPendingIRQ(IRQn_Type interrupt);
+uint32_t NVIC_GetPriority(IRQn_Type interrupt);
+typedef struct {
+  __IO uint32_t ISER[8];
+} NVIC_Type;
+extern NVIC_Type nvic_registers;
+#define NVIC (&nvic_registers)
 
 #ifdef __cplusplus
 }

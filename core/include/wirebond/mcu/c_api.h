@@ -7,6 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "wirebond/mcu/why.h"
+
 /// Of a function whose answer says that nothing was done: GCC and Clang warn where the answer is not looked at. A cast
 /// to `void` does not help with GCC. Look at it, also where there is nothing to do:
 ///     if (..._send_status(link, &status) != WIREBOND_OK) { /* the link has counted it; the next one is due soon */ }
@@ -112,10 +114,10 @@ typedef struct wirebond_frame {
 
 // ---- links ----------------------------------------------------------------------------------------------------------
 
-/// A UART, as a link asks for it. Each function must be there but the last; `context` is given to each. A table may be
-/// `const` and in flash, and outlives its link. "The interrupt" is that of the UART and those of its DMA, which must
-/// have one priority, so that they never interrupt each other. Where there is none, whoever polls the link stands for
-/// it.
+/// A UART, as a link asks for it. Each function must be there but those at the end; `context` is given to each. A table
+/// may be `const` and in flash, and outlives its link. "The interrupt" is that of the UART and those of its DMA, which
+/// must have one priority, so that they never interrupt each other. Where there is none, whoever polls the link stands
+/// for it.
 ///
 /// In turn the interrupt calls the link: ..._link_on_received, _on_transmitted, _on_error and _on_pended.
 typedef struct wirebond_port {
@@ -138,7 +140,7 @@ typedef struct wirebond_port {
   /// Can the UART's DMA reach all of bytes[0 .. size)? The link stays down where it cannot. From its poll.
   bool (*reaches)(void* context, const void* bytes, size_t size);
 
-  // These two may be left out.
+  // These three may be left out.
 
   /// The clock that the poll is given, in microseconds. With it, received bytes are as old as the receive event before
   /// them; where it is NULL, as the poll before the one that found them. The interrupt.
@@ -146,6 +148,9 @@ typedef struct wirebond_port {
   /// No DMA: your code moves each byte, and calls ..._on_received at least once in each turn of the ring. Then nothing
   /// is dropped for a poll that is late by more than the ring takes to fill.
   bool tells_every_lap;
+  /// Is the UART set up as the link needs it, for this baud rate? WIREBOND_WHY_NOTHING, or what is wrong with it; for
+  /// ..._link_why. From where that is called.
+  wirebond_why_t (*check)(void* context, uint32_t baud);
 } wirebond_port_t;
 
 /// How a link stands.
@@ -178,6 +183,7 @@ typedef struct wirebond_link_counters {
   uint32_t transmit_timeouts;  ///< a run did not leave in time, and was stopped
   uint32_t slow_polls;         ///< more than half the shortest deadline after the poll before
   uint32_t nested_polls;       ///< polls that found the UART's interrupt at work, and returned at once
+  uint32_t unserved_pends;     ///< polls that found their last pend unserved, and pended again
   uint32_t late;       ///< messages as old as their shortest deadline when they were found: no function was called
   uint32_t held_back;  ///< messages held back by a deadline with `recover: explicit`: no function was called
   uint32_t foreign;    ///< frames for another address: no function was called

@@ -12,6 +12,7 @@
 #include "wirebond/mcu/link.hpp"
 #include "wirebond/mcu/send_account.hpp"
 #include "wirebond/mcu/services.hpp"
+#include "wirebond/mcu/why.hpp"
 
 namespace wirebond::c {
 
@@ -56,6 +57,9 @@ class Port {
   bool reaches(const void* bytes, std::size_t size) const { return table_.reaches(table_.context, bytes, size); }
   bool clock_runs() const { return table_.now_us != nullptr; }
   std::uint32_t now_us() const { return table_.now_us(table_.context); }
+  Why check(std::uint32_t baud) const {
+    return table_.check == nullptr ? Why::nothing : static_cast<Why>(table_.check(table_.context, baud));
+  }
 
   const bool tells_every_lap;
 
@@ -100,19 +104,13 @@ inline std::string_view text_of(const char* text, std::size_t most) {
 }
 
 inline wirebond_link_state_t to_c(LinkState state) { return static_cast<wirebond_link_state_t>(state); }
+inline wirebond_why_t to_c(Why why) { return static_cast<wirebond_why_t>(why); }
 inline wirebond_peer_t to_c(Peer peer) { return static_cast<wirebond_peer_t>(peer); }
 
 inline wirebond_link_counters_t to_c(const LinkCounters& counts) {
-  return {counts.line_errors,
-          counts.receive_restarts,
-          counts.transmit_retries,
-          counts.transmit_timeouts,
-          counts.slow_polls,
-          counts.nested_polls,
-          counts.late,
-          counts.held_back,
-          counts.foreign,
-          counts.unlisted};
+  return {counts.line_errors, counts.receive_restarts, counts.transmit_retries, counts.transmit_timeouts,
+          counts.slow_polls,  counts.nested_polls,     counts.unserved_pends,   counts.late,
+          counts.held_back,   counts.foreign,          counts.unlisted};
 }
 
 inline wirebond_receive_account_t to_c(const ReceiveAccount& account) {

@@ -32,7 +32,8 @@ enum class Line : std::uint8_t {
 };
 
 /// The agreement of senders (any task or interrupt, on any core), `poll` (one context) and the UART's interrupt (one
-/// context). The word holds a `Line` and four marks: *offered*, *restart*, *abort*, *begun*.
+/// context). The word holds a `Line` and five marks: *offered*, *restart*, *abort*, *begun*,
+/// *reminded*.
 ///
 /// Whatever is not in the table changes nothing. A `+` sets a mark, a `-` clears it.
 ///
@@ -53,6 +54,8 @@ enum class Line : std::uint8_t {
 /// | `ask_abort`: the run takes too long | sending, not begun | + abort | pends the interrupt |
 /// | `note`: `poll` has seen that a run began | + begun | - begun | measures its time from now on |
 /// | `note`: and that the line is silent | any | + restart | pends the interrupt |
+/// | `remind`: `poll` pends the interrupt | any | + reminded | counts if it is there already: nobody served the last
+/// one | | `take`, `complete`, `rest`, `ask_restart`, `restarted`: the interrupt runs | | - reminded | |
 ///
 /// So an abort never meets another run than the one that `poll` saw, and a frame that was offered is always looked for
 /// by an interrupt that comes later. Each function is one change of the word, done again for each context that came in
@@ -68,6 +71,7 @@ class Handshake {
     bool offered() const { return (word_ & offered_bit) != 0; }
     bool restart() const { return (word_ & restart_bit) != 0; }
     bool begun() const { return (word_ & begun_bit) != 0; }
+    bool reminded() const { return (word_ & reminded_bit) != 0; }
     /// Does something wait for an interrupt that perhaps was not pended? Where the port took no run it must be asked
     /// again; a request that was lost is repeated.
     bool asks() const { return restart() || line() == Line::refused || (line() == Line::idle && offered()); }
@@ -139,11 +143,11 @@ class Handshake {
     return rests;
   }
 
-  void restarted() { change(restart_bit, 0); }
+  void restarted() { change(restart_bit | reminded_bit, 0); }
 
   // ---- poll; the first also the UART's interrupt
 
-  void ask_restart() { change(0, restart_bit); }
+  void ask_restart() { change(reminded_bit, restart_bit); }
 
   /// False: there is no such run any more.
   bool ask_abort() {
@@ -157,6 +161,9 @@ class Handshake {
   /// Whatever has begun is noted; `restart`: and reception shall begin again.
   void note(bool restart) { change(begun_bit, restart ? restart_bit : 0); }
 
+  /// The interrupt is pended by `poll`, and takes the mark away when it runs.
+  void remind() { change(0, reminded_bit); }
+
  private:
   static constexpr std::uint32_t idle = static_cast<std::uint32_t>(Line::idle);
   static constexpr std::uint32_t refused = static_cast<std::uint32_t>(Line::refused);
@@ -168,6 +175,7 @@ class Handshake {
   static constexpr std::uint32_t restart_bit = 8;
   static constexpr std::uint32_t abort_bit = 16;
   static constexpr std::uint32_t begun_bit = 32;
+  static constexpr std::uint32_t reminded_bit = 64;
   static constexpr std::uint32_t kept_bits = restart_bit | begun_bit;  // when the interrupt begins to look, or rests
 
   WIREBOND_NOINLINE void change(std::uint32_t clears, std::uint32_t sets) {

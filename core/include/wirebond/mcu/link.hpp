@@ -21,6 +21,7 @@
 #include "wirebond/mcu/sent_numbers.hpp"
 #include "wirebond/mcu/services.hpp"
 #include "wirebond/mcu/subscription.hpp"
+#include "wirebond/mcu/why.hpp"
 #include "wirebond/message.hpp"
 #include "wirebond/receiver.hpp"
 #include "wirebond/status.hpp"
@@ -43,6 +44,7 @@ struct LinkCounters {
   std::uint32_t transmit_timeouts = 0;  ///< a run did not leave in time, and was stopped
   std::uint32_t slow_polls = 0;         ///< more than half the shortest deadline at this end after the poll before
   std::uint32_t nested_polls = 0;       ///< polls that found the UART's interrupt at work, and returned at once
+  std::uint32_t unserved_pends = 0;     ///< polls that found their last pend unserved, and pended again
   std::uint32_t late = 0;               ///< messages as old as their shortest deadline at this end when they were found
   std::uint32_t held_back = 0;          ///< messages held back by a deadline with `recover: explicit`
   std::uint32_t foreign = 0;            ///< frames for another address or, at a host, from one that was not asked
@@ -246,9 +248,17 @@ class Link : private SendPause<Protocol::pause_us>,
   Peer peer() const { return peer_; }
   /// The context of `poll`.
   LinkCounters counters() const {
-    return {line_errors_,        receive_restarts_, transmit_retries_,           transmit_timeouts_,
-            slow_polls_,         nested_polls_,     deadlines_.not_acted().late, deadlines_.not_acted().held_back,
-            receiver_.foreign(), unlisted_frames()};
+    return {line_errors_,
+            receive_restarts_,
+            transmit_retries_,
+            transmit_timeouts_,
+            slow_polls_,
+            nested_polls_,
+            unserved_pends_,
+            deadlines_.not_acted().late,
+            deadlines_.not_acted().held_back,
+            receiver_.foreign(),
+            unlisted_frames()};
   }
   ReceiveAccount receive_account() const { return ring_.account(); }
   std::size_t unread() const { return ring_.unread(); }
@@ -256,6 +266,25 @@ class Link : private SendPause<Protocol::pause_us>,
   /// What the other end's sequence numbers told: how many of its frames are missing. Zeros where it sends none.
   SequenceCounts<std::uint32_t> sequence() const { return receiver_.sequence(); }
   SendAccount send_account() const { return outbox_.account(); }
+
+  /// What keeps the link from working, as far as it can tell: it asks the port how it is set up, and looks at what
+  /// happened so far. `text_of` makes a sentence of it. The context of `poll`; it takes flash only where it is called.
+  Why why() const {
+    if (!is_timed_) return Why::not_polled;
+    if (!reaches_buffers()) return Why::buffers_unreachable;
+    const Why setup = detail::check_port(port_, Protocol::baud, 0);
+    if (setup != Why::nothing && setup != Why::tick_below_uart) return setup;
+    if (state() == LinkState::down) return Why::port_refuses;
+    if (unserved_in_row_ >= 2) return Why::pends_unserved;
+    if (reception_stops_ || !port_.receiving()) return Why::reception_stops;
+    if (transmit_timeouts_ != 0 && send_account().sent == 0) return Why::runs_not_completed;
+    const bool heard = heard_frames() != 0;
+    if (!heard && (receiver_.bytes() != 0 || line_errors_ != 0)) return Why::nothing_understood;
+    if (!heard || state() == LinkState::stale) return Why::nothing_heard;
+    const ReceiveAccount received = receive_account();
+    if (received.laps != 0 || received.laps_unknown != 0) return Why::polled_too_seldom;
+    return setup;
+  }
 
   // ---- the UART's interrupt
 
@@ -427,6 +456,11 @@ class Link : private SendPause<Protocol::pause_us>,
   std::uint16_t stamp() const { return static_cast<std::uint16_t>(now() >> 10); }  ///< see max_age_units
   std::uint32_t now() const { return now_us_.load(std::memory_order_relaxed); }
 
+  bool reaches_buffers() const {
+    return port_.reaches(memory_.receive.data(), memory_.receive.size()) &&
+           port_.reaches(memory_.send.data(), memory_.send.size());
+  }
+
   // ---- in poll
 
   void start(std::uint32_t now_us) {
@@ -435,10 +469,7 @@ class Link : private SendPause<Protocol::pause_us>,
       deadlines_.start(now_us);
       schedule_.start(now_us);
     }
-    if (!port_.reaches(memory_.receive.data(), memory_.receive.size()) ||
-        !port_.reaches(memory_.send.data(), memory_.send.size())) {
-      return;
-    }
+    if (!reaches_buffers()) return;
     handshake_.restarted();  // by errors from before; one from now on counts
     if (!port_.start_receive(memory_.receive.data(), memory_.receive.size())) return;
     heard_us_ = line_moved_us_ = now_us;
@@ -501,7 +532,11 @@ class Link : private SendPause<Protocol::pause_us>,
     const auto line = handshake_.look();
     const bool is_silent = now_us - line_moved_us_ >= timeout_us;
     bool asks = line.asks() || is_silent;
-    if (is_silent) line_moved_us_ = now_us;
+    if (is_silent) {
+      line_moved_us_ = now_us;
+      reception_stops_ = !port_.receiving();
+    }
+    count_unserved(line.asks() && line.reminded());
     if (is_silent || line.begun()) handshake_.note(is_silent);
     if (line.begun() || line.line() != Line::sending) {
       begun_us_ = now_us;
@@ -509,7 +544,18 @@ class Link : private SendPause<Protocol::pause_us>,
       begun_us_ = now_us;
       if (handshake_.ask_abort()) asks = true;
     }
-    if (asks) port_.pend();
+    if (!asks) return;
+    handshake_.remind();
+    port_.pend();
+  }
+
+  void count_unserved(bool is_unserved) {
+    unserved_pends_ += is_unserved ? 1 : 0;
+    if (!is_unserved) {
+      unserved_in_row_ = 0;
+    } else if (unserved_in_row_ != 0xFF) {
+      ++unserved_in_row_;
+    }
   }
 
   void change(LinkState state) {
@@ -599,6 +645,7 @@ class Link : private SendPause<Protocol::pause_us>,
   std::uint32_t transmit_timeouts_ = 0;
   std::uint32_t slow_polls_ = 0;
   std::uint32_t nested_polls_ = 0;
+  std::uint32_t unserved_pends_ = 0;
   std::uint32_t heard_us_ = 0;          ///< the last valid frame
   std::uint32_t line_moved_us_ = 0;     ///< the last byte, or restart for want of one
   std::uint32_t begun_us_ = 0;          ///< about when the run with the port was begun
@@ -607,6 +654,8 @@ class Link : private SendPause<Protocol::pause_us>,
   LoadStore<LinkState> state_{LinkState::down};
   Peer peer_ = Peer::unknown;
   bool is_timed_ = false;
+  bool reception_stops_ = false;      ///< when the line was silent last, no reception was under way
+  std::uint8_t unserved_in_row_ = 0;  ///< polls that found their last pend unserved, 255 at most
 };
 
 }  // namespace wirebond

@@ -25,6 +25,7 @@ struct Behaviour {
   Time restart_gap = 0;         ///< from `start_transmit` to the first start bit; each run costs it
   Time interrupt_delay = 0;     ///< an interrupt is served so much later at most; each time another delay is drawn
   Time abort_time = 0;          ///< at most, from the error's interrupt to `on_error`, while DMA is being stopped
+  bool circular = true;         ///< false: reception ends with a full or idle event, as the HAL's in normal mode
   bool errors_stop = true;      ///< a line error stops reception, as the HAL of STM32 does; false: DMA goes on (GD32)
   bool keeps_damaged = true;    ///< DMA still moves the byte that has the error (F4); false: it does not (G4)
   std::uint32_t spurious = 0;   ///< for each byte: an idle event between two bytes without a pause

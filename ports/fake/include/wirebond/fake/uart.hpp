@@ -202,9 +202,11 @@ class Uart {
   void serve(Event event, Handler& handler) {
     clear(event);
     switch (event) {
-      case Event::half:
       case Event::full:
-      case Event::idle: return handler.on_received();
+      case Event::idle:
+        if (!behaviour.circular) stop_receive();
+        [[fallthrough]];
+      case Event::half: return handler.on_received();
       case Event::transmitted: ++counts_.runs_completed; return handler.on_transmitted();
       case Event::pended: return handler.on_pended();
       case Event::line_error:

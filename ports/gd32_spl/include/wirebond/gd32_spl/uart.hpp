@@ -12,6 +12,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/mcu/why.hpp"
+
 namespace wirebond::gd32_spl {
 
 /// What is connected to what, by the names of the vendor's library.
@@ -80,6 +82,13 @@ class Uart {
   bool reaches(const void* bytes, std::size_t size) const {
     const auto address = reinterpret_cast<std::uintptr_t>(bytes);
     return size <= 0xFFFF && (address + size <= 0x1000'0000 || address >= 0x1001'0000);
+  }
+
+  /// For Link::why: what is wrong with the settings. The library does not tell the baud rate.
+  Why check(std::uint32_t) const {
+    if ((DMA_CHCTL(wiring_.dma, wiring_.receive_channel) & DMA_CHXCTL_CMEN) == 0) return Why::receive_dma_not_circular;
+    const auto number = static_cast<std::uint32_t>(wiring_.interrupt);
+    return (NVIC->ISER[number / 32] >> number % 32 & 1u) == 0 ? Why::interrupt_off : Why::nothing;
   }
 
   // ---- the three handlers

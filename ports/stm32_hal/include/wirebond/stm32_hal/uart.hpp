@@ -18,7 +18,10 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/mcu/why.hpp"
 #include "wirebond/stm32_hal/reach.hpp"
+
+extern "C" uint32_t uwTickPrio;  // of the HAL: the priority of its tick
 
 namespace wirebond::stm32_hal {
 
@@ -33,8 +36,10 @@ class Uart {
   /// `interrupt`: the UART's own, USART3_IRQn for instance. `handle` outlives this object.
   Uart(UART_HandleTypeDef& handle, IRQn_Type interrupt) : handle_(handle), interrupt_(interrupt) {}
 
-  /// False while DMA is still being stopped after an error: the HAL tells HAL_BUSY or HAL_ERROR.
+  /// False while DMA is still being stopped after an error: the HAL tells HAL_BUSY or HAL_ERROR. And without a DMA,
+  /// which the HAL does not look for.
   bool start_receive(std::uint8_t* ring, std::size_t size) {
+    if (handle_.hdmarx == nullptr) return false;
     // After a DMA error the HAL calls itself ready with the stream still running, and then starts never again.
     if (HAL_UART_AbortReceive(&handle_) != HAL_OK) return false;
     return HAL_UARTEx_ReceiveToIdle_DMA(&handle_, ring, static_cast<std::uint16_t>(size)) == HAL_OK;
@@ -51,6 +56,7 @@ class Uart {
   }
 
   bool start_transmit(const std::uint8_t* bytes, std::size_t size) {
+    if (handle_.hdmatx == nullptr) return false;
     auto* mutable_bytes = const_cast<std::uint8_t*>(bytes);  // older HALs lack the const, and do not write either
     return HAL_UART_Transmit_DMA(&handle_, mutable_bytes, static_cast<std::uint16_t>(size)) == HAL_OK;
   }
@@ -63,6 +69,19 @@ class Uart {
   /// The HAL counts bytes in 16 bits.
   bool reaches(const void* bytes, std::size_t size) const {
     return size <= 0xFFFF && dma_reaches(family, reinterpret_cast<std::uintptr_t>(bytes), size);
+  }
+
+  /// For Link::why: what is wrong with the settings of CubeMX. The priorities are compared as HAL_Init groups them: no
+  /// bit is a subpriority.
+  Why check(std::uint32_t baud) const {
+    if (handle_.gState == HAL_UART_STATE_RESET) return Why::uart_not_set_up;
+    if (handle_.hdmarx == nullptr) return Why::no_receive_dma;
+    if (handle_.hdmatx == nullptr) return Why::no_transmit_dma;
+    if (handle_.hdmarx->Init.Mode != DMA_CIRCULAR) return Why::receive_dma_not_circular;
+    if (handle_.Init.BaudRate != baud) return Why::baud_differs;
+    const auto number = static_cast<std::uint32_t>(interrupt_);
+    if ((NVIC->ISER[number / 32] >> number % 32 & 1u) == 0) return Why::interrupt_off;
+    return uwTickPrio >= NVIC_GetPriority(interrupt_) ? Why::tick_below_uart : Why::nothing;
   }
 
  private:

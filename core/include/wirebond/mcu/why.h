@@ -1,0 +1,79 @@
+// What may keep a link at the MCU from working, and a sentence for each. C99, C11 and C++; it asks nothing and knows no
+// link.
+#ifndef WIREBOND_WHY_H
+#define WIREBOND_WHY_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// Why a link does not work as it should. A link names the first of these that holds, in this order.
+typedef enum wirebond_why {
+  WIREBOND_WHY_NOTHING,                   ///< nothing is known to be wrong
+  WIREBOND_WHY_NOT_POLLED,                ///< its poll was never called
+  WIREBOND_WHY_BUFFERS_UNREACHABLE,       ///< DMA cannot reach its buffers
+  WIREBOND_WHY_UART_NOT_SET_UP,           ///< by the port: the UART is not initialised
+  WIREBOND_WHY_NO_RECEIVE_DMA,            ///< by the port: no DMA for receiving
+  WIREBOND_WHY_NO_TRANSMIT_DMA,           ///< by the port: no DMA for sending
+  WIREBOND_WHY_RECEIVE_DMA_NOT_CIRCULAR,  ///< by the port: DMA stops at the end of the ring
+  WIREBOND_WHY_BAUD_DIFFERS,              ///< by the port: another baud rate than the file's
+  WIREBOND_WHY_INTERRUPT_OFF,             ///< by the port: the UART's interrupt is not enabled
+  WIREBOND_WHY_PORT_REFUSES,              ///< the port does not start reception
+  WIREBOND_WHY_PENDS_UNSERVED,            ///< the interrupt was pended, and nobody called `on_pended`
+  WIREBOND_WHY_RECEPTION_STOPS,           ///< reception ends without an error event
+  WIREBOND_WHY_RUNS_NOT_COMPLETED,        ///< what was handed to DMA never ends
+  WIREBOND_WHY_NOTHING_UNDERSTOOD,        ///< bytes or line errors came, and never a frame
+  WIREBOND_WHY_NOTHING_HEARD,             ///< no valid frame came for a second, or none yet
+  WIREBOND_WHY_POLLED_TOO_SELDOM,         ///< received bytes were lost between two polls
+  WIREBOND_WHY_TICK_BELOW_UART,           ///< by the port: the vendor's tick cannot interrupt the UART's interrupt
+  WIREBOND_WHY_COUNT
+} wirebond_why_t;
+
+/// A sentence that says what is wrong and what to do. It takes flash only where it is called.
+static inline const char* wirebond_why_text(wirebond_why_t why) {
+  switch (why) {
+    case WIREBOND_WHY_NOTHING: return "nothing is known to be wrong";
+    case WIREBOND_WHY_NOT_POLLED: return "the link's poll was never called: call it every millisecond or two";
+    case WIREBOND_WHY_BUFFERS_UNREACHABLE:
+      return "DMA cannot reach the link's buffers: put them into memory that it reaches (not into CCM or DTCM)";
+    case WIREBOND_WHY_UART_NOT_SET_UP:
+      return "the UART is not initialised: call MX_..._UART_Init() before the link's first poll";
+    case WIREBOND_WHY_NO_RECEIVE_DMA:
+      return "the UART has no receive DMA: add it in its DMA settings, and call MX_DMA_Init() before the UART's init";
+    case WIREBOND_WHY_NO_TRANSMIT_DMA:
+      return "the UART has no transmit DMA: add it in its DMA settings, and call MX_DMA_Init() before the UART's init";
+    case WIREBOND_WHY_RECEIVE_DMA_NOT_CIRCULAR: return "the receive DMA is in normal mode: set its mode to circular";
+    case WIREBOND_WHY_BAUD_DIFFERS:
+      return "the UART has another baud rate than `link: baud` of the protocol file: make them equal";
+    case WIREBOND_WHY_INTERRUPT_OFF: return "the UART's interrupt is off: enable its global interrupt in the NVIC";
+    case WIREBOND_WHY_PORT_REFUSES:
+      return "the port does not start reception: is the UART initialised, and used by nothing else?";
+    case WIREBOND_WHY_PENDS_UNSERVED:
+      return "the UART's interrupt was pended and `on_pended` was not called: call it in the UART's interrupt handler, "
+             "and enable that interrupt";
+    case WIREBOND_WHY_RECEPTION_STOPS:
+      return "reception ends by itself: set the receive DMA to circular mode, and call `on_error` in the error "
+             "callback";
+    case WIREBOND_WHY_RUNS_NOT_COMPLETED:
+      return "what is sent never ends: call `on_transmitted` in the transmit-complete callback, and enable the "
+             "interrupts of the UART and of its transmit DMA";
+    case WIREBOND_WHY_NOTHING_UNDERSTOOD:
+      return "bytes come, and no frame is among them: compare baud rate, parity, stop bits and protocol file of both "
+             "ends";
+    case WIREBOND_WHY_NOTHING_HEARD:
+      return "no valid frame comes: is the other end on, its TX at this RX, with a common ground?";
+    case WIREBOND_WHY_POLLED_TOO_SELDOM:
+      return "received bytes were lost between two polls: poll more often, or enlarge the receive ring";
+    case WIREBOND_WHY_TICK_BELOW_UART:
+      return "the HAL's tick cannot interrupt the UART's interrupt, which may then wait for it for ever: give the tick "
+             "a higher priority (a lower number) than the UART";
+    case WIREBOND_WHY_COUNT: break;
+  }
+  return "not a reason";
+}
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,50 @@
+// The reasons of why.h in C++, and the question that a port may answer. No link, no register.
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+
+#include "wirebond/mcu/why.h"
+
+namespace wirebond {
+
+/// Why a link does not work as it should: wirebond_why_t says what each means.
+enum class Why : std::uint8_t {
+  nothing = WIREBOND_WHY_NOTHING,
+  not_polled = WIREBOND_WHY_NOT_POLLED,
+  buffers_unreachable = WIREBOND_WHY_BUFFERS_UNREACHABLE,
+  uart_not_set_up = WIREBOND_WHY_UART_NOT_SET_UP,
+  no_receive_dma = WIREBOND_WHY_NO_RECEIVE_DMA,
+  no_transmit_dma = WIREBOND_WHY_NO_TRANSMIT_DMA,
+  receive_dma_not_circular = WIREBOND_WHY_RECEIVE_DMA_NOT_CIRCULAR,
+  baud_differs = WIREBOND_WHY_BAUD_DIFFERS,
+  interrupt_off = WIREBOND_WHY_INTERRUPT_OFF,
+  port_refuses = WIREBOND_WHY_PORT_REFUSES,
+  pends_unserved = WIREBOND_WHY_PENDS_UNSERVED,
+  reception_stops = WIREBOND_WHY_RECEPTION_STOPS,
+  runs_not_completed = WIREBOND_WHY_RUNS_NOT_COMPLETED,
+  nothing_understood = WIREBOND_WHY_NOTHING_UNDERSTOOD,
+  nothing_heard = WIREBOND_WHY_NOTHING_HEARD,
+  polled_too_seldom = WIREBOND_WHY_POLLED_TOO_SELDOM,
+  tick_below_uart = WIREBOND_WHY_TICK_BELOW_UART,
+};
+
+/// A sentence that says what is wrong and what to do. It takes flash only where it is called.
+inline const char* text_of(Why why) { return wirebond_why_text(static_cast<wirebond_why_t>(why)); }
+
+namespace detail {
+
+/// Is the port set up as the link needs it? A port may answer by `Why check(std::uint32_t baud) const`.
+template <class Port>
+auto check_port(const Port& port, std::uint32_t baud, int) -> decltype(static_cast<Why>(port.check(baud))) {
+  return port.check(baud);
+}
+template <class Port>
+Why check_port(const Port&, std::uint32_t, long) {
+  return Why::nothing;
+}
+
+}  // namespace detail
+
+}  // namespace wirebond
