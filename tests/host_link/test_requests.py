@@ -33,6 +33,17 @@ messages:
 """)
 )
 
+SET_POINTS = wirebond.Codec(
+    loads("""
+wirebond: 1
+protocol: set_points
+frame: [magic: 0xA5, id: u8, payload: by_id, check: crc-16/modbus]
+messages:
+  set: {id: 1, sender: host, reply: now, fields: {joint: {type: u8}, angle: {type: i16, scale: 0.001}}}
+  now: {id: 2, sender: mcu, fields: {joint: {type: u8}, angle: {type: i16, scale: 0.001}}}
+""")
+)
+
 
 def pose(message: Message) -> bytes:
     return ARM.encode("pose", x=41) if message.name == "query" else b""
@@ -319,12 +330,30 @@ def test_a_reply_that_carries_values_back_skips_a_request_whose_reply_is_lost() 
     assert told.hear("value", index=1, content=0)
 
 
-def test_a_peer_that_carries_nothing_back_is_understood_by_order() -> None:
+def test_a_reply_to_what_was_not_asked_completes_no_request() -> None:
     told = Told(VALUES, "read")
     told.ask(index=1)
     told.ask(index=2)
-    assert told.hear("value", index=77, content=0)
+    assert not told.hear("value", index=77, content=0)
+    assert told.hear("value", index=1, content=0)
     assert list(told.replies) == [0]
+
+
+def test_a_request_whose_peer_answers_another_one_says_so() -> None:
+    with linked(VALUES, lambda _: VALUES.encode("value", index=77, content=0)) as (link, _):
+        with pytest.raises(RequestTimeoutError, match=r"A value came with index 77, where index 1 was asked for"):
+            link.request("read", index=1, timeout=0.1)
+        assert [m["index"] for m in link.receive(5)] == [77]
+
+
+def test_a_measure_may_come_back_as_another_one() -> None:
+    """A set point that the peer clamped."""
+    told = Told(SET_POINTS, "set")
+    told.ask(joint=1, angle=9.0)
+    told.ask(joint=2, angle=9.0)
+    assert told.hear("now", joint=2, angle=1.5)
+    assert told.hear("now", joint=1, angle=1.5)
+    assert list(told.replies) == [1, 0]
 
 
 def test_a_request_to_all_takes_the_first_reply_of_anybody() -> None:

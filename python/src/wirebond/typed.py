@@ -18,6 +18,9 @@ _Flags = TypeVar("_Flags", bound=IntFlag)
 _Typed = TypeVar("_Typed")
 
 
+_Reply_co = TypeVar("_Reply_co", covariant=True)
+
+
 class TypedMessage(Protocol):
     """A message of a generated module."""
 
@@ -25,6 +28,13 @@ class TypedMessage(Protocol):
 
     def values(self) -> dict[str, Any]:
         """Its fields as ``Codec.encode`` takes them."""
+
+
+class TypedRequest(TypedMessage, Protocol[_Reply_co]):
+    """A message of a generated module that has a reply."""
+
+    def reply_of(self, message: Message) -> _Reply_co:
+        """The reply to it, with its type."""
 
 
 def load_matching(module: str, file: str | os.PathLike[str], expected: int) -> Codec:
@@ -72,6 +82,12 @@ def maker_of(kind: type) -> Callable[[Message], Any]:
     """What makes objects of this class from received messages of its name."""
     name, make = message_class(kind).NAME, kind.from_values  # type: ignore[attr-defined]
     return lambda message: decoded({name: make}, message)
+
+
+def received(kind: type[_Typed], message: Message) -> _Typed:
+    """A received message as an object of this class, of a generated module."""
+    made: _Typed = maker_of(kind)(message)
+    return made
 
 
 def from_message_of(kind: type) -> Callable[[Message], Any]:

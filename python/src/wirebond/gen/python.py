@@ -23,7 +23,8 @@ _MODULE = frozenset({
     "Any", "AnyMessage", "Callable", "ClassVar", "Codec", "False", "IntEnum", "IntFlag", "Mapping", "Message",
     "None", "True", "TypeAlias",
 })  # fmt: skip
-_CLASS = frozenset({"bytes", "dict", "encode", "float", "from_values", "int", "bool", "self", "str", "tuple", "values"})
+_CLASS = frozenset({"bytes", "dict", "encode", "float", "from_values", "int", "bool", "reply_of", "self", "str",
+                    "tuple", "values"})  # fmt: skip
 # The same where frames have fields of their own.
 _MODULE_OF_HEADER = frozenset({"Header", "Literal", "TypedDict"})
 _CLASS_OF_HEADER = frozenset({"header"})
@@ -70,6 +71,11 @@ def python_module(protocol: Protocol, out: Path) -> str:
         typing=["Any", "ClassVar", *["Literal"] * any(f.value.enum for f in header), "TypeAlias"]
         + ["TypedDict"] * bool(header),
         enums=sorted({block.base for block in writer.blocks if isinstance(block, ValuesBlock)}),
+        replies={
+            struct.name: claimed[[m.name for m in protocol.messages].index(message.reply)]
+            for message, struct in zip(protocol.messages, messages, strict=True)
+            if message.reply is not None
+        },
         messages=[
             (message.name, struct, _docstring(message_comment(message)))
             for message, struct in zip(protocol.messages, messages, strict=True)

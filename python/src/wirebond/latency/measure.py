@@ -124,19 +124,20 @@ def _ask_once(link: Link, probe: Probe, into: Measurement, timeout: float, heade
         into.advice = str(error)
         time.sleep(min(_AWAY, timeout))
         return
+    other = (asked.question.others if reply is None else reply.fields) or {}
+    if probe.number and other.get(probe.number, values[probe.number]) != values[probe.number]:
+        into.lost += 1
+        into.wrong += 1
+        into.advice = (
+            f"{asked.question.reply} came back with number {other[probe.number]}, and {values[probe.number]} was asked;"
+            f" the MCU must give back the number of {probe.message}"
+        )
+        return
     if reply is None:
         into.lost += 1
         into.advice = str(asked.timeout_error())
         if not probe.number:  # its late reply must not answer the next one
             time.sleep(timeout)
-        return
-    if probe.number and reply.fields[probe.number] != values[probe.number]:
-        into.lost += 1
-        into.wrong += 1
-        into.advice = (
-            f"{reply.name} came back with number {reply.fields[probe.number]}, and {values[probe.number]} was asked; "
-            f"the MCU must give back the number of {probe.message}"
-        )
         return
     into.round_trips.append(reply.t - asked.question.since)
 

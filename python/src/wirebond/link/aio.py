@@ -15,12 +15,13 @@ from wirebond.errors import LinkDownError, UsageError
 from wirebond.link.handlers import MAX_WAITING, DeadlineEvent
 from wirebond.link.log_lines import LogEvent
 from wirebond.link.requests import DEFAULT_TIMEOUT, Outcome
-from wirebond.typed import TypedMessage
+from wirebond.typed import TypedMessage, TypedRequest
 
 if TYPE_CHECKING:
     from wirebond.link.receiving import Receiving
 
 _T = TypeVar("_T", bound=TypedMessage)
+_Reply = TypeVar("_Reply")
 _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], Awaitable[object]])
 _LogHandler = TypeVar("_LogHandler", bound=Callable[[LogEvent], Awaitable[object]])
 _DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], Awaitable[object]])
@@ -118,6 +119,26 @@ class Aio:
 
     # ---- requests
 
+    @overload
+    async def request(
+        self,
+        message: str,
+        values: Mapping[str, Any] | None = None,
+        /,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        header: Mapping[str, Any] | None = None,
+        **fields: Any,
+    ) -> Message: ...
+    @overload
+    async def request(
+        self,
+        message: TypedRequest[_Reply],
+        /,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        header: Mapping[str, Any] | None = None,
+    ) -> _Reply: ...
     async def request(
         self,
         message: str | TypedMessage,

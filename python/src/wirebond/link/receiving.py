@@ -20,13 +20,14 @@ from wirebond.protocol.model import End
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import plan_for
 from wirebond.protocol.problems import nearest, no_message
-from wirebond.typed import TypedMessage, from_message_of, maker_of, message_class, name_and_values
+from wirebond.typed import TypedMessage, TypedRequest, from_message_of, maker_of, message_class, name_and_values
 
 if TYPE_CHECKING:
     from wirebond.link.aio import Aio
     from wirebond.link.python_link import PythonLink
 
 _T = TypeVar("_T", bound=TypedMessage)
+_Reply = TypeVar("_Reply")
 _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], object])
 _LogHandler = TypeVar("_LogHandler", bound=Callable[[LogEvent], object])
 _DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], object])
@@ -42,13 +43,13 @@ class Asked:
     question: Question
     header: Mapping[str, Any]
     timeout: float
-    kind: type | None  # of the object that asked; None: a name
+    typed: Callable[[Message], Any] | None  # what makes an object of the reply; None: a name asked
 
     def result(self, outcome: Outcome) -> Any:
         """The reply as the caller wants it; or raises what went wrong."""
         if isinstance(outcome, Exception):
             raise outcome
-        return outcome if self.kind is None else from_message_of(self.kind)(outcome)
+        return outcome if self.typed is None else self.typed(outcome)
 
     def timeout_error(self) -> RequestTimeoutError:
         """That the reply did not come in time."""
@@ -218,6 +219,26 @@ class Receiving:
 
     # ---- requests
 
+    @overload
+    def request(
+        self,
+        message: str,
+        values: Mapping[str, Any] | None = None,
+        /,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        header: Mapping[str, Any] | None = None,
+        **fields: Any,
+    ) -> Message: ...
+    @overload
+    def request(
+        self,
+        message: TypedRequest[_Reply],
+        /,
+        *,
+        timeout: float = DEFAULT_TIMEOUT,
+        header: Mapping[str, Any] | None = None,
+    ) -> _Reply: ...
     def request(
         self,
         message: str | TypedMessage,
@@ -304,9 +325,9 @@ class Receiving:
         refuse_option_for_field("request", model, options, given)
         self._start_reading()
         question = self._question(name, given, header, finish)
-        kind = None if isinstance(message, str) else message_class(type(message))
+        typed = None if isinstance(message, str) else getattr(message, "reply_of", from_message_of(type(message)))
         self._inbox.requests.submit(question)
-        return Asked(self, question, header or {}, timeout, kind)
+        return Asked(self, question, header or {}, timeout, typed)
 
     def _start_reading(self) -> None:
         self._inbox.start()

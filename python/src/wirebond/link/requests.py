@@ -17,7 +17,7 @@ from wirebond.errors import RequestTimeoutError, UsageError
 from wirebond.link.ends import Receiver, other
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for, told_by_request
-from wirebond.protocol.replies import carried_back
+from wirebond.protocol.replies import carried_back, identifying
 
 DEFAULT_TIMEOUT = 1.0  # seconds
 MAX_TIMEOUT = 3600.0  # seconds: a longer wait is a mistake
@@ -47,6 +47,7 @@ class Question:
     until: float = 0.0  # no reply is expected later than this
     is_over: bool = False  # its request was given up: it may only take what is surely its own
     carried: Mapping[str, Any] | None = None  # fields that the reply carries back; None: not looked at yet
+    others: Mapping[str, Any] | None = None  # what a reply that answers another request carried last
 
 
 class RequestBook:
@@ -68,6 +69,7 @@ class RequestBook:
         plan = plan_for(codec.model, other(end))
         self._peer = None if plan.peer is None else plan.header[plan.peer]
         self._shared: dict[str, list[str]] = {}
+        self._identifying: dict[str, list[str]] = {}
 
     def question(
         self, message: str, frame: bytes, header: Mapping[str, Any], finish: Callable[[Outcome], None] | None
@@ -149,10 +151,15 @@ class RequestBook:
             if (q.address is None or sender is None or q.address == sender) and message.t >= q.since - _SLACK
         ]
         expecting = [q for q in fitting if not q.is_over]
-        same = [q for q in fitting if self._carries(message, q)]
+        same = [q for q in fitting if self._carries(message, q, self._carried_names(q))]
         if same:  # it says whose it is; of several the first that still waits
             return next((q for q in same if not q.is_over), same[0])
-        return expecting[0] if expecting else None
+        for question in expecting:
+            names = self._identifying_names(question)
+            if not names or any(self._carries(message, question, [n]) for n in names) or not question.carried:
+                return question
+            question.others = {name: message.fields[name] for name in names}
+        return None
 
     def _sender_of(self, message: Message) -> int | None:
         if self._peer is None or self._peer.name not in message.header:
@@ -194,9 +201,18 @@ class RequestBook:
             self._shared[question.message] = carried_back(message(question.reply), message(question.message))
         return self._shared[question.message]
 
-    def _carries(self, message: Message, question: Question) -> bool:
-        """Has this reply the values of the request? False where it carries none back."""
-        names = self._carried_names(question)
+    def _identifying_names(self, question: Question) -> list[str]:
+        if question.message not in self._identifying:
+            message = self._codec.model.message
+            names = identifying(message(question.reply), message(question.message))
+            service = self._codec.model.service("parameter")
+            if service is not None and question.message == service.message("set"):
+                names = [name for name in names if name != "value"]  # a refusal brings the old one
+            self._identifying[question.message] = names
+        return self._identifying[question.message]
+
+    def _carries(self, message: Message, question: Question, names: list[str]) -> bool:
+        """Has this reply the values of the request in these fields? False where there are none."""
         if not names:
             return False
         if question.carried is None:  # as they stand on the wire
@@ -236,6 +252,13 @@ def timeout_error(
             "up": f"Other frames come; check that the {peer} answers {question.message}"
             + (", and the address" if whom else ""),
         }[state]
+    if question.others and question.carried is not None:
+        came = ", ".join(f"{name} {value}" for name, value in question.others.items())
+        asked_for = ", ".join(f"{name} {question.carried.get(name)}" for name in question.others)
+        advice = (
+            f"A {question.reply} came with {came}, where {asked_for} was asked for; check that the {peer} sends back "
+            "what it was asked"
+        )
     return RequestTimeoutError(
         f"no {question.reply}{whom} within {timeout:g} s of {question.message}. {advice}",
         question.message,

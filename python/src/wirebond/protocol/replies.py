@@ -15,5 +15,16 @@ def carried_back(reply: Message, request: Message) -> list[str]:
     ]
 
 
+def identifying(reply: Message, request: Message) -> list[str]:
+    """Of these the ones by which a reply says which request it answers: whole numbers, names and flags. A measure may
+    come back as another one, such as a set point that the peer clamped."""
+    asked = {f.name: f for f in request.fields}
+    return [name for name in carried_back(reply, request) if _names_something(asked[name])]
+
+
+def _names_something(f: Field) -> bool:
+    return f.kind in (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.BOOL, FieldKind.TEXT) and not f.is_scaled
+
+
 def _shape(f: Field) -> tuple[object, ...]:
     return f.kind, f.count, f.is_list, f.is_scaled, f.enum, f.flags, f.fields
