@@ -1,0 +1,266 @@
+"""Recordings that are cut short, damaged, or no recordings: a sentence each, and what can be read is read."""
+
+from __future__ import annotations
+
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from mcap.reader import NonSeekingReader
+from mcap.writer import Writer
+
+import wirebond
+from tests.recording.made import drive, made
+from tests.shared import PROTOCOLS, codec, few_or_many
+from wirebond import recording as recordings
+from wirebond.cli.main import main
+from wirebond.errors import WirebondError
+from wirebond.link.tap import Chunk
+from wirebond.recording.closing import close_recording
+
+WHOLE = 20  # seconds: a bound for slow machines
+
+
+@pytest.fixture(scope="module")
+def diffdrive() -> wirebond.Codec:
+    return codec("diffdrive")
+
+
+def small(tmp_path: Path, codec: wirebond.Codec, *, closed: bool = False) -> bytes:
+    path = made(tmp_path / "small.mcap", codec, drive(codec, 0.3), batch=1)
+    if closed:
+        close_recording(path)
+    data = path.read_bytes()
+    path.unlink()
+    return data
+
+
+def read(path: Path, protocol: wirebond.Codec | None) -> recordings.Recording | str:
+    """Everything of it; or the sentence that says why not. ``protocol``: that of the file is not read, it is slow."""
+    try:
+        found = recordings.open(path, protocol)
+        for sender in ("mcu", "host"):
+            assert found.columns(sender).stats.frames == sum(1 for _ in found.messages(sender))
+        found.events  # noqa: B018
+        assert found.duration >= 0
+        repr(found.started)
+        return found
+    except WirebondError as error:
+        return str(error)
+
+
+def test_cut_at_every_byte_what_was_whole_is_kept(tmp_path: Path, diffdrive: wirebond.Codec) -> None:
+    data = small(tmp_path, diffdrive)
+    pieces = [p for p in drive(diffdrive, 0.3) if isinstance(p, Chunk)]
+    path = tmp_path / "cut.mcap"
+    counts = set()
+    text = data.index(diffdrive.model.text.encode()) + len(diffdrive.model.text)
+    for end in [*range(0, text, 301), *range(text, len(data))]:
+        path.write_bytes(data[:end])
+        found = read(path, diffdrive if end > text + 4 and end % 50 else None)
+        if isinstance(found, str):
+            assert end <= text + 4
+            assert "no MCAP" in found or "is empty" in found or "no protocol file" in found or "no raw bytes" in found
+            continue
+        chunks = list(found.chunks())
+        counts.add(len(chunks))
+        assert [c.bytes for c in chunks] == [p.bytes for p in pieces[: len(chunks)]]
+        if not found.is_finished:
+            assert found.problems
+    assert counts == set(range(len(pieces) + 1))
+
+
+@few_or_many(300, 20_000)
+@pytest.mark.parametrize("closed", [False, True])
+def test_flipped_bits_never_do_harm(tmp_path: Path, diffdrive: wirebond.Codec, closed: bool, number: int) -> None:
+    data = small(tmp_path, diffdrive, closed=closed)
+    source = random.Random(f"flips {closed}")
+    path = tmp_path / "flipped.mcap"
+    for turn in range(number):
+        flipped = bytearray(data)
+        for _ in range(source.choice([1, 1, 1, 3, 50])):
+            flipped[source.randrange(len(data))] ^= 1 << source.randrange(8)
+        path.write_bytes(flipped)
+        found = read(path, diffdrive if turn % 10 else None)
+        assert isinstance(found, str) or len(found.raw("received")) < 10 * len(data)
+
+
+def test_a_damaged_chunk_is_left_out_and_told(tmp_path: Path, diffdrive: wirebond.Codec) -> None:
+    path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 500.0))
+    close_recording(path)
+    before = recordings.open(path)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0x10
+    path.write_bytes(data)
+    after = recordings.open(path)
+    assert len(after.problems) == 1
+    assert "damaged" in after.problems[0]
+    assert 0 < len(after.raw("received")) < len(before.raw("received"))
+
+
+def test_info_repairs_a_file_cut_short(
+    tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 2.0), finished=False)
+    path.write_bytes(path.read_bytes()[:-7])
+    assert main(["info", str(path), "--no-repair"]) == 0
+    assert "bytes behind that are lost" in " ".join(capsys.readouterr().err.split())
+    assert not recordings.open(path).is_closed
+    assert main(["info", str(path)]) == 0
+    assert "repaired" in capsys.readouterr().out
+    found = recordings.open(path)
+    assert found.is_closed
+    assert not found.problems
+    assert "the last whole record" in found.repaired
+    assert main(["info", str(path)]) == 0
+    assert "repaired before: " in capsys.readouterr().out
+
+
+def test_what_is_no_recording_has_its_sentence(
+    tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "x.mcap"
+    for content, said in ((b"", "is empty"), (b"hello", "is no MCAP file"), (b"\x89MCAP0\r\n", "of another program")):
+        path.write_bytes(content)
+        for command in (["info", str(path)], ["export", str(path), "--to", "csv"]):
+            assert main(command) == 1
+            assert said in capsys.readouterr().err
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "somebody else")
+        channel = writer.register_channel("/chatter", "cdr", 0)
+        writer.add_message(channel, 1, b"hello", 1)
+        writer.finish()
+    assert main(["info", str(path)]) == 1
+    error = capsys.readouterr().err
+    assert "of another program (somebody else)" in error
+    assert "Traceback" not in error
+    assert main(["info", str(tmp_path)]) == 1
+    assert "folder" in capsys.readouterr().err
+    assert main(["info", str(tmp_path / "none.mcap")]) == 1
+    assert "there is no such file" in capsys.readouterr().err
+
+
+def test_a_recording_without_its_protocol_asks_for_one(
+    tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("rx", "raw", 0)
+        writer.add_message(channel, 10**18, diffdrive.encode("odometry", left_ticks=1, right_ticks=2), 10**18)
+        writer.finish()
+    assert main(["info", str(path)]) == 1
+    assert "--protocol FILE" in capsys.readouterr().err
+    assert main(["info", str(path), "--no-repair", "--protocol", str(PROTOCOLS / "diffdrive.yaml")]) == 0
+    assert "odometry: 1" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the system's administrator may write everywhere")
+def test_a_folder_that_may_not_be_written(tmp_path: Path, diffdrive: wirebond.Codec) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    folder.chmod(0o555)
+    assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", "-o", str(folder / "run.mcap")]) == 1
+
+
+def test_a_recording_that_cannot_be_closed_is_told_all_the_same(
+    tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 1.0), finished=False)
+    before = path.read_bytes()
+
+    def refuse(*_: object, **__: object) -> int:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("wirebond.recording.whole.os.open", refuse)
+    assert main(["info", str(path)]) == 0
+    monkeypatch.undo()
+    told = capsys.readouterr()
+    assert "odometry: 20" in told.out
+    assert "cannot be closed here (Permission denied)" in " ".join(told.err.split())
+    assert path.read_bytes() == before
+
+
+def test_a_recording_that_grows_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "run.mcap"
+    with wirebond.open(PROTOCOLS / "diffdrive.yaml", "sim:") as link, link.record(path):
+        assert main(["info", str(path)]) == 0
+        assert "is being recorded at the moment" in " ".join(capsys.readouterr().err.split())
+        assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", "-o", str(path)]) == 2
+        assert "exists already" in capsys.readouterr().err
+    assert recordings.open(path).is_closed
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_link(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "run.mcap"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with wirebond.open(PROTOCOLS / "diffdrive.yaml", "sim:") as link:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))  # the system refuses larger files
+        try:
+            recorder = link.record(path)
+            end = time.monotonic() + WHOLE
+            while not recorder.error:
+                assert time.monotonic() < end
+                link.note("big", text="x" * 1000)
+                time.sleep(0.02)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert "may not become larger" in recorder.error
+        assert link.receive(WHOLE)
+        link.send("velocity", linear=0.1)
+        recorder.close()
+        assert link.state == "up"
+    assert [record.message for record in caplog.records if "ended early" in record.message] == [recorder.error]
+    found = recordings.open(path)
+    assert 0 < sum(event.kind == "big" for event in found.events) < 20
+    assert found.problems
+
+
+# A program that records what it makes itself, and tells how much that is: what it printed is at least 100 ms old.
+_WRITER = """
+import sys, time, wirebond
+from wirebond.sim.pty_port import PtyPort
+codec = wirebond.load(sys.argv[1])
+far = PtyPort()
+frame = codec.encode("odometry", left_ticks=1, right_ticks=2)
+with wirebond.open(codec, far.path) as link:
+    recorder = link.record(sys.argv[2])
+    sent = []
+    print("ready", flush=True)
+    while True:
+        far.write(frame)
+        far.read(0)
+        sent.append((time.monotonic(), len(frame)))
+        sys.stdout.write(f"{sent[-1][0]} {len(sent)}\\n"); sys.stdout.flush()
+        time.sleep(0.002)
+"""
+
+
+@few_or_many(2, 100)
+def test_a_killed_writer_loses_the_last_100_ms_at_most(tmp_path: Path, number: int) -> None:
+    source = random.Random("kill")
+    for attempt in range(number):
+        path = tmp_path / f"{attempt}.mcap"
+        with subprocess.Popen(
+            [sys.executable, "-c", _WRITER, str(PROTOCOLS / "diffdrive.yaml"), str(path)], stdout=subprocess.PIPE
+        ) as writer:
+            assert writer.stdout is not None
+            assert writer.stdout.readline() == b"ready\n"
+            time.sleep(source.uniform(0.15, 0.6))
+            killed = time.monotonic()
+            writer.send_signal(signal.SIGKILL)
+            lines = writer.stdout.read().split(b"\n")
+        times = [float(line.split()[0]) for line in lines[:-1] if len(line.split()) == 2]
+        due = sum(t < killed - 0.1 for t in times)
+        found = recordings.open(path)
+        assert len(found.raw("received")) // 11 >= due > 0
+        with path.open("rb") as file:
+            assert next(NonSeekingReader(file).iter_attachments()).name == "protocol.yaml"
