@@ -513,6 +513,7 @@ void bind_link_core(nb::module_& m) {
           nb::arg("size"), nb::arg("now"))
       .def(
           "next_due", [](LinkCore& self, std::uint64_t now) { return self.link().next_due(now); }, nb::arg("now"))
+      .def("has_arrivals", &LinkCore::has_arrivals)
       .def("has_news", &LinkCore::has_news)
       .def("changes", [](LinkCore& self) { return to_list(self.take_changes()); })
       .def("receive",

@@ -153,7 +153,7 @@ def test_close_does_not_wait_for_a_server_that_does_not_answer(server: Server) -
         ("rfc2217://robot", "lacks the number of its TCP port; give rfc2217://host:port"),
         ("rfc2217://robot:5000?logging=debug", "has more than a host and a number; give"),
         ("http://robot:5000", "is no port that can be opened; give a tty"),
-        ("replay:drive.bin", "a link does not replay recordings yet; `wirebond decode FILE drive.bin` reads"),
+        ("replay:", "replay: names no recording; give replay:run.mcap"),
     ],
 )
 def test_a_name_that_is_no_port_is_told(name: str, sentence: str) -> None:

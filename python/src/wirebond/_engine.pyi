@@ -170,6 +170,8 @@ class LinkCore:
         """The driver says how many bytes it holds."""
     def next_due(self, now: int) -> int:
         """When to call again; 2**64 - 1 where only bytes matter."""
+    def has_arrivals(self) -> bool:
+        """Are there messages that ``receive`` has not given?"""
     def has_news(self) -> bool:
         """Has ``receive`` or ``changes`` something to give?"""
     def changes(self) -> list[tuple[str, int, int]]:

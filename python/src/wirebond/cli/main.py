@@ -37,7 +37,8 @@ ProtocolFile = Annotated[Path, typer.Argument(metavar="FILE", help="Protocol fil
 Port = Annotated[
     str,
     typer.Argument(
-        metavar="PORT", help="A tty such as /dev/ttyUSB0, usb:VENDOR:PRODUCT, tcp:// or rfc2217://HOST:PORT."
+        metavar="PORT",
+        help="A tty such as /dev/ttyUSB0, usb:VENDOR:PRODUCT, tcp:// or rfc2217://HOST:PORT, replay:RECORDING.",
     ),
 ]
 Baud = Annotated[
@@ -288,6 +289,40 @@ def export_messages(
 
     raise_from_here()
     raise typer.Exit(export_recording(recording, to, message, out, protocol))
+
+
+@app.command()
+def replay(
+    recording: RecordingFile,
+    speed: Annotated[str, typer.Option(metavar="X|max", help="Times as fast; max or 0: as fast as possible.")] = "1",
+    start: Annotated[str | None, typer.Option("--from", metavar="12.5s", help="Begin here.")] = None,
+    stop: Annotated[str | None, typer.Option("--to", metavar="20s", help="End here.")] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="Again and again.")] = False,
+    pty: Annotated[bool, typer.Option("--pty", help="To a pty, and print its path: the default.")] = False,
+    link: Annotated[Path | None, typer.Option(help="Also reach the pty under this name (a symbolic link).")] = None,
+    sender: Annotated[
+        str | None, typer.Option(help="Whose bytes: mcu or host. Default: those that the link received.")
+    ] = None,
+    into: Annotated[
+        Path | None,
+        typer.Option(metavar="PROGRAM", help="Into a firmware that runs as a process under virtual time (--lockstep)."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="PATH", help="With --into: record what the firmware does.")
+    ] = None,
+) -> None:
+    """Let a recording happen again: to a pty that any program opens as a port, or into a firmware."""
+    from wirebond.cli.replay import replay_to_program, replay_to_pty, section_of
+
+    raise_from_here()
+    section = section_of(speed, start, stop, loop)
+    if into is None:
+        if out is not None:
+            raise UsageError("--out goes with --into; to copy a recording, copy the file")
+        raise typer.Exit(replay_to_pty(recording, section, sender, link))
+    if pty or link is not None or loop or sender is not None:
+        raise UsageError("--into takes the host's bytes once; --pty, --link, --loop and --sender do not go with it")
+    raise typer.Exit(replay_to_program(recording, section, into, out))
 
 
 @app.command()

@@ -586,7 +586,8 @@ def open_link(
     :param port: a tty's path; ``sim:``, a virtual MCU of this protocol in a thread of this process; a USB device by a
         name that stays, such as ``usb:1a86:55d3`` (see `wirebond.ports`); or
         ``tcp://host:port``, a server that gives a serial line as raw bytes, such as ser2net; or
-        ``rfc2217://host:port``, one whose baud rate, parity and stop bits the link sets.
+        ``rfc2217://host:port``, one whose baud rate, parity and stop bits the link sets; or ``replay:run.mcap``, a
+        recording, also with options such as ``replay:run.mcap?speed=max&from=12.5&to=20&loop=1``.
     :param baud: bits per second; default: the file's.
     :param paced: frames are handed to the port at the pace of its baud rate, so that at most 5 ms of line, or one
         frame, lie before an emergency stop. False: as fast as the port takes them, for ports whose baud rate means

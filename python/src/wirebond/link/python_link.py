@@ -12,13 +12,16 @@ import itertools
 import os
 import threading
 import time
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
 
 from wirebond import _engine
 from wirebond.codec import Message
 from wirebond.errors import LinkDownError, PortError
 from wirebond.link.python_ports import PythonOpener, PythonPort
+
+if TYPE_CHECKING:
+    from wirebond.recording.replay_port import ReplayOpener
 
 # As those of the engine's link: how long after a port went away, or could not be opened, it is tried again.
 _FIRST_OPEN_WAIT = 0.02
@@ -41,6 +44,8 @@ class PythonLink:
     :param opener: opens the port; here first, before this returns.
     :param settings: what ``wirebond.link.engine_settings`` gives.
     :param waits: a port that cannot be opened is no error.
+    :param clock: microseconds; a replay has one of its own.
+    :param waits_for_reader: nothing more is read while messages wait to be taken: for a replay as fast as possible.
     :raises PortError: it cannot be opened.
     """
 
@@ -48,15 +53,20 @@ class PythonLink:
         self,
         protocol: _engine.ProtocolTable,
         receive: _engine.FormatTable,
-        opener: PythonOpener,
+        opener: PythonOpener | ReplayOpener,
         settings: dict[str, Any],
         waits: bool,
+        clock: Callable[[], int] = _now,
+        waits_for_reader: bool = False,
     ) -> None:
+        self._clock = clock
+        self._waits_for_reader = waits_for_reader
         self._process = os.getpid()
         self._opener = opener
-        self._core = _engine.LinkCore(protocol, receive, settings, _now())
+        self._core = _engine.LinkCore(protocol, receive, settings, self._clock())
         self._lock = threading.RLock()
         self._work = threading.Condition(self._lock)  # for the supervisor
+        self._taken = threading.Condition(self._lock)  # for a reader that waits until messages are taken
         self._arrived = threading.Condition(self._lock)  # for who takes messages, or waits for the end
         self._port: PythonPort | None = None
         self._left: PythonPort | None = None  # went down, to be closed by the supervisor
@@ -86,13 +96,13 @@ class PythonLink:
 
     def send(self, message: int, frame: bytes, reply: int, takes_number: bool, address: int) -> int:
         with self._owned():
-            answer = self._core.send(message, frame, reply, _now(), takes_number, address)
+            answer = self._core.send(message, frame, reply, self._clock(), takes_number, address)
             self._wake_if_late()
             return answer
 
     def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool, address: int) -> int:
         with self._owned():
-            answer = self._core.repeat(message, frame, hold, reply, _now(), takes_number, address)
+            answer = self._core.repeat(message, frame, hold, reply, self._clock(), takes_number, address)
             self._wake_if_late()
             return answer
 
@@ -122,7 +132,7 @@ class PythonLink:
         with self._owned():
             if self._is_done or (self._is_closing and self._port is None):
                 return False
-            self._core.stop(_now())
+            self._core.stop(self._clock())
             self._wake_if_late()
             return True
 
@@ -139,6 +149,7 @@ class PythonLink:
         handler that raises can lose none."""
         until = time.monotonic() + min(max(timeout, 0.0), 1e6) if timeout == timeout else 0.0  # noqa: PLR0124 NaN
         with self._owned():
+            self._taken.notify_all()  # what came before was taken
             while not self._core.has_news() and not self._is_done:
                 left = until - time.monotonic()
                 if left <= 0:
@@ -164,7 +175,7 @@ class PythonLink:
 
     def open_tap(self, capacity: int) -> int:
         with self._owned():
-            return self._core.open_tap(capacity, _now())
+            return self._core.open_tap(capacity, self._clock())
 
     def take_tap(self, tap: int) -> tuple[list[tuple[str, int, int, bytes]], int, int, int]:
         with self._owned():
@@ -176,11 +187,11 @@ class PythonLink:
 
     def note(self, text: str) -> None:
         with self._owned():
-            self._core.note(text, _now())
+            self._core.note(text, self._clock())
 
     def state(self) -> str:
         with self._owned():
-            return self._core.state(_now())
+            return self._core.state(self._clock())
 
     def why(self) -> str:
         with self._owned():
@@ -196,7 +207,7 @@ class PythonLink:
 
     def recover_deadline(self, action: int) -> None:
         with self._owned():
-            self._core.recover_deadline(action, _now())
+            self._core.recover_deadline(action, self._clock())
             self._arrived.notify_all()
             self._wake_if_late()
 
@@ -245,7 +256,7 @@ class PythonLink:
     # ---- with the lock
 
     def _wake_if_late(self) -> None:
-        if self._core.next_due(_now()) < self._planned:
+        if self._core.next_due(self._clock()) < self._planned:
             self._planned = 0
             self._work.notify()
 
@@ -254,7 +265,7 @@ class PythonLink:
         self._line = self._opener.line
         self._why = ""
         self._up_since = time.monotonic()
-        self._core.port_up(_now())
+        self._core.port_up(self._clock())
         self._reader = threading.Thread(target=self._read, args=(port,), name="reader of a link", daemon=True)
         self._reader.start()
 
@@ -263,7 +274,7 @@ class PythonLink:
             return
         self._port, self._left = None, port
         self._why = self._opener.why_gone(error)
-        self._core.port_down(_now(), "" if self._is_closing else self._why)
+        self._core.port_down(self._clock(), "" if self._is_closing else self._why)
         now = time.monotonic()
         if now - self._up_since > _SETTLED_AFTER:
             self._open_wait = _FIRST_OPEN_WAIT
@@ -283,18 +294,21 @@ class PythonLink:
         try:
             while True:
                 with self._lock:
+                    while self._waits_for_reader and self._core.has_arrivals() and self._port is port:
+                        self._taken.wait(_LOOK)
                     if self._port is not port:
                         return
-                    self._core.poll(_now())
-                began = _now()
+                    self._core.poll(self._clock())
+                began = self._clock()
                 data, looked = port.read()
                 with self._lock:
                     if self._port is not port:
                         return
                     if data:
-                        self._core.received(data, int(looked * 1e6), _now())
+                        now = self._clock()
+                        self._core.received(data, min(round(looked * 1e6), now), now)
                     else:
-                        self._core.idle(began)
+                        self._core.idle(began if self._clock is _now else round(looked * 1e6))
                     if self._core.has_news():
                         self._arrived.notify_all()
                     self._wake_if_late()
@@ -311,7 +325,7 @@ class PythonLink:
                 port = self._port
                 if self._is_closing and (port is None or self._core.is_empty() or time.monotonic() >= self._close_by):
                     break
-                now = _now()
+                now = self._clock()
                 self._core.poll(now)
                 if self._core.has_news():
                     self._arrived.notify_all()
@@ -331,7 +345,7 @@ class PythonLink:
         self._give_back()
         with self._lock:
             self._why = ""
-            self._core.end(_now())
+            self._core.end(self._clock())
             self._is_done = True
             self._arrived.notify_all()
 
@@ -354,7 +368,7 @@ class PythonLink:
                 return
             if done == len(data):
                 if len(data) > 1:
-                    self._core.written(1, _now())
+                    self._core.written(1, self._clock())
             else:
                 self._go_down(port, error)
 

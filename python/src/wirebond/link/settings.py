@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from wirebond import _engine
 from wirebond.codec import Codec
@@ -17,6 +17,9 @@ from wirebond.ports.port_name import ADAPTER_LATENCY, PortName
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import MAX_LATENCY, Address, End, Recover, StopMessage
 from wirebond.protocol.plan import plan_for, told_by_request
+
+if TYPE_CHECKING:
+    from wirebond.recording.replay_port import ReplayOpener
 
 STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
 _SHORTEST_READ, _LONGEST_READ = 0.001, 0.01  # seconds that a link in Python waits for bytes before it looks around
@@ -37,12 +40,23 @@ def open_engine(
     :raises PortError: it cannot be opened; with ``waits`` that is no error.
     """
     protocol, receive = codec._table, codec._format_for(other(end))
+    if port.recording:
+        opener = replay_opener(port, end)
+        return PythonLink(protocol, receive, opener, settings, waits, opener.clock.now_us, opener.waits_for_reader)
     if HAS_ENGINE_PORTS and not port.is_rfc2217:
         return _engine.Link(protocol, receive, engine_port(port, waits), settings)
     line = LineSettings(settings["baud"], settings["data_bits"], settings["parity"], settings["stop_bits"])
     silence = settings["pause_seconds"] or _LONGEST_READ  # that ends a frame
     wait = min(max(silence / 2, _SHORTEST_READ), _LONGEST_READ)
     return PythonLink(protocol, receive, PythonOpener(port, line, wait, ROOT), settings, waits)
+
+
+def replay_opener(port: PortName, end: End) -> ReplayOpener:
+    """:raises PortError: the file is no recording."""
+    from wirebond.recording.replay import Section  # noqa: PLC0415 most programs replay nothing
+    from wirebond.recording.replay_port import ReplayOpener  # noqa: PLC0415
+
+    return ReplayOpener(port.text, port.recording, Section(port.speed, port.start, port.stop, port.loop), end)
 
 
 def engine_port(port: PortName, waits: bool) -> dict[str, Any]:
@@ -61,6 +75,8 @@ def latency_of(codec: Codec, port: PortName, baud: int, given: float | None) -> 
     settings = codec.model.link
     if settings.adapter_latency is not None:
         return settings.adapter_latency
+    if port.recording:
+        return 0.0
     if port.is_tcp or port.moves:
         return ADAPTER_LATENCY
     return _engine.port_latency_us(port.text, baud / settings.bits_per_byte) / 1e6

@@ -96,11 +96,11 @@ class Tap:
 
     def _piece(self, kind: str, before: int, t: int, data: bytes) -> Chunk | LinkEvent:
         if kind in ("received", "sent"):
-            return Chunk(t / 1e6, before / 1e6, kind, data)
+            return Chunk(t * 1e-6, before * 1e-6, kind, data)  # as the engine makes the time of a message
         if kind == "noted":
             noted = json.loads(data)
-            return LinkEvent(t / 1e6, noted.pop("kind"), noted)
-        return LinkEvent(t / 1e6, kind, self._facts(kind, data))
+            return LinkEvent(t * 1e-6, noted.pop("kind"), noted)
+        return LinkEvent(t * 1e-6, kind, self._facts(kind, data))
 
     def _facts(self, kind: str, data: bytes) -> dict[str, Any]:
         if kind == "port_down":

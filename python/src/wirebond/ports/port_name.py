@@ -21,6 +21,11 @@ class PortName:
     host: str = ""
     service: str = ""  #: the TCP port's number
     is_rfc2217: bool = False  #: the server also sets baud rate, parity and stop bits
+    recording: str = ""  #: path of a recording that is replayed
+    speed: float = 1.0  #: of a replay; 0: as fast as possible
+    start: float = 0.0  #: of a replay: seconds since the start of the recording
+    stop: float | None = None  #: the same; None: its end
+    loop: bool = False  #: of a replay: again and again
 
     @property
     def is_tcp(self) -> bool:
@@ -62,10 +67,7 @@ def port_name(port: str | os.PathLike[str]) -> PortName:
             resolve(text)
         return PortName(text)
     if text.startswith("replay:"):
-        raise UsageError(
-            f"{text} cannot be opened: a link does not replay recordings yet; "
-            f"`wirebond decode FILE {text.removeprefix('replay:') or 'PATH'}` reads a file of raw bytes"
-        )
+        return _replay(text)
     scheme, found, _ = text.partition("://")
     if not found or "/" in scheme:
         return PortName(text)
@@ -78,6 +80,40 @@ def port_name(port: str | os.PathLike[str]) -> PortName:
 
 
 _SERVERS = ("tcp", "rfc2217")
+_SECTION = "speed=2, from=12.5, to=20 and loop=1, joined by &"
+
+
+def _replay(text: str) -> PortName:
+    path, _, options = text.removeprefix("replay:").partition("?")
+    if not path:
+        raise UsageError(f"{text} names no recording; give replay:run.mcap, or replay:run.mcap?speed=2")
+    values: dict[str, float] = {}
+    for option in options.split("&") if options else ():
+        name, _, value = option.partition("=")
+        if name not in ("speed", "from", "to", "loop"):
+            raise UsageError(f"{text} has an option {name!r} that a replay does not know; it knows {_SECTION}")
+        try:
+            values[name] = replay_number(name, value)
+        except ValueError:
+            raise UsageError(f"{text} has {name}={value}, which is no number; such as {_SECTION}") from None
+    return PortName(
+        text,
+        recording=path,
+        speed=values.get("speed", 1.0),
+        start=values.get("from", 0.0),
+        stop=values.get("to"),
+        loop=bool(values.get("loop", 0)),
+    )
+
+
+def replay_number(name: str, text: str) -> float:
+    """A speed, with ``max`` for as fast as possible, or seconds, with or without ``s``.
+
+    :raises ValueError: it is none.
+    """
+    if name == "speed":
+        return 0.0 if text == "max" else float(text.removesuffix("x"))
+    return float(text.removesuffix("s"))
 
 
 def _server(text: str, scheme: str) -> PortName:

@@ -6,8 +6,9 @@
 >>> recording.columns()["odometry"].t  # doctest: +SKIP
 """
 
+from wirebond.recording.into_firmware import RecordedFirmware, replay_into_firmware
 from wirebond.recording.recorder import Recorder
 from wirebond.recording.recording import Recording
 from wirebond.recording.recording import open_recording as open
 
-__all__ = ["Recorder", "Recording", "open"]
+__all__ = ["RecordedFirmware", "Recorder", "Recording", "open", "replay_into_firmware"]

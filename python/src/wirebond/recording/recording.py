@@ -25,7 +25,10 @@ from wirebond.recording import layout
 from wirebond.recording.scan import Contents, Run, Scan
 
 if TYPE_CHECKING:
+    import threading
     from collections.abc import Sequence
+
+    from wirebond.link import Link
 
 Progress = Callable[[int, int], object]
 _KINDS = ("received", "sent", "event")
@@ -270,6 +273,37 @@ class Recording:
         :raises UsageError: another sender.
         """
         return self.columns(sender).stats
+
+    # ---- again
+
+    def replay(
+        self,
+        into: Callable[[Chunk], object] | Link,
+        *,
+        speed: float = 1.0,
+        start: float = 0.0,
+        stop: float | None = None,
+        loop: bool = False,
+        direction: str | None = None,
+        ends: threading.Event | None = None,
+    ) -> int:
+        """Let it happen again, in the calling thread. A link that reads a recording is opened with the port
+        ``replay:run.mcap``.
+
+        :param into: called with each chunk, whose times count from ``start``; or a link, which sends again what its end
+            sent, message by message.
+        :param speed: 1: as it happened; 2: twice as fast; 0: as fast as possible.
+        :param start: from here on, in seconds since the start of the recording.
+        :param stop: up to here; None: to its end.
+        :param loop: again and again.
+        :param direction: ``"received"`` or ``"sent"``; None: both.
+        :param ends: ends it when it is set, from another thread.
+        :returns: how many chunks there were.
+        :raises UsageError: no such speed or section.
+        """
+        from wirebond.recording.replay import Section, replay  # noqa: PLC0415 it needs this module
+
+        return replay(self, into, Section(speed, start, stop, loop), direction, ends)
 
     # ---- inside
 

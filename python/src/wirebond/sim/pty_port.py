@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import os
 import select
+import sys
+import termios
 import time
 import tty
 from collections.abc import Callable, Iterator
@@ -14,6 +17,8 @@ from pathlib import Path
 from wirebond.errors import UsageError
 from wirebond.sim.virtual_mcu import VirtualMcu
 
+_LOOK = 0.02  # seconds between two looks for a program
+_SET_UP = 0.2  # seconds that one needs to set up its port
 _TICK = 0.002  # seconds between looks at the schedule
 
 
@@ -45,12 +50,37 @@ class PtyPort:
             written = 0
         self.lost_bytes += len(data) - written
 
+    def wait_for_program(self) -> None:
+        """Until a program opens the other side, and has set it up: what is there before is flushed by many."""
+        self._close_keeper()
+        watched = select.poll()
+        watched.register(self._controller, 0)
+        while watched.poll(0):  # hung up
+            time.sleep(_LOOK)
+        with contextlib.suppress(OSError):  # it keeps others out: then nobody needs to keep the line alive
+            self._keeper = os.open(self.path, os.O_RDWR | os.O_NOCTTY)
+            tty.setraw(self._keeper)
+        time.sleep(_SET_UP)
+
+    def unread(self) -> int:
+        """Bytes that were written, and that the program has not read yet, where that can be told."""
+        if self._keeper < 0:
+            return 0
+        waiting = bytearray(4)
+        fcntl.ioctl(self._keeper, termios.FIONREAD, waiting)
+        return int.from_bytes(waiting, sys.byteorder)
+
     def fileno(self) -> int:
         return self._controller
 
     def close(self) -> None:
         os.close(self._controller)
-        os.close(self._keeper)
+        self._close_keeper()
+
+    def _close_keeper(self) -> None:
+        if self._keeper >= 0:
+            os.close(self._keeper)
+        self._keeper = -1
 
 
 def run(mcu: VirtualMcu, port: PtyPort, until: float, on_event: Callable[[str], None]) -> None:

@@ -1,0 +1,128 @@
+"""The port ``replay:run.mcap``: a link reads what was recorded, by the recording's own clock. So the same recording
+gives the same messages at the same times, however fast it goes and however busy the computer is."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from wirebond.errors import PortError, WirebondError
+from wirebond.link.tap import Chunk
+from wirebond.recording.recording import Recording
+from wirebond.recording.replay import Pace, Section
+
+_TICK = 0.01  # seconds of the recording between two looks at deadlines and silences
+_LONGEST_READ = 0.01  # seconds
+
+
+class ReplayClock:
+    """Where the replay is, on ``time.monotonic()`` as far as its start is concerned. Any thread."""
+
+    def __init__(self) -> None:
+        self._origin_us = time.monotonic_ns() // 1000
+        self._at = 0.0
+
+    def now_us(self) -> int:
+        return self._origin_us + round(self._at * 1e6)
+
+    def seconds(self, t: float) -> float:
+        """On this clock, of a time of the section."""
+        return (self._origin_us + round(t * 1e6)) / 1e6
+
+    def go_to(self, t: float) -> None:
+        self._at = max(self._at, t)
+
+
+class ReplayPort:
+    """A ``PythonPort``. What is written goes nowhere."""
+
+    def __init__(self, recording: Recording, direction: str, section: Section, clock: ReplayClock) -> None:
+        self._chunks: Iterator[Chunk] = section.rounds(recording, direction)
+        self._next: Chunk | None = next(self._chunks, None)
+        self._end = section.length(recording)
+        self._clock = clock
+        self._pace = Pace(section)
+        self._fastest = section.is_fastest
+        self._tick = _TICK
+        self._ends = threading.Event()
+
+    def read(self) -> tuple[bytes, float]:
+        """See ``PythonPort``. Without bytes: a look at the clock, at times that depend on the recording alone."""
+        chunk = self._next
+        if chunk is None and self._tick > self._end + 10 * _TICK:
+            raise ReplayEndedError
+        due = min(self._tick, chunk.t if chunk is not None else self._tick)
+        if not self._pace.wait(due, self._ends):
+            raise ReplayEndedError
+        self._clock.go_to(due)
+        if chunk is None or self._tick <= chunk.before:
+            self._tick += _TICK
+            return b"", self._clock.seconds(due)
+        while self._tick <= chunk.t:
+            self._tick += _TICK
+        self._clock.go_to(chunk.t)
+        self._next = next(self._chunks, None)
+        return chunk.bytes, self._clock.seconds(chunk.before)
+
+    def write(self, data: bytes) -> int:
+        """See ``PythonPort``."""
+        return len(data)
+
+    def held(self) -> int:
+        """See ``PythonPort``."""
+        return 0
+
+    def cancel(self) -> None:
+        """See ``PythonPort``."""
+        self._ends.set()
+
+    def close(self) -> None:
+        """See ``PythonPort``."""
+
+    def leave_to_parent(self) -> None:
+        """See ``PythonPort``."""
+
+
+class ReplayEndedError(OSError):
+    """The recording is over."""
+
+
+class ReplayOpener:
+    """Opens it once. One thread at a time.
+
+    :param role: the end that the link plays.
+    :raises PortError: the file is no recording.
+    """
+
+    def __init__(self, text: str, path: str, section: Section, role: str) -> None:
+        self._text = text
+        self._section = section
+        try:
+            self._recording = Recording(Path(path))
+        except (WirebondError, OSError) as error:
+            why = f"{path}: {error.strerror}" if isinstance(error, OSError) and error.strerror else str(error)
+            raise PortError(f"{text} cannot be replayed: {why}", None, text) from None
+        self._direction = "sent" if role != self._recording.role else "received"
+        self.clock = ReplayClock()
+        self.waits_for_reader = section.is_fastest
+        self.line = None  # it has no settings
+        self._is_open = False
+
+    @property
+    def latency(self) -> float:
+        """Seconds that the recorded port could hold bytes back."""
+        return self._recording.idle - self._recording.codec.model.idle_seconds
+
+    def open(self) -> ReplayPort:
+        if self._is_open:
+            raise PortError(f"the replay of {self._text} has ended", None, self._text)
+        self._is_open = True
+        return ReplayPort(self._recording, self._direction, self._section, self.clock)
+
+    def why_gone(self, _error: OSError | None) -> str:
+        return f"the replay of {self._text} has ended"
+
+    def appearance(self) -> object:
+        return None
