@@ -184,7 +184,7 @@ def test_the_virtual_mcu_answers_from_the_address_that_was_asked(servo_bus: Code
 def test_a_virtual_mcu_of_one_address_is_silent_for_others(servo_bus: Codec) -> None:
     mcu = VirtualMcu(servo_bus, 0.0, addresses=(7,))
     assert mcu.feed(servo_bus.encode("ask", header={"servo": 3}), 0.0) == b""
-    assert (mcu.foreign, mcu.stats["frames"]) == (1, 1)
+    assert (mcu.foreign, mcu.account.frames) == (1, 1)
     (reply,) = servo_bus.decoder("mcu").feed(mcu.feed(servo_bus.encode("ask", header={"servo": 7}), 0.0))
     assert reply.header["servo"] == 7
 

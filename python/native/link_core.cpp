@@ -91,6 +91,7 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
       values_(setup_.every_us.size() + setup_.more_addresses),
       leaving_(setup_.largest_frame),
       counts_(setup_.protocol->messages().size(), 0),
+      sent_(setup_.every_us.size(), 0),
       sequence_(setup_.receive),
       recent_(setup_.recent_bytes) {
   for (std::size_t i = 0; i < setup_.every_us.size(); ++i) {
@@ -133,6 +134,7 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
   memory.outbox.leaving = leaving_.data();
   memory.outbox.leaving_capacity = leaving_.size();
   memory.outbox.numbers = numbers_.get();
+  memory.outbox.sent_by_message = sent_.data();
   memory.deadlines = {setup_.deadlines.data(), setup_.deadlines.size(), deadline_since_.data(), deadline_marks_.data()};
   HostLink::Settings settings;
   settings.pacing = setup_.pacing;
@@ -333,6 +335,7 @@ LinkAccount LinkCore::account() const {
   out.bytes = link_->deframer().bytes();
   out.pending = link_->deframer().pending();
   out.counts = counts_;
+  out.sent = sent_;
   out.sequence = sequence_.account();
   out.not_acted = link_->deadlines().not_acted();
   out.foreign = foreign_;
@@ -355,6 +358,11 @@ nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, cons
   send["expired"] = account.send.expired;
   send["overruled"] = account.send.overruled;
   send["aborted"] = account.send.aborted;
+  nb::dict messages;
+  for (std::size_t i = 0; i < account.sent.size(); ++i) {
+    if (account.sent[i] != 0) messages[protocol.messages()[i].name.c_str()] = account.sent[i];
+  }
+  send["messages"] = messages;
   nb::dict out = account_dict(account.receive, account.receive.unlisted.found(), account.bytes, account.pending,
                               protocol, account.counts, receive, account.sequence, account.foreign);
   out["send"] = send;

@@ -69,6 +69,7 @@ struct LinkAccount {
   std::uint64_t bytes = 0;
   std::uint64_t pending = 0;
   std::vector<std::uint64_t> counts;  ///< delivered frames by message
+  std::vector<std::uint64_t> sent;    ///< frames that left, by message
   SequenceAccount sequence;
   NotActed<std::uint64_t> not_acted;
   ForeignCounts foreign;
@@ -172,6 +173,7 @@ class LinkCore {
   std::unique_ptr<HostLink> link_;
 
   std::vector<std::uint64_t> counts_;  ///< delivered frames by message
+  std::vector<std::uint64_t> sent_;    ///< frames that left, by message
   SequenceBook sequence_;
   RecentBytes recent_;
   std::vector<Tap> taps_;

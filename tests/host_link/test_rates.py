@@ -6,11 +6,13 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 import wirebond
 from tests.host_link.drivers import balances
+from tests.host_link.mcu import linked, wait_until
 from tests.host_link.protocol import manipulator
 from tests.shared import account_closes, codec
 from wirebond import Codec, LinkStats, QueueFullError, SequenceStats, UsageError
@@ -18,18 +20,26 @@ from wirebond.codec import Stats
 from wirebond.link import SendStats
 from wirebond.link.rates import LONGEST_WINDOW, RateMeter, rates_between
 from wirebond.protocol import loads
-from wirebond.protocol.model import Protocol
+from wirebond.protocol.model import End, Protocol
 from wirebond.sim.pty_port import PtyPort
 
 PATIENCE = 20.0
 
 
-def look(*, received: int = 0, discarded: int = 0, messages: dict[str, int] | None = None, **sent: int) -> LinkStats:
+def look(
+    *,
+    received: int = 0,
+    discarded: int = 0,
+    messages: dict[str, int] | None = None,
+    left: dict[str, int] | None = None,
+    **sent: int,
+) -> LinkStats:
     counts = messages or {}
     frames = sum(counts.values())
     receive = Stats(received, frames, 0, 0, 0, received - discarded, 0, 0, {"no_start": discarded}, {}, counts)
     names = SendStats.__dataclass_fields__
-    return LinkStats(receive, SendStats(**{name: sent.get(name, 0) for name in names}), 0, 0, 0, 0)
+    counted: dict[str, Any] = {name: sent.get(name, 0) for name in names}
+    return LinkStats(receive, SendStats(**counted | {"messages": left or {}}), 0, 0, 0, 0)
 
 
 def even() -> Protocol:
@@ -62,6 +72,30 @@ def test_messages_are_compared_with_their_schedule() -> None:
     assert (rates.messages["status"].due, rates.messages["status"].missing) == (None, None)
     full = rates_between(model, 115_200, look(), look(messages={"odometry": 39}), 2)
     assert full.messages["odometry"].missing == 0
+
+
+def test_what_is_sent_is_compared_with_its_schedule() -> None:
+    model = codec("diffdrive").model  # velocity every 50 ms, status_query every second
+    rates = rates_between(model, 115_200, look(left={"velocity": 5}), look(left={"velocity": 24}), 2)
+    assert set(rates.sent) == {m.name for m in model.messages if m.sent_by(End.HOST) and m.every is not None}
+    velocity = rates.sent["velocity"]
+    assert (velocity.per_second, velocity.due) == (9.5, 20)
+    assert velocity.missing == pytest.approx(20 / 39)
+    assert rates.sent["status_query"].missing == 1
+
+
+@pytest.mark.usefixtures("ports")
+def test_a_link_counts_what_left_by_message() -> None:
+    with linked(manipulator()) as (link, mcu):
+        link.repeat("lamp", level=1, hold=0.3)
+        for number in range(5):
+            link.send("note", number=number)
+        wait_until(lambda: link.stats.send.messages.get("lamp", 0) >= 5, "the lamp is repeated")
+        wait_until(lambda: link.stats.send.messages.get("note") == 5, "the notes leave")
+        stats = link.stats.send
+        assert sum(stats.messages.values()) == stats.sent
+        assert link.rates().sent["lamp"].per_second > 0
+        wait_until(lambda: {m.name for m in mcu.heard} == set(stats.messages), "the MCU hears them")
 
 
 def test_loss_is_told_of_the_offered_load() -> None:

@@ -82,6 +82,8 @@ class HostOutbox {
     std::uint8_t* leaving = nullptr;
     std::size_t leaving_capacity = 0;
     FrameNumbers* numbers = nullptr;  ///< null: frames have no sequence number
+    /// Counts what left, one for each of `message_count`; null: not counted.
+    std::uint64_t* sent_by_message = nullptr;
   };
 
   /// `max_age_us`: a frame that waited longer expires; 0: never.
@@ -301,6 +303,7 @@ class HostOutbox {
     account_.sent_bytes += size;
     if (written_ < leaving_size_) return;
     account_.sent += 1;
+    if (memory_.sent_by_message != nullptr && leaving_message_ >= 0) memory_.sent_by_message[leaving_message_] += 1;
     written_ = leaving_size_ = 0;
     safe_under_way_ = nullptr;
   }

@@ -19,7 +19,7 @@ from wirebond.protocol.decimals import decimal_text
 from wirebond.visible import visible
 
 if TYPE_CHECKING:  # most commands open no link
-    from wirebond.link.rates import Rates
+    from wirebond.link.rates import MessageRate, Rates
 
 _BEHIND = 0.1  # of the due messages
 _MOST_KINDS = 8  # of unlisted frames that a line names
@@ -161,19 +161,23 @@ def stats_line(stats: Stats) -> str:
 def rates_line(rates: Rates) -> str:
     """What the link did of late, in one sentence."""
     receive, send = rates.receive, rates.send
-    came = [
-        f"{name} {rate.per_second:.1f}/s" + ("" if rate.due is None else f" of {rate.due:.4g}/s")
-        for name, rate in rates.messages.items()
-    ]
+    came = [_rate_text(name, rate) for name, rate in rates.messages.items()]
+    left = [f"sent {_rate_text(name, rate)}" for name, rate in rates.sent.items() if rate.per_second > 0]
     parts = [
         f"last {rates.seconds:.1f} s: received {receive.line_use:.1%}, sent {send.line_use:.1%} of the line "
         f"({rates.baud} baud, {rates.bits_per_byte:g} bits a byte)",
         *came[:_MOST_KINDS],
         *(["..."] if len(came) > _MOST_KINDS else []),
+        *left[:_MOST_KINDS],
+        *(["..."] if len(left) > _MOST_KINDS else []),
     ]
     if send.lost:
         parts.append(f"{send.lost:.2%} of the offered frames lost")
     return ", ".join(parts)
+
+
+def _rate_text(name: str, rate: MessageRate) -> str:
+    return f"{name} {rate.per_second:.1f}/s" + ("" if rate.due is None else f" of {rate.due:.4g}/s")
 
 
 def behind_schedule(rates: Rates) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from wirebond.codec import Stats
 
@@ -29,6 +29,9 @@ class SendStats:
     expired: int  #: the port went away, or it waited longer than the file's ``max_age``
     overruled: int  #: waited when a stop, a safe value or ``stop_repeating`` dropped it
     aborted: int  #: the port went away in its middle
+    messages: dict[str, int] = field(
+        default_factory=dict
+    )  #: of ``sent``, by message; those that never left are not here
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from wirebond.link.accounts import LinkStats
+from wirebond.link.ends import other
 from wirebond.protocol.model import End, Protocol
 
 DEFAULT_WINDOW = 2.0  # seconds
@@ -16,11 +17,11 @@ _LOOKS = 200  # that are kept for the longest window
 
 @dataclass(frozen=True)
 class MessageRate:
-    """Of one message of the MCU.
+    """Of one message.
 
-    :ivar per_second: how many came.
-    :ivar due: how many should come by the message's ``every``; None: it has none.
-    :ivar missing: the part of the due ones that did not come, 0 to 1; None: it has no ``every``. In a window of few
+    :ivar per_second: how many came, or left.
+    :ivar due: how many should, by the message's ``every``; None: it has none.
+    :ivar missing: the part of the due ones that did not, 0 to 1; None: it has no ``every``. In a window of few
         messages it is coarse: one of ten is a tenth.
     """
 
@@ -72,6 +73,8 @@ class Rates:
     """What a link did in the last ``seconds``.
 
     :ivar messages: by message of the other end: those that came, and those that are due.
+    :ivar sent: by message of the own end: those that left, and those that are due. One that the program does not repeat
+        is missing as a whole.
     :ivar baud: and ``bits_per_byte``, start, data, parity and stop bits: what ``line_use`` counts by.
     """
 
@@ -79,6 +82,7 @@ class Rates:
     receive: ReceiveRate
     send: SendRate
     messages: dict[str, MessageRate]
+    sent: dict[str, MessageRate]
     baud: int
     bits_per_byte: float
 
@@ -115,16 +119,24 @@ def rates_between(
         sent_bytes / seconds,
         sent_bytes * bits / baud / seconds,
     )
-    messages = {}
+    messages = _by_message(protocol, peer, before.messages, now.messages, seconds)
+    sent = _by_message(protocol, other(peer), earlier.send.messages, later.send.messages, seconds)
+    return Rates(seconds, receive, send, messages, sent, baud, bits)
+
+
+def _by_message(
+    protocol: Protocol, sender: End, before: dict[str, int], now: dict[str, int], seconds: float
+) -> dict[str, MessageRate]:
+    rates = {}
     for message in protocol.messages:
-        count = now.messages.get(message.name, 0) - before.messages.get(message.name, 0)
-        if message.sent_by(peer) and (count or message.every is not None):
+        count = now.get(message.name, 0) - before.get(message.name, 0)
+        if message.sent_by(sender) and (count or message.every is not None):
             due = None if message.every is None else 1 / message.every
             # One more or less lies at the window's edges.
             expected = None if due is None else max(0.0, seconds * due - 1)
             missing = None if expected is None else _part(max(0.0, expected - count), expected)
-            messages[message.name] = MessageRate(count / seconds, due, missing)
-    return Rates(seconds, receive, send, messages, baud, bits)
+            rates[message.name] = MessageRate(count / seconds, due, missing)
+    return rates
 
 
 def _part(some: float, whole: float) -> float:

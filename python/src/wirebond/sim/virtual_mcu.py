@@ -164,10 +164,6 @@ class VirtualMcu:
                 if watch.rule.message in ended and (watch.rule.then == action or not watch.holds_back):
                     watch.since, watch.struck = t, False
 
-    @property
-    def stats(self) -> dict[str, Any]:
-        return self._decoder.stats.as_dict()
-
     # ---- receiving
 
     def _device(self, address: object, t: float) -> _Device:
