@@ -342,6 +342,8 @@ class Link : private SendPause<Protocol::pause_us>,
   /// What the line takes at least to fill the receive ring.
   static constexpr std::uint32_t fill_us = static_cast<std::uint32_t>(
       std::uint64_t{1'000'000} * std::tuple_size<decltype(Memory::receive)>::value / Protocol::bytes_per_second);
+  /// What a byte takes on the line, rounded up.
+  static constexpr std::uint32_t byte_us = (1'000'000 + Protocol::bytes_per_second - 1) / Protocol::bytes_per_second;
   /// Of all at this end; 0: there is none.
   static constexpr std::uint32_t shortest_deadline_us = shortest(Protocol::deadlines);
   /// Ages of frames are counted in units of 1024 us, which wrap where the clock does; rounded so that none expires
@@ -387,12 +389,13 @@ class Link : private SendPause<Protocol::pause_us>,
       if constexpr (names_receiver<Receives>) {
         const Addressee to = link.receiver_.addressee();
         if (to != Addressee::another) {
-          detail::serve<Protocol>(message, link.handler_, link.now(), link.peer_, [&](const auto& answer) {
-            if (to == Addressee::own) link.answer(answer, header...);
-          });
+          detail::serve<Protocol>(message, link.handler_, link.template times_for<Message>(), link.peer_,
+                                  [&](const auto& answer) {
+                                    if (to == Addressee::own) link.answer(answer, header...);
+                                  });
         }
       } else {
-        detail::serve<Protocol>(message, link.handler_, link.now(), link.peer_,
+        detail::serve<Protocol>(message, link.handler_, link.template times_for<Message>(), link.peer_,
                                 [&](const auto& answer) { link.answer(answer, header...); });
       }
       if constexpr (detail::HasOnWithHeader<Handler, Message, HeaderOf<Receives>>::value) {
@@ -455,6 +458,14 @@ class Link : private SendPause<Protocol::pause_us>,
 
   std::uint16_t stamp() const { return static_cast<std::uint16_t>(now() >> 10); }  ///< see max_age_units
   std::uint32_t now() const { return now_us_.load(std::memory_order_relaxed); }
+  /// A port's clock is asked for the clock service alone.
+  template <class Message>
+  detail::ServiceTimes times_for() const {
+    if constexpr (Age::is_stamped && std::is_same_v<Message, typename Protocol::Clock::Request>) {
+      if (detail::clock_runs(port_, 0)) return {age_.came_us(now()), port_.now_us()};
+    }
+    return {now(), now()};
+  }
 
   bool reaches_buffers() const {
     return port_.reaches(memory_.receive.data(), memory_.receive.size()) &&
@@ -500,6 +511,10 @@ class Link : private SendPause<Protocol::pause_us>,
         // An event may be newer than `now_us`, which was read before the call.
         if (bytes.came_us - before_us > now_us - before_us) bytes.came_us = now_us;
         strike(bytes.came_us, now_us);  // by the silence before these bytes
+        // An idle event comes a byte's time after the last byte; half and full come at once.
+        const auto end = static_cast<ReceiveRing::Count>(ring_.position() + bytes.size);
+        const bool is_idle = bytes.ends_at_event && end % (memory_.receive.size() / 2) != 0;
+        age_.note_came(bytes.until_us - (is_idle ? byte_us : 0));
       }
       receiver_.feed(span.data, bytes.size, bytes.came_us, now_us, inbox, deadlines_);
       if constexpr (keeps_pause) receiver_.last_came_at(bytes.until_us);

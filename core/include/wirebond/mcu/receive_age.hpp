@@ -47,6 +47,7 @@ struct Aged {
   std::size_t size;
   std::uint32_t came_us;
   std::uint32_t until_us;
+  bool ends_at_event = false;  ///< a receive event came at `until_us`, when DMA was behind the last of them
 };
 
 /// Where the port has no clock: bytes are as old as the poll before the one that found them.
@@ -68,11 +69,15 @@ class ReceiveAge {
   Aged first(std::uint32_t, std::size_t size, std::uint32_t before_us, std::uint32_t now_us) const {
     return {size, before_us, now_us};
   }
+
+  /// When the last byte came of what is handed out now, as exactly as it is known.
+  void note_came(std::uint32_t) {}
+  std::uint32_t came_us(std::uint32_t now_us) const { return now_us; }
 };
 
 /// Where the port has one, which is that of `poll`: each receive event of the UART's interrupt stamps the position and
-/// the time, and bytes are as old as the stamp before them. The newest two stamps are kept; what came before them is as
-/// old as the poll before. Written by the interrupt, read by `poll`, which never runs inside the interrupt's events.
+/// the time, and bytes are as old as the stamp before them. The newest four stamps are kept; what came before them is
+/// as old as the poll before. Written by the interrupt, read by `poll`, which never runs inside the interrupt's events.
 template <>
 class ReceiveAge<true> {
  public:
@@ -90,8 +95,7 @@ class ReceiveAge<true> {
     const std::uint32_t version = version_.load(std::memory_order_relaxed);
     version_.store(version + 1, std::memory_order_relaxed);
     std::atomic_thread_fence(std::memory_order_release);  // before the stamps; pairs with `first`
-    stamps_[0].set(stamps_[1].position(), stamps_[1].time_us());
-    stamps_[1].set(position, now_us);
+    stamps_[version / 2 % stamps_.size()].set(position, now_us);
     version_.store(version + 2, std::memory_order_release);  // behind them; pairs with `first`
   }
 
@@ -110,22 +114,29 @@ class ReceiveAge<true> {
       const std::uint32_t version = version_.load(std::memory_order_acquire);  // pairs with `stamp`
       Aged bytes{size, before_us, now_us};
       // Older stamps than the poll before say nothing, and their times may have wrapped.
+      const std::uint32_t newest = version / 2;
       const std::uint32_t fresh = (version - noted_before_) / 2;
-      for (std::uint32_t i = fresh >= 2 ? 0 : 2 - fresh; i < 2; ++i) {
-        const Stamp& stamp = stamps_[i];
+      const std::uint32_t kept = fresh < stamps_.size() ? fresh : static_cast<std::uint32_t>(stamps_.size());
+      for (std::uint32_t i = newest - kept; i != newest; ++i) {  // the oldest first
+        const Stamp& stamp = stamps_[i % stamps_.size()];
         if (!is_later(stamp.time_us(), bytes.came_us)) continue;
         const std::uint32_t ahead = stamp.position() - position;
         if (static_cast<std::int32_t>(ahead) <= 0) {
           bytes.came_us = stamp.time_us();
-        } else if (ahead <= bytes.size) {
-          bytes.size = ahead;
-          if (is_later(now_us, stamp.time_us())) bytes.until_us = stamp.time_us();
+          continue;
         }
+        bytes.ends_at_event = ahead <= bytes.size;
+        if (bytes.ends_at_event) bytes.size = ahead;
+        if (is_later(now_us, stamp.time_us())) bytes.until_us = stamp.time_us();
+        break;  // the next ones are further
       }
       std::atomic_thread_fence(std::memory_order_acquire);  // behind the stamps; pairs with `stamp`
       if ((version & 1u) == 0 && version_.load(std::memory_order_relaxed) == version) return bytes;
     }
   }
+
+  void note_came(std::uint32_t at_us) { came_us_ = at_us; }
+  std::uint32_t came_us(std::uint32_t) const { return came_us_; }
 
  private:
   class Stamp {
@@ -153,7 +164,8 @@ class ReceiveAge<true> {
   LoadStore<std::uint32_t> looked_us_{0};
   LoadStore<bool> is_late_{false};
   LoadStore<std::uint32_t> version_{0};  // odd: the stamps are being written
-  std::array<Stamp, 2> stamps_;          // older, newer
+  std::array<Stamp, 4> stamps_;          // number n at place n modulo 4; a power of two, so that numbers may wrap
+  std::uint32_t came_us_ = 0;            // the poll's own, as the two below
   std::uint32_t noted_ = 0;              // version_ when `poll` last began; these two are its own
   std::uint32_t noted_before_ = 0;       // and the time before
 };

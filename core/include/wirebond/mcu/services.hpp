@@ -121,10 +121,16 @@ typename Protocol::Hello::Message hello() {
   return hello;
 }
 
+/// When the last byte of a request came, and what time it is now. Without a clock at the port both are the poll's.
+struct ServiceTimes {
+  std::uint32_t received_us;
+  std::uint32_t now_us;
+};
+
 /// Answer `message` where it is the request of a service. `send` takes the answer; what it does not take is lost and
 /// counted there, as any message is. To a broadcast it sends nothing.
 template <class Protocol, class Message, class Handler, class Send>
-void serve(const Message& message, [[maybe_unused]] Handler& handler, [[maybe_unused]] std::uint32_t now_us,
+void serve(const Message& message, [[maybe_unused]] Handler& handler, [[maybe_unused]] const ServiceTimes& times,
            [[maybe_unused]] Peer& peer, [[maybe_unused]] Send&& send) {
   if constexpr (std::is_same_v<Message, typename Protocol::Hello::Message>) {
     peer = message.protocol_hash == Protocol::hash ? Peer::same : Peer::different;
@@ -138,8 +144,8 @@ void serve(const Message& message, [[maybe_unused]] Handler& handler, [[maybe_un
   if constexpr (std::is_same_v<Message, typename Protocol::Clock::Request>) {
     typename Protocol::Clock::Reply reply{};
     reply.host_us = static_cast<decltype(reply.host_us)>(message.host_us);
-    reply.received_us = static_cast<decltype(reply.received_us)>(now_us);
-    reply.sent_us = static_cast<decltype(reply.sent_us)>(now_us);
+    reply.received_us = static_cast<decltype(reply.received_us)>(times.received_us);
+    reply.sent_us = static_cast<decltype(reply.sent_us)>(times.now_us);
     send(reply);
   }
   if constexpr (std::is_same_v<Message, typename Protocol::Parameter::Read>) {
