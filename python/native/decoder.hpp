@@ -58,6 +58,9 @@ class Message {
   std::uint64_t offset() const { return event_.offset; }
   double time() const { return event_.time; }
 
+  const Event& event() const { return event_; }
+  const Batch& batch() const { return *batch_; }
+
   nb::object& cached_fields() { return fields_; }
 
  private:

@@ -11,6 +11,7 @@
 #include "link.hpp"
 #include "link_core.hpp"
 #include "mcap_records.hpp"
+#include "packing.hpp"
 #include "protocol.hpp"
 #include "wirebond/posix/latency.hpp"
 
@@ -110,6 +111,8 @@ NB_MODULE(_engine, m) {
 
   m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "header"_a, "form"_a = -1);
   m.def("header_bits", &header_bits, "format"_a, "header"_a);
+  m.def("pack_messages", &pack_messages, "messages"_a);
+  m.def("unpack_messages", &unpack_messages, "protocol"_a, "format"_a, "records"_a, "shift"_a = 0.0);
   m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
         "progress"_a.none());
   m.def("decode_timed_columns", &decode_timed_columns, "protocol"_a, "format"_a, "capture"_a, "reads"_a,

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from tests.host_link.attached import attached_links
 from tests.host_link.drivers import no_engine_ports
 from tests.shared import ROOT
 from wirebond.gen import generate_python
@@ -21,6 +22,14 @@ from wirebond.protocol import load
 def ports(request: pytest.FixtureRequest) -> Iterator[str]:
     """The test runs with the engine's ports, and where it has none: `pytestmark = pytest.mark.usefixtures("ports")`."""
     with nullcontext() if request.param == "engine" else no_engine_ports():
+        yield request.param
+
+
+@pytest.fixture(params=["owned", "attached"])
+def links(request: pytest.FixtureRequest) -> Iterator[str]:
+    """The test runs with links of its own, and with links that are attached to a server:
+    `pytestmark = pytest.mark.usefixtures("links")`."""
+    with nullcontext() if request.param == "owned" else attached_links():
         yield request.param
 
 

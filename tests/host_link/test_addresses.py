@@ -16,6 +16,8 @@ from wirebond.protocol import loads
 from wirebond.protocol.model import End
 from wirebond.sim.pty_port import PtyPort
 
+pytestmark = pytest.mark.usefixtures("links")
+
 BUS = load(ROOT / "tests" / "formats" / "servo_options.yaml")
 BROADCAST = Codec(
     loads(

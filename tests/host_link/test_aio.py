@@ -19,6 +19,8 @@ from tests.host_link.test_requests import BUS, VALUES, pose
 from wirebond import DeadlineEvent, LinkDownError, Message, RequestTimeoutError
 from wirebond.sim.pty_port import PtyPort
 
+pytestmark = pytest.mark.usefixtures("links")
+
 ARM = manipulator()
 
 

@@ -17,6 +17,8 @@ from tests.shared import ROOT
 from wirebond import DeadlineEvent, LinkDownError, Message, UsageError
 from wirebond.protocol import loads
 
+pytestmark = pytest.mark.usefixtures("links")
+
 ARM = manipulator()
 BUS = wirebond.load(ROOT / "tests" / "formats" / "servo_options.yaml")
 TWO = wirebond.Codec(

@@ -16,6 +16,8 @@ from tests.shared import codec
 from wirebond import MessageError, ParameterError, RequestTimeoutError, UsageError
 from wirebond.protocol import loads
 
+pytestmark = pytest.mark.usefixtures("links")
+
 NATIVE = codec("native")
 NAMED = wirebond.Codec(
     loads("""

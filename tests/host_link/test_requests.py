@@ -19,6 +19,8 @@ from wirebond import LinkDownError, Message, RequestTimeoutError, UsageError
 from wirebond.link.requests import Question, RequestBook
 from wirebond.protocol import loads
 
+pytestmark = pytest.mark.usefixtures("links")
+
 ARM = manipulator()
 BUS = wirebond.load(ROOT / "tests" / "formats" / "servo_options.yaml")
 BY_REQUEST = wirebond.load(ROOT / "tests" / "formats" / "by_request.yaml")

@@ -17,6 +17,8 @@ from wirebond import DeadlineEvent, Message, MessageError, UsageError
 from wirebond.protocol import loads
 from wirebond.sim.pty_port import PtyPort
 
+pytestmark = pytest.mark.usefixtures("links")
+
 ROVER = codec("diffdrive")
 SERVOS = codec("servo_bus")
 NATIVE = codec("native")

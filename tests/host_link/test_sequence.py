@@ -14,6 +14,8 @@ from tests.host_link.drivers import VirtualDriver
 from wirebond.errors import QueueFullError, StoppedError
 from wirebond.protocol import loads
 
+pytestmark = pytest.mark.usefixtures("links")
+
 FRAMES = {
     "plain": "[magic: 0xAA, sequence: u8PER, length: u8, id: u8, payload: by_length, check: crc-16/modbus]",
     "bits": "[magic: 0xAA, {bits: u16be, fields: {id: 5, sequence: RUN, top: 1}}, length: u8, payload: by_length, "

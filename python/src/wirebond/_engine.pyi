@@ -292,6 +292,17 @@ def header_bits(format: FormatTable, header: dict[str, Any]) -> list[int]:
     :raises MessageError: a wrong name or value.
     """
 
+def pack_messages(messages: list[Message]) -> bytes:
+    """Received messages as bytes for another process; docs/server.md has the layout of a record."""
+
+def unpack_messages(
+    protocol: ProtocolTable, format: FormatTable, records: bytes | memoryview, shift: float = 0.0
+) -> list[Message]:
+    """The messages of such bytes, with ``shift`` seconds added to their times.
+
+    :raises ValueError: no engine with this protocol can have written them.
+    """
+
 def decode_columns(
     protocol: ProtocolTable,
     format: FormatTable,

@@ -99,6 +99,15 @@ class RequestTimeoutError(WirebondError, TimeoutError):
         return type(self), (str(self.args[0]), self.message, self.reply, self.timeout)
 
 
+class NotInControlError(WirebondError):
+    """Another program is in control of the robot, or this one has lost control; nothing was sent. ``take_control()``
+    of the link takes it."""
+
+
+class LateCommandError(WirebondError):
+    """The command reached the server so late that it may not be meant any more; nothing was sent."""
+
+
 class ParameterError(WirebondError, ValueError):
     """A parameter of the MCU could not be read or set.
 

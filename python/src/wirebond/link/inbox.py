@@ -13,17 +13,18 @@ import time
 from collections import deque
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
-from wirebond import _engine
 from wirebond.codec import Codec, Message
 from wirebond.errors import LinkDownError
 from wirebond.link.ends import other
 from wirebond.link.handlers import Handlers
-from wirebond.link.python_link import PythonLink
 from wirebond.link.requests import RequestBook
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
+
+if TYPE_CHECKING:
+    from wirebond.link.settings import Engine
 
 MAX_WAITING = 65536  # messages that wait to be taken; then the oldest are dropped, counted
 MAX_SENDERS = 4096  # addresses whose newest message is kept, of each message
@@ -59,9 +60,7 @@ class Inbox:
     :param actions: of its deadlines, as the engine numbers them.
     """
 
-    def __init__(
-        self, codec: Codec, end: End, engine: _engine.Link | PythonLink, place: str, actions: list[str]
-    ) -> None:
+    def __init__(self, codec: Codec, end: End, engine: Engine, place: str, actions: list[str]) -> None:
         self._engine = engine
         self._place = place
         self._lock = threading.RLock()  # a garbage collection within may take messages
@@ -82,6 +81,8 @@ class Inbox:
         self._port_watchers: tuple[Callable[[bool, float], None], ...] = ()
         self.ended = threading.Event()  # no message will come any more
         self.requests = RequestBook(codec, end)
+        self._relay: Callable[[list[Message], list[Message], list[tuple[str, int, int]]], None] | None = None
+        self.relayed = 0  # messages that came, since the link was opened, and went where they belong
         self.handlers = Handlers(place, self.struck, self.give)
 
     # ---- taking
@@ -149,6 +150,13 @@ class Inbox:
         program."""
         self._port_watchers += (watcher,)
 
+    def relay(self, relay: Callable[[list[Message], list[Message], list[tuple[str, int, int]]], None]) -> None:
+        """Call it with all that comes, those of them that answered requests, which have had them, and the changes of
+        port and deadlines. In the thread that receives. Nothing waits to be taken any more. It runs nothing of the
+        program."""
+        self._relay = relay
+        self.start()
+
     # ---- the newest
 
     def newest(self, name: str, sender: int | None) -> Message | None:
@@ -190,6 +198,8 @@ class Inbox:
 
     def give(self, message: Message) -> None:
         """To who takes messages."""
+        if self._relay is not None:
+            return
         with self._lock:
             if self._queue.qsize() >= MAX_WAITING:
                 with contextlib.suppress(Empty):
@@ -263,16 +273,27 @@ class Inbox:
                 return has_come
             self._is_routing = True
             try:
+                came: list[Message] = []
+                taken: list[Message] = []
+                changes: list[tuple[str, int, int]] = []
                 while self._arrived or self._changed:
                     if self._changed and not (self._arrived and self._arrived[0].t <= self._changed[0][1] / 1e6):
-                        self._route_change(*self._changed.popleft())
-                    else:
-                        self._route(self._arrived.popleft())
+                        changes.append(self._changed.popleft())
+                        self._route_change(*changes[-1])
+                        continue
+                    message = self._arrived.popleft()
+                    came.append(message)
+                    if self._route(message):
+                        taken.append(message)
+                if self._relay is not None and (came or changes):
+                    self._relay(came, taken, changes)
+                self.relayed += len(came)
             finally:
                 self._is_routing = False
         return has_come
 
-    def _route(self, message: Message) -> None:
+    def _route(self, message: Message) -> bool:
+        """True: it answered a request."""
         self._note(message)
         watcher = self._watchers.get(message.name)
         if watcher is not None:
@@ -282,6 +303,7 @@ class Inbox:
             self.handlers.put(message)
         elif not is_taken:
             self.give(message)
+        return is_taken
 
     def _route_change(self, kind: str, t_us: int, action: int) -> None:
         t = t_us / 1e6

@@ -12,10 +12,15 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from wirebond.attach.address import SCHEME, server_address
+from wirebond.attach.words import Control
 from wirebond.codec import Codec, load, refuse_option_for_field, stats_from
 from wirebond.errors import LinkDownError, MessageError, PortError, QueueFullError, StoppedError, UsageError
 from wirebond.link import ending
 from wirebond.link.accounts import LinkStats, SendStats
+from wirebond.link.attached_link import AttachedLink, codec_of_server
+from wirebond.link.attached_requests import AttachedRequests
+from wirebond.link.attached_services import AttachedServices
 from wirebond.link.clock_sync import ClockReading, HostTime
 from wirebond.link.dump import Dump, Piece
 from wirebond.link.ends import Receiver, actions_at, other, own_address_field
@@ -45,6 +50,7 @@ from wirebond.sim.port import NAME, SimulatedPort
 from wirebond.typed import TypedMessage, name_and_values
 
 if TYPE_CHECKING:
+    from wirebond.link.settings import Engine
     from wirebond.recording.recorder import Recorder
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
@@ -84,6 +90,7 @@ class Link(Receiving):
         self._end = End(role)
         model = codec.model
         settings = model.link
+        server = server_address(os.fsdecode(port)) if os.fsdecode(port).startswith(SCHEME) else None
         speed = settings.baud if baud is None else baud
         if not 1 <= speed <= 100_000_000:
             raise UsageError(f"baud is {speed}; expected 1 to 100000000 bits per second")
@@ -92,18 +99,25 @@ class Link(Receiving):
         ending.refuse_at_the_end()
         self.codec = codec
         self._simulated = simulated = self._simulate(port)
-        name = port_name(port) if simulated is None else PortName(simulated.path)
+        if server is not None:
+            name = PortName(server.text)
+        else:
+            name = port_name(port) if simulated is None else PortName(simulated.path)
         self.port = NAME if simulated is not None else name.text
         self.baud = speed
         self.paced = paced
-        self.adapter_latency = latency_of(codec, name, speed, adapter_latency)
+        self.adapter_latency = 0.0 if server is not None else latency_of(codec, name, speed, adapter_latency)
         self._actions = actions_at(codec, self._end)
         self._receiver = Receiver(codec, self._end)
         self._header = header_fields(model.format.parts)
         self._own_messages = {m.name: m for m in model.messages if m.sent_by(self._end)}
         engine_options = engine_settings(codec, speed, paced, hold_back, self.adapter_latency, self._end)
+        self._engine: Engine
         try:
-            self._engine = open_engine(codec, self._end, name, engine_options, wait_for_port)
+            if server is not None:
+                self._engine = AttachedLink(codec, self._end, server, wait_for_port)
+            else:
+                self._engine = open_engine(codec, self._end, name, engine_options, wait_for_port)
         except PortError as error:
             if error.errno != errno.EACCES:
                 raise
@@ -120,15 +134,20 @@ class Link(Receiving):
         self._inbox = Inbox(codec, self._end, self._engine, self.port, self._actions)
         weakref.finalize(self, self._engine.close).atexit = False  # a thread of the inbox may keep the engine
         asks = may_ask(codec, listen == "all")
-        self._services = Services(
-            self,
-            codec,
-            self._end,
-            self._engine,
-            self._inbox,
-            says_hello=hello and asks,
-            syncs_clock=clock_sync and asks and self._end == End.HOST,
-        )
+        self._services: Services | AttachedServices
+        if isinstance(self._engine, AttachedLink):
+            self._inbox.requests = AttachedRequests(codec, self._end, self._engine)
+            self._services = AttachedServices(codec, self._engine, self._inbox, self.port)
+        else:
+            self._services = Services(
+                self,
+                codec,
+                self._end,
+                self._engine,
+                self._inbox,
+                says_hello=hello and asks,
+                syncs_clock=clock_sync and asks and self._end == End.HOST,
+            )
         self._meter = RateMeter(model, speed, self.stats, time.monotonic(), other(self._end))
         self._meter_lock = threading.Lock()
         ending.note_open(self)
@@ -258,6 +277,33 @@ class Link(Receiving):
     def stopped(self) -> bool:
         """Does an emergency stop hold its messages? From ``emergency_stop()`` to ``release_stop()``."""
         return self._engine.is_stopped()
+
+    # ---- control
+
+    @property
+    def control(self) -> Control:
+        """Who may send what moves the robot: messages with ``every``, with a deadline at the MCU, or of the emergency
+        stop. A link of one's own is always in control. Any thread."""
+        return self._engine.control() if isinstance(self._engine, AttachedLink) else Control("this program", True)
+
+    def take_control(self, *, over: bool = False) -> None:
+        """Become the program in control, until ``release_control``, ``close``, an emergency stop, or 0.3 s in which the
+        server does not hear of it. A link of one's own has nothing to take.
+
+        Without this call, the first command takes control where no program has it; a program that has lost control
+        must call it.
+
+        :param over: also where another program is in control. Its leases end with their safe values first.
+        :raises NotInControlError: another program is in control.
+        :raises LinkDownError: the server is away, or the link closed.
+        """
+        if isinstance(self._engine, AttachedLink):
+            self._engine.take_control(over)
+
+    def release_control(self) -> None:
+        """Let another program take control; what this one repeats ends with its safe value. Any thread."""
+        if isinstance(self._engine, AttachedLink):
+            self._engine.release_control()
 
     # ---- addresses
 
@@ -568,7 +614,7 @@ class _Leaving:
 
 def open_link(
     protocol: str | os.PathLike[str] | Codec,
-    port: str | os.PathLike[str],
+    port: str | os.PathLike[str] | None = None,
     baud: int | None = None,
     *,
     paced: bool = True,
@@ -580,14 +626,16 @@ def open_link(
     clock_sync: bool = True,
     role: str = "host",
 ) -> Link:
-    """Open a port with the protocol file's settings.
+    """Open a port with the protocol file's settings, or attach to a server that has one.
 
-    :param protocol: a protocol file's path, or a ``Codec``.
+    :param protocol: a protocol file's path, or a ``Codec``; or the address of a server, which knows its protocol.
     :param port: a tty's path; ``sim:``, a virtual MCU of this protocol in a thread of this process; a USB device by a
         name that stays, such as ``usb:1a86:55d3`` (see `wirebond.ports`); or
         ``tcp://host:port``, a server that gives a serial line as raw bytes, such as ser2net; or
         ``rfc2217://host:port``, one whose baud rate, parity and stop bits the link sets; or ``replay:run.mcap``, a
-        recording, also with options such as ``replay:run.mcap?speed=max&from=12.5&to=20&loop=1``.
+        recording, also with options such as ``replay:run.mcap?speed=max&from=12.5&to=20&loop=1``; or
+        ``wirebond://NAME`` or ``wirebond://host:port?token=TOKEN``, the link of a running ``wirebond serve``, whose
+        settings then hold, not these.
     :param baud: bits per second; default: the file's.
     :param paced: frames are handed to the port at the pace of its baud rate, so that at most 5 ms of line, or one
         frame, lie before an emergency stop. False: as fast as the port takes them, for ports whose baud rate means
@@ -610,7 +658,15 @@ def open_link(
     :raises ProtocolFileError: the file cannot be used.
     :raises PortError: the port cannot be opened; the sentence says why and what to do.
     """
-    codec = protocol if isinstance(protocol, Codec) else load(protocol)
+    if port is None:
+        if isinstance(protocol, Codec) or not os.fsdecode(protocol).startswith(SCHEME):
+            raise UsageError(
+                "open() needs a port behind the protocol file, such as /dev/ttyUSB0; or a server's address"
+            )
+        port = os.fsdecode(protocol)
+        codec = codec_of_server(server_address(port))
+    else:
+        codec = protocol if isinstance(protocol, Codec) else load(protocol)
     return Link(
         codec,
         port,

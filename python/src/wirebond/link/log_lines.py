@@ -12,6 +12,7 @@ from wirebond.visible import visible
 
 MOST_A_SECOND = 100  # lines that are given to `logging`; the rest is counted
 
+_lines = logging.getLogger("wirebond.log")  # what the MCU says
 _NUMBERS = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
 
@@ -55,6 +56,19 @@ def number_of(line: LogLine) -> int:
 def safe_text(line: LogLine) -> str:
     """The text on one line, without what could command a terminal."""
     return visible(line.text)
+
+
+def say_line(place: str, codec: Codec, message: Message) -> None:
+    """Give it to `logging`, where it is a log line."""
+    line = codec.log_line(message)
+    if line is not None:
+        _lines.log(number_of(line), "%s: %s", place, safe_text(line))
+
+
+def say_missed(place: str, missed: int) -> None:
+    """The same of lines that did not pass a `LineLimit`."""
+    if missed:
+        _lines.warning("%s: %d more log lines came within a second; they are not shown here", place, missed)
 
 
 class LineLimit:

@@ -24,7 +24,7 @@ from wirebond.typed import TypedMessage, TypedRequest, from_message_of, maker_of
 
 if TYPE_CHECKING:
     from wirebond.link.aio import Aio
-    from wirebond.link.python_link import PythonLink
+    from wirebond.link.settings import Engine
 
 _T = TypeVar("_T", bound=TypedMessage)
 _Reply = TypeVar("_Reply")
@@ -62,7 +62,7 @@ class Receiving:
 
     codec: Codec
     port: str
-    _engine: _engine.Link | PythonLink
+    _engine: Engine
     _inbox: Inbox
     _actions: list[str]
     _end: End

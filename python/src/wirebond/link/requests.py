@@ -46,6 +46,7 @@ class Question:
     since: float = 0.0  # time.monotonic()
     until: float = 0.0  # no reply is expected later than this
     is_over: bool = False  # its request was given up: it may only take what is surely its own
+    number: int = 0  # of an attached link: of the call that asked
     carried: Mapping[str, Any] | None = None  # fields that the reply carries back; None: not looked at yet
     others: Mapping[str, Any] | None = None  # what a reply that answers another request carried last
 

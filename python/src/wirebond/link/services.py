@@ -18,12 +18,11 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from wirebond import _engine
 from wirebond.codec import Codec, Message
 from wirebond.errors import UsageError, WirebondError
 from wirebond.link.clock_sync import ClockReading, ClockSync, HostTime
 from wirebond.link.inbox import Inbox
-from wirebond.link.log_lines import LineLimit, log_names, number_of, safe_text
+from wirebond.link.log_lines import LineLimit, log_names, say_line, say_missed
 from wirebond.link.peer import HELLO_VERSION, Peer, PeerBook
 from wirebond.link.requests import Question
 from wirebond.link.service_values import filled
@@ -32,7 +31,7 @@ from wirebond.protocol.plan import plan_for
 
 if TYPE_CHECKING:
     from wirebond.link.link import Link
-    from wirebond.link.python_link import PythonLink
+    from wirebond.link.settings import Engine
 
 _CLOCK_EVERY = 1.0  # seconds between two exchanges of the clock
 _CLOCK_SOON = 5  # exchanges at the beginning that follow each other at once
@@ -41,7 +40,6 @@ _CLOCK_TIMEOUT = 1.0  # seconds for the MCU's answer
 _MOST_HEARD = 1024  # messages that wait for the thread; then the oldest are dropped
 
 _log = logging.getLogger("wirebond")
-_lines = logging.getLogger("wirebond.log")  # what the MCU says
 
 
 class Services:
@@ -58,7 +56,7 @@ class Services:
         link: Link,
         codec: Codec,
         end: End,
-        engine: _engine.Link | PythonLink,
+        engine: Engine,
         inbox: Inbox,
         *,
         says_hello: bool,
@@ -167,8 +165,7 @@ class Services:
         while self._heard:
             function, message = self._heard.popleft()
             function(message)
-        if missed := self._limit.take_missed(now):
-            _lines.warning("%s: %d more log lines came within a second; they are not shown here", self._place, missed)
+        say_missed(self._place, self._limit.take_missed(now))
         with self._lock:
             is_due = state != "down" and self._says_hello and self._book.is_due(now)
             if is_due:
@@ -191,9 +188,7 @@ class Services:
     # ---- log lines
 
     def _say_line(self, message: Message) -> None:
-        line = self._codec.log_line(message)
-        if line is not None:
-            _lines.log(number_of(line), "%s: %s", self._place, safe_text(line))
+        say_line(self._place, self._codec, message)
 
     # ---- hello
 

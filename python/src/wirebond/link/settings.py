@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from wirebond import _engine
 from wirebond.codec import Codec
@@ -19,7 +19,10 @@ from wirebond.protocol.model import MAX_LATENCY, Address, End, Recover, StopMess
 from wirebond.protocol.plan import plan_for, told_by_request
 
 if TYPE_CHECKING:
+    from wirebond.link.attached_link import AttachedLink
     from wirebond.recording.replay_port import ReplayOpener
+
+    Engine: TypeAlias = _engine.Link | PythonLink | AttachedLink  # what a link drives: they have the same methods
 
 STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
 _SHORTEST_READ, _LONGEST_READ = 0.001, 0.01  # seconds that a link in Python waits for bytes before it looks around

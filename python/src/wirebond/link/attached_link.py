@@ -1,0 +1,636 @@
+"""A link that a server owns: every call is a message to the server, and received messages come from it.
+
+It has the methods of the engine's own ``Link``, so that ``wirebond.Link`` uses the one as the other. One thread: it
+connects, reads, and tells the server ten times a second that the program runs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from typing import Any, Literal
+
+import msgspec
+
+from wirebond import _engine
+from wirebond.attach import words
+from wirebond.attach.address import ServerAddress
+from wirebond.attach.words import Control, Welcome
+from wirebond.codec import Codec, Message
+from wirebond.errors import (
+    LateCommandError,
+    LinkDownError,
+    NotInControlError,
+    PortError,
+    UsageError,
+    WirebondError,
+)
+from wirebond.link.attached_requests import TAKEN, AttachedRequests
+from wirebond.link.ends import other
+from wirebond.protocol.loader import loads
+from wirebond.protocol.model import End
+
+_PATIENCE = 2.0  # seconds that the server has for an answer
+_FIRST_WAIT, _LAST_WAIT = 0.02, 1.0  # seconds before it is tried again to connect
+_MOST_WAITING = 65536  # messages that the program has not taken; then the oldest are dropped, counted
+_DOWN, _FULL, _STOPPED = 1, 2, 3  # answers of the engine
+_REFUSALS = {"down": _DOWN, "full": _FULL, "stopped": _STOPPED}
+
+
+class _Call:
+    def __init__(self) -> None:
+        self.done = threading.Event()
+        self.answer: dict[str, Any] = {}
+
+
+class AttachedLink:
+    """Any thread may call any method.
+
+    :param end: the one that the program wants to play.
+    :param waits: a server that is not there is no error.
+    :raises PortError: it cannot be reached, or refuses.
+    :raises UsageError: it owns a link of another protocol, or plays the other end.
+    """
+
+    def __init__(self, codec: Codec, end: End, address: ServerAddress, waits: bool) -> None:
+        self._process = os.getpid()
+        self._codec = codec
+        self._end = end
+        self._format = codec._format_for(other(end))
+        self._address = address
+        self._lock = threading.RLock()
+        self._arrived = threading.Condition(self._lock)
+        self._write_lock = threading.RLock()
+        self._calls: dict[int, _Call] = {}
+        self._number = 0
+        self._asking = threading.local()
+        self._messages: deque[Message | None] = deque()  # None: a reader takes what lies before it
+        self._changes: deque[tuple[str, int, int] | None] = deque()  # likewise
+        self._questions: dict[int, int] = {}  # by the offset of the reply
+        self._dropped = 0
+        self._taps: set[int] = set()  # that are open
+        self._last_stats: dict[str, Any] | None = None  # of a link that is closed
+        self._last_taken: dict[int, Any] = {}  # the same of its taps
+        self._tick = 0
+        self._shift = 0.0  # seconds from the server's clock to this one
+        self._control = Control()
+        self._lost_control = False
+        self._socket: socket.socket | None = None
+        self._why = ""
+        self._is_closing = False
+        self._is_done = False
+        self._leaves = threading.Event()
+        self._wake = threading.Event()  # ends a wait for the server
+        self.answers: AttachedRequests
+        try:
+            self._connect()
+        except PortError as error:
+            if not waits:
+                raise
+            self._why = str(error)
+        self._thread = threading.Thread(target=self._run, name=f"attached to {address.text}", daemon=True)
+        self._thread.start()
+
+    # ---- sending
+
+    def send(self, message: int, frame: bytes, reply: int, takes_number: bool, address: int) -> int:  # noqa: ARG002
+        name = self._codec.model.messages[message].name
+        number = getattr(self._asking, "number", 0)
+        request = words.Send(
+            message=name, frame=frame, takes_number=takes_number, reply=3600.0 if number and reply >= 0 else None
+        )
+        return self._command(request, number)
+
+    def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool, address: int) -> int:  # noqa: ARG002
+        name = self._codec.model.messages[message].name
+        return self._command(words.Repeat(message=name, frame=frame, hold=hold, takes_number=takes_number), 0)
+
+    def stop_repeating(self, message: int, address: int | None = None) -> None:
+        self._call(words.StopRepeating(message=self._codec.model.messages[message].name, address=address))
+
+    def note_safe(self, safe: tuple[int, bytes, int, float, int, bool]) -> bool:  # noqa: ARG002
+        return True  # the server knows the file's stop, and where frames went
+
+    def end_safely(self, message: int, address: int) -> bool:
+        name = self._codec.model.messages[message].name
+        return bool(self._call(words.EndSafely(message=name, address=address)))
+
+    def set_address(self, address: int) -> None:
+        self._call(words.SetAddress(address=address))
+
+    def listen_to_all(self, all: bool) -> None:
+        """The server decides that for all."""
+
+    def stop(self) -> bool:
+        if self._is_closing:
+            return False
+        self._call(words.Stop())
+        return True
+
+    def release_stop(self) -> None:
+        self._call(words.ReleaseStop())
+        self._lost_control = False
+
+    def is_stopped(self) -> bool:
+        return bool(self._ask("stopped", False))
+
+    # ---- control
+
+    def take_control(self, over: bool) -> None:
+        answer = self._exchange(words.Take(over=over))
+        if "error" in answer:
+            raise NotInControlError(answer["text"])
+        self._lost_control = False
+
+    def release_control(self) -> None:
+        self._call(words.Release())
+
+    def control(self) -> Control:
+        with self._owned():
+            return self._control
+
+    # ---- requests
+
+    def next_number(self) -> int:
+        """Of a call that will be made."""
+        with self._owned():
+            self._number += 1
+            return self._number
+
+    @contextlib.contextmanager
+    def asking(self, number: int) -> Iterator[None]:
+        """What this thread sends is the request with this number."""
+        self._asking.number = number
+        try:
+            yield
+        finally:
+            self._asking.number = 0
+
+    def withdraw(self, number: int) -> None:
+        with contextlib.suppress(WirebondError):
+            self._call(words.Withdraw(request=number))
+
+    def about(self, number: int) -> dict[str, Any] | None:
+        """What the server knows of a request that has no reply; None: nothing."""
+        try:
+            found: dict[str, Any] | None = self._call(words.About(request=number))
+        except WirebondError:
+            return None
+        return found
+
+    def question_of(self, message: Message) -> int:
+        """The number of the request that this message answers; 0: of none; ``TAKEN``: one of the server's own."""
+        with self._lock:
+            return self._questions.pop(message.offset, 0)
+
+    # ---- receiving
+
+    def receive(self, timeout: float) -> Iterable[Message]:
+        """Waits as the engine's does. The messages are taken when the result is read, without a step of Python: a
+        signal's handler that raises can lose none."""
+        until = time.monotonic() + min(max(timeout, 0.0), 1e6) if timeout == timeout else 0.0  # noqa: PLR0124 NaN
+        with self._owned():
+            while not self._messages and not self._changes and not self._is_done:
+                left = until - time.monotonic()
+                if left <= 0:
+                    break
+                self._arrived.wait(left)
+            self._messages.append(None)
+        return iter(self._messages.popleft, None)
+
+    def changes(self) -> Iterable[tuple[str, int, int]]:
+        with self._owned():
+            self._changes.append(None)
+        return iter(self._changes.popleft, None)
+
+    # ---- how it is
+
+    def stats(self) -> dict[str, Any]:
+        with self._owned():
+            last = self._last_stats
+        raw = words.stats_from_json(self._call(words.Ask(what="stats")) if last is None else last)
+        raw["dropped_messages"] += self._dropped
+        return raw
+
+    def recent(self) -> tuple[list[tuple[str, int, bytes]], int]:
+        pieces, dropped = self._call(words.Ask(what="recent"))
+        shift = round(self._shift * 1e6)
+        return [(kind, t + shift, msgspec.convert(data, bytes, strict=False)) for kind, t, data in pieces], dropped
+
+    def state(self) -> str:
+        return str(self._ask("state", "down"))
+
+    def why(self) -> str:
+        with self._owned():
+            if self._socket is None:
+                return self._why
+        return str(self._ask("why", self._why))
+
+    def line(self) -> dict[str, Any] | None:
+        found: dict[str, Any] | None = self._ask("line", None)
+        return found
+
+    def is_closed(self) -> bool:
+        with self._owned():
+            return self._is_closing
+
+    def struck_deadlines(self) -> list[int]:
+        return list(self._ask("struck", []))
+
+    def recover_deadline(self, action: int) -> None:
+        self._call(words.Recover(action=action))
+
+    def peer(self) -> dict[str, Any] | None:
+        """As JSON; None: the server is away."""
+        found = self._ask("peer", None)
+        return found if found is None or found["since"] is None else {**found, "since": found["since"] + self._shift}
+
+    def clock(self) -> dict[str, Any] | None:
+        """As JSON; None: it is not known."""
+        found: dict[str, Any] | None = self._ask("clock", None)
+        return found
+
+    def host_time(self, mcu_us: int, near: float) -> tuple[float, float]:
+        answer = self._exchange(words.HostTimeOf(mcu_us=mcu_us, near=near - self._shift))
+        if "error" in answer:
+            raise UsageError(answer["text"])
+        t, error = answer["ok"]
+        return t + self._shift, error
+
+    # ---- recordings
+
+    def open_tap(self, capacity: int) -> int:
+        tap = int(self._call(words.OpenTap(capacity=capacity)))
+        with self._lock:
+            self._taps.add(tap)
+        return tap
+
+    def take_tap(self, tap: int) -> tuple[list[tuple[str, int, int, bytes]], int, int, int]:
+        with self._owned():
+            last = self._last_taken.pop(tap, None) if self._is_closing else None
+            if last is None and self._is_done:
+                return [], 0, 0, 0
+        pieces, *lost = self._call(words.TakeTap(tap=tap)) if last is None else last
+        shift = round(self._shift * 1e6)
+        taken = [
+            (kind, t + shift, before + shift, msgspec.convert(data, bytes, strict=False))
+            for kind, t, before, data in pieces
+        ]
+        return taken, *lost
+
+    def close_tap(self, tap: int) -> None:
+        with self._owned():
+            self._taps.discard(tap)
+            self._last_taken.pop(tap, None)
+        with contextlib.suppress(LinkDownError):
+            self._call(words.CloseTap(tap=tap))
+
+    def note(self, text: str) -> None:
+        self._call(words.Note(text=text))
+
+    # ---- the end
+
+    def begin_close(self) -> None:
+        if os.getpid() != self._process:
+            return
+        with self._lock:
+            if self._is_closing:
+                return
+            self._is_closing = True
+        self._wake.set()
+        with contextlib.suppress(OSError, WirebondError):
+            self._write(words.Leave(id=self.next_number()))
+
+    def close(self) -> None:
+        if os.getpid() != self._process:
+            return
+        self.begin_close()
+        if threading.current_thread() is not self._thread and self._socket is not None:
+            self._leaves.wait(_PATIENCE)
+            with contextlib.suppress(WirebondError):
+                self._last_stats = self._call(words.Ask(what="stats"))
+                self._last_taken = {tap: self._call(words.TakeTap(tap=tap)) for tap in self._taps}
+        self._end_thread()
+
+    def after_fork(self) -> None:
+        found, self._socket = self._socket, None
+        if found is not None and os.getpid() != self._process:
+            os.close(found.detach())
+
+    def _end_thread(self) -> None:
+        self._disconnect("")
+        with self._lock:
+            self._is_done = True
+            self._arrived.notify_all()
+
+    # ---- calls
+
+    def _owned(self) -> threading.RLock:
+        """The lock.
+
+        :raises LinkDownError: this is a forked child.
+        """
+        if os.getpid() != self._process:
+            raise LinkDownError(
+                "this link belongs to the process that opened it, and this one is its fork; attach in the process that "
+                "uses it"
+            )
+        return self._lock
+
+    def _command(self, request: words.Send | words.Repeat, number: int) -> int:
+        if self.is_closed() or self._socket is None:
+            return _DOWN
+        request.tick = self._tick
+        try:
+            answer = self._exchange(request, number)
+        except LinkDownError:
+            return _DOWN
+        error = answer.get("error")
+        if error is None:
+            return 0
+        if error == "not_in_control":
+            raise NotInControlError(answer["text"])
+        if error == "late":
+            raise LateCommandError(answer["text"])
+        if error in _REFUSALS:
+            return _REFUSALS[error]
+        raise UsageError(answer["text"])
+
+    def _ask(self, what: Any, away: Any) -> Any:
+        """An answer; ``away`` where the server is."""
+        self.is_closed()  # in a forked child it raises
+        try:
+            return self._call(words.Ask(what=what))
+        except LinkDownError:
+            return away
+
+    def _call(self, request: words._Request) -> Any:
+        answer = self._exchange(request)
+        if "error" in answer:
+            raise UsageError(answer["text"])
+        return answer["ok"]
+
+    def _exchange(self, request: words._Request, number: int = 0) -> dict[str, Any]:
+        call = _Call()
+        request.id = number or self.next_number()
+        with self._owned():
+            self._calls[request.id] = call
+        try:
+            self._write(request)
+            if not call.done.wait(_PATIENCE):
+                raise LinkDownError(f"{self._address.text} did not answer within {_PATIENCE:g} s; look at the server")
+        finally:
+            with self._lock:
+                self._calls.pop(request.id, None)
+        if not call.answer:
+            raise LinkDownError(self._why or f"the connection to {self._address.text} is closed")
+        return call.answer
+
+    def _write(self, request: words._Request) -> None:
+        data = words.json_message(request)
+        with self._write_lock:
+            found = self._socket
+            if found is None:
+                raise LinkDownError(self._why or f"the link to {self._address.text} is closed")
+            try:
+                found.sendall(data)
+            except OSError as error:
+                self._disconnect(self._gone(error))
+                raise LinkDownError(self._why) from None
+
+    # ---- the connection
+
+    def _gone(self, error: OSError | None = None) -> str:
+        reason = "" if error is None else f" ({error.strerror or error})"
+        return f"the server at {self._address.text} is gone{reason}; start it again with `wirebond serve`"
+
+    def _connect(self) -> None:
+        """:raises PortError: there is no server, or it refuses."""
+        address = self._address
+        began = time.monotonic()
+        found, answer, splitter, rest = _attach(address, "frames", asks=self._lost_control)
+        welcome = msgspec.convert(answer["ok"], Welcome)
+        ended = time.monotonic()
+        try:
+            self._validate(welcome)
+        except UsageError:
+            found.close()
+            raise
+        self.welcome = welcome
+        with self._lock:
+            # On one computer both read the same clock; else the server's time was taken between these two.
+            self._shift = 0.0 if address.path or address.host in _LOOPBACK else (began + ended) / 2 - answer["t"]
+            self._tick = answer["tick"]
+            self._control = welcome.control
+            self._splitter = splitter
+            self._socket = found
+            self._why = ""
+        for kind, body in rest:
+            self._take(kind, body)
+
+    def _validate(self, welcome: Welcome) -> None:
+        if welcome.hash != f"{self._codec.hash:016x}":
+            raise UsageError(
+                f"{self._address.text} has a link of {welcome.protocol} with the hash {welcome.hash}, and this is "
+                f"{self._codec.name} with {self._codec.hash:016x}; attach with the file that the server was given, or "
+                "without a file"
+            )
+        if welcome.role != self._end:
+            raise UsageError(f"{self._address.text} plays the {welcome.role}, not the {self._end}; leave out role=")
+
+    def _disconnect(self, why: str) -> None:
+        with self._lock:
+            found, self._socket = self._socket, None
+            if found is None:
+                return
+            self._why = why
+            self._lost_control = self._lost_control or (self._control.holder is not None and not self._control.is_own)
+            self._control = Control()
+            self._taps.clear()
+            calls = list(self._calls.values())
+            self._arrived.notify_all()
+        with contextlib.suppress(OSError):
+            found.shutdown(socket.SHUT_RDWR)
+        found.close()
+        for call in calls:
+            call.done.set()
+        self._leaves.set()
+        if not self._is_closing:  # else the inbox ends them
+            self.answers.fail_all(lambda name: LinkDownError(f"the reply to {name} will not come: {why}"))
+
+    # ---- the thread
+
+    def _run(self) -> None:
+        wait = _FIRST_WAIT
+        next_beat = 0.0
+        while not self._is_done:
+            found = self._socket
+            if found is None:
+                if self._is_closing:
+                    self._leaves.set()
+                    break
+                self._wake.wait(wait)
+                wait = min(2 * wait, _LAST_WAIT)
+                try:
+                    self._connect()
+                except (PortError, UsageError) as error:
+                    self._why = str(error)
+                else:
+                    wait = _FIRST_WAIT
+                continue
+            try:
+                now = time.monotonic()
+                if now >= next_beat:
+                    next_beat = now + words.BEAT_EVERY
+                    self._write(words.Beat(tick=self._tick))
+                poll = select.poll()
+                poll.register(found, select.POLLIN)
+                if not poll.poll(max(next_beat - now, 0.0) * 1e3):
+                    continue
+                data = found.recv(1 << 18)
+                if not data:
+                    self._disconnect(self._gone())
+                for kind, body in self._splitter.feed(data):
+                    self._take(kind, body)
+            except LinkDownError:
+                continue
+            except (OSError, ValueError) as error:
+                self._disconnect(self._gone(error if isinstance(error, OSError) else None))
+        with self._lock:
+            self._is_done = True
+            self._arrived.notify_all()
+
+    def _take(self, kind: int, body: bytes) -> None:
+        if kind == words.FRAMES:
+            messages = _engine.unpack_messages(self._codec._table, self._format, body, self._shift)
+            with self._lock:
+                self._messages.extend(messages)
+                while len(self._messages) > _MOST_WAITING:
+                    self._messages.popleft()
+                    self._dropped += 1
+                self._arrived.notify_all()
+            return
+        said = msgspec.json.decode(body)
+        if "re" in said:
+            self._answered(said)
+            return
+        match said.get("event"):
+            case "tick":
+                self._tick = said["tick"]
+            case "reply":
+                with self._lock:
+                    self._questions[said["offset"]] = said["request"]
+            case "taken":
+                with self._lock:
+                    self._questions.update(dict.fromkeys(said["offsets"], TAKEN))
+            case "change":
+                with self._lock:
+                    shift = round(self._shift * 1e6)
+                    self._changes.append((said["kind"], said["t_us"] + shift, said["action"]))
+                    self._arrived.notify_all()
+            case "no_reply":
+                self.answers.fail(said["request"], LinkDownError(said["text"]))
+            case "control":
+                self._note_control(said)
+            case "lost":
+                self._dropped += said["messages"]
+
+    def _answered(self, said: dict[str, Any]) -> None:
+        with self._lock:
+            call = self._calls.get(said["re"])
+        if call is not None:
+            call.answer = said
+            call.done.set()
+        if said.get("ok") == "left":
+            self._leaves.set()
+
+    def _note_control(self, said: dict[str, Any]) -> None:
+        had_it = self._control.is_own
+        self._control = Control(said["holder"], said["yours"])
+        if had_it and not said["yours"] and said["why"] != "released":
+            self._lost_control = True
+
+
+def codec_of_server(address: ServerAddress) -> Codec:
+    """The protocol that a server speaks.
+
+    :raises PortError: it cannot be reached, or refuses.
+    """
+    found, answer, _, _ = _attach(address, "none", asks=False)
+    found.close()
+    welcome = msgspec.convert(answer["ok"], Welcome)
+    return Codec(loads(welcome.text, f"{address.text} ({welcome.protocol})"))
+
+
+def _attach(
+    address: ServerAddress, messages: Literal["frames", "none"], asks: bool
+) -> tuple[socket.socket, dict[str, Any], words.Splitter, list[tuple[int, bytes]]]:
+    """A connection to the server, its answer, and what came behind that.
+
+    :raises PortError: it cannot be reached, or refuses.
+    """
+    found = None
+    try:
+        if address.path:
+            found = socket.socket(socket.AF_UNIX)
+            found.settimeout(_PATIENCE)
+            found.connect(address.path)
+        else:
+            found = socket.create_connection((address.host, address.port), _PATIENCE)
+            found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        name = f"{os.path.basename(sys.argv[0] or 'python')} ({os.getpid()})"  # noqa: PTH119 may be no path
+        request = words.Attach(id=1, token=address.token, name=name, messages=messages, asks=asks)
+        found.sendall(words.json_message(request))
+        splitter = words.Splitter(words.MOST_TO_CLIENT)
+        answer, rest = _first(found, splitter)
+    except (OSError, ValueError) as error:
+        if found is not None:
+            found.close()
+        raise _no_server(address, error) from None
+    if "error" in answer:
+        found.close()
+        raise PortError(f"{address.text}: {answer['text']}", None, address.text)
+    return found, answer, splitter, rest
+
+
+def _no_server(address: ServerAddress, error: Exception) -> PortError:
+    text = address.text
+    code = error.errno if isinstance(error, OSError) else None
+    if isinstance(error, FileNotFoundError | ConnectionRefusedError):
+        what = f"no server runs at {text}; start one with `wirebond serve FILE PORT`"
+    elif isinstance(error, socket.gaierror):
+        what = f"the name of {text} cannot be found ({error.strerror}); check its spelling"
+    elif isinstance(error, PermissionError):
+        what = f"no permission to attach to {text}; only the user who started the server may"
+    elif isinstance(error, TimeoutError):
+        what = f"{text} does not answer within {_PATIENCE:g} s; check that a Wirebond server runs there"
+    elif isinstance(error, OSError):
+        what = f"cannot attach to {text}: {error.strerror or error}; check its address"
+    else:
+        what = f"{text} is no Wirebond server: it sent {error}; check the address"
+    return PortError(what, code, text)
+
+
+_LOOPBACK = ("127.0.0.1", "::1", "localhost")
+
+
+def _first(found: socket.socket, splitter: words.Splitter) -> tuple[dict[str, Any], list[tuple[int, bytes]]]:
+    """The server's answer to the first message, and what came behind it."""
+    while True:
+        data = found.recv(1 << 16)
+        if not data:
+            raise ValueError("nothing, and closed the connection")
+        messages = list(splitter.feed(data))
+        if messages:
+            kind, body = messages[0]
+            answer = msgspec.json.decode(body) if kind == words.JSON else None
+            if not isinstance(answer, dict) or answer.get("re") != 1:
+                raise ValueError("something else than an answer")
+            return answer, messages[1:]

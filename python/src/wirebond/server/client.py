@@ -1,0 +1,150 @@
+"""One client of a server: its connection, what it may have waiting, and its first message."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from wirebond.attach import words
+from wirebond.codec import Message
+from wirebond.errors import WirebondError
+
+if TYPE_CHECKING:
+    from wirebond.server.server import Server
+
+MOST_WAITING = 2 << 20  # bytes for a client that does not read; then received messages are dropped for it, counted
+_NAME_CHARACTERS = 80
+
+
+class Client(asyncio.Protocol):
+    """In the loop's thread alone."""
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._splitter = words.Splitter(words.MOST_TO_SERVER)
+        self._transport: asyncio.Transport | None = None
+        self.number = 0  # 0: it has not said who it is
+        self.name = ""
+        self.wants = "none"
+        self.since = time.monotonic()
+        self.is_remote = False  # behind TCP
+        self.is_too_many = False
+        self.is_gone = False  # it has said so
+        self.lost = 0  # messages that it did not get, and was not told of
+        self.replies: set[int] = set()  # offsets of messages that answer its requests, and are on their way to it
+        self.leases: dict[tuple[int, int], float] = {}  # until when, by message and address
+        self.sent: set[tuple[int, int]] = set()  # what moves, that it sent by message and address
+        self.questions: dict[int, Any] = {}  # by the number of the request
+        self.taps: dict[int, Any] = {}
+
+    def welcome(self, number: int, request: words.Attach) -> None:
+        """It is who it says it is."""
+        self.number = number
+        name = "".join(c if c.isprintable() else "?" for c in request.name[:_NAME_CHARACTERS]).strip()
+        self.name = name or f"client {number}"
+        self.wants = request.messages
+
+    # ---- to it
+
+    def write(self, data: bytes) -> None:
+        """What it must have; where far too much waits, it is closed."""
+        transport = self._transport
+        if transport is None or transport.is_closing():
+            return
+        if transport.get_write_buffer_size() > 2 * MOST_WAITING:
+            transport.abort()
+            return
+        transport.write(data)
+
+    def give(self, data: bytes, messages: list[Message]) -> None:
+        """Received messages. Where it does not read, it gets only replies to its own requests."""
+        transport = self._transport
+        if transport is None or transport.is_closing():
+            return
+        if transport.get_write_buffer_size() <= MOST_WAITING:
+            if self.lost:
+                transport.write(words.json_message({"event": "lost", "messages": self.lost}))
+                self.lost = 0
+            transport.write(data)
+            self.replies.clear()
+            return
+        mine = [m for m in messages if m.offset in self.replies]
+        self.lost += len(messages) - len(mine)
+        self.replies.clear()
+        if mine:
+            self.write(self._server.commands.packed(mine, self.wants))
+
+    def answer(self, number: int, value: dict[str, Any]) -> None:
+        """To its request with this number."""
+        self.write(words.json_message({"re": number, **value}))
+
+    def refuse(self, error: str, text: str) -> None:
+        """Say why, and end the connection."""
+        self.answer(1, {"error": error, "text": text})
+        self.end()
+
+    def end(self) -> None:
+        """Close it when all is written."""
+        if self._transport is not None:
+            self._transport.close()
+
+    # ---- asyncio
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """See ``asyncio.Protocol``."""
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        self.is_remote = not isinstance(transport.get_extra_info("sockname"), str)
+        if self.is_too_many:
+            self.refuse("too_many", "the server has as many clients as it takes; end some of them")
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002
+        """See ``asyncio.Protocol``."""
+        self._server.detach(self, in_order=self.is_gone)
+        self._server.commands.close_taps(self)
+
+    def data_received(self, data: bytes) -> None:
+        """See ``asyncio.Protocol``."""
+        try:
+            for kind, body in self._splitter.feed(data):
+                if self._transport is None or self._transport.is_closing():
+                    return
+                if kind != words.JSON:
+                    raise words.WrongStreamError("records of frames, which only a server sends")
+                self._take(words.read_request(body))
+        except msgspec.MsgspecError as error:
+            self.refuse("not_understood", f"this is no request that the server knows: {error}; see docs/server.md")
+        except (words.WrongStreamError, UnicodeDecodeError) as error:
+            self.refuse("not_understood", f"this is no client of a Wirebond server: it sent {error}")
+
+    def _take(self, request: words.Request) -> None:
+        if self.number == 0:
+            if not isinstance(request, words.Attach):
+                self.refuse("attach_first", 'the first message must be {"do": "attach"}')
+                return
+            answer = self._server.attach(self, request)
+            self.answer(request.id, answer)
+            if "error" in answer:
+                self.end()
+            return
+        if isinstance(request, words.Beat):
+            self._server.book.beat(self.number, request.tick, time.monotonic())
+            return
+        if isinstance(request, words.Leave):
+            self.is_gone = True
+            self._server.detach(self, in_order=True)
+            self.answer(request.id, {"ok": "left"})
+            return
+        if self.is_gone and not isinstance(request, words.Ask | words.TakeTap):
+            return
+        if isinstance(request, words.Ask) and request.what == "stats":
+            self._server.commands.answer_stats(self, request.id)
+            return
+        try:
+            answer = self._server.commands.do(self, request)
+        except WirebondError as error:
+            answer = {"error": "refused", "text": str(error)}
+        self.answer(request.id, answer)

@@ -1,0 +1,386 @@
+"""What clients ask of the link, and what becomes of it: commands under the rules of control, requests, questions."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from wirebond import _engine
+from wirebond.attach import words
+from wirebond.codec import Message
+from wirebond.errors import (
+    LateCommandError,
+    LinkDownError,
+    MessageError,
+    NotInControlError,
+    QueueFullError,
+    StoppedError,
+    UsageError,
+    WirebondError,
+)
+from wirebond.link.settings import reply_index
+from wirebond.link.tap import TAP_BYTES
+from wirebond.protocol.model import End
+
+if TYPE_CHECKING:
+    from wirebond.link.requests import Question
+    from wirebond.server.client import Client
+    from wirebond.server.server import Server
+
+_MOST_QUESTIONS = 1024  # of one client that wait for replies
+_MOST_TAPS = 4  # of one client
+_MOST_TAP_BYTES = 4 * TAP_BYTES
+_ERRORS: list[tuple[type[WirebondError], str]] = [
+    (StoppedError, "stopped"),
+    (QueueFullError, "full"),
+    (LinkDownError, "down"),
+    (NotInControlError, "not_in_control"),
+    (LateCommandError, "late"),
+    (MessageError, "message"),
+]
+_STATS_WAIT, _STATS_TRIES = 0.001, 50  # seconds; messages are that long on their way from the link at most
+_OK: dict[str, Any] = {"ok": None}
+
+
+class Commands:
+    """In the loop's thread alone."""
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._link = link = server.link
+        self._end = End(link.role)
+        model = link.codec.model
+        self._controlled = {m.name for m in model.messages if self._end == End.HOST and words.is_controlled(model, m)}
+
+    def do(self, client: Client, request: words.Request) -> dict[str, Any]:
+        """Its answer."""
+        try:
+            match request:
+                case words.Send() | words.Repeat():
+                    return self._command(client, request)
+                case words.Take():
+                    return self._take(client, request.over)
+                case words.Release():
+                    if self._server.book.holder == client.number:
+                        self._server.end_control("released", safely=False)
+                        self._server.book.may_take_by_command(client.number)
+                    return _OK
+                case words.Withdraw():
+                    self._withdraw(client, request.request)
+                    return _OK
+                case _:
+                    return {"ok": self._ask(client, request)}
+        except WirebondError as error:
+            word = next((word for kind, word in _ERRORS if isinstance(error, kind)), "refused")
+            return {"error": word, "text": str(error)}
+
+    # ---- commands
+
+    def _command(self, client: Client, request: words.Send | words.Repeat) -> dict[str, Any]:
+        link = self._link
+        frame, header = self._frame(request)
+        name = request.message
+        key = None
+        if name in self._controlled:
+            if link.stopped and any(stop.message == name for stop in link.codec.model.emergency_stop):
+                raise StoppedError(name, (stop.message for stop in link.codec.model.emergency_stop))
+            book = self._server.book
+            before = book.holder
+            refused = book.refuses(client.number, request.tick, time.monotonic())
+            if refused is not None:
+                return {"error": refused[0], "text": refused[1]}
+            if book.holder != before:
+                self._server.tell_control("taken")
+            key = (link.codec._index_of(name), link._prepare(name, header))
+        if isinstance(request, words.Repeat):
+            self._repeat(client, request, frame, header)
+            return _OK
+        if key is not None:
+            client.sent.add(key)
+        if link.codec.model.message(name).reply is None:
+            self._send(request, frame, header)
+            return _OK
+        self._request(client, request, frame, header)
+        return _OK
+
+    def _frame(self, request: words.Send | words.Repeat) -> tuple[bytes, Mapping[str, Any]]:
+        """The frame to be sent, and its header. A frame that came as bytes must be one of the message that it is said
+        to be: what moves the robot is told apart by that."""
+        codec, link = self._link.codec, self._link
+        message = link._own_message(request.message)
+        if request.frame is None:
+            header = link._with_own_address(request.header)
+            return link._encode(message.name, request.fields or {}, header), header or {}
+        decoder = codec.decoder(self._end)
+        found = [*decoder.feed(request.frame), *decoder.finish()]
+        if len(found) != 1 or found[0].name != message.name or len(found[0].raw) != len(request.frame):
+            raise MessageError(f"the frame is not one whole frame of {message.name}")
+        return request.frame, found[0].header
+
+    def _send(self, request: words.Send, frame: bytes, header: Mapping[str, Any]) -> None:
+        link = self._link
+        codec, name = link.codec, request.message
+        address = link._prepare(name, header)
+        index, reply = codec._index_of(name), reply_index(codec, name)
+        link._raise_for(name, link._engine.send(index, frame, reply, self._takes_number(request), address))
+
+    def _takes_number(self, request: words.Send | words.Repeat) -> bool:
+        return request.takes_number if request.frame is not None else self._link._takes_number(request.header)
+
+    def _repeat(self, client: Client, request: words.Repeat, frame: bytes, header: Mapping[str, Any]) -> None:
+        from wirebond.link.link import MAX_HOLD  # noqa: PLC0415
+
+        link = self._link
+        codec, name = link.codec, request.message
+        if not 0 < request.hold <= MAX_HOLD:
+            raise UsageError(f"hold is {request.hold:g} s; expected more than 0 and at most {MAX_HOLD:g} s")
+        if codec.model.message(name).every is None:
+            raise UsageError(f"{name} has no `every` in the protocol file; send it")
+        address = link._prepare(name, header)
+        index, reply = codec._index_of(name), reply_index(codec, name)
+        answer = link._engine.repeat(index, frame, request.hold, reply, self._takes_number(request), address)
+        link._raise_for(name, answer)
+        client.leases[index, address] = time.monotonic() + request.hold
+
+    def end_leases(self, client: Client, *, also_sent: bool) -> None:
+        """What it repeats ends with its safe value; with ``also_sent``, so does all that moves and that it sent."""
+        now = time.monotonic()
+        alive = {key for key, until in client.leases.items() if until > now}
+        if also_sent:
+            alive |= client.sent
+        client.leases.clear()
+        client.sent.clear()
+        if self._link.stopped:
+            return  # the stop itself is on the line
+        for message, address in sorted(alive):
+            if not self._link._engine.end_safely(message, address):
+                self._link._engine.stop_repeating(message, address)
+
+    def _take(self, client: Client, over: bool) -> dict[str, Any]:
+        server, now = self._server, time.monotonic()
+        if server.book.holder == client.number:
+            return _OK
+        if server.book.holder is not None and over:
+            server.end_control("taken over")
+        refused = server.book.take(client.number, over, now)
+        if refused is not None:
+            return {"error": "not_in_control", "text": refused}
+        server.tell_control("taken")
+        return _OK
+
+    # ---- requests
+
+    def _request(self, client: Client, request: words.Send, frame: bytes, header: Mapping[str, Any]) -> None:
+        requests = self._link._inbox.requests
+        waits = request.reply is not None
+        if waits and len(client.questions) >= _MOST_QUESTIONS:
+            raise QueueFullError(f"{_MOST_QUESTIONS} requests of this client wait for replies; wait for some of them")
+        number = request.id
+        loop = self._server.loop
+
+        def finish(outcome: Message | Exception) -> None:
+            self._server.note_answer(client, number, outcome)
+
+        question = requests.question(request.message, frame, header, finish if waits else None)
+        question.leave = lambda: self._send(request, frame, header)
+        if waits:
+            client.questions[number] = question
+        try:
+            requests.submit(question)
+        except BaseException:
+            client.questions.pop(number, None)
+            raise
+        if request.reply is not None and math.isfinite(request.reply):
+            loop.call_later(min(max(request.reply, 0.0), 3600.0), self._too_late, client, number, question)
+
+    def answered(self, client: Client, number: int, outcome: Message | Exception) -> None:
+        """What came of a client's request. The message itself follows."""
+        if client.questions.pop(number, None) is None:
+            return
+        if isinstance(outcome, Message):
+            client.replies.add(outcome.offset)
+            client.write(words.json_message({"event": "reply", "request": number, "offset": outcome.offset}))
+            if client.wants == "none":
+                client.write(self.packed([outcome], "json"))
+        else:
+            client.write(words.json_message({"event": "no_reply", "request": number, "text": str(outcome)}))
+
+    def _too_late(self, client: Client, number: int, question: Question) -> None:
+        if client.questions.get(number) is question:
+            self._withdraw(client, number)
+            text = f"no reply to {question.message} came in time; check that the other end answers it"
+            client.write(words.json_message({"event": "no_reply", "request": number, "text": text}))
+
+    def _withdraw(self, client: Client, number: int) -> None:
+        question = client.questions.pop(number, None)
+        if question is not None:
+            self._link._inbox.requests.withdraw(question)
+
+    def withdraw_all(self, client: Client) -> None:
+        """It is gone."""
+        for number in list(client.questions):
+            self._withdraw(client, number)
+
+    # ---- how the link is
+
+    def _ask(self, client: Client, request: words.Request) -> Any:
+        link, engine = self._link, self._link._engine
+        match request:
+            case words.Ask():
+                return self._look(request.what)
+            case words.Stop():
+                self._server.end_control("emergency stop", safely=False)
+                link.emergency_stop()
+            case words.ReleaseStop():
+                link.release_stop()
+                self._server.book.may_take_by_command(client.number)
+            case words.StopRepeating():
+                self._must_hold(client, request.message)
+                index = link.codec._index_of(link._own_message(request.message).name)
+                engine.stop_repeating(index, request.address)
+                for key in [k for k in client.leases if k[0] == index and request.address in (None, k[1])]:
+                    del client.leases[key]
+            case words.EndSafely():
+                self._must_hold(client, request.message)
+                return engine.end_safely(link.codec._index_of(link._own_message(request.message).name), request.address)
+            case words.About():
+                question = client.questions.get(request.request)
+                if question is None:
+                    return None
+                return {
+                    "carried": None if question.carried is None else _plain(question.carried),
+                    "others": None if question.others is None else _plain(question.others),
+                    "was_sent": question.since != 0.0,
+                }
+            case words.Recover():
+                if not 0 <= request.action < len(link._actions):
+                    raise UsageError(f"there is no deadline with the number {request.action}")
+                engine.recover_deadline(request.action)
+            case words.SetAddress():
+                engine.set_address(request.address)
+            case words.HostTimeOf():
+                return link.host_time(request.mcu_us, request.near)
+            case words.OpenTap():
+                if len(client.taps) >= _MOST_TAPS:
+                    raise UsageError(f"a client records at most {_MOST_TAPS} times at once; close a recording")
+                if not 1024 <= request.capacity <= _MOST_TAP_BYTES:
+                    raise UsageError(f"the capacity is {request.capacity}; expected 1024 to {_MOST_TAP_BYTES} bytes")
+                tap = engine.open_tap(request.capacity)
+                client.taps[tap] = tap
+                return tap
+            case words.TakeTap():
+                return engine.take_tap(self._tap(client, request.tap))
+            case words.CloseTap():
+                engine.close_tap(self._tap(client, request.tap))
+                del client.taps[request.tap]
+            case words.Note():
+                engine.note(_note(request.text))
+            case words.Attach():
+                raise UsageError("this client has attached already")
+        return None
+
+    def _look(self, what: str) -> Any:
+        link = self._link
+        match what:
+            case "state":
+                return link.state
+            case "why":
+                return link.why
+            case "stopped":
+                return link.stopped
+            case "struck":
+                return link._engine.struck_deadlines()
+            case "recent":
+                return link._engine.recent()
+            case "line":
+                return link._engine.line()
+            case "peer":
+                return asdict(link.peer)
+            case _:
+                reading = link.clock
+                return None if reading is None else asdict(reading)
+
+    def answer_stats(self, client: Client, number: int, tries: int = _STATS_TRIES) -> None:
+        """The account, behind every message that it counts: who reads that a message came can take it."""
+        raw = self._link._engine.stats()
+        counted = raw["frames"] - raw["foreign_frames"] - raw["late"] - raw["held_back"] - raw["dropped_messages"]
+        if self._link._inbox.relayed < counted and tries > 0:
+            self._server.loop.call_later(_STATS_WAIT, self.answer_stats, client, number, tries - 1)
+            return
+        self._server.give()
+        raw["dropped_messages"] = 0  # of this link; each client has its own
+        client.answer(number, {"ok": words.stats_to_json(raw)})
+
+    def _must_hold(self, client: Client, name: str) -> None:
+        holder = self._server.book.holder
+        if name in self._controlled and holder is not None and holder != client.number:
+            raise NotInControlError(f"{self._server.book.name} is in control of the robot, and {name} is its to end")
+
+    def _tap(self, client: Client, tap: int) -> int:
+        if tap not in client.taps:
+            raise UsageError(f"this client has no recording with the number {tap}")
+        return tap
+
+    def close_taps(self, client: Client) -> None:
+        """It is gone."""
+        for tap in client.taps:
+            self._link._engine.close_tap(tap)
+        client.taps.clear()
+
+    # ---- received messages
+
+    def packed(self, messages: list[Message], wants: str) -> bytes:
+        """As this client wants them."""
+        if wants == "frames":
+            return words.framed(words.FRAMES, _engine.pack_messages(messages))
+        return self.as_json(messages)
+
+    def as_json(self, messages: list[Message]) -> bytes:
+        """One event for each."""
+        return b"".join(words.json_message(message_event(m)) for m in messages)
+
+
+def message_event(message: Message) -> dict[str, Any]:
+    """A received message as JSON: bytes are hexadecimal, and numbers that JSON does not have are null."""
+    out: dict[str, Any] = {
+        "event": "message",
+        "t": message.t,
+        "offset": message.offset,
+        "name": message.name,
+        "fields": _plain(message.fields),
+    }
+    if message.header:
+        out["header"] = _plain(message.header)
+    if message.violations:
+        out["violations"] = message.violations
+    if message.name == "unknown":
+        out["id"] = message.id
+        out["payload"] = message.payload.hex()
+    return out
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, bytes):
+        return value.hex()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _note(text: str) -> str:
+    try:
+        fine = isinstance(msgspec.json.decode(text), dict) and len(text) <= 2 * 4096
+    except msgspec.MsgspecError:
+        fine = False
+    if not fine:
+        raise UsageError("an event for a recording is a JSON object of at most 8192 characters")
+    return text
