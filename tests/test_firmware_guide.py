@@ -22,7 +22,8 @@ TARGET = robot
 BUILD_DIR = build
 CC = arm-none-eabi-gcc
 C_INCLUDES = -ICore/Inc
-CFLAGS = {" ".join(TARGET)} $(C_INCLUDES) -Os -Wall -Werror -fdata-sections -ffunction-sections
+OPT = -Os
+CFLAGS = {" ".join(TARGET)} $(C_INCLUDES) $(OPT) -Wall -Werror -fdata-sections -ffunction-sections
 OBJECTS = $(BUILD_DIR)/main.o
 $(BUILD_DIR)/%.o: Core/Src/%.c Makefile | $(BUILD_DIR)
 \t$(CC) -c $(CFLAGS) $< -o $@
@@ -69,15 +70,16 @@ def project(tmp_path: Path) -> Path:
     (tmp_path / "Core/Src/main.c").write_text(main, encoding="utf-8")
     hal = ROOT / "ports" / "stm32_hal" / "tests" / "stm32f4xx_hal.h"
     (tmp_path / "Core/Inc/stm32f4xx_hal.h").write_text(hal.read_text(encoding="utf-8"), encoding="utf-8")
-    usart = '#include "stm32f4xx_hal.h"\nextern UART_HandleTypeDef huart3;\n'
+    usart = '#include "stm32f4xx_hal.h"\nextern UART_HandleTypeDef huart2, huart3;\n'
     (tmp_path / "Core/Inc/usart.h").write_text(usart, encoding="utf-8")
     return tmp_path
 
 
-def test_makefile_lines_build_it(project: Path) -> None:
+@pytest.mark.parametrize("level", ["-O0", "-Os"])
+def test_makefile_lines_build_it(level: str, project: Path) -> None:
     (lines,) = blocks("makefile")
     (project / "Makefile").write_text(MAKEFILE.replace("{lines}", lines), encoding="utf-8")
-    run("make", "build/robot.elf", cwd=project)
+    run("make", f"OPT={level}", "build/robot.elf", cwd=project)
 
 
 def test_cmake_lines_build_it(project: Path) -> None:
@@ -105,7 +107,7 @@ def test_it_compiles_against_the_vendors_hal(family: str, callbacks: str, projec
     configuration = templates[0].read_text(encoding="utf-8")
     configuration = re.sub(r"(USE_HAL_UART_REGISTER_CALLBACKS\s+)\dU", rf"\g<1>{callbacks}", configuration)
     (project / "Core/Inc" / f"{hal}_conf.h").write_text(configuration, encoding="utf-8")
-    usart = f'#include "{hal}.h"\nextern UART_HandleTypeDef huart3;\n'
+    usart = f'#include "{hal}.h"\nextern UART_HandleTypeDef huart2, huart3;\n'
     (project / "Core/Inc/usart.h").write_text(usart, encoding="utf-8")
     source = project / "Core/Src/rover_link.cpp"
     if callbacks == "1U":  # the call that replaces the three functions, as the page has it

@@ -253,7 +253,9 @@ def test_cpp_compiles(block: Block, generated: Path, tmp_path: Path) -> None:
 def port_folders(block: Block, folder: Path) -> list[str]:
     """Where the ports that the block includes lie, and the doubles of their vendors' headers."""
     ports = sorted(set(re.findall(r"wirebond/(\w+)/", block.text)))
-    (folder / "usart.h").write_text('#include "stm32f4xx_hal.h"\nextern UART_HandleTypeDef huart3;\n', encoding="utf-8")
+    (folder / "usart.h").write_text(
+        '#include "stm32f4xx_hal.h"\nextern UART_HandleTypeDef huart2, huart3;\n', encoding="utf-8"
+    )
     return [f"-I{folder}", *(f"-I{ROOT / 'ports' / port / part}" for port in ports for part in ("include", "tests"))]
 
 

@@ -15,7 +15,7 @@
 extern "C" {
 #endif
 
-typedef enum { USART3_IRQn = 39 } IRQn_Type;
+typedef enum { USART2_IRQn = 38, USART3_IRQn = 39 } IRQn_Type;
 typedef enum { HAL_OK, HAL_ERROR, HAL_BUSY, HAL_TIMEOUT } HAL_StatusTypeDef;
 typedef enum {
   HAL_UART_STATE_RESET = 0,
