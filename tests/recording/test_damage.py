@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import random
 import resource
@@ -33,7 +34,7 @@ def diffdrive() -> wirebond.Codec:
 
 
 def small(tmp_path: Path, codec: wirebond.Codec, *, closed: bool = False) -> bytes:
-    path = made(tmp_path / "small.mcap", codec, drive(codec, 0.3), batch=1)
+    path = made(tmp_path / "small.mcap", codec, drive(codec, 0.2), batch=1)
     if closed:
         close_recording(path)
     data = path.read_bytes()
@@ -55,13 +56,14 @@ def read(path: Path, protocol: wirebond.Codec | None) -> recordings.Recording | 
         return str(error)
 
 
-def test_cut_at_every_byte_what_was_whole_is_kept(tmp_path: Path, diffdrive: wirebond.Codec) -> None:
+@few_or_many(7, 1)  # bytes between two cuts
+def test_cut_anywhere_what_was_whole_is_kept(tmp_path: Path, diffdrive: wirebond.Codec, number: int) -> None:
     data = small(tmp_path, diffdrive)
-    pieces = [p for p in drive(diffdrive, 0.3) if isinstance(p, Chunk)]
+    pieces = [p for p in drive(diffdrive, 0.2) if isinstance(p, Chunk)]
     path = tmp_path / "cut.mcap"
     counts = set()
     text = data.index(diffdrive.model.text.encode()) + len(diffdrive.model.text)
-    for end in [*range(0, text, 301), *range(text, len(data))]:
+    for end in [*range(0, text, 301), *range(text, len(data), number), len(data)]:
         path.write_bytes(data[:end])
         found = read(path, diffdrive if end > text + 4 and end % 50 else None)
         if isinstance(found, str):
@@ -259,7 +261,8 @@ def test_a_killed_writer_loses_the_last_100_ms_at_most(tmp_path: Path, number: i
             writer.send_signal(signal.SIGKILL)
             lines = writer.stdout.read().split(b"\n")
         times = [float(line.split()[0]) for line in lines[:-1] if len(line.split()) == 2]
-        due = sum(t < killed - 0.1 for t in times)
+        lateness = max(b - a for a, b in itertools.pairwise(times))  # of this computer: the program sleeps for 2 ms
+        due = sum(t < killed - 0.1 - lateness for t in times)
         found = recordings.open(path)
         assert len(found.raw("received")) // 11 >= due > 0
         with path.open("rb") as file:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -261,3 +264,33 @@ def test_a_recorder_that_comes_too_late_says_what_it_lost(tmp_path: Path) -> Non
     lost = [e.facts["pieces"] for e in found.events if e.kind == "lost"]
     assert sum(lost) + sum(e.kind == "big" for e in found.events) == 200
     assert sum(lost) > 0
+
+
+def test_the_command_records_until_its_time_is_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", "--minutes", "0.005"]) == 0
+    told = capsys.readouterr()
+    path = Path(told.out.strip())
+    assert path.name.startswith("diffdrive-20")
+    assert "messages, 0 bytes lost" in told.err
+    found = recordings.open(path)
+    assert found.is_closed
+    assert found.duration < 0.5
+    assert found.columns()["odometry"]
+    for options, code in ((["--minutes", "0"], 2), (["-o", "no/run.mcap"], 1), (["--role", "both"], 2)):
+        assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", *options]) == code
+    assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "/dev/none"]) == 3
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_finishes_the_file(tmp_path: Path, number: int) -> None:
+    path = tmp_path / "run.mcap"
+    command = [sys.executable, "-m", "wirebond.cli.main", "record", str(PROTOCOLS / "diffdrive.yaml"), "sim:"]
+    with subprocess.Popen([*command, "-o", str(path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as record:
+        assert record.stdout is not None
+        assert record.stdout.readline().decode().strip() == str(path)
+        record.send_signal(number)
+        assert record.wait(20) == 0
+    assert recordings.open(path).is_closed

@@ -35,9 +35,9 @@ def record_port(
     options = {"hello": role == End.HOST, "clock_sync": False, "role": role, "wait_for_port": waits}
     with open_link(codec, port, baud, hold_back=False, listen="all", **options) as link:  # type: ignore[arg-type]
         recorder = Recorder(link, name)
-        write(f"{name}\n")
         try:
             with ended_by_signals(), suppress(KeyboardInterrupt):
+                write(f"{name}\n")
                 _watch(link, recorder, end)
         finally:
             recorder.close(compact=False)

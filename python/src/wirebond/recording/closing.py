@@ -1,12 +1,13 @@
-"""Closing a recording: chunks of 1 MiB, compressed, with the decoded messages and an index, in the place of the file.
+"""Closing a recording: chunks of 1 MiB, compressed, with the decoded messages, in the place of the file.
 
 The new file is written beside the old one and takes its name at the end: whoever stops this finds the old one whole.
-Messages of a chunk are not indexed one by one: that would take 16 bytes for each message and cannot be compressed.
+A recording has no index of its chunks. Readers in other languages find no message in a chunk whose messages are not
+indexed one by one, and that takes 16 bytes for each, uncompressed: more than the messages of a rover take. Without it
+they read the file from its beginning. An exported file has the whole index.
 """
 
 from __future__ import annotations
 
-import fcntl
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
@@ -17,6 +18,7 @@ from wirebond.errors import WirebondError
 from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.protocol.model import End
 from wirebond.recording import layout
+from wirebond.recording.locking import lock
 from wirebond.recording.recording import Recording
 from wirebond.recording.whole import whole_file
 from wirebond.recording.writer import LIBRARY
@@ -33,12 +35,8 @@ def close_recording(path: Path, *, progress: Progress | None = None) -> None:
     :raises OSError: it cannot be written; the file is as it was.
     """
     with path.open("rb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise WirebondError(f"{path} is being recorded at the moment; end that first") from None
-        except OSError:
-            pass  # a file system without locks
+        if not lock(file.fileno()):
+            raise WirebondError(f"{path} is being recorded at the moment; end that first")
         write_mcap(Recording(path), path, progress=progress)
 
 
@@ -64,7 +62,7 @@ class _Rewriting:
             file,
             chunk_size=CHUNK,
             compression=CompressionType.ZSTD,
-            index_types=IndexType.ALL & ~IndexType.MESSAGE,
+            index_types=IndexType.ATTACHMENT | IndexType.METADATA if raw else IndexType.ALL,
         )
         writer.start(layout.PROFILE, LIBRARY)
         about = dict(recording._about) or {"version": layout.VERSION}

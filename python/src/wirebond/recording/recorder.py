@@ -78,7 +78,7 @@ class Recorder:
     def close(self, *, compact: bool = True, progress: Progress | None = None) -> None:
         """Take what has come, finish the file. A second call does nothing.
 
-        :param compact: also rewrite it: compressed, with the decoded messages and an index. That takes a second for a
+        :param compact: also rewrite it: compressed, with the decoded messages. That takes a second for a
             million messages or less; the file is whole before, and stays so if this is interrupted.
         :param progress: called as ``progress(done, size)`` meanwhile.
         """
@@ -100,7 +100,7 @@ class Recorder:
             self.compact(progress)
 
     def compact(self, progress: Progress | None = None) -> None:
-        """Rewrite the closed file: compressed, with the decoded messages and an index.
+        """Rewrite the closed file: compressed, with the decoded messages.
 
         :param progress: called as ``progress(done, size)`` meanwhile.
         :raises OSError: it cannot be written; the file is whole, as it was.

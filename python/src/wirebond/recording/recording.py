@@ -367,7 +367,7 @@ class Recording:
         try:
             values = json.loads(data)
             values.pop("t", None)
-            return LinkEvent((t_ns - self._start_ns) / 1e9, str(values.pop("kind")), values)
+            return LinkEvent(max(0, t_ns - self._start_ns) / 1e9, str(values.pop("kind")), values)
         except (ValueError, KeyError, AttributeError, RecursionError):
             return None  # damaged
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,7 +17,9 @@ from wirebond.codec import Codec
 from wirebond.errors import UsageError, WirebondError
 from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.recording import layout
+from wirebond.recording.locking import lock
 
+_NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 LIBRARY = f"wirebond {__version__}"
 
 
@@ -65,11 +66,10 @@ class RecordingWriter:
         self._origin_us = round(started * 1e6)
         self._wall_ns = wall_ns
         try:
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+            self._file = os.open(path, _NEW_FILE, 0o666)
         except FileExistsError:
             raise UsageError(f"{path} exists already; name another file, or remove it") from None
-        with contextlib.suppress(OSError):  # a file system without locks: `info` cannot see that it still grows
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock(self._file)
         self._batch = Batch()
         self._mcap = Writer(self._batch, use_chunking=False, index_types=IndexType.ALL)  # type: ignore[arg-type]
         self._mcap.start(layout.PROFILE, LIBRARY)
@@ -129,7 +129,7 @@ class RecordingWriter:
     def sync(self) -> None:
         """Wait until the disk has what was flushed. Any thread."""
         with contextlib.suppress(OSError):  # of a pipe or a special file system; a full disk shows in `flush`
-            os.fdatasync(self._file)
+            getattr(os, "fdatasync", os.fsync)(self._file)
 
     def finish(self) -> None:
         """Write the end of the file.
