@@ -20,7 +20,7 @@ import wirebond
 from bench import native
 from bench.figures import Figure
 from bench.round_trip import PAIRS, PROTOCOL, VALID, Percentiles, processors, shown
-from wirebond.wire.process import WireProcess, WireSettings
+from wirebond.wire.process import LineShape, WireProcess, WireSettings
 
 SECONDS = 4.0  # of one run: fifteen of them are a minute
 USE = 0.9
@@ -109,7 +109,7 @@ def _send(link: wirebond.Link, sent: list[float], seconds: float) -> None:
 
 
 def _wire(processors: set[int]) -> WireProcess:
-    wire = WireProcess(WireSettings(baud=2_000_000, bits_per_byte=11))
+    wire = WireProcess(WireSettings(baud=2_000_000, line=LineShape(8, "N", 2)))
     os.sched_setaffinity(wire.pid, processors)
     return wire
 

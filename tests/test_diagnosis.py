@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import random
 import time
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,6 +24,8 @@ from wirebond.link.dump import Piece
 from wirebond.protocol import loads
 from wirebond.protocol.model import End, Parity
 from wirebond.sim.pty_port import PtyPort
+from wirebond.wire import WireProcess, WireSettings
+from wirebond.wire.command import line_shape
 
 NAMES = ("diffdrive", "enterprize", "native", "servo_bus", "contrib/crsf", "contrib/ubx", "contrib/tfmini")
 
@@ -208,6 +213,43 @@ def test_silence_is_told_where_something_should_come() -> None:
 def test_a_diagnosis_is_a_sentence_with_evidence_and_remedy() -> None:
     one = Diagnosis(Kind.ECHO, "It echoes", "3 of 3", "Stop it.")
     assert str(one) == "It echoes (3 of 3). Stop it."
+
+
+@pytest.mark.parametrize(("own", "rate", "line", "kind"), [
+    ("8N1", 57600, "8N1", Kind.BAUD),
+    ("8E1", 115200, "8N1", Kind.PARITY),
+    ("8N1", 115200, "8E1", None),  # the parity bit stands where the stop bit is expected, and a tty gives the byte
+    ("8N1", 115200, "8N2", None),  # a UART looks at the first stop bit
+])  # fmt: skip
+def test_wrong_settings_of_an_mcu_are_named_behind_a_wire(own: str, rate: int, line: str, kind: Kind | None) -> None:
+    model = codec("diffdrive").model
+    of = Codec(replace(model, link=replace(model.link, parity=Parity.EVEN if "E" in own else Parity.NONE)))
+    frames = frames_of(of, random.Random(f"wire {rate} {line}"), 300)
+    settings = WireSettings(baud=115200, line=line_shape(own), baud_b=rate, line_b=line_shape(line))
+    with WireProcess(settings) as wire, wirebond.open(of, wire.a) as link, Path(wire.b).open("wb", buffering=0) as mcu:
+        for frame in frames:
+            mcu.write(frame)
+            time.sleep(len(frame) * 15 / min(rate, 115200))  # the line rests between frames
+        link.receive(0.02)
+        assert [one.kind for one in wirebond.diagnose(link)] == ([] if kind is None else [kind])
+
+
+def test_monitor_tells_live_as_json_what_is_wrong(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of = codec("diffdrive")
+    source = random.Random("live")
+    port = PtyPort()
+    noise = b"".join(frames_of(of, source, 20)) + source.randbytes(500)
+    monkeypatch.setattr("wirebond.cli.live.open_link", partial(open_and_hear, port, noise))
+    monkeypatch.setattr("wirebond.diagnosis.live._EVERY", 0.05)
+    assert main(["monitor", str(PROTOCOLS / "diffdrive.yaml"), port.path, "--seconds", "1", "--json"]) == 0
+    port.close()
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    (event,) = [line for line in lines if "event" in line]  # told once, as nothing changes
+    assert event["event"] == "diagnosis"
+    assert [one["kind"] for one in event["found"]] == ["unknown"]
+    assert "I do not know why" in event["found"][0]["sentence"]
 
 
 def open_and_hear(port: PtyPort, data: bytes, *arguments: Any, **options: Any) -> wirebond.Link:

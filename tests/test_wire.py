@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import select
 import time
 from collections.abc import Iterator
@@ -14,7 +15,10 @@ from typing import Any
 import pytest
 
 from wirebond.cli.main import main
-from wirebond.wire import WireProcess, WireSettings
+from wirebond.diagnosis.uart import misread
+from wirebond.protocol.model import Parity
+from wirebond.wire import LineShape, WireProcess, WireSettings
+from wirebond.wire.command import line_shape
 from wirebond.wire.process import DIRECTIONS
 
 PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
@@ -69,6 +73,41 @@ def test_bytes_pass_both_ways_and_no_faster_than_the_line() -> None:
         assert found["bytes"] == found["handed_over"] == len(DATA)
         assert 0 < found["line_use"] <= 1
         assert closes(found)
+
+
+@pytest.mark.parametrize(
+    ("rate", "line"),
+    [(57600, "8N1"), (38400, "8N1"), (250_000, "8N1"), (115200, "8E1"), (115200, "8O2"), (9600, "8E1")],
+)
+def test_an_end_with_other_settings_hears_what_a_uart_hears(rate: int, line: str) -> None:
+    """As the model of a UART by which a wrong rate is diagnosed, which is another program."""
+    shape = line_shape(line)
+    parity = {"N": Parity.NONE, "E": Parity.EVEN, "O": Parity.ODD}[shape.parity]
+    data = random.Random(rate).randbytes(500)  # the wire takes it at once
+    settings = WireSettings(baud=115200, baud_b=rate, line_b=shape)
+    with WireProcess(settings) as wire, opened(wire.a, wire.b) as (a, b):
+        os.write(a, data)
+        expected = misread(data, (115200, Parity.NONE), (rate, parity))
+        got = read(b, len(expected))
+        assert got == expected
+        read(b, 1, 0.02)  # the rest of the line may end one more
+        os.write(b, data)
+        back = misread(data, (rate, parity), (115200, Parity.NONE))
+        assert read(a, len(back)) == back
+        account = wire.end()
+    assert account["a_to_b"]["is_misheard"] and account["b_to_a"]["is_misheard"]
+    assert account["a_to_b"]["bytes"] == len(data)
+    assert account["a_to_b"]["handed_over"] - len(expected) in (0, 1)
+
+
+def test_a_second_stop_bit_is_heard_by_who_looks_at_one() -> None:
+    settings = WireSettings(baud=1_000_000, line=LineShape(8, "N", 2), line_b=LineShape(8, "N", 1))
+    with WireProcess(settings) as wire, opened(wire.a, wire.b) as (a, b):
+        os.write(a, DATA)
+        assert read(b, len(DATA)) == DATA
+        os.write(b, DATA)
+        assert read(a, len(DATA)) == DATA
+        assert not wire.end()["a_to_b"]["is_misheard"]
 
 
 def test_a_writer_waits_for_the_line() -> None:

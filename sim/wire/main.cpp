@@ -23,13 +23,31 @@ std::atomic<bool> ends{false};
 
 void print(const char* name, PtyWire& wire, PtyWire::End from) {
   const wirebond::sim::WireCounts& counts = wire.wire(from).counts();
-  std::printf("\"%s\": {\"line_use\": %.6f, \"bytes\": %" PRIu64 ", \"handed_over\": %" PRIu64
+  const bool is_misheard = wire.is_misheard(from);
+  const std::uint64_t came_out = is_misheard ? wire.heard(from) : counts.handed_over;
+  std::printf("\"%s\": {\"line_use\": %.6f, \"is_misheard\": %s, \"bytes\": %" PRIu64 ", \"handed_over\": %" PRIu64
               ", \"not_read\": %" PRIu64 ", \"travelling\": %" PRIu64 ", \"unplugged\": %" PRIu64
               ", \"bit_errors\": %" PRIu64 ", \"burst_bytes\": %" PRIu64 ", \"dropped_bytes\": %" PRIu64
               ", \"inserted_bytes\": %" PRIu64 ", \"splits\": %" PRIu64 "}",
-              name, wire.line_use(from), counts.put, counts.handed_over - wire.overrun(from), wire.overrun(from),
-              counts.travelling, counts.unplugged, counts.bit_errors, counts.burst_bytes, counts.dropped,
-              counts.inserted, counts.splits);
+              name, wire.line_use(from), is_misheard ? "true" : "false", counts.put, came_out - wire.overrun(from),
+              wire.overrun(from), counts.travelling, counts.unplugged, counts.bit_errors, counts.burst_bytes,
+              counts.dropped, counts.inserted, counts.splits);
+}
+
+/// One setting of one end.
+bool set_shape(wirebond::sim::UartShape& shape, std::string_view name, std::uint64_t value) {
+  if (name == "baud") {
+    shape.baud = static_cast<std::uint32_t>(value);
+  } else if (name == "data_bits") {
+    shape.data_bits = static_cast<unsigned>(value);
+  } else if (name == "parity") {
+    shape.parity = static_cast<wirebond::sim::Parity>(value);
+  } else if (name == "stop_bits") {
+    shape.stop_bits = static_cast<unsigned>(value);
+  } else {
+    return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -37,6 +55,7 @@ void print(const char* name, PtyWire& wire, PtyWire::End from) {
 int main(int argument_count, char** arguments) {
   wirebond::sim::WireSettings a_to_b;
   wirebond::sim::WireSettings b_to_a;
+  wirebond::sim::UartShape shapes[2];
   Time length = wirebond::sim::never;
   Time unplug_at = wirebond::sim::never;
   Time unplug_for = 0;
@@ -54,6 +73,11 @@ int main(int argument_count, char** arguments) {
       unplug_at = value;
     } else if (is_known && name == "unplug_for_ns") {
       unplug_for = value;
+    } else if (is_known && name.size() > 2 && (name.substr(0, 2) == "a_" || name.substr(0, 2) == "b_")) {
+      const bool is_a = name[0] == 'a';
+      is_known = set_shape(shapes[is_a ? 0 : 1], name.substr(2), value);
+      (is_a ? a_to_b : b_to_a).baud = shapes[is_a ? 0 : 1].baud;
+      (is_a ? a_to_b : b_to_a).bits_per_byte = shapes[is_a ? 0 : 1].bits_per_byte();
     } else {
       is_known = is_known && wirebond::sim::set_both(a_to_b, b_to_a, name, value);
     }
@@ -63,6 +87,7 @@ int main(int argument_count, char** arguments) {
     }
   }
   PtyWire wire(a_to_b, b_to_a);
+  wire.set_shapes(shapes[0], shapes[1]);
   if (unplug_at != wirebond::sim::never) wire.script_unplug(unplug_at, unplug_for);
   if (!wire.open()) {
     std::fprintf(stderr, "cannot open a pty: %s\n", std::strerror(errno));

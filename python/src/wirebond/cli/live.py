@@ -35,6 +35,7 @@ from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_addresses, parse_assignments, parse_header, to_json
 from wirebond.codec import Codec, Message, load
 from wirebond.diagnosis import diagnose
+from wirebond.diagnosis.live import LiveDiagnosis
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
 from wirebond.link import Link, open_link
 from wirebond.link.line import Line
@@ -104,6 +105,7 @@ def monitor_port(
 
 def _print_messages(link: Link, end: float, as_json: bool, is_verbose: bool) -> None:
     was_away = False
+    watch = LiveDiagnosis(link) if as_json else None
     told: Peer | None = None
     shown: Line | None = None
     while (left := end - time.monotonic()) > 0:
@@ -115,6 +117,8 @@ def _print_messages(link: Link, end: float, as_json: bool, is_verbose: bool) -> 
         if is_verbose and line != shown and line is not None and not is_away:
             _show_line(link.port, line, as_json)
             shown = line
+        if watch is not None and (found := watch.changed()) is not None:
+            _print_event("diagnosis", {"found": [one.as_dict() for one in found]})
         peer = link.peer
         if peer.state == "different" and peer != told:
             warn(peer.why)
@@ -128,9 +132,13 @@ def _print_messages(link: Link, end: float, as_json: bool, is_verbose: bool) -> 
 
 def _show_line(port: str, line: Line, as_json: bool) -> None:
     if as_json:
-        write(to_json({"t": round(time.monotonic(), 6), "event": "line", "port": port, **line.as_dict()}) + "\n")
+        _print_event("line", {"port": port, **line.as_dict()})
     else:
         errors.print(f"{plain(port)}: {plain(str(line))}")
+
+
+def _print_event(event: str, what: dict[str, Any]) -> None:
+    write(to_json({"t": round(time.monotonic(), 6), "event": event, **what}) + "\n")
 
 
 def one_line(message: Message, codec: Codec) -> Text:

@@ -540,6 +540,10 @@ def wire(
     b: Annotated[Path, typer.Argument(metavar="B", help="Name for the other end.")],
     baud: Baud = None,
     line: Annotated[str, typer.Option(metavar="8N1", help="Data bits, parity and stop bits.")] = "8N1",
+    baud_b: Annotated[
+        int | None, typer.Option(parser=whole, metavar="N", help="End B runs at this rate, where it is a wrong one.")
+    ] = None,
+    line_b: Annotated[str | None, typer.Option(metavar="8E1", help="End B has this shape of a byte.")] = None,
     ber: Ber = None,
     bursts: Bursts = None,
     drops: Drops = None,
@@ -559,15 +563,16 @@ def wire(
     as_json: AsJson = False,
 ) -> None:
     """Join two ptys by a simulated wire with a baud rate and faults; say at the end what became of every byte."""
-    from wirebond.wire.command import bits_per_byte, join_ptys, unplugging
+    from wirebond.wire.command import join_ptys, line_shape, unplugging
     from wirebond.wire.process import WireSettings
 
     raise_from_here()
     given = {"baud": baud, "ber": ber, "bursts": bursts, "drops": drops, "inserts": inserts, "splits": splits}
-    given |= {"seed": seed, "batch": None if batch is None else batch / 1000}
+    given |= {"baud_b": baud_b, "seed": seed, "batch": None if batch is None else batch / 1000}
     given |= {"jitter": None if jitter is None else jitter / 1000}
     settings = WireSettings(
-        bits_per_byte=bits_per_byte(line),
+        line=line_shape(line),
+        line_b=None if line_b is None else line_shape(line_b),
         unplug=None if unplug is None else unplugging(unplug),
         **_given(given),
     )

@@ -33,5 +33,12 @@ class Diagnosis:
     evidence: str
     remedy: str
 
+    def as_dict(self) -> dict[str, str]:
+        """For JSON.
+
+        :returns: the attributes by name.
+        """
+        return {**vars(self), "kind": str(self.kind)}
+
     def __str__(self) -> str:
         return f"{self.sentence} ({self.evidence}). {self.remedy}"

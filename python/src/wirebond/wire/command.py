@@ -13,7 +13,7 @@ from wirebond.cli.values import to_json
 from wirebond.errors import UsageError
 from wirebond.sim.faults import verify_baud
 from wirebond.sim.pty_port import symlinked
-from wirebond.wire.process import DIRECTIONS, WireProcess, WireSettings
+from wirebond.wire.process import DIRECTIONS, LineShape, WireProcess, WireSettings
 
 _LINE = re.compile(r"([5-8])([NEO])([12])")
 _FAULTS = {
@@ -28,15 +28,15 @@ _FAULTS = {
 }
 
 
-def bits_per_byte(line: str) -> int:
-    """Of ``8N1`` and the like, with the start bit.
+def line_shape(line: str) -> LineShape:
+    """Of ``8N1`` and the like.
 
     :raises UsageError: it is something else.
     """
     found = _LINE.fullmatch(line)
     if found is None:
         raise UsageError(f"--line {line}: expected data bits, parity and stop bits, such as 8N1 or 8N2")
-    return 1 + int(found[1]) + (found[2] != "N") + int(found[3])
+    return LineShape(int(found[1]), found[2], int(found[3]))
 
 
 def unplugging(text: str) -> tuple[float, float]:
@@ -57,6 +57,10 @@ def unplugging(text: str) -> tuple[float, float]:
 def join_ptys(a: Path, b: Path, settings: WireSettings, seconds: float | None, as_json: bool) -> None:
     settings.verify()
     verify_baud(settings.baud)
+    if settings.baud_b is not None:
+        verify_baud(settings.baud_b)
+        if not settings.baud / 1000 <= settings.baud_b <= settings.baud * 1000:
+            raise UsageError(f"--baud-b is {settings.baud_b}; expected at most 1000 times away from {settings.baud}")
     if settings.jitter > settings.batch:
         raise UsageError("--jitter is how much later than its --batch an adapter hands over: at most as long as that")
     with WireProcess(settings) as wire, symlinked(wire.a, a) as name_a, symlinked(wire.b, b) as name_b:
@@ -75,5 +79,7 @@ def join_ptys(a: Path, b: Path, settings: WireSettings, seconds: float | None, a
 
 def _sentence(found: dict[str, Any], source: str, target: str) -> str:
     told = [f"{found['bytes']} bytes, {found['handed_over']} came out", f"line use {100 * found['line_use']:.1f} %"]
+    if found["is_misheard"]:
+        told.append("heard with other settings than it was sent with")
     told += [f"{found[key]} {text}" for key, text in _FAULTS.items() if found[key]]
     return f"{source} to {target}: {', '.join(told)}"

@@ -8,7 +8,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from wirebond import paths
 from wirebond.errors import WirebondError
@@ -18,15 +18,28 @@ from wirebond.sim.faults import LineFaults
 DIRECTIONS = ("a_to_b", "b_to_a")
 
 
+class LineShape(NamedTuple):
+    """``parity``: N, E or O."""
+
+    data_bits: int = 8
+    parity: str = "N"
+    stop_bits: int = 1
+
+
+_8N1 = LineShape()
+
+
 @dataclass(frozen=True, kw_only=True)
 class WireSettings(LineFaults):
     """Times are in seconds.
 
     ``batch``: an adapter hands over at multiples of it, up to ``jitter`` later. ``unplug``: the cable is out from this
-    time on, for so long."""
+    time on, for so long. ``line`` is that of end A, and ``baud_b`` and ``line_b`` of end B, None: the same."""
 
     baud: int = 115200
-    bits_per_byte: int = 10
+    line: LineShape = _8N1
+    baud_b: int | None = None
+    line_b: LineShape | None = None
     batch: float = 0.0
     jitter: float = 0.0
     unplug: tuple[float, float] | None = None
@@ -36,11 +49,17 @@ class WireSettings(LineFaults):
         if self.unplug is not None:
             times |= {"unplug_at": self.unplug[0], "unplug_for": self.unplug[1]}
         return [
-            f"baud={self.baud}",
-            f"bits_per_byte={self.bits_per_byte}",
+            *self._end("a", self.baud, self.line),
+            *self._end("b", self.baud_b or self.baud, self.line_b or self.line),
             *(f"{name}_ns={round(seconds * 1e9)}" for name, seconds in times.items()),
             *self.fault_arguments(),
         ]
+
+    @staticmethod
+    def _end(name: str, baud: int, line: LineShape) -> list[str]:
+        parity = "NEO".index(line.parity)
+        values = {"baud": baud, "data_bits": line.data_bits, "parity": parity, "stop_bits": line.stop_bits}
+        return [f"{name}_{key}={value}" for key, value in values.items()]
 
 
 def build() -> Path:

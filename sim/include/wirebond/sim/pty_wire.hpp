@@ -13,9 +13,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "wirebond/posix/pty.hpp"
+#include "wirebond/sim/uart.hpp"
 #include "wirebond/sim/wire.hpp"
 
 namespace wirebond::sim {
@@ -47,6 +49,12 @@ class PtyWire {
 
   /// Before `run`: what a reader has no room for waits, as in the buffers of a large computer.
   void wait_for_readers() { waits_ = true; }
+
+  /// Before `run`: the two ends are set up in different ways, and hear each other so.
+  void set_shapes(const UartShape& of_a, const UartShape& of_b) {
+    if (!of_b.understands(of_a)) receivers_[a].emplace(of_a, of_b);
+    if (!of_a.understands(of_b)) receivers_[b].emplace(of_b, of_a);
+  }
 
   /// Pull the cable between the ptys at this time after the start, for so long.
   void script_unplug(Time at, Time length) {
@@ -103,6 +111,10 @@ class PtyWire {
   /// Bytes that came out, and that the reader had no room for.
   std::uint64_t overrun(End from) const { return overrun_[from]; }
   Time ended() const { return ended_; }
+  /// Does the end that hears this direction have other settings than the one that sends?
+  bool is_misheard(End from) const { return receivers_[from].has_value(); }
+  /// Bytes that it heard then.
+  std::uint64_t heard(End from) const { return heard_[from]; }
 
  private:
   static constexpr Time most_ahead = 5'000'000;     ///< of the line that is taken off a pty before its turn
@@ -154,8 +166,19 @@ class PtyWire {
 
   int hand_over(End from, Time now) {
     std::vector<std::uint8_t>& kept = kept_[from];
-    wires_[from].read(
-        now, [&](const std::uint8_t* bytes, std::size_t size) { kept.insert(kept.end(), bytes, bytes + size); });
+    const auto keep = [&](std::uint8_t byte) {
+      kept.push_back(byte);
+      ++heard_[from];
+    };
+    std::optional<UartReceiver>& receiver = receivers_[from];
+    const std::size_t came = wires_[from].read(now, [&](const std::uint8_t* bytes, std::size_t size) {
+      if (receiver) {
+        receiver->take(bytes, size, keep);
+      } else {
+        kept.insert(kept.end(), bytes, bytes + size);
+      }
+    });
+    if (receiver && came != 0 && wires_[from].next_handover() == never) receiver->rest(keep);
     std::size_t done = 0;
     while (done != kept.size()) {
       const int to = ptys_[from == a ? b : a].controller.get();
@@ -184,6 +207,8 @@ class PtyWire {
   Time plug_at_ = never;
   std::array<Time, 2> first_{};
   std::array<std::uint64_t, 2> overrun_{};
+  std::array<std::optional<UartReceiver>, 2> receivers_;  ///< by the end that sends
+  std::array<std::uint64_t, 2> heard_{};
 };
 
 }  // namespace wirebond::sim
