@@ -44,6 +44,19 @@ def cut_frames(link: wirebond.Link) -> int:
     return link.stats.receive.rejected_candidates["incomplete"]
 
 
+def test_a_board_with_a_mistake_says_what_it_is() -> None:
+    build_of_echo = build(
+        ROOT / "tests" / "emulated" / "programs" / "mistakes.cpp", "enterprize", includes=[FIRMWARE / "echo"]
+    )
+    with Machine(build_of_echo) as machine:
+        for mistake in ("interrupt off", "no line for pends"):
+            said = machine.line()
+            assert said.startswith(f"{mistake}: the UART's interrupt was pended and `on_pended` was not called"), said
+            counted, _, value = machine.line().rpartition(" ")
+            assert counted == "unserved_pends"
+            assert int(value) > 900
+
+
 # The emulated UART has no baud rate: bytes come as fast as they are taken, and what the ring cannot hold is lost where
 # the processor is busy. Without optimisation it is; then no more are sent at once than the ring holds.
 @pytest.mark.parametrize(

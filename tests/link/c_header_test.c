@@ -51,7 +51,7 @@ static bool reaches(void* context, const void* bytes, size_t size) {
 }
 
 static const wirebond_port_t port = {
-    NULL, start_receive, receiving, receive_position, start_transmit, stop_transmit, pend, reaches, NULL, false};
+    NULL, start_receive, receiving, receive_position, start_transmit, stop_transmit, pend, reaches, NULL, false, NULL};
 
 // ---- handlers
 
