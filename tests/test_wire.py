@@ -16,10 +16,12 @@ import pytest
 
 from wirebond.cli.main import main
 from wirebond.diagnosis.uart import misread
+from wirebond.errors import UsageError
 from wirebond.protocol.model import Parity
 from wirebond.wire import LineShape, WireProcess, WireSettings
 from wirebond.wire.command import line_shape
 from wirebond.wire.process import DIRECTIONS
+from wirebond.wire.script import read_script
 
 PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 DATA = bytes(i % 251 for i in range(3000))
@@ -108,6 +110,54 @@ def test_a_second_stop_bit_is_heard_by_who_looks_at_one() -> None:
         os.write(b, DATA)
         assert read(a, len(DATA)) == DATA
         assert not wire.end()["a_to_b"]["is_misheard"]
+
+
+def test_scripted_faults_come_at_their_times(tmp_path: Path) -> None:
+    script = tmp_path / "faults"
+    script.write_text("""
+# what happens when
+0.0 a_to_b flip 0x80
+0   a_to_b drop 2      # behind the byte that changes nothing: both lie on the first one
+0.05 b_to_a insert 0x55
+0.1 unplug 0.05
+0.8 unplug 1e5
+""")
+    settings = WireSettings(baud=1_000_000, script=read_script(script))
+    with WireProcess(settings) as wire, opened(wire.a, wire.b) as (a, b):
+        begun = time.monotonic()
+        os.write(a, b"12345")
+        assert read(b, 3) == b"345"
+        time.sleep(max(0.0, begun + 0.2 - time.monotonic()))
+        os.write(b, b"abc")
+        assert read(a, 4) == b"\x55abc"  # the cable is in again
+        time.sleep(max(0.0, begun + 0.85 - time.monotonic()))
+        os.write(a, b"out")
+        assert read(b, 1, 0.1) == b""
+        account = wire.end()
+    assert account["a_to_b"]["dropped_bytes"] == 2
+    assert account["a_to_b"]["unplugged"] == 3
+    assert account["b_to_a"]["inserted_bytes"] == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "wrong"),
+    [
+        ("x drop", "the time is 'x'"),
+        ("1 sideways drop", "there is no fault 'sideways'"),
+        ("1 drop 0", "drop takes 1 to 1000000, not '0'"),
+        ("1 flip 256", "flip takes 1 to 255"),
+        ("1 unplug", "unplug takes for how many seconds"),
+        ("1 a_to_b unplug 1", "for both directions"),
+        ("1 split 3", "'3' is one word too many"),
+        ("1 a_to_b", "there is no fault"),
+    ],
+)
+def test_a_line_of_a_script_that_cannot_be_read_is_named(line: str, wrong: str, tmp_path: Path) -> None:
+    script = tmp_path / "faults"
+    script.write_text(f"1 drop\n{line}\n")
+    with pytest.raises(UsageError, match="line 2: ") as caught:
+        read_script(script)
+    assert wrong in str(caught.value)
 
 
 def test_a_writer_waits_for_the_line() -> None:

@@ -50,6 +50,22 @@ bool set_shape(wirebond::sim::UartShape& shape, std::string_view name, std::uint
   return true;
 }
 
+/// `unplug:AT:LENGTH` or `fault:AT:FROM:KIND:VALUE`, times in nanoseconds; see python/src/wirebond/wire/script.py.
+bool is_script(std::string_view word) { return word.substr(0, 7) == "unplug:" || word.substr(0, 6) == "fault:"; }
+
+void set_script(PtyWire& wire, const char* word) {
+  using Kind = wirebond::sim::ScriptedFault::Kind;
+  std::uint64_t at = 0;
+  std::uint64_t length = 0;
+  unsigned from = 0;
+  unsigned kind = 0;
+  if (std::sscanf(word, "unplug:%" SCNu64 ":%" SCNu64, &at, &length) == 2) wire.script_unplug(at, length);
+  if (std::sscanf(word, "fault:%" SCNu64 ":%u:%u:%" SCNu64, &at, &from, &kind, &length) != 4) return;
+  const bool is_drop = static_cast<Kind>(kind) == Kind::drop;  // its value says how many
+  wire.script_fault(at, static_cast<PtyWire::End>(from), static_cast<Kind>(kind),
+                    is_drop ? std::uint8_t{0} : static_cast<std::uint8_t>(length), is_drop ? length : 1);
+}
+
 }  // namespace
 
 int main(int argument_count, char** arguments) {
@@ -62,6 +78,7 @@ int main(int argument_count, char** arguments) {
   for (int i = 1; i < argument_count; ++i) {
     std::string_view name;
     std::uint64_t value = 0;
+    if (is_script(arguments[i])) continue;
     bool is_known = wirebond::sim::split_option(arguments[i], name, value);
     if (is_known && name == "length_ns") {
       length = value;
@@ -88,6 +105,7 @@ int main(int argument_count, char** arguments) {
   }
   PtyWire wire(a_to_b, b_to_a);
   wire.set_shapes(shapes[0], shapes[1]);
+  for (int i = 1; i < argument_count; ++i) set_script(wire, arguments[i]);
   if (unplug_at != wirebond::sim::never) wire.script_unplug(unplug_at, unplug_for);
   if (!wire.open()) {
     std::fprintf(stderr, "cannot open a pty: %s\n", std::strerror(errno));

@@ -559,12 +559,16 @@ def wire(
     unplug: Annotated[
         str | None, typer.Option(metavar="AT:FOR", help="Pull the cable after AT seconds, for FOR seconds.")
     ] = None,
+    script: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Faults at times, one a line: `2.5 a_to_b drop 10`.")
+    ] = None,
     seconds: Seconds = None,
     as_json: AsJson = False,
 ) -> None:
     """Join two ptys by a simulated wire with a baud rate and faults; say at the end what became of every byte."""
     from wirebond.wire.command import join_ptys, line_shape, unplugging
     from wirebond.wire.process import WireSettings
+    from wirebond.wire.script import read_script
 
     raise_from_here()
     given = {"baud": baud, "ber": ber, "bursts": bursts, "drops": drops, "inserts": inserts, "splits": splits}
@@ -574,6 +578,7 @@ def wire(
         line=line_shape(line),
         line_b=None if line_b is None else line_shape(line_b),
         unplug=None if unplug is None else unplugging(unplug),
+        script=() if script is None else read_script(script),
         **_given(given),
     )
     join_ptys(a, b, settings, seconds, as_json)

@@ -43,6 +43,7 @@ class WireSettings(LineFaults):
     batch: float = 0.0
     jitter: float = 0.0
     unplug: tuple[float, float] | None = None
+    script: tuple[str, ...] = ()  # what `read_script` gives
 
     def arguments(self) -> list[str]:
         times = {"batch": self.batch, "jitter": self.jitter}
@@ -53,6 +54,7 @@ class WireSettings(LineFaults):
             *self._end("b", self.baud_b or self.baud, self.line_b or self.line),
             *(f"{name}_ns={round(seconds * 1e9)}" for name, seconds in times.items()),
             *self.fault_arguments(),
+            *self.script,
         ]
 
     @staticmethod

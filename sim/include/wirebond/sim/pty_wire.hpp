@@ -56,10 +56,13 @@ class PtyWire {
     if (!of_a.understands(of_b)) receivers_[b].emplace(of_b, of_a);
   }
 
-  /// Pull the cable between the ptys at this time after the start, for so long.
-  void script_unplug(Time at, Time length) {
-    unplug_at_ = at;
-    plug_at_ = at + length;
+  /// Before `run`, as often as wanted: pull the cable between the ptys at this time after the start, for so long.
+  void script_unplug(Time at, Time length) { unplugs_.push_back({at, at + length}); }
+
+  /// Before `run`, as often as wanted: this happens to the first byte that is put onto the line after this time, or to
+  /// so many. Up to 5 ms of line, or one write of a program, may have been put before.
+  void script_fault(Time at, End from, ScriptedFault::Kind kind, std::uint8_t value, std::uint64_t count) {
+    scripted_.push_back({at, from, kind, value, count});
   }
 
   /// Carries bytes until `ends` is true, or `length` is over. 0, or an errno: a pty does not work any more.
@@ -127,7 +130,10 @@ class PtyWire {
   int carry(Time now, pollfd (&waiting)[2], Time& next) {
     const std::lock_guard<std::mutex> lock(mutex_);
     move_cable(now);
-    for (const Time at : {unplug_at_, plug_at_}) next = at > now ? std::min(next, at) : next;
+    script_due(now, next);
+    for (const Unplug& unplug : unplugs_) {
+      for (const Time at : {unplug.from, unplug.to}) next = at > now ? std::min(next, at) : next;
+    }
     for (const End from : {a, b}) {
       if (const int error = take(from, now); error != 0) return error;
       if (const int error = hand_over(from, now); error != 0) return error;
@@ -144,10 +150,27 @@ class PtyWire {
   }
 
   void move_cable(Time now) {
+    bool is_out = false;
+    for (const Unplug& unplug : unplugs_) is_out = is_out || (now >= unplug.from && now < unplug.to);
     for (Wire& wire : wires_) {
-      const bool is_out = now >= unplug_at_ && now < plug_at_;
       if (is_out && wire.is_plugged()) wire.unplug(now);
       if (!is_out && !wire.is_plugged()) wire.plug();
+    }
+  }
+
+  /// Hand to the wires what is due, and forget it.
+  void script_due(Time now, Time& next) {
+    for (std::size_t i = 0; i < scripted_.size();) {
+      const Scripted& fault = scripted_[i];
+      if (fault.at > now) {
+        next = std::min(next, fault.at);
+        ++i;
+        continue;
+      }
+      Wire& wire = wires_[fault.from];
+      const std::uint64_t first = wire.counts().put;
+      for (std::uint64_t byte = 0; byte < fault.count; ++byte) wire.script({first + byte, fault.kind, fault.value});
+      scripted_.erase(scripted_.begin() + static_cast<std::ptrdiff_t>(i));
     }
   }
 
@@ -203,8 +226,19 @@ class PtyWire {
   bool waits_ = false;
   std::mutex mutex_;                               ///< of the wires while it runs
   std::array<std::vector<std::uint8_t>, 2> kept_;  ///< came out, and is not read
-  Time unplug_at_ = never;
-  Time plug_at_ = never;
+  struct Unplug {
+    Time from;
+    Time to;
+  };
+  struct Scripted {
+    Time at;
+    End from;
+    ScriptedFault::Kind kind;
+    std::uint8_t value;
+    std::uint64_t count;
+  };
+  std::vector<Unplug> unplugs_;
+  std::vector<Scripted> scripted_;  ///< what is still to come
   std::array<Time, 2> first_{};
   std::array<std::uint64_t, 2> overrun_{};
   std::array<std::optional<UartReceiver>, 2> receivers_;  ///< by the end that sends
