@@ -3,6 +3,7 @@ disk."""
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import threading
@@ -12,7 +13,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from wirebond.link.tap import Chunk, LinkEvent, TapSource
+from wirebond.errors import WirebondError
+from wirebond.link.tap import Chunk, LinkEvent, Taken, TapSource
 from wirebond.recording.closing import close_recording
 from wirebond.recording.writer import RecordingWriter, facts_of, full_disk_sentence
 
@@ -51,7 +53,8 @@ class Recorder:
         self._source = source
         self._seconds: float | None = None
         self._stats: int | None = None
-        self._frames_before = 0
+        self._frames_before = self._frames = 0
+        self._is_gone = False
         self._frames_before = self._messages_now()
         self._ends = threading.Event()
         self._is_closed = False
@@ -72,8 +75,10 @@ class Recorder:
         return self._messages_now() if self._stats is None else self._stats
 
     def _messages_now(self) -> int:
-        stats = getattr(self._source, "stats", None)
-        return 0 if stats is None else int(stats.receive.frames) - self._frames_before
+        with contextlib.suppress(WirebondError):  # the source has gone
+            stats = getattr(self._source, "stats", None)
+            self._frames = 0 if stats is None else int(stats.receive.frames) - self._frames_before
+        return self._frames
 
     def close(self, *, compact: bool = True, progress: Progress | None = None) -> None:
         """Take what has come, finish the file. A second call does nothing.
@@ -89,7 +94,8 @@ class Recorder:
             self._ends.set()
             self._thread.join()
             self._disk.join()
-            self._tap.close()
+            with contextlib.suppress(WirebondError):  # the source has gone
+                self._tap.close()
             if not self.error:
                 self._try(self._writer.finish)
                 self._writer.sync()
@@ -112,7 +118,7 @@ class Recorder:
         while True:
             due = max(due + BATCH * 0.8, time.monotonic())
             ending = self._ends.wait(max(0.0, due - time.monotonic()))
-            taken = self._tap.take()
+            taken = self._take()
             if self.error:
                 if ending:
                     return
@@ -133,6 +139,22 @@ class Recorder:
             self._try(self._writer.flush)
             if ending:
                 return
+
+    def _take(self) -> Taken:
+        """A link that is attached to a server has no tap while that is away; when it is back, a new one is opened."""
+        event: list[LinkEvent] = []
+        try:
+            if self._is_gone:
+                self._tap = self._source.tap()
+                self._is_gone = False
+                event = [LinkEvent(time.monotonic(), "source_back")]
+            taken = self._tap.take()
+            return Taken([*event, *taken.pieces], taken.lost_pieces, taken.lost_received_bytes, taken.lost_sent_bytes)
+        except WirebondError as error:
+            if not self._is_gone:
+                event.append(LinkEvent(time.monotonic(), "source_gone", {"why": str(error)}))
+            self._is_gone = True
+            return Taken(event, 0, 0, 0)
 
     def _try(self, step: Callable[[], None]) -> None:
         try:
