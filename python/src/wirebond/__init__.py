@@ -9,11 +9,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from wirebond.attach.words import Control
     from wirebond.codec import Codec, Columns, Decoder, Message, SequenceCounts, SequenceStats, Stats, Table, load
     from wirebond.diagnosis import Diagnosis, diagnose
     from wirebond.errors import (
+        LateCommandError,
         LinkDownError,
         MessageError,
+        NotInControlError,
         ParameterError,
         PortError,
         ProtocolFileError,
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
     from wirebond.link.peer import Peer
     from wirebond.log import LogLine
     from wirebond.recording import Recorder, Recording
+    from wirebond.server import Server
 
 __version__ = "0.1.0"
 
@@ -44,6 +48,7 @@ __all__ = [
     "ClockReading",
     "Codec",
     "Columns",
+    "Control",
     "DeadlineEvent",
     "Decoder",
     "Diagnosis",
@@ -51,6 +56,7 @@ __all__ = [
     "DumpEntry",
     "Heard",
     "HostTime",
+    "LateCommandError",
     "LatencyTimer",
     "Latest",
     "Line",
@@ -63,6 +69,7 @@ __all__ = [
     "LowLatency",
     "Message",
     "MessageError",
+    "NotInControlError",
     "ParameterError",
     "Parameters",
     "Peer",
@@ -77,6 +84,7 @@ __all__ = [
     "SendStats",
     "SequenceCounts",
     "SequenceStats",
+    "Server",
     "Stats",
     "StoppedError",
     "Table",
@@ -126,6 +134,8 @@ _HOMES = {
             "open",
         ),
         "log": ("LogLine",),
+        "attach.words": ("Control",),
+        "server": ("Server",),
         "recording": ("Recorder", "Recording"),
     }.items()
     for name in names

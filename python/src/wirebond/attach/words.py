@@ -250,9 +250,10 @@ class Control:
 
 def is_controlled(model: Protocol, message: Message) -> bool:
     """Does this message of the host move things? Then only who is in control may send it: it has an ``every``, a
-    deadline at the MCU, or is in the emergency stop."""
+    deadline at the MCU, or is in the emergency stop. A request with an ``every`` and neither of the other two only
+    asks: programs share it."""
     return message.sent_by(End.HOST) and (
-        message.every is not None
+        (message.every is not None and message.reply is None)
         or any(d.message == message.name and d.at == End.MCU for d in model.deadlines)
         or any(stop.message == message.name for stop in model.emergency_stop)
     )

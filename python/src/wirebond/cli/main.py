@@ -234,6 +234,37 @@ def listen(
 
 
 @app.command()
+def serve(
+    file: ProtocolFile,
+    port: Port,
+    baud: Baud = None,
+    name: Annotated[
+        str | None, typer.Option(help="Programs attach to wirebond://NAME. Default: the protocol's name.")
+    ] = None,
+    tcp: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Listen there as well; port 0: any that is free.")
+    ] = None,
+    token: Annotated[
+        str | None,
+        typer.Option(
+            envvar="WIREBOND_TOKEN",
+            help="What clients at TCP must say. Beyond this computer one is needed, and made if none is given.",
+        ),
+    ] = None,
+    hear: Annotated[str, typer.Option("--listen", help="own: frames for this end alone; all: every frame.")] = "own",
+    record: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Record the link to this new file, as `record` does.")
+    ] = None,
+    seconds: Seconds = None,
+) -> None:
+    """Own a port, and let many programs attach: each sees every message, and one at a time is in control."""
+    from wirebond.cli.serve import serve_port
+
+    raise_from_here()
+    serve_port(file, port, baud, name, tcp, token, hear, record, seconds)
+
+
+@app.command()
 def record(
     file: ProtocolFile,
     port: Port,

@@ -581,13 +581,14 @@ def _attach(
         if address.path:
             found = socket.socket(socket.AF_UNIX)
             found.settimeout(_PATIENCE)
-            found.connect(address.path)
+            _connect_unix(found, address.path)
         else:
             found = socket.create_connection((address.host, address.port), _PATIENCE)
             found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         name = f"{os.path.basename(sys.argv[0] or 'python')} ({os.getpid()})"  # noqa: PTH119 may be no path
         request = words.Attach(id=1, token=address.token, name=name, messages=messages, asks=asks)
-        found.sendall(words.json_message(request))
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # it has refused already, and says why
+            found.sendall(words.json_message(request))
         splitter = words.Splitter(words.MOST_TO_CLIENT)
         answer, rest = _first(found, splitter)
     except (OSError, ValueError) as error:
@@ -598,6 +599,20 @@ def _attach(
         found.close()
         raise PortError(f"{address.text}: {answer['text']}", None, address.text)
     return found, answer, splitter, rest
+
+
+def _connect_unix(found: socket.socket, path: str) -> None:
+    """Where many programs attach at once, the server's queue may be full for a moment."""
+    until = time.monotonic() + _PATIENCE
+    while True:
+        try:
+            found.connect(path)
+        except BlockingIOError:
+            if time.monotonic() > until:
+                raise TimeoutError from None
+            time.sleep(0.01)
+        else:
+            return
 
 
 def _no_server(address: ServerAddress, error: Exception) -> PortError:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from wirebond.server.server import Server
 
 MOST_WAITING = 2 << 20  # bytes for a client that does not read; then received messages are dropped for it, counted
+_MOST_IN_ALL = 8 << 20  # bytes; where so much waits of what a client must have, it is closed
 _NAME_CHARACTERS = 80
 
 
@@ -54,7 +55,7 @@ class Client(asyncio.Protocol):
         transport = self._transport
         if transport is None or transport.is_closing():
             return
-        if transport.get_write_buffer_size() > 2 * MOST_WAITING:
+        if transport.get_write_buffer_size() > _MOST_IN_ALL:
             transport.abort()
             return
         transport.write(data)
@@ -65,9 +66,7 @@ class Client(asyncio.Protocol):
         if transport is None or transport.is_closing():
             return
         if transport.get_write_buffer_size() <= MOST_WAITING:
-            if self.lost:
-                transport.write(words.json_message({"event": "lost", "messages": self.lost}))
-                self.lost = 0
+            self.tell_lost()
             transport.write(data)
             self.replies.clear()
             return
@@ -76,6 +75,13 @@ class Client(asyncio.Protocol):
         self.replies.clear()
         if mine:
             self.write(self._server.commands.packed(mine, self.wants))
+
+    def tell_lost(self) -> None:
+        """How many messages it did not get, once it reads again."""
+        transport = self._transport
+        if self.lost and transport is not None and transport.get_write_buffer_size() <= MOST_WAITING:
+            transport.write(words.json_message({"event": "lost", "messages": self.lost}))
+            self.lost = 0
 
     def answer(self, number: int, value: dict[str, Any]) -> None:
         """To its request with this number."""

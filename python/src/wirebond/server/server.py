@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 _LOOK_EVERY = 0.01  # seconds between two looks whether the holder of control is silent
 _GATHER = 0.001  # seconds that received messages may wait for others, so that a client gets them in one piece
 MOST_CLIENTS = 256
+_BACKLOG = 512  # connections that wait to be accepted
 _ATTACH_WITHIN = 2.0  # seconds after which a connection that said nothing is closed
 _PATIENCE = 5.0  # seconds that the thread has to begin and to end
 
@@ -70,6 +71,7 @@ class Server:
         self.clients: dict[int, Client] = {}
         self.waiting: set[Client] = set()  # connected, and have not said who they are
         self._number = 0
+        self._holder: str | None = None
         self._came: list[Message] = []
         self._answers: list[tuple[Client, int, Message | Exception]] = []
         self._taken: list[int] = []  # offsets of messages that answered requests
@@ -89,6 +91,16 @@ class Server:
         """The TCP port that it listens at, or None."""
         tcp = [s for s in self._sockets if s.family != socket.AF_UNIX]
         return tcp[0].getsockname()[1] if tcp else None
+
+    @property
+    def holder(self) -> str | None:
+        """The name of the client in control, or None. Any thread."""
+        return self._holder
+
+    @property
+    def client_count(self) -> int:
+        """How many clients are attached. Any thread."""
+        return len(self.clients)
 
     def close(self) -> None:
         """Close every client; the leases of the one in control end with their safe values. A second call does
@@ -150,6 +162,7 @@ class Server:
 
     def tell_control(self, why: Why) -> None:
         """Who is in control now."""
+        self._holder = self.book.name
         self.link.note("control", holder=self.book.name, why=why)
         for client in list(self.clients.values()):
             client.write(
@@ -253,6 +266,8 @@ class Server:
             if now >= next_tick:
                 next_tick = now + words.TICK_EVERY
                 self.tell_all({"event": "tick", "tick": self.book.ticks.next(now)})
+                for client in self.clients.values():
+                    client.tell_lost()
                 for client in [c for c in self.waiting if now - c.since > _ATTACH_WITHIN]:
                     client.refuse("silent", f"the first message did not come within {_ATTACH_WITHIN:g} s")
             await asyncio.sleep(_LOOK_EVERY)
@@ -292,9 +307,9 @@ class Server:
         servers = []
         for each in self._sockets:
             if each.family == socket.AF_UNIX:
-                servers.append(await self.loop.create_unix_server(self._connected, sock=each))
+                servers.append(await self.loop.create_unix_server(self._connected, sock=each, backlog=_BACKLOG))
             else:
-                servers.append(await self.loop.create_server(self._connected, sock=each))
+                servers.append(await self.loop.create_server(self._connected, sock=each, backlog=_BACKLOG))
         look = self.loop.create_task(self._look())
         self._began.set()
         await self._ended.wait()
@@ -339,7 +354,7 @@ def _unix_socket(path: str) -> socket.socket:
             found.bind(path)
         finally:
             os.umask(before)
-        found.listen(128)
+        found.listen(_BACKLOG)
     except OSError as error:
         found.close()
         if isinstance(error, PortError):
@@ -363,7 +378,7 @@ def _is_served(path: str) -> bool:
 def _tcp_socket(host: str, port: int) -> socket.socket:
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        return socket.create_server((host, port), family=family, backlog=128)
+        return socket.create_server((host, port), family=family, backlog=_BACKLOG)
     except OSError as error:
         raise PortError(
             f"cannot listen at {host}:{port}: {error.strerror or error}; choose an address of this computer and a port "

@@ -1,0 +1,383 @@
+"""Many clients, slow ones, hostile ones: each hurts itself alone, and the link is never disturbed."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import random
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+import wirebond
+from tests.server.conftest import PATIENCE, Served, wait_until
+from tests.shared import PROTOCOLS, account_closes, few_or_many
+from wirebond import LinkDownError, PortError, UsageError
+from wirebond.attach import words
+from wirebond.server import Server
+from wirebond.sim.pty_port import PtyPort
+
+READER = """
+import sys, wirebond
+with wirebond.open(sys.argv[1]) as link:
+    print("reads", flush=True)
+    for message in link:
+        print(message["left_ticks"], flush=True)
+"""
+
+
+class JsonClient:
+    """As a client in another language is: a socket, lengths, JSON."""
+
+    def __init__(self, served: Served, **attach: Any) -> None:
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._socket.connect(served.server.path or "")
+        self._socket.settimeout(PATIENCE)
+        self._splitter = words.Splitter(words.MOST_TO_CLIENT)
+        self._waiting: list[dict[str, Any]] = []
+        self.send({"do": "attach", "id": 1, "messages": "json", **attach})
+
+    def send(self, value: dict[str, Any]) -> None:
+        body = json.dumps(value).encode()
+        self._socket.sendall(struct.pack("<IB", len(body) + 1, 0) + body)
+
+    def next(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        while True:
+            while self._waiting:
+                found = self._waiting.pop(0)
+                if wanted(found):
+                    return found
+            data = self._socket.recv(65536)
+            assert data, "the server closed the connection"
+            self._waiting += [json.loads(body) for _, body in self._splitter.feed(data)]
+
+    def ask(self, **request: Any) -> dict[str, Any]:
+        self.send({"id": 77, **request})
+        return self.next(lambda said: said.get("re") == 77)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+@contextmanager
+def json_client(served: Served, **attach: Any) -> Iterator[JsonClient]:
+    client = JsonClient(served, **attach)
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+def odometry(served: Served, first: int, count: int) -> None:
+    for n in range(first, first + count):
+        served.pty.write(served.codec.encode("odometry", left_ticks=n, right_ticks=0))
+
+
+def take(link: wirebond.Link, count: int) -> list[int]:
+    found: list[int] = []
+    end = time.monotonic() + PATIENCE
+    while len(found) < count and time.monotonic() < end:
+        found += [m["left_ticks"] for m in link.receive(0.1)]
+    return found
+
+
+@few_or_many(5, 48)
+def test_one_stopped_and_one_killed_client_harm_nobody(number: int, served: Served) -> None:
+    def reader() -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, "-c", READER, served.address], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
+        assert process.stdout is not None
+        assert process.stdout.readline() == "reads\n"
+        return process
+
+    stopped, killed = reader(), reader()
+    links = [served.attach() for _ in range(number)]
+    try:
+        odometry(served, 0, 50)
+        stopped.send_signal(signal.SIGSTOP)
+        killed.kill()
+        for n in range(50, 2000, 50):
+            odometry(served, n, 50)
+            wait_until(lambda n=n: served.link.stats.receive.frames >= n + 50)
+        for link in links:
+            assert take(link, 2000) == list(range(2000))
+            assert link.stats.dropped_messages == 0
+        wait_until(lambda: served.server.client_count == number + 1, "the killed one is gone")
+        assert account_closes(served.link.stats.receive)
+    finally:
+        for link in links:
+            link.close()
+        for process in (stopped, killed):
+            process.kill()
+            process.wait()
+            assert process.stdout is not None
+            process.stdout.close()
+
+
+def test_a_slow_client_loses_its_own_messages_and_is_told_how_many(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wirebond.server.client.MOST_WAITING", 4096)
+    with served.attach() as fast, json_client(served) as slow:
+        slow.next(lambda said: said.get("re") == 1)
+        for n in range(0, 10_000, 100):  # more than sockets hold
+            odometry(served, n, 100)
+            wait_until(lambda n=n: served.link.stats.receive.frames >= n + 100)
+        assert take(fast, 10_000) == list(range(10_000))
+        got, lost = [], 0
+        end = time.monotonic() + PATIENCE
+        while len(got) + lost < 10_000:
+            assert time.monotonic() < end
+            said = slow.next(lambda said: said.get("event") in ("message", "lost", "tick"))
+            lost += said.get("messages", 0)
+            got += [said["fields"]["left_ticks"]] if said["event"] == "message" else []
+        assert lost > 0
+        assert got == sorted(set(got))
+        assert len(got) + lost == 10_000
+
+
+# ---- a client in another language
+
+
+def test_a_client_needs_only_a_socket_and_json(served: Served) -> None:
+    with json_client(served, name="shell script") as client:
+        welcome = client.next(lambda said: said.get("re") == 1)["ok"]
+        assert welcome["protocol"] == "diffdrive"
+        assert wirebond.Codec(wirebond.protocol.loads(welcome["text"])).hash == int(welcome["hash"], 16)
+        odometry(served, 5, 1)
+        message = client.next(lambda said: said.get("event") == "message")
+        assert (message["name"], message["fields"]) == ("odometry", {"left_ticks": 5, "right_ticks": 0})
+        tick = client.next(lambda said: said.get("event") == "tick")["tick"]
+        sent = client.ask(do="send", message="velocity", fields={"linear": 0.5, "angular": 0}, tick=tick)
+        assert sent == {"re": 77, "ok": None}
+        assert [m["linear"] for m in served.sent(0.05)] == [0.5]
+        assert served.server.holder == "shell script"
+        refused = client.ask(do="send", message="velocity", fields={"linear": 99, "angular": 0}, tick=tick)
+        assert refused["error"] == "message"
+        assert "velocity.linear = 99 m/s is outside" in refused["text"]
+
+
+def test_a_request_in_json_gets_its_reply(served: Served) -> None:
+    with json_client(served) as client:
+        client.send({"do": "send", "id": 9, "message": "status_query", "reply": 10})
+        wait_until(lambda: any(m.name == "status_query" for m in served.sent(0.01)))
+        served.pty.write(served.codec.encode("status", battery=12.0, errors=[], state=[]))
+        offset = client.next(lambda said: said.get("event") == "reply" and said["request"] == 9)["offset"]
+        reply = client.next(lambda said: said.get("event") == "message")
+        assert (reply["name"], reply["offset"]) == ("status", offset)
+
+
+# ---- refused, each with its sentence
+
+
+@pytest.mark.parametrize(
+    ("body", "sentence"),
+    [
+        (b"{", "this is no request that the server knows"),
+        (b"[]", "this is no request that the server knows"),
+        (b'{"do": "fly"}', "this is no request that the server knows"),
+        (b'{"do": "beat", "tick": "soon"}', "this is no request that the server knows"),
+        (b"\xff\xfe", "this is no request that the server knows"),
+        (b'{"do": "beat"}', "the first message must be"),
+    ],
+)
+def test_a_first_message_that_is_none_is_refused(served: Served, body: bytes, sentence: str) -> None:
+    with socket.socket(socket.AF_UNIX) as raw:
+        raw.connect(served.server.path or "")
+        raw.settimeout(PATIENCE)
+        raw.sendall(words.framed(words.JSON, body))
+        data = b"".join(iter(lambda: raw.recv(65536), b""))
+        assert sentence.encode() in data
+
+
+def test_a_browser_and_rubbish_get_no_further(served: Served) -> None:
+    for data in (b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", bytes(64), os.urandom(64) + b"\xff" * 4):
+        with socket.create_connection(("127.0.0.1", served.server.port or 0)) as raw:
+            raw.settimeout(PATIENCE)
+            raw.sendall(data)
+            said = b"".join(iter(lambda: raw.recv(65536), b""))
+            assert b"not_understood" in said or b"attach" in said
+
+
+@few_or_many(400, 40_000)
+def test_fuzzed_messages_disturb_nobody(number: int, served: Served) -> None:
+    source = random.Random(number)
+    good = [msgspec.json.encode(kind()) for kind in words.Request.__args__]
+    with served.attach() as watcher:
+        for n in range(number):
+            with socket.socket(socket.AF_UNIX) as raw:
+                raw.connect(served.server.path or "")
+                bodies = [msgspec.json.encode(words.Attach())] * source.choice([0, 1, 1])
+                for _ in range(source.randrange(1, 6)):
+                    body = bytearray(source.choice(good))
+                    for _ in range(source.choice([0, 0, 1, 3])):
+                        body[source.randrange(len(body))] = source.randrange(256)
+                    bodies.append(bytes(body))
+                stream = bytearray(b"".join(words.framed(words.JSON, body) for body in bodies))
+                if source.random() < 0.2:
+                    stream[source.randrange(len(stream))] ^= 1 << source.randrange(8)
+                raw.sendall(stream[: source.choice([len(stream), source.randrange(len(stream))])])
+            if n % 100 == 0:
+                if watcher.stopped:  # anybody may
+                    watcher.release_stop()
+                odometry(served, n, 1)
+                assert take(watcher, 1)[-1:] == [n]
+        wait_until(lambda: served.server.client_count == 1)
+
+
+def test_who_says_nothing_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wirebond.server.server._ATTACH_WITHIN", 0.05)
+    with socket.socket(socket.AF_UNIX) as raw:
+        raw.connect(served.server.path or "")
+        raw.settimeout(PATIENCE)
+        assert b"did not come within" in b"".join(iter(lambda: raw.recv(65536), b""))
+
+
+def test_too_many_clients_are_told_so(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wirebond.server.server.MOST_CLIENTS", 3)
+    links = [served.attach() for _ in range(3)]
+    try:
+        with pytest.raises(PortError, match="as many clients as it takes"):
+            served.attach()
+    finally:
+        for link in links:
+            link.close()
+
+
+@few_or_many(300, 10_000)
+def test_connections_that_do_nothing_leave_the_clients_alone(number: int, served: Served) -> None:
+    with served.attach() as watcher:
+        waiting = []
+        try:
+            for _ in range(number):
+                raw = socket.socket(socket.AF_UNIX)
+                raw.settimeout(PATIENCE)
+                while raw.connect_ex(served.server.path or "") == errno.EAGAIN:  # the queue is full
+                    time.sleep(0.001)
+                waiting.append(raw)
+                if len(waiting) > 300:
+                    waiting.pop(0).close()
+            odometry(served, 7, 1)
+            assert take(watcher, 1) == [7]
+            watcher.send("velocity", linear=0.5, angular=0.0)
+        finally:
+            for raw in waiting:
+                raw.close()
+
+
+@pytest.mark.parametrize("token", ["", "wrong", "señor"])
+def test_a_wrong_token_is_refused(served: Served, tmp_path: Path, token: str) -> None:
+    with Server(served.link, tcp=("127.0.0.1", 0), token="right") as server:
+        address = f"wirebond://127.0.0.1:{server.port}"
+        with pytest.raises(PortError, match="the token is missing or wrong"):
+            wirebond.open(f"{address}?token={token}" if token else address)
+        with wirebond.open(f"{address}?token=right") as link:
+            assert link.state == "stale"
+
+
+def test_beyond_this_computer_a_token_is_made(served: Served) -> None:
+    with Server(served.link, tcp=("0.0.0.0", 0)) as server:
+        assert len(server.token or "") > 16
+
+
+@pytest.mark.parametrize(
+    ("address", "sentence"),
+    [
+        ("wirebond://", "has no server's name"),
+        ("wirebond://a b", "has no server's name"),
+        ("wirebond://host:port", "has no server's name"),
+        ("wirebond://name/else", "has a path behind"),
+        ("wirebond:///x?speed=1", "has more than a server's name"),
+        ("wirebond:///" + "x" * 200, "is no path of a socket"),
+    ],
+)
+def test_what_is_no_address_is_refused(address: str, sentence: str) -> None:
+    with pytest.raises(UsageError, match=sentence):
+        wirebond.open(address)
+
+
+def test_a_server_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(PortError, match=r"no server runs at .*start one with `wirebond serve FILE PORT`"):
+        wirebond.open(f"wirebond://{tmp_path}/none.sock")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        other.settimeout(PATIENCE)
+        with pytest.raises(PortError, match="does not answer within"):
+            wirebond.open(f"wirebond://127.0.0.1:{other.getsockname()[1]}")
+
+
+def test_a_server_of_another_protocol_is_told(served: Served) -> None:
+    with pytest.raises(UsageError, match="attach with the file that the server was given"):
+        wirebond.open(PROTOCOLS / "pid_tuner.yaml", served.address)
+
+
+def test_two_servers_do_not_share_a_socket(served: Served) -> None:
+    with pytest.raises(PortError, match="another server listens at"):
+        Server(served.link, served.server.path)
+
+
+def test_an_attached_link_comes_back_when_the_server_does(tmp_path: Path) -> None:
+    proto, pty = wirebond.load(PROTOCOLS / "diffdrive.yaml"), PtyPort()
+    path = tmp_path / "server.sock"
+    with wirebond.open(proto, pty.path) as own:
+        first = Server(own, path)
+        with wirebond.open(f"wirebond://{path}") as link:
+            link.send("velocity", linear=0.5, angular=0.0)
+            first.close()
+            wait_until(lambda: link.state == "down")
+            assert "no server runs" in link.why or "is gone" in link.why
+            with pytest.raises(LinkDownError, match=r"velocity was not sent: .*wirebond serve"):
+                link.send("velocity", linear=0.5, angular=0.0)
+            with Server(own, path):
+                wait_until(lambda: link.state != "down")
+                link.send("velocity", linear=0.25, angular=0.0)
+    pty.close()
+
+
+def test_two_programs_tune_parameters_at_once_and_get_their_own_answers(tmp_path: Path) -> None:
+    with wirebond.open(PROTOCOLS / "native.yaml", "sim:") as own, Server(own, tmp_path / "s.sock") as server:
+        links = [wirebond.open(own.codec, f"wirebond://{server.path}") for _ in range(2)]
+        try:
+            names = list(links[0].parameters.list())[:2]
+            assert len(names) == 2
+            found: dict[int, list[float]] = {0: [], 1: []}
+
+            def tune(n: int) -> None:
+                for step in range(20):
+                    links[n].parameters.set(names[n], float(step % 3))
+                    found[n].append(links[n].parameters.get(names[n]))
+
+            threads = [threading.Thread(target=tune, args=(n,)) for n in range(2)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+            assert found == {n: [float(step % 3) for step in range(20)] for n in range(2)}
+        finally:
+            for link in links:
+                link.close()
+
+
+def test_a_command_cannot_be_sent_under_another_name(served: Served) -> None:
+    """Who is not in control cannot move the robot by saying that its frame is a harmless one."""
+    with served.attach() as driver, json_client(served) as other:
+        driver.send("velocity", linear=0.5, angular=0.0)
+        frame = served.codec.encode("velocity", linear=1.0, angular=0.0)
+        encoded = msgspec.json.decode(msgspec.json.encode(frame))
+        answer = other.ask(do="send", message="status_query", frame=encoded, tick=1)
+        assert answer["error"] == "message"
+        both = msgspec.json.decode(msgspec.json.encode(served.codec.encode("status_query") + frame))
+        assert other.ask(do="send", message="status_query", frame=both, tick=1)["error"] == "message"
+        assert [m["linear"] for m in served.sent(0.1) if m.name == "velocity"] == [0.5]
