@@ -75,6 +75,14 @@ def test_no_frame_is_lost_that_no_fault_touched() -> None:
         assert found["discarded_bytes"]["check_mismatch"] > 0
 
 
+def test_an_adapter_that_is_late_at_random_loses_nothing() -> None:
+    even, late = (soaked(minutes=4 * SECONDS, jitter=jitter) for jitter in (0.0, 0.9e-3))
+    for result in (even, late):
+        assert result["unaccounted"] == 0
+        assert result["to_host"]["lost_intact"] == result["to_host"]["lost_to_faults"] == 0
+    assert late["to_host"]["latency_us"] != even["to_host"]["latency_us"]
+
+
 def test_same_seed_gives_the_same_soak() -> None:
     results = [soaked(minutes=SECONDS, ber=1e-4, seed=seed) for seed in (5, 5, 6)]
     once, again, other = ({k: v for k, v in r.items() if k not in (*TIMES, "seed")} for r in results)
@@ -125,6 +133,7 @@ def test_command_prints_json_and_writes_a_report(tmp_path: Path, capsys: pytest.
         ("--minutes=0", "--minutes 0: expected more than 0, and 300 at most"),
         ("--ber=0.5", "--ber 0.5: expected a chance from 0 to 0.1, such as 1e-5"),
         ("--baud=1", "--baud 1: expected 300 to 100000000"),
+        ("--jitter=2", "--jitter 2: expected at most 1 ms"),
     ],
 )
 def test_options_out_of_range_are_refused(option: str, sentence: str, capsys: pytest.CaptureFixture[str]) -> None:

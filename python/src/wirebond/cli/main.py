@@ -646,6 +646,10 @@ def soak(
     inserts: Inserts = None,
     splits: Splits = None,
     seed: FaultSeed = None,
+    jitter: Annotated[
+        float | None,
+        typer.Option(parser=amount, metavar="MS", help="The adapter hands over up to this much later, at random."),
+    ] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report in Markdown, and its plot beside it.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -657,7 +661,8 @@ def soak(
     given = {"minutes": minutes, "baud": baud, "ber": ber, "bursts": bursts, "drops": drops, "inserts": inserts}
     if minutes is None and not virtual:
         given["minutes"] = 1.0
-    settings = Settings(virtual=virtual, **_given(given | {"splits": splits, "seed": seed}))
+    given |= {"splits": splits, "seed": seed, "jitter": None if jitter is None else jitter / 1000}
+    settings = Settings(virtual=virtual, **_given(given))
     raise typer.Exit(soak_protocol(file, load, settings, as_json, report))
 
 

@@ -18,7 +18,7 @@ from wirebond.errors import UsageError
 from wirebond.sim.faults import verify_baud
 from wirebond.soak.plots import NOT_INSTALLED, draw
 from wirebond.soak.report import is_good, markdown, verdicts
-from wirebond.soak.run import Progress, Settings, run
+from wirebond.soak.run import BATCH, Progress, Settings, run
 from wirebond.whole_file import write_whole
 
 _MOST_MINUTES = 300.0  # the MCU counts bytes in 32 bits, and a line of 2 Mbaud fills these in six hours and a half
@@ -55,6 +55,10 @@ def _load_of(text: str) -> float | None:
 def _verify(settings: Settings) -> None:
     if not 0 < settings.minutes <= _MOST_MINUTES:
         raise UsageError(f"--minutes {settings.minutes:g}: expected more than 0, and {_MOST_MINUTES:g} at most")
+    if settings.jitter and not settings.virtual:
+        raise UsageError("--jitter is that of the simulated adapter of --virtual; in real time there is none")
+    if settings.jitter > BATCH:
+        raise UsageError(f"--jitter {settings.jitter * 1e3:g}: expected at most {BATCH * 1e3:g} ms, the adapter's turn")
     settings.verify()
     if settings.baud is not None:
         verify_baud(settings.baud)

@@ -33,6 +33,7 @@ class Settings(LineFaults):
     load: float | None = 1.2  # times the line's bytes, in each direction
     baud: int | None = None  # None: the file's
     virtual: bool = True
+    jitter: float = 0.0  # seconds that the adapter hands over later than its turn, at most and at random
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ def arguments(codec: Codec, mix: Mix, settings: Settings) -> list[str]:
     }
     if settings.virtual:
         values |= {"restart_gap_ns": RESTART_GAP * 1e9, "batch_ns": BATCH * 1e9}
+        values["jitter_ns"] = settings.jitter * 1e9
     return [*(f"{name}={round(value)}" for name, value in values.items()), *settings.fault_arguments()]
 
 
