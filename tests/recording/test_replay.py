@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import threading
@@ -137,6 +138,15 @@ def test_the_command_replays_to_a_pty(run: Path) -> None:
                 link.receive(0.05)
             assert replay.wait(PATIENCE) == 0
             assert link.dump().received == expected
+
+
+def test_monitor_ends_with_the_recording(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", str(PROTOCOLS / "diffdrive.yaml"), f"replay:{run}?speed=max", "--json"]) == 0
+    told = capsys.readouterr()
+    messages = [json.loads(line) for line in told.out.splitlines()]
+    assert [m["message"] for m in messages if "message" in m].count("odometry") == 60
+    assert "63 frames" in told.err
+    assert "Waiting" not in told.err
 
 
 def test_wrong_options_have_their_sentence(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

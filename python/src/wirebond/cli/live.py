@@ -111,7 +111,8 @@ def _print_messages(link: Link, end: float, as_json: bool, is_verbose: bool) -> 
     while (left := end - time.monotonic()) > 0:
         is_away = link.state == "down"
         if is_away != was_away:
-            errors.print(f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there")
+            waits = "" if _is_over(link) else ". Waiting for it."
+            errors.print(f"{plain(link.why)}{waits}" if is_away else f"{plain(link.port)} is there")
             was_away = is_away
         line = link.line
         if is_verbose and line != shown and line is not None and not is_away:
@@ -123,11 +124,20 @@ def _print_messages(link: Link, end: float, as_json: bool, is_verbose: bool) -> 
         if peer.state == "different" and peer != told:
             warn(peer.why)
             told = peer
+        came, is_over = False, _is_over(link)
         for message in link.receive(min(_REFRESH, left)):
+            came = True
             if as_json:
                 print_message(message, link.codec)
             else:
                 console.print(one_line(message, link.codec), soft_wrap=True)
+        if is_over and not came:
+            return
+
+
+def _is_over(link: Link) -> bool:
+    """A replay that has ended does not come back."""
+    return link.port.startswith("replay:") and link.state == "down"
 
 
 def _show_line(port: str, line: Line, as_json: bool) -> None:
@@ -157,8 +167,11 @@ def _show_dashboard(link: Link, title: str, end: float) -> None:
     dashboard = Dashboard(link, title)
     with Live(dashboard.render(), console=console, auto_refresh=False) as live:
         while (left := end - time.monotonic()) > 0:
-            dashboard.update(link.receive(min(_REFRESH, left)))
+            is_over = _is_over(link)
+            dashboard.update(found := list(link.receive(min(_REFRESH, left))))
             live.update(dashboard.render(), refresh=True)
+            if is_over and not found:
+                return
 
 
 def send_message(
