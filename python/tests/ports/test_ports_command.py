@@ -33,6 +33,13 @@ def test_each_port_is_listed_with_the_name_that_it_keeps(desk, capsys):
     )
 
 
+def test_json_has_the_latency_timer_of_an_adapter(machine, capsys):
+    machine.attributes(machine.usb_serial("ttyUSB0", "1-1", "0403:6001", "ftdi_sio"), latency_timer="16")
+    assert list_ports(True, machine.root) == 0
+    (port,) = json.loads(capsys.readouterr().out)["ports"]
+    assert port["latency_timer_ms"] == 16
+
+
 def test_json_has_all_that_is_known(desk, capsys):
     assert list_ports(True, desk.root) == 0
     ports = json.loads(capsys.readouterr().out)["ports"]
@@ -57,6 +64,7 @@ def test_json_has_all_that_is_known(desk, capsys):
         "by_id": None,
         "by_path": None,
         "has_device": True,
+        "latency_timer_ms": None,
         "name": "usb:10c4:ea60:0001",
         "may_open": True,
     }

@@ -26,6 +26,7 @@ _REAL_WITHOUT_DEVICE = {
 }
 _ISA_DRIVER = "serial8250"  # the one that makes ports in advance
 _TTYS = "sys/class/tty"
+_USB_SERIAL = "sys/bus/usb-serial/devices"
 
 
 def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
@@ -99,6 +100,7 @@ def _port(root: Path, tty: Path, links: _Links) -> SerialPort | None:
         by_id=links.by_id.get(path),
         by_path=links.by_path.get(path),
         has_device=sysfs.below(root, path).exists(),
+        latency_timer_ms=sysfs.number(root / _USB_SERIAL / tty.name / "latency_timer"),
     )
 
 

@@ -31,7 +31,8 @@ class SerialPort:
 
     ``path`` is its device now; when it is plugged in again, it may get another one. ``by_id`` and ``by_path`` are
     udev's links to it, where there are any. ``usb`` is None if it is no USB device. ``has_device`` is False if the
-    kernel knows the port, but there is no file ``path``, as in a container that was not given it.
+    kernel knows the port, but there is no file ``path``, as in a container that was not given it. ``latency_timer_ms``:
+    how long an FTDI adapter holds received bytes back; None for other ports.
     """
 
     path: str
@@ -41,6 +42,7 @@ class SerialPort:
     by_id: str | None
     by_path: str | None
     has_device: bool
+    latency_timer_ms: int | None = None
 
     @property
     def is_usb(self) -> bool:
