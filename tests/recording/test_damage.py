@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import os
 import random
@@ -224,6 +225,26 @@ def test_a_full_disk_ends_the_recording_and_not_the_link(tmp_path: Path, caplog:
     found = recordings.open(path)
     assert 0 < sum(event.kind == "big" for event in found.events) < 20
     assert found.problems
+
+
+def test_a_disk_without_room_for_the_closed_file_keeps_the_open_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refuse(*_: object, **__: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    path = tmp_path / "run.mcap"
+    with wirebond.open(PROTOCOLS / "diffdrive.yaml", "sim:") as link:
+        recorder = link.record(path)
+        link.note("lap")
+        with monkeypatch.context() as patch:
+            patch.setattr("wirebond.recording.closing.whole_file", refuse)
+            recorder.close()
+    assert "is whole, and was not compressed: No space left" in caplog.text
+    found = recordings.open(path)
+    assert found.is_finished
+    assert not found.is_closed
+    assert "lap" in [event.kind for event in found.events]
 
 
 # A program that records what it makes itself, and tells how much that is: what it printed is at least 100 ms old.

@@ -83,8 +83,8 @@ class Recorder:
     def close(self, *, compact: bool = True, progress: Progress | None = None) -> None:
         """Take what has come, finish the file. A second call does nothing.
 
-        :param compact: also rewrite it: compressed, with the decoded messages. That takes a second for a
-            million messages or less; the file is whole before, and stays so if this is interrupted.
+        :param compact: also rewrite it: compressed, with the decoded messages. That takes some ten seconds for a
+            million messages; the file is whole before, and stays so if this is interrupted or the disk is full.
         :param progress: called as ``progress(done, size)`` meanwhile.
         """
         with self._lock:
@@ -102,8 +102,13 @@ class Recorder:
             self._writer.close()
             self._seconds = time.monotonic() - self.started
             self._stats = self._messages_now()
-        if compact and not self.error:
+        if not compact or self.error:
+            return
+        try:
             self.compact(progress)
+        except OSError as error:
+            reason = error.strerror or error
+            _logger.warning("the recording %s is whole, and was not compressed: %s", self.path, reason)
 
     def compact(self, progress: Progress | None = None) -> None:
         """Rewrite the closed file: compressed, with the decoded messages.
