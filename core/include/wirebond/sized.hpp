@@ -107,9 +107,10 @@ WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* 
   Unstuffer unstuffer(source, candidate, scratch);
   typename Unstuffer::Result result = unstuffer.run(available, prefix, Unstuffer::everything);
   Verdict verdict = examine(source, scratch, unstuffer.written(), nullptr, frame);
+  const bool grows = grows_by_escapes(format);  // the closure below would keep the whole format in flash
   const auto rejected = [&] {
     if (verdict.bytes > 1) verdict.bytes = unstuffer.read();
-    if (!grows_by_escapes(format)) frame.size = 0;  // its size on the wire is not known
+    if (!grows) frame.size = 0;  // its size on the wire is not known
     return verdict;
   };
   if (verdict.outcome == Outcome::reject) return rejected();
@@ -152,7 +153,7 @@ WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* 
   const detail::Received received{candidate, on_wire};
   verdict = examine(source, scratch, size, &received, frame);
   if (verdict.outcome == Outcome::need_more) verdict = {Outcome::reject, Cause::length_out_of_range, size};
-  if (verdict.outcome != Outcome::frame) frame.size = grows_by_escapes(format) ? size : on_wire;
+  if (verdict.outcome != Outcome::frame) frame.size = grows ? size : on_wire;
   verdict.bytes = on_wire;
   return verdict;
 }
