@@ -18,6 +18,7 @@ from bench import (
     recordings,
     round_trip,
     send_queue,
+    serve,
     soak,
     work_per_byte,
 )
@@ -34,6 +35,7 @@ BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
     ),
     "frame_cost": ("What a frame of 48 or 45 bytes costs the run-time engine (enterprize)", frame_cost.measure),
     "columns": ("From bytes to values in Python (the nine enterprize messages in equal shares)", columns.measure),
+    "serve": ("What it costs to share a link: the server's processor time, and what attaching adds", serve.measure),
     "host_cpu": ("What a full line of 2 Mbaud costs a Python program, both ways", host_cpu.measure),
     "loaded_round_trip": (
         "The same on a line that is used to 90 % both ways, through `wirebond wire`",

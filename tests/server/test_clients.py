@@ -23,7 +23,7 @@ import pytest
 
 import wirebond
 from tests.server.conftest import PATIENCE, Served, wait_until
-from tests.shared import PROTOCOLS, account_closes, few_or_many
+from tests.shared import PROTOCOLS, ROOT, account_closes, few_or_many
 from wirebond import LinkDownError, PortError, UsageError
 from wirebond.attach import words
 from wirebond.server import Server
@@ -168,6 +168,20 @@ def test_a_client_needs_only_a_socket_and_json(served: Served) -> None:
         refused = client.ask(do="send", message="velocity", fields={"linear": 99, "angular": 0}, tick=tick)
         assert refused["error"] == "message"
         assert "velocity.linear = 99 m/s is outside" in refused["text"]
+
+
+def test_the_client_in_the_manual_compiles_and_shows_messages(served: Served, tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "server.md").read_text()
+    (tmp_path / "watch.c").write_text(text.partition("```c\n")[2].partition("```")[0])
+    flags = ["-std=c11", "-D_POSIX_C_SOURCE=200809L", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run(["cc", *flags, "watch.c", "-o", "watch"], cwd=tmp_path, check=True)
+    with subprocess.Popen([tmp_path / "watch", served.server.path or ""], stdout=subprocess.PIPE) as watch:
+        wait_until(lambda: served.server.client_count == 1)
+        odometry(served, 5, 1)
+        assert watch.stdout is not None
+        message = json.loads(watch.stdout.readline())
+        assert (message["name"], message["fields"]) == ("odometry", {"left_ticks": 5, "right_ticks": 0})
+        watch.kill()
 
 
 def test_a_request_in_json_gets_its_reply(served: Served) -> None:
