@@ -37,7 +37,7 @@ number, began = 0, time.monotonic()
 while (now := time.monotonic()) - began < seconds:
     due = int((now - began) * 1000) * per_ms
     if number < due:
-        port.write(b"".join(proto.encode("odometry", left_ticks=n, right_ticks=0) for n in range(number, due)))
+        port.write(b"".join(proto.encode("odometry", left_ticks=n % 30000, right_ticks=0) for n in range(number, due)))
         number = due
     port.read(0.0005)
 print(number, port.lost_bytes, flush=True)

@@ -657,6 +657,7 @@ def open_link(
     :returns: a link that reads already; close it, or use it in a ``with`` block.
     :raises ProtocolFileError: the file cannot be used.
     :raises PortError: the port cannot be opened; the sentence says why and what to do.
+    :raises UsageError: an option or the port has a value that cannot be; or a server owns a link of another protocol.
     """
     if port is None:
         if isinstance(protocol, Codec) or not os.fsdecode(protocol).startswith(SCHEME):
