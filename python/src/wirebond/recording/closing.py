@@ -29,7 +29,7 @@ _STEP = 4096  # pieces between two calls of `progress`
 
 
 def close_recording(path: Path, *, progress: Progress | None = None) -> None:
-    """Rewrite a finished or unfinished recording. What was cut off or damaged is told in the file's metadata.
+    """Rewrite a finished or unfinished recording. The file's metadata say what was cut off or damaged.
 
     :raises WirebondError: it is no recording; it is being recorded.
     :raises OSError: it cannot be written; the file is as it was.

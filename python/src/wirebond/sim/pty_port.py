@@ -57,7 +57,7 @@ class PtyPort:
         watched.register(self._controller, 0)
         while watched.poll(0):  # hung up
             time.sleep(_LOOK)
-        with contextlib.suppress(OSError):  # it keeps others out: then nobody needs to keep the line alive
+        with contextlib.suppress(OSError):  # it keeps others out, and keeps the line alive by itself
             self._keeper = os.open(self.path, os.O_RDWR | os.O_NOCTTY)
             tty.setraw(self._keeper)
         time.sleep(_SET_UP)
