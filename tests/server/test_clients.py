@@ -253,7 +253,7 @@ def test_fuzzed_messages_disturb_nobody(number: int, served: Served) -> None:
 
 
 def test_who_says_nothing_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wirebond.server.server._ATTACH_WITHIN", 0.05)
+    monkeypatch.setattr("wirebond.server.owner._ATTACH_WITHIN", 0.05)
     with socket.socket(socket.AF_UNIX) as raw:
         raw.connect(served.server.path or "")
         raw.settimeout(PATIENCE)
@@ -261,7 +261,7 @@ def test_who_says_nothing_is_closed(served: Served, monkeypatch: pytest.MonkeyPa
 
 
 def test_too_many_clients_are_told_so(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wirebond.server.server.MOST_CLIENTS", 3)
+    monkeypatch.setattr("wirebond.server.owner.MOST_CLIENTS", 3)
     links = [served.attach() for _ in range(3)]
     try:
         with pytest.raises(PortError, match="as many clients as it takes"):

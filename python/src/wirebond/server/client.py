@@ -13,7 +13,7 @@ from wirebond.codec import Message
 from wirebond.errors import WirebondError
 
 if TYPE_CHECKING:
-    from wirebond.server.server import Server
+    from wirebond.server.owner import Owner
 
 MOST_WAITING = 2 << 20  # bytes for a client that does not read; then received messages are dropped for it, counted
 _MOST_IN_ALL = 8 << 20  # bytes; where so much waits of what a client must have, it is closed
@@ -23,7 +23,7 @@ _NAME_CHARACTERS = 80
 class Client(asyncio.Protocol):
     """In the loop's thread alone."""
 
-    def __init__(self, server: Server) -> None:
+    def __init__(self, server: Owner) -> None:
         self._server = server
         self._splitter = words.Splitter(words.MOST_TO_SERVER)
         self._transport: asyncio.Transport | None = None

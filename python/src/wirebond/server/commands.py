@@ -30,7 +30,7 @@ from wirebond.protocol.model import End
 if TYPE_CHECKING:
     from wirebond.link.requests import Question
     from wirebond.server.client import Client
-    from wirebond.server.server import Server
+    from wirebond.server.owner import Owner
 
 _MOST_QUESTIONS = 1024  # of one client that wait for replies
 _MOST_TAPS = 4  # of one client
@@ -50,7 +50,7 @@ _OK: dict[str, Any] = {"ok": None}
 class Commands:
     """In the loop's thread alone."""
 
-    def __init__(self, server: Server) -> None:
+    def __init__(self, server: Owner) -> None:
         self._server = server
         self._link = link = server.link
         self._end = End(link.role)

@@ -1,0 +1,373 @@
+"""What a server does: it gives every attached client what comes from the link, and the link what they send.
+
+One thread with an event loop has all sockets; the link has threads of its own. Nothing here waits for a client.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import ipaddress
+import os
+import secrets
+import socket
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wirebond import _engine
+from wirebond.attach import words
+from wirebond.codec import Message
+from wirebond.errors import PortError, UsageError
+from wirebond.server.client import Client
+from wirebond.server.commands import Commands
+from wirebond.server.control import ControlBook, Why
+
+if TYPE_CHECKING:
+    from wirebond.link import Link
+
+_LOOK_EVERY = 0.01  # seconds between two looks whether the holder of control is silent
+_GATHER = 0.001  # seconds that received messages may wait for others, so that a client gets them in one piece
+MOST_CLIENTS = 256
+_BACKLOG = 512  # connections that wait to be accepted
+_ATTACH_WITHIN = 2.0  # seconds after which a connection that said nothing is closed
+_PATIENCE = 5.0  # seconds that the thread has to begin and to end
+
+
+class Owner:
+    """See ``Server``, which is its face. What is not private here is for the other files of this folder, in the loop's
+    thread."""
+
+    def __init__(
+        self,
+        link: Link,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        tcp: tuple[str, int] | None = None,
+        token: str | None = None,
+    ) -> None:
+        if path is None and tcp is None:
+            raise UsageError("a server listens at a path or at TCP; give one")
+        if token is not None and (not token.isprintable() or not token.strip()):
+            raise UsageError("the token is empty, or has characters that cannot be printed; give letters and digits")
+        self.link = link
+        self.path = None if path is None else os.fspath(path)
+        self.token = token
+        if tcp is not None and token is None and not _is_loopback(tcp[0]):
+            self.token = secrets.token_urlsafe(16)
+        self.book = ControlBook()
+        self.commands = Commands(self)
+        self.clients: dict[int, Client] = {}
+        self.waiting: set[Client] = set()  # connected, and have not said who they are
+        self._number = 0
+        self._holder: str | None = None
+        self._came: list[Message] = []
+        self._answers: list[tuple[Client, int, Message | Exception]] = []
+        self._taken: list[int] = []  # offsets of messages that answered requests
+        self._changes: list[tuple[str, int, int]] = []  # of the port and of deadlines
+        self._came_lock = threading.Lock()  # of these four: an answer is there before its message
+        self._sockets = self._listen(tcp)
+        self.loop = asyncio.new_event_loop()
+        self._flush: asyncio.TimerHandle | None = None
+        self._began = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="server of a link", daemon=True)
+        self._thread.start()
+        self._began.wait(_PATIENCE)
+        link._inbox.relay(self._relay)
+
+    @property
+    def port(self) -> int | None:
+        """The TCP port that it listens at, or None."""
+        tcp = [s for s in self._sockets if s.family != socket.AF_UNIX]
+        return tcp[0].getsockname()[1] if tcp else None
+
+    @property
+    def holder(self) -> str | None:
+        """The name of the client in control, or None. Any thread."""
+        return self._holder
+
+    @property
+    def client_count(self) -> int:
+        """How many clients are attached. Any thread."""
+        return len(self.clients)
+
+    def close(self) -> None:
+        """Close every client; the leases of the one in control end with their safe values. A second call does
+        nothing."""
+        if self.loop.is_closed() or not self._thread.is_alive():
+            return
+        with contextlib.suppress(RuntimeError):  # it ended meanwhile
+            self.loop.call_soon_threadsafe(self._end)
+        self._thread.join(_PATIENCE)
+        if self.path is not None:
+            with contextlib.suppress(OSError):
+                Path(self.path).unlink()
+
+    # ---- what comes from the link, in its thread
+
+    def _relay(self, messages: list[Message], answers: list[Message], changes: list[tuple[str, int, int]]) -> None:
+        with self._came_lock:
+            is_first = not self._came and not self._answers and not self._changes
+            self._came += messages
+            self._changes += changes
+            self._taken += [m.offset for m in answers]
+        if is_first:
+            self._wake()
+
+    def note_answer(self, client: Client, number: int, outcome: Message | Exception) -> None:
+        """What came of this request of a client. In any thread."""
+        with self._came_lock:
+            is_first = not self._came and not self._answers and not self._changes
+            self._answers.append((client, number, outcome))
+        if is_first:
+            self._wake()
+
+    def _wake(self) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            self.loop.call_soon_threadsafe(self._gather)
+
+    # ---- in the loop's thread
+
+    def tell_all(self, value: dict[str, Any]) -> None:
+        """An event for every client."""
+        data = words.json_message(value)
+        for client in list(self.clients.values()):
+            client.write(data)
+
+    def end_control(self, why: Why, safely: bool = True) -> None:
+        """The holder is in control no more. ``safely``: its leases end, and what it sent is followed by safe values."""
+        was = self.book.give_up(against_its_will=why != "released")
+        if was is not None:
+            client = self.clients.get(was)  # type: ignore[call-overload]
+            if client is not None:
+                self.commands.end_leases(client, also_sent=safely)
+            self.tell_control(why)
+
+    def tell_control(self, why: Why) -> None:
+        """Who is in control now."""
+        self._holder = self.book.name
+        self.link.note("control", holder=self.book.name, why=why)
+        for client in list(self.clients.values()):
+            client.write(
+                words.json_message(
+                    {
+                        "event": "control",
+                        "holder": self.book.name,
+                        "yours": self.book.holder == client.number,
+                        "why": why,
+                    }
+                )
+            )
+
+    def attach(self, client: Client, request: words.Attach) -> dict[str, Any]:
+        """The first message of a client."""
+        if request.version != words.VERSION:
+            return _refusal(
+                "version",
+                f"the server speaks version {words.VERSION} of its protocol, and this client {request.version}; use "
+                "the same Wirebond at both",
+            )
+        if client.is_remote and self.token is not None and not _same(request.token, self.token):
+            return _refusal(
+                "token", "the token is missing or wrong; give the one that `wirebond serve` printed, as ?token=TOKEN"
+            )
+        self.waiting.discard(client)
+        self._number += 1
+        client.welcome(self._number, request)
+        self.clients[client.number] = client
+        now = time.monotonic()
+        self.book.add(client.number, client.name, request.asks, now)
+        link = self.link
+        welcome = words.Welcome(
+            version=words.VERSION,
+            server="wirebond",
+            client=client.number,
+            protocol=link.codec.name,
+            hash=f"{link.codec.hash:016x}",
+            text=link.codec.model.text,
+            port=link.port,
+            baud=link.baud,
+            role=link.role,
+            control=words.Control(self.book.name, False),
+        )
+        return {"ok": welcome, "t": now, "tick": self.book.ticks.newest}
+
+    def detach(self, client: Client, in_order: bool) -> None:
+        """It says that it goes, or its connection has ended."""
+        self.waiting.discard(client)
+        if self.clients.get(client.number) is not client:
+            return
+        self.commands.withdraw_all(client)
+        self.commands.end_leases(client, also_sent=not in_order)
+        was_in_control = self.book.remove(client.number)
+        del self.clients[client.number]
+        if was_in_control:
+            self.tell_control("gone")
+
+    def _gather(self) -> None:
+        if self._flush is None:
+            self._flush = self.loop.call_later(_GATHER, self.give)
+
+    def give(self) -> None:
+        """Received messages to those who want them."""
+        if self._flush is not None:
+            self._flush.cancel()
+            self._flush = None
+        with self._came_lock:
+            messages, self._came = self._came, []
+            answers, self._answers = self._answers, []
+            taken, self._taken = self._taken, []
+            changes, self._changes = self._changes, []
+        asked = {outcome.offset for _, _, outcome in answers if isinstance(outcome, Message)}
+        own = [offset for offset in taken if offset not in asked]
+        if own:  # the link itself asked, as for the clock
+            self.tell_all({"event": "taken", "offsets": own})
+        for client, number, outcome in answers:
+            self.commands.answered(client, number, outcome)
+        self._give_messages(messages)
+        for kind, t_us, action in changes:
+            self.tell_all({"event": "change", "kind": kind, "t_us": t_us, "action": action})
+
+    def _give_messages(self, messages: list[Message]) -> None:
+        if not messages:
+            return
+        frames: bytes | None = None
+        for client in list(self.clients.values()):
+            if client.wants == "frames":
+                if frames is None:
+                    frames = words.framed(words.FRAMES, _engine.pack_messages(messages))
+                client.give(frames, messages)
+            elif client.wants == "json":
+                client.give(self.commands.as_json(messages), messages)
+
+    async def _look(self) -> None:
+        next_tick = 0.0
+        while True:
+            now = time.monotonic()
+            if self.book.silent(now):
+                self.end_control("silent")
+            if now >= next_tick:
+                next_tick = now + words.TICK_EVERY
+                self.tell_all({"event": "tick", "tick": self.book.ticks.next(now)})
+                for client in self.clients.values():
+                    client.tell_lost()
+                for client in [c for c in self.waiting if now - c.since > _ATTACH_WITHIN]:
+                    client.refuse("silent", f"the first message did not come within {_ATTACH_WITHIN:g} s")
+            await asyncio.sleep(_LOOK_EVERY)
+
+    def _connected(self) -> Client:
+        client = Client(self)
+        if len(self.clients) + len(self.waiting) >= MOST_CLIENTS:
+            client.is_too_many = True
+        else:
+            self.waiting.add(client)
+        return client
+
+    # ---- begin and end
+
+    def _listen(self, tcp: tuple[str, int] | None) -> list[socket.socket]:
+        found: list[socket.socket] = []
+        try:
+            if self.path is not None:
+                found.append(_unix_socket(self.path))
+            if tcp is not None:
+                found.append(_tcp_socket(*tcp))
+        except BaseException:
+            for each in found:
+                each.close()
+            raise
+        return found
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self.loop)
+        try:
+            self.loop.run_until_complete(self._serve())
+        finally:
+            self.loop.close()
+
+    async def _serve(self) -> None:
+        self._ended = asyncio.Event()
+        servers = []
+        for each in self._sockets:
+            if each.family == socket.AF_UNIX:
+                servers.append(await self.loop.create_unix_server(self._connected, sock=each, backlog=_BACKLOG))
+            else:
+                servers.append(await self.loop.create_server(self._connected, sock=each, backlog=_BACKLOG))
+        look = self.loop.create_task(self._look())
+        self._began.set()
+        await self._ended.wait()
+        look.cancel()
+        for server in servers:
+            server.close()
+        for client in [*self.clients.values(), *self.waiting]:
+            self.detach(client, in_order=False)
+            client.end()
+        await asyncio.sleep(0)
+
+    def _end(self) -> None:
+        self._ended.set()
+
+
+def _refusal(error: str, text: str) -> dict[str, Any]:
+    return {"error": error, "text": text}
+
+
+def _same(given: str, token: str) -> bool:
+    return hmac.compare_digest(given.encode(), token.encode())
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    with contextlib.suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return False
+
+
+def _unix_socket(path: str) -> socket.socket:
+    found = socket.socket(socket.AF_UNIX)
+    try:
+        if _is_served(path):
+            raise PortError(f"another server listens at {path}; end that one, or choose another name", None, path)
+        with contextlib.suppress(FileNotFoundError):
+            if Path(path).is_socket():  # of a server that was killed
+                Path(path).unlink()
+        before = os.umask(0o177)
+        try:
+            found.bind(path)
+        finally:
+            os.umask(before)
+        found.listen(_BACKLOG)
+    except OSError as error:
+        found.close()
+        if isinstance(error, PortError):
+            raise
+        raise PortError(
+            f"cannot listen at {path}: {error.strerror or error}; choose a path in a folder that you may write to",
+            error.errno,
+            path,
+        ) from None
+    return found
+
+
+def _is_served(path: str) -> bool:
+    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as probe:
+        probe.settimeout(1.0)
+        probe.connect(path)
+        return True
+    return False
+
+
+def _tcp_socket(host: str, port: int) -> socket.socket:
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        return socket.create_server((host, port), family=family, backlog=_BACKLOG)
+    except OSError as error:
+        raise PortError(
+            f"cannot listen at {host}:{port}: {error.strerror or error}; choose an address of this computer and a port "
+            "that no other program has",
+            error.errno,
+            f"{host}:{port}",
+        ) from None
