@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from wirebond import _engine
 from wirebond.attach import words
 from wirebond.codec import Message
-from wirebond.errors import PortError, UsageError
+from wirebond.errors import PortError, UsageError, WirebondError
 from wirebond.server.client import Client
 from wirebond.server.commands import Commands
 from wirebond.server.control import ControlBook, Why
@@ -148,7 +148,8 @@ class Owner:
     def tell_control(self, why: Why) -> None:
         """Who is in control now."""
         self._holder = self.book.name
-        self.link.note("control", holder=self.book.name, why=why)
+        with contextlib.suppress(WirebondError):  # the link is closed, and with it its recordings
+            self.link.note("control", holder=self.book.name, why=why)
         for client in list(self.clients.values()):
             client.write(
                 words.json_message(
