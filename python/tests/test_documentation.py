@@ -42,7 +42,21 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 LINKED = [*PAGES, ROOT / "CHANGELOG.md", ROOT / "firmware" / "README.md"]
 PORT = "/dev/ttyUSB0"
-LANGUAGES = {"yaml", "yaml wrong", "python", "console", "cpp", "c", "output", "cmake", "makefile", "json", "text"}
+# `c client`: compiled and run by tests/server.
+LANGUAGES = {
+    "yaml",
+    "yaml wrong",
+    "python",
+    "console",
+    "cpp",
+    "c",
+    "c client",
+    "output",
+    "cmake",
+    "makefile",
+    "json",
+    "text",
+}
 RUN = ("wirebond ", "echo ")  # commands that a page may show with their output
 QUICK = [
     "-O0",

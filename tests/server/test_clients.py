@@ -172,7 +172,7 @@ def test_a_client_needs_only_a_socket_and_json(served: Served) -> None:
 
 def test_the_client_in_the_manual_compiles_and_shows_messages(served: Served, tmp_path: Path) -> None:
     text = (ROOT / "docs" / "server.md").read_text()
-    (tmp_path / "watch.c").write_text(text.partition("```c\n")[2].partition("```")[0])
+    (tmp_path / "watch.c").write_text(text.partition("```c client\n")[2].partition("```")[0])
     flags = ["-std=c11", "-D_POSIX_C_SOURCE=200809L", "-Wall", "-Wextra", "-Werror"]
     subprocess.run(["cc", *flags, "watch.c", "-o", "watch"], cwd=tmp_path, check=True)
     with subprocess.Popen([tmp_path / "watch", served.server.path or ""], stdout=subprocess.PIPE) as watch:
