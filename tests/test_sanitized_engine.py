@@ -21,6 +21,7 @@ TESTS = [
     "tests/host_link/test_account.py",
     "tests/host_link/test_behaviour.py",
     "python/tests/test_codec.py",
+    "python/tests/test_packing.py",
 ]
 # Two are too large for the sanitizers, one forks, others run a program of their own.
 NOT_WITH_SANITIZERS = "ten_megabytes or progress_of_a_large or permission or generated_code"
