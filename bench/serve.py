@@ -1,4 +1,6 @@
-"""What it costs to share a link: the server's processor time with five clients, and what attaching adds to latency.
+"""What sharing a link costs, and how soon a robot stops whose driver is gone.
+
+The server's processor time with five clients, and what attaching adds to latency.
 
 A process writes 8 000 frames a second to a pty, eight each millisecond. `wirebond serve` owns the other side; each
 client is a process. The latency of a message is the time from the read that completed it (``Message.t``) to the
@@ -8,6 +10,7 @@ program that takes it; both are on the system's monotonic clock.
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -16,13 +19,16 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import wirebond
 from bench.figures import Figure
+from wirebond.sim.pty_port import PtyPort
 
 PROTOCOL = Path(__file__).resolve().parents[1] / "protocols" / "diffdrive.yaml"
 SECONDS = 8.0
 PER_SECOND = 8000
 CLIENTS = 5
 ROUNDS = 3
+STOPS = 10  # of each kind
 COMMAND = "make bench ONLY=serve"
 
 FEEDER = """
@@ -61,6 +67,15 @@ with wirebond.open(path, port) as link:
 """
 
 
+DRIVER = """
+import sys, time, wirebond
+with wirebond.open(sys.argv[1], sys.argv[2]) as link:
+    while True:
+        link.repeat("velocity", linear=1.0, angular=0.0, hold=60)
+        time.sleep(0.02)
+"""
+
+
 def measure() -> list[Figure]:
     costs = sorted(cost() for _ in range(ROUNDS))
     spent = costs[len(costs) // 2][0]
@@ -69,6 +84,10 @@ def measure() -> list[Figure]:
     return [
         Figure("serve_cpu", 100 * spent, "% of a core", 50, COMMAND),
         Figure("serve_lost", max(row[1] for row in costs), "messages", 0, COMMAND),
+        *(
+            Figure(f"{how}_driver_ms_max", 1e3 * max(until_safe(end) for _ in range(STOPS)), "ms", 350, COMMAND)
+            for how, end in (("killed", signal.SIGKILL), ("stopped", signal.SIGSTOP))
+        ),
         Figure("attach_added_p99_ms", 1e3 * added[len(added) // 2], "ms", 5, COMMAND),
     ]
 
@@ -98,6 +117,34 @@ def latency(*, attached: bool) -> float:
         found = float(line(each).split()[2])
         say(feed)
         return found
+
+
+def until_safe(end: signal.Signals) -> float:
+    """Seconds from the end of a program that drives to the safe value on the wire."""
+    pty, codec = PtyPort(), wirebond.load(PROTOCOL)
+    decoder = codec.decoder("host")
+    try:
+        with (
+            serving(pty.path) as (_, address),
+            process([sys.executable, "-c", DRIVER, str(PROTOCOL), address], quiet=True) as driver,
+        ):
+            wait_for_speed(pty, decoder, 1.0)
+            began = time.monotonic()
+            driver.send_signal(end)
+            wait_for_speed(pty, decoder, 0.0)
+            found = time.monotonic() - began
+            driver.kill()
+            return found
+    finally:
+        pty.close()
+
+
+def wait_for_speed(pty: PtyPort, decoder: wirebond.Decoder, wanted: float) -> None:
+    end = time.monotonic() + 10
+    while time.monotonic() < end:
+        if any(m.name == "velocity" and m["linear"] == wanted for m in decoder.feed(pty.read(0.002))):
+            return
+    raise RuntimeError(f"no velocity of {wanted} m/s left within 10 s")
 
 
 @contextmanager
