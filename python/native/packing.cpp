@@ -111,9 +111,11 @@ nb::list unpack_messages(std::shared_ptr<const ProtocolTable> protocol, std::sha
     const std::uint8_t* next = view.data() + at + head_bytes;
     Event event;
     event.header_at = static_cast<std::uint32_t>(batch->headers.size());
-    batch->headers.resize(batch->headers.size() + head.header_count);
-    std::memcpy(batch->headers.data() + event.header_at, next, 8u * head.header_count);
-    next += 8u * head.header_count;
+    for (std::size_t i = 0; i < head.header_count; ++i, next += 8) {
+      std::uint64_t bits = 0;
+      std::memcpy(&bits, next, sizeof bits);
+      batch->headers.push_back(bits);
+    }
     event.wire_at = static_cast<std::uint32_t>(batch->bytes.size());
     event.wire_size = head.wire_size;
     event.payload_at = event.wire_at + head.wire_size;
