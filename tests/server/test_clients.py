@@ -227,7 +227,7 @@ def test_a_browser_and_rubbish_get_no_further(served: Served) -> None:
 
 
 @few_or_many(400, 40_000)
-def test_fuzzed_messages_disturb_nobody(number: int, served: Served) -> None:
+def test_fuzzed_messages_disturb_nobody(number: int, served: Served, caplog: pytest.LogCaptureFixture) -> None:
     source = random.Random(number)
     good = [msgspec.json.encode(kind()) for kind in words.Request.__args__]
     with served.attach() as watcher:
@@ -247,9 +247,38 @@ def test_fuzzed_messages_disturb_nobody(number: int, served: Served) -> None:
             if n % 100 == 0:
                 if watcher.stopped:  # anybody may
                     watcher.release_stop()
-                odometry(served, n, 1)
-                assert take(watcher, 1)[-1:] == [n]
+                odometry(served, n % 30_000, 1)
+                assert take(watcher, 1)[-1:] == [n % 30_000]
         wait_until(lambda: served.server.client_count == 1)
+    assert [record for record in caplog.records if record.name == "asyncio"] == []
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        {"do": "set_address", "address": -1},
+        {"do": "recover", "action": 10**30},
+        {"do": "stop_repeating", "message": "velocity", "address": -5},
+        {"do": "end_safely", "message": "velocity", "address": 10**30},
+        {"do": "take_tap", "tap": 10**30},
+        {"do": "note", "text": "[]"},
+        {"do": "send", "message": "odometry"},
+        {"do": "send", "message": "nothing"},
+        {"do": "repeat", "message": "velocity", "fields": {"linear": 0, "angular": 0}, "hold": 1e9, "tick": 0},
+    ],
+)
+def test_a_request_that_cannot_be_is_refused_and_the_client_stays(served: Served, request_: dict[str, Any]) -> None:
+    with json_client(served) as client:
+        answer = client.ask(**request_)
+        assert answer["error"] in ("refused", "message")
+        assert client.ask(do="ask", what="state") == {"re": 77, "ok": "stale"}
+
+
+def test_what_comes_behind_a_leave_is_nothing(served: Served) -> None:
+    with json_client(served) as client:
+        assert client.ask(do="leave") == {"re": 77, "ok": "left"}
+        client.send({"do": "beat", "tick": 1})
+        assert client.ask(do="ask", what="state")["ok"] == "stale"
 
 
 def test_who_says_nothing_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -136,6 +136,8 @@ class Client(asyncio.Protocol):
             if "error" in answer:
                 self.end()
             return
+        if self.is_gone and not isinstance(request, words.Ask | words.TakeTap):
+            return
         if isinstance(request, words.Beat):
             self._server.book.beat(self.number, request.tick, time.monotonic())
             return
@@ -143,8 +145,6 @@ class Client(asyncio.Protocol):
             self.is_gone = True
             self._server.detach(self, in_order=True)
             self.answer(request.id, {"ok": "left"})
-            return
-        if self.is_gone and not isinstance(request, words.Ask | words.TakeTap):
             return
         if isinstance(request, words.Ask) and request.what == "stats":
             self._server.commands.answer_stats(self, request.id)

@@ -78,6 +78,8 @@ class Commands:
         except WirebondError as error:
             word = next((word for kind, word in _ERRORS if isinstance(error, kind)), "refused")
             return {"error": word, "text": str(error)}
+        except (TypeError, ValueError, OverflowError):  # a number that the engine cannot hold
+            return {"error": "refused", "text": f"a value of this request is out of its range: {request!r:.200}"}
 
     # ---- commands
 
