@@ -23,7 +23,7 @@ demo: build/setup.stamp ## a simulated rover on a tty, driven in the terminal un
 
 .PHONY: test
 test: build/setup-test.stamp lint ## everything that must hold, in under ten minutes
-	@$(PYTHON) -m pytest -n 3 --dist worksteal -m "not long"
+	@$(PYTHON) -m pytest -n 2 --dist worksteal -m "not long"
 
 .PHONY: prove
 prove: build/setup-test.stamp ## the long proofs

@@ -7,7 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "why.h"  // found beside this file: C sources may be compiled without an include folder
+// By its place beside this file: C sources may be compiled without an include folder.
+#include "why.h"
 
 /// Of a function whose answer says that nothing was done: GCC and Clang warn where the answer is not looked at. A cast
 /// to `void` does not help with GCC. Look at it, also where there is nothing to do:

@@ -9,7 +9,8 @@ _INCLUDE = re.compile(r'^#include "([^"]+)"$')
 
 
 def amalgamated(text: str, headers: Mapping[str, str]) -> str:
-    """``text`` with each of ``headers`` in place of its first include; they are known by the names in quotes.
+    """``text`` with each of ``headers`` in place of its first include; they are known by the names in quotes, in a
+    header also by those beside it.
 
     A core header gets a guard of its own, so that several amalgamated files may be included together. Other includes
     stay as they are.
@@ -18,15 +19,18 @@ def amalgamated(text: str, headers: Mapping[str, str]) -> str:
     return "".join(_inlined(text, headers, seen))
 
 
-def _inlined(text: str, headers: Mapping[str, str], seen: set[str]) -> list[str]:
+def _inlined(text: str, headers: Mapping[str, str], seen: set[str], folder: str = "") -> list[str]:
     lines: list[str] = []
     for line in text.splitlines(keepends=True):
         found = _INCLUDE.match(line.rstrip())
-        if found is None or found[1] not in headers:
+        names = [] if found is None else [found[1], folder + found[1]]
+        name = next((name for name in names if name in headers), None)
+        if name is None:
             lines.append(line)
-        elif found[1] not in seen:
-            seen.add(found[1])
-            lines += _guarded(found[1], _inlined(_without_pragma(headers[found[1]]), headers, seen))
+        elif name not in seen:
+            seen.add(name)
+            inner = _inlined(_without_pragma(headers[name]), headers, seen, name.rpartition("/")[0] + "/")
+            lines += _guarded(name, inner)
     return lines
 
 
