@@ -63,7 +63,7 @@ def _watch(link: Link, server: Server, end: float) -> None:
             errors.print(f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there")
             was_away = is_away
         if (now := server.holder) != holder:
-            errors.print("nobody is in control" if now is None else f"{plain(now)} is in control")
+            errors.print("no program is in control" if now is None else f"{plain(now)} is in control")
             holder = now
         if (count := server.client_count) != clients:
             errors.print(f"{count} client{'' if count == 1 else 's'}")
