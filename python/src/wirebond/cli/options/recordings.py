@@ -1,0 +1,105 @@
+"""Commands for recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wirebond.cli.interrupts import raise_from_here
+from wirebond.cli.numbers import amount
+from wirebond.cli.options.shared import AsJson, Baud, Port, ProtocolFile, Role
+from wirebond.errors import UsageError
+
+commands = typer.Typer()
+RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of `wirebond record`.")]
+OtherProtocol = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Decode with this protocol file, not with the recording's own.")
+]
+
+
+@commands.command()
+def record(
+    file: ProtocolFile,
+    port: Port,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="PATH", help="The new file. Default: PROTOCOL-DATE-TIME.mcap.")
+    ] = None,
+    minutes: Annotated[
+        float | None, typer.Option(parser=amount, metavar="NUMBER", help="End by itself after this many minutes.")
+    ] = None,
+    baud: Baud = None,
+    wait: Annotated[bool, typer.Option("--wait", help="Begin without the port, and wait until it is there.")] = False,
+    role: Role = "host",
+) -> None:
+    """Record both directions of a link until Ctrl-C: raw bytes with their times, events, the protocol file."""
+    from wirebond.cli.record import record_port
+
+    raise_from_here()
+    raise typer.Exit(record_port(file, port, out, baud, minutes, wait, role))
+
+
+@commands.command()
+def info(
+    recording: RecordingFile,
+    protocol: OtherProtocol = None,
+    as_json: AsJson = False,
+    no_repair: Annotated[
+        bool, typer.Option("--no-repair", help="Leave a recording that was not closed as it is.")
+    ] = False,
+) -> None:
+    """Say what a recording holds. One that was not closed is closed, and what was cut off is told."""
+    from wirebond.recording.command import show_info
+
+    raise_from_here()
+    raise typer.Exit(show_info(recording, protocol, as_json, not no_repair))
+
+
+@commands.command(name="export")
+def export_messages(
+    recording: RecordingFile,
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, parquet, or mcap with decoded JSON.")],
+    message: Annotated[str | None, typer.Option(metavar="NAME", help="Only this message.")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder; it is made if need be.")] = Path(),
+    protocol: OtherProtocol = None,
+) -> None:
+    """Write the messages of a recording for other programs: a file for each message."""
+    from wirebond.recording.command import export_recording
+
+    raise_from_here()
+    raise typer.Exit(export_recording(recording, to, message, out, protocol))
+
+
+@commands.command()
+def replay(
+    recording: RecordingFile,
+    speed: Annotated[str, typer.Option(metavar="X|max", help="Times as fast; max or 0: as fast as possible.")] = "1",
+    start: Annotated[str | None, typer.Option("--from", metavar="12.5s", help="Begin here.")] = None,
+    stop: Annotated[str | None, typer.Option("--to", metavar="20s", help="End here.")] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="Again and again.")] = False,
+    pty: Annotated[bool, typer.Option("--pty", help="To a pty, and print its path: the default.")] = False,
+    link: Annotated[Path | None, typer.Option(help="Also reach the pty under this name (a symbolic link).")] = None,
+    sender: Annotated[
+        str | None, typer.Option(help="Whose bytes: mcu or host. Default: those that the link received.")
+    ] = None,
+    into: Annotated[
+        Path | None,
+        typer.Option(metavar="PROGRAM", help="Into a firmware that runs as a process under virtual time (--lockstep)."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="PATH", help="With --into: record what the firmware does.")
+    ] = None,
+) -> None:
+    """Let a recording happen again: to a pty that any program opens as a port, or into a firmware."""
+    from wirebond.cli.replay import replay_to_program, replay_to_pty, section_of
+
+    raise_from_here()
+    section = section_of(speed, start, stop, loop)
+    if into is None:
+        if out is not None:
+            raise UsageError("--out goes with --into; to copy a recording, copy the file")
+        raise typer.Exit(replay_to_pty(recording, section, sender, link))
+    if pty or link is not None or loop or sender is not None:
+        raise UsageError("--into takes the host's bytes once; --pty, --link, --loop and --sender do not go with it")
+    raise typer.Exit(replay_to_program(recording, section, into, out))

@@ -1,0 +1,34 @@
+"""Arguments and options that several groups of commands have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wirebond.cli.numbers import amount, whole
+
+ProtocolFile = Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file (YAML).")]
+Port = Annotated[
+    str,
+    typer.Argument(
+        metavar="PORT",
+        help="A tty such as /dev/ttyUSB0, usb:VENDOR:PRODUCT, tcp:// or rfc2217://HOST:PORT, replay:RECORDING.",
+    ),
+]
+Baud = Annotated[
+    int | None, typer.Option(parser=whole, metavar="INTEGER", help="Bits per second, instead of the file's.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for a program to read.")]
+Header = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=VALUE", help="Value of one of the frame's own fields (header); may be given often."),
+]
+Role = Annotated[str, typer.Option(metavar="END", help="The end that this computer plays: host or mcu.")]
+Seconds = Annotated[
+    float | None, typer.Option(parser=amount, metavar="NUMBER", help="End by itself after this many seconds.")
+]
+Timeout = Annotated[
+    float | None, typer.Option(parser=amount, metavar="NUMBER", help="Seconds for each reply. Default: 1.")
+]
