@@ -11,7 +11,7 @@ from contextlib import closing
 import pytest
 
 import wirebond
-from wirebond.cli.output import stats_line
+from wirebond.cli.shown import stats_line
 from wirebond.codec import Codec
 from wirebond.explain import explain
 from wirebond.protocol import loads

@@ -203,8 +203,9 @@ class TestPorts:
             os.close(follower)
 
 
-def test_a_command_begins_without_what_opens_links() -> None:
-    """Each command pays for what all import."""
-    code = "import sys, wirebond.cli.main; print([name for name in ('wirebond.link', 'serial') if name in sys.modules])"
+def test_a_command_begins_without_protocol_files_and_links() -> None:
+    """Each command pays for what all import, and so does --help."""
+    heavy = ("wirebond.link", "wirebond.protocol", "serial")
+    code = f"import sys, wirebond.cli.main; print([name for name in {heavy} if name in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout == "[]\n"

@@ -9,7 +9,7 @@ import pytest
 
 import wirebond
 from wirebond import WirebondError
-from wirebond.cli.output import values_text
+from wirebond.cli.shown import values_text
 from wirebond.cli.values import parse_assignments
 from wirebond.sim.virtual_mcu import VirtualMcu
 

@@ -15,7 +15,7 @@ from tests.host_link.protocol import manipulator
 from tests.shared import codec
 from wirebond import LogEvent, UsageError
 from wirebond.cli.dashboard import Dashboard
-from wirebond.cli.output import log_text
+from wirebond.cli.shown import log_text
 from wirebond.link.log_lines import MOST_A_SECOND, LineLimit
 from wirebond.log import LogLine
 from wirebond.protocol import loads

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from wirebond.cli.output import values_text
+from wirebond.cli.shown import values_text
 from wirebond.protocol.decimals import decimal_text
 
 

@@ -7,7 +7,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from wirebond.cli.output import ReaderGone, errors, print_message, stats_line, write
+from wirebond.cli.output import ReaderGone, errors, write
+from wirebond.cli.shown import print_message, stats_line
 from wirebond.cli.values import hex_of, parse_assignments, parse_header, parse_hex, to_json
 from wirebond.codec import load
 from wirebond.errors import MessageError, UsageError, WirebondError

@@ -12,7 +12,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from wirebond.cli.output import behind_schedule, log_text, sequence_parts, unlisted_text, values_text
+from wirebond.cli.shown import behind_schedule, log_text, sequence_parts, unlisted_text, values_text
 from wirebond.codec import Message
 from wirebond.link import Link, LinkStats
 from wirebond.protocol.model import End

@@ -11,7 +11,8 @@ from rich.live import Live
 from rich.markup import escape
 
 from wirebond.cli.dashboard import Dashboard
-from wirebond.cli.output import console, stats_line, values_text
+from wirebond.cli.output import console
+from wirebond.cli.shown import stats_line, values_text
 from wirebond.cli.signals import ended_by_signals
 from wirebond.codec import Message, load
 from wirebond.errors import LinkDownError

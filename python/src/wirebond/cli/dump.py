@@ -6,7 +6,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from wirebond.cli.output import errors, message_dict, plain, title_of, values_text, write
+from wirebond.cli.output import errors, plain, write
+from wirebond.cli.shown import message_dict, title_of, values_text
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import hex_of, to_json
 from wirebond.link import Dump, DumpEntry, Link, open_link

@@ -10,7 +10,8 @@ from pathlib import Path
 from rich.text import Text
 
 from wirebond.cli.live import one_line
-from wirebond.cli.output import ReaderGone, console, errors, message_dict, plain, stats_line, write
+from wirebond.cli.output import ReaderGone, console, errors, plain, write
+from wirebond.cli.shown import message_dict, stats_line
 from wirebond.cli.values import to_json
 from wirebond.link.listen import Listener, listen
 

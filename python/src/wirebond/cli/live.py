@@ -17,20 +17,8 @@ from rich.text import Text
 from wirebond.cli.commands import find_message
 from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.dump import save
-from wirebond.cli.output import (
-    ReaderGone,
-    console,
-    errors,
-    log_text,
-    plain,
-    print_message,
-    rates_line,
-    stats_line,
-    title_of,
-    values_text,
-    warn,
-    write,
-)
+from wirebond.cli.output import ReaderGone, console, errors, plain, warn, write
+from wirebond.cli.shown import log_text, print_message, rates_line, stats_line, title_of, values_text
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_addresses, parse_assignments, parse_header, to_json
 from wirebond.codec import Codec, Message, load

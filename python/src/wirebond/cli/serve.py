@@ -8,7 +8,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from wirebond.attach.address import make_socket_folder, socket_of
-from wirebond.cli.output import errors, plain, stats_line
+from wirebond.cli.output import errors, plain
+from wirebond.cli.shown import stats_line
 from wirebond.cli.signals import ended_by_signals
 from wirebond.codec import load
 from wirebond.errors import UsageError

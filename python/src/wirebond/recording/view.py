@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
-from wirebond.cli.output import stats_line
+from wirebond.cli.shown import stats_line
 from wirebond.codec import Stats
 from wirebond.recording.recording import Recording
 
