@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import io
+import itertools
 import json
 import random
 import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
+from rich.console import Console
 
 import wirebond
 from tests.shared import PROTOCOLS, codec
@@ -18,6 +21,8 @@ from wirebond import Codec, load
 from wirebond.check.samples import pool
 from wirebond.cli.main import main
 from wirebond.diagnosis import Diagnosis, Kind, diagnose_dump
+from wirebond.diagnosis.live import LiveDiagnosis
+from wirebond.diagnosis.recent import recent
 from wirebond.diagnosis.uart import misread
 from wirebond.link import Dump, open_link
 from wirebond.link.dump import Piece
@@ -208,6 +213,93 @@ def test_silence_is_told_where_something_should_come() -> None:
     assert kinds(Dump(of, 1.0, [Piece(0.0, "port_up", b"")], 0)) == []
     gone = [Piece(0.0, "port_up", b""), Piece(1.0, "port_down", b"")]
     assert kinds(Dump(of, 5.0, gone, 0)) == []
+
+
+def over_time(of: Codec, *stretches: tuple[list[bytes], float]) -> Dump:
+    """Reads, and the seconds over which they come."""
+    pieces = [Piece(0.0, "port_up", b"")]
+    now = 0.0
+    for reads, seconds in stretches:
+        for number, read in enumerate(reads, 1):
+            pieces.append(Piece(now + seconds * number / len(reads), "received", read))
+        now += seconds
+    return Dump(of, now, pieces, 0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_over_is_not_told_of_the_last_seconds(name: str) -> None:
+    of = described(name)
+    source = random.Random(f"over {name}")
+    good, bad = frames_of(of, source, 100), [source.randbytes(60) for _ in range(50)]
+    together = [one + two for one, two in itertools.pairwise([b"", *good])][:50]
+    dump = over_time(of, (bad, 10), (together, 10))
+    assert [one.kind for one in diagnose_dump(dump, 115200)] == [Kind.UNKNOWN]
+    for seconds in (9.0, 7.3, 4.1, 2.2):  # a frame at the cut is whole, or gone
+        assert diagnose_dump(dump, 115200, seconds) == []
+    begun = over_time(of, (good, 10), (bad, 10))
+    assert [one.kind for one in diagnose_dump(begun, 115200, 5.0)] == [Kind.UNKNOWN]
+
+
+def test_a_frame_in_two_reads_is_not_cut() -> None:
+    of = codec("diffdrive")
+    (frame, *_) = frames_of(of, random.Random("cut"), 1)
+    stream = b"".join([frame] * 8)
+    pieces = [Piece(0.0, "port_up", b""), Piece(1.0, "received", frame), Piece(2.0, "received", stream[:-4])]
+    pieces.append(Piece(2.01, "received", stream[-4:]))
+    now = recent(Dump(of, 3.0, pieces, 0), 0.995)  # since 2.005, between the last two reads
+    assert [(e.kind, e.bytes) for e in now.entries if e.direction == "received"] == [("frame", frame)]
+    assert now.dropped_bytes == len(frame) * 8
+
+
+def test_of_the_last_seconds_silence_is_told_since_the_last_byte() -> None:
+    of = codec("diffdrive")
+    dump = over_time(of, (frames_of(of, random.Random("quiet"), 20), 10), ([], 8))
+    assert diagnose_dump(dump, 115200) == []
+    (one,) = diagnose_dump(dump, 115200, 5.0)
+    assert one.kind == Kind.SILENCE
+    assert "no byte in 8 s" in one.evidence
+
+
+def test_a_reset_loop_is_told_until_its_next_start_does_not_come() -> None:
+    of = codec("diffdrive")
+    source = random.Random("resets over")
+    loop = ([b"rst:0x10 (RTCWDT_RTC_RESET),boot:0x13\r\n", *frames_of(of, source, 20)], 8.0)
+    assert [one.kind for one in diagnose_dump(over_time(of, *[loop] * 4), 115200, 5.0)] == [Kind.RESETS]
+    healthy = (frames_of(of, source, 50), 20.0)
+    assert diagnose_dump(over_time(of, *[loop] * 4, healthy), 115200, 5.0) == []
+
+
+def test_a_live_diagnosis_stays_until_two_looks_find_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = Diagnosis(Kind.BAUD, "It is another rate", "9 of 9", "Change it.")
+    monkeypatch.setattr("wirebond.diagnosis.live._EVERY", 3600.0)
+    watch = LiveDiagnosis(cast("wirebond.Link", None))
+    shown: list[list[str]] = []
+    told: list[int | None] = []
+    for look in ([one], [], [replace(one, evidence="8 of 8")], [], [], [one]):
+        monkeypatch.setattr("wirebond.diagnosis.live.diagnose", lambda *_, found=look: found)
+        watch._look()
+        changed = watch.changed()
+        shown.append([one.evidence for one in watch.found()])
+        told.append(None if changed is None else len(changed))
+    assert shown == [["9 of 9"], ["9 of 9"], ["8 of 8"], ["8 of 8"], [], ["9 of 9"]]
+    assert told == [1, None, None, None, 0, 1]
+
+
+def test_the_table_of_monitor_shows_the_current_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
+    of = codec("diffdrive")
+    source = random.Random("table")
+    port = PtyPort()
+    noise = b"".join(frames_of(of, source, 20)) + source.randbytes(500)
+    screen = io.StringIO()
+    monkeypatch.setattr("wirebond.cli.live.console", Console(file=screen, force_terminal=True, width=100, height=50))
+    monkeypatch.setattr("wirebond.cli.live.open_link", partial(open_and_hear, port, noise))
+    monkeypatch.setattr("wirebond.diagnosis.live._EVERY", 0.05)
+    assert main(["monitor", str(PROTOCOLS / "diffdrive.yaml"), port.path, "--seconds", "0.8"]) == 0
+    port.close()
+    first, *_, last = screen.getvalue().split("Ctrl-C ends")[:-1]
+    assert "diagnosis" not in first
+    assert "Many bytes are no frames, and I do not know why" in last
+    assert "wirebond explain" in last
 
 
 def test_a_diagnosis_is_a_sentence_with_evidence_and_remedy() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from rich.console import Group, RenderableType
@@ -14,6 +15,7 @@ from rich.text import Text
 
 from wirebond.cli.shown import behind_schedule, log_text, sequence_parts, unlisted_text, values_text
 from wirebond.codec import Message
+from wirebond.diagnosis import Diagnosis
 from wirebond.link import Link, LinkStats
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
@@ -59,12 +61,15 @@ class Dashboard:
             if line is not None:
                 self._lines.append(Text.assemble(f"{message.t:.3f} ", log_text(line)))
 
-    def render(self, note: str = "") -> RenderableType:
+    def render(self, note: str = "", wrong: Sequence[Diagnosis] = ()) -> RenderableType:
+        """``wrong``: what the bytes of the line speak for now."""
         now = time.monotonic()
         stats = self._link.stats
         parts: list[RenderableType] = [self._messages(now), self._statistics(now, stats)]
         if self._lines:
             parts.insert(1, Text("\n").join([Text("\nlog", style="bold"), *self._lines]))
+        if wrong:
+            parts.append(_diagnoses(wrong))
         if note:
             parts.append(Text.from_markup(note))
         state = self._link.state
@@ -139,3 +144,12 @@ class Dashboard:
         if struck:
             table.add_row("[red]deadlines[/]", f"[bold red]{', '.join(struck)}[/]")
         return table
+
+
+def _diagnoses(wrong: Sequence[Diagnosis]) -> Table:
+    table = Table.grid(padding=(0, 2))
+    table.add_row("", "")
+    for one in wrong:
+        table.add_row("[bold yellow]diagnosis[/]", Text(one.sentence, style="bold yellow", overflow="fold"))
+        table.add_row("", Text(f"{one.evidence}. {one.remedy}", style="yellow", overflow="fold"))
+    return table

@@ -153,11 +153,12 @@ def one_line(message: Message, codec: Codec) -> Text:
 
 def _show_dashboard(link: Link, title: str, end: float) -> None:
     dashboard = Dashboard(link, title)
+    watch = LiveDiagnosis(link)
     with Live(dashboard.render(), console=console, auto_refresh=False) as live:
         while (left := end - time.monotonic()) > 0:
             is_over = _is_over(link)
             dashboard.update(found := list(link.receive(min(_REFRESH, left))))
-            live.update(dashboard.render(), refresh=True)
+            live.update(dashboard.render(wrong=watch.found()), refresh=True)
             if is_over and not found:
                 return
 

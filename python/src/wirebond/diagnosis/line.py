@@ -5,12 +5,14 @@ A healthy line gives nothing. Where something is wrong and nothing explains it, 
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 
 from wirebond.codec import Codec
 from wirebond.diagnosis.finding import Diagnosis, Kind
+from wirebond.diagnosis.recent import recent
 from wirebond.diagnosis.settings_of_line import other_settings, parity_of_seven_bits
 from wirebond.explain import explain
 from wirebond.link import Dump, DumpEntry, Link
@@ -30,11 +32,13 @@ _FULL_READS = (512, 64, 62)  # bytes that USB adapters hand over at once, the la
 _TEXT = re.compile(rb"[\x20-\x7e]{8,}")
 
 
-def diagnose(link: Link) -> list[Diagnosis]:
+def diagnose(link: Link, seconds: float = math.inf) -> list[Diagnosis]:
     """What is wrong with this link's line, by its last bytes; nothing where it is healthy. Any thread; it may take a
     second or two.
 
     :param link: an open one, or one that was just closed.
+    :param seconds: how far it looks back, so that faults that are over are not told; default: as far as the bytes go.
+        A reset loop is told until its next start does not come.
     :returns: causes that the bytes speak for; one of kind ``unknown`` where something is wrong and none is found.
     """
     dump = link.dump()
@@ -46,21 +50,24 @@ def diagnose(link: Link) -> list[Diagnosis]:
         pieces.append(piece)
         size += len(piece.bytes)
     dropped = dump.dropped_bytes + len(dump.received) + len(dump.sent) - size
-    return diagnose_dump(Dump(dump.codec, dump.t, pieces[::-1], dropped, dump.role), link.baud)
+    return diagnose_dump(Dump(dump.codec, dump.t, pieces[::-1], dropped, dump.role), link.baud, seconds)
 
 
-def diagnose_dump(dump: Dump, baud: int) -> list[Diagnosis]:
+def diagnose_dump(dump: Dump, baud: int, seconds: float = math.inf) -> list[Diagnosis]:
     """The same from a copy of the bytes.
 
     :param dump: what ``Link.dump`` gives.
     :param baud: the link's rate.
+    :param seconds: how far it looks back, as in ``diagnose``.
     :returns: as ``diagnose``.
     """
+    resets = _resets(dump, seconds)
+    dump = recent(dump, seconds)
     received = [e for e in dump.entries if e.direction == "received"]
     data = b"".join(e.bytes for e in received)
     if not data:
-        return _silence(dump)
-    found = [one for one in (_echo(dump), _resets(dump, received)) if one is not None]
+        return [resets] if resets is not None else _silence(dump)
+    found = [one for one in (_echo(dump), resets) if one is not None]
     bad = sum(len(e.bytes) for e in received if e.kind == "discarded")
     if len(data) < _LEAST_BYTES or bad < _BAD * len(data):
         return found
@@ -123,24 +130,34 @@ def _echo(dump: Dump) -> Diagnosis | None:
     )
 
 
-def _resets(dump: Dump, received: list[DumpEntry]) -> Diagnosis | None:
+def _resets(dump: Dump, seconds: float) -> Diagnosis | None:
     """The same start-up text, or the MCU's hello, again and again."""
-    texts: Counter[bytes] = Counter()
-    for entry in received:
-        if entry.kind == "discarded":
-            texts.update(set(_TEXT.findall(entry.bytes)))
-    text, count = texts.most_common(1)[0] if texts else (b"", 0)
-    if count >= _LEAST:
-        return _reset_finding(f'"{text[:40].decode()}" came {count} times')
+    texts: defaultdict[bytes, list[float]] = defaultdict(list)
+    for entry in dump.entries:
+        if (entry.direction, entry.kind) == ("received", "discarded"):
+            for text in set(_TEXT.findall(entry.bytes)):
+                texts[text].append(entry.t)
+    text, times = max(texts.items(), key=lambda found: len(found[1]), default=(b"", []))
+    if len(times) >= _LEAST:
+        told = f'"{text[:40].decode()}" came {len(times)} times'
+        return None if _is_over(times, dump.t, seconds) else _reset_finding(told)
     codec = dump.codec
     hello = codec.model.service("hello")
     name = None if hello is None else hello.message("message")
     if name is None or codec.model.message(name).every is not None:
         return None
-    told = Counter(e.direction for e in dump.entries if e.message is not None and e.message.name == name)
-    if told["received"] - told["sent"] < _LEAST:
+    hellos = [e for e in dump.entries if e.message is not None and e.message.name == name]
+    times = [e.t for e in hellos if e.direction == "received"]
+    asked = len(hellos) - len(times)
+    if len(times) - asked < _LEAST or _is_over(times, dump.t, seconds):
         return None
-    return _reset_finding(f"{name} came {told['received']} times and was asked for {told['sent']} times")
+    return _reset_finding(f"{name} came {len(times)} times and was asked for {asked} times")
+
+
+def _is_over(starts: list[float], now: float, seconds: float) -> bool:
+    """The next start is overdue."""
+    longest = max(after - before for before, after in itertools.pairwise(starts))
+    return now - starts[-1] > max(seconds, 2 * longest)
 
 
 def _reset_finding(evidence: str) -> Diagnosis:

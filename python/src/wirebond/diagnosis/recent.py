@@ -1,0 +1,43 @@
+"""The last seconds of a dump, cut where no frame is cut."""
+
+from __future__ import annotations
+
+import itertools
+
+from wirebond.link import Dump
+from wirebond.link.dump import Piece
+
+_QUESTIONS = 1.0  # seconds of what was sent that are kept beside: replies may need their request
+
+
+def recent(dump: Dump, seconds: float) -> Dump:
+    """What came, and what was sent, in the last seconds. Of frames that began before them, all. The port stays up
+    since its last byte, where that is longer ago."""
+    since = dump.t - seconds
+    if not dump.pieces or dump.pieces[0].t >= since:
+        return dump
+    old = {"received": _size_before(dump, "received", since), "sent": _size_before(dump, "sent", since - _QUESTIONS)}
+    dropped = dump.dropped_bytes + sum(old.values())
+    pieces: list[Piece] = []
+    for piece in dump.pieces:
+        cut = min(len(piece.bytes), old.get(piece.kind, 0))
+        if cut:
+            old[piece.kind] -= cut
+        if piece.kind == "received" and cut == len(piece.bytes):
+            pieces.append(Piece(piece.t, "port_up", b""))  # it worked until here
+        elif piece.bytes[cut:] or piece.kind not in old:
+            pieces.append(Piece(piece.t, piece.kind, piece.bytes[cut:]))
+    return Dump(dump.codec, dump.t, _without_old_ports(pieces), dropped, dump.role)
+
+
+def _size_before(dump: Dump, direction: str, t: float) -> int:
+    return sum(
+        len(e.bytes)
+        for e in itertools.takewhile(lambda e: e.t < t, (e for e in dump.entries if e.direction == direction))
+    )
+
+
+def _without_old_ports(pieces: list[Piece]) -> list[Piece]:
+    """Of what the port did before the first byte, the last."""
+    first = next((at for at, piece in enumerate(pieces) if not piece.kind.startswith("port")), len(pieces))
+    return pieces[max(0, first - 1) :]
