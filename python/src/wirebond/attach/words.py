@@ -176,7 +176,9 @@ class SetAddress(_Request, tag="set_address"):
 class Ask(_Request, tag="ask"):
     """How the link is."""
 
-    what: Literal["state", "why", "stats", "stopped", "struck", "recent", "peer", "clock", "line"] = "state"
+    what: Literal["state", "why", "stats", "stopped", "struck", "recent", "peer", "clock", "line", "recording"] = (
+        "state"
+    )
 
 
 class HostTimeOf(_Request, tag="host_time"):
@@ -210,14 +212,41 @@ class Note(_Request, tag="note"):
     text: str = ""
 
 
+class Mark(_Request, tag="mark"):
+    """A person's remark about this moment, for the recordings of the link."""
+
+    text: str = ""
+
+
+class RecordStart(_Request, tag="record_start"):
+    """Record the link on the server's disk."""
+
+
+class RecordStop(_Request, tag="record_stop"):
+    """End that recording."""
+
+
+class ListRecordings(_Request, tag="recordings"):
+    """The recordings in the server's folder."""
+
+
+class Annotate(_Request, tag="annotate"):
+    """Add a person's text to a recording in the server's folder."""
+
+    recording: str = ""
+    text: str = ""
+
+
 class Leave(_Request, tag="leave"):
     """The client goes: its leases end with their safe values."""
 
 
 Request = (
     Attach | Beat | Send | Repeat | StopRepeating | EndSafely | Withdraw | About | Take | Release | Stop | ReleaseStop
-    | Recover | SetAddress | Ask | HostTimeOf | OpenTap | TakeTap | CloseTap | Note | Leave
+    | Recover | SetAddress | Ask | HostTimeOf | OpenTap | TakeTap | CloseTap | Note | Mark | RecordStart | RecordStop
+    | ListRecordings | Annotate | Leave
 )  # fmt: skip
+OfRecordings = RecordStart | RecordStop | ListRecordings | Annotate  # their answers wait for the disk
 read_request = msgspec.json.Decoder(Request).decode
 
 
@@ -234,6 +263,49 @@ class Welcome(msgspec.Struct):
     baud: int
     role: str
     control: Control
+
+
+class RecordingNote(msgspec.Struct, frozen=True):
+    """A person's text about a recording.
+
+    :ivar written: when, in seconds since 1970.
+    :ivar text: as it was given.
+    """
+
+    written: float
+    text: str
+
+
+class StoredRecording(msgspec.Struct, frozen=True):
+    """A recording in the folder of a server.
+
+    :ivar name: of the file in the folder.
+    :ivar path: of the file on the server's computer.
+    :ivar state: ``recording``; ``closing``: it is whole, and is being compressed; ``closed``; ``unclosed``: it is not
+        compressed, since its program was killed or the disk was full; ``unreadable``.
+    :ivar started: in seconds since 1970.
+    :ivar seconds: how long it is.
+    :ivar size: bytes of the file.
+    :ivar protocol: its name.
+    :ivar hash: of the protocol, 16 hexadecimal digits.
+    :ivar notes: what persons wrote about it.
+    :ivar messages: received so far, while it is being recorded.
+    :ivar lost_bytes: that were not recorded because the server's computer had no time, likewise.
+    :ivar error: why it ended early or cannot be read, as a sentence; empty otherwise.
+    """
+
+    name: str
+    path: str
+    state: Literal["recording", "closing", "closed", "unclosed", "unreadable"]
+    started: float = 0.0
+    seconds: float = 0.0
+    size: int = 0
+    protocol: str = ""
+    hash: str = ""
+    notes: tuple[RecordingNote, ...] = ()
+    messages: int = 0
+    lost_bytes: int = 0
+    error: str = ""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from wirebond.attach.address import make_socket_folder, socket_of
@@ -15,6 +15,7 @@ from wirebond.codec import load
 from wirebond.errors import UsageError
 from wirebond.link import Link, open_link
 from wirebond.server import Server
+from wirebond.server.recordings import Recordings
 
 _LOOK = 0.2  # seconds between two looks at the port and at who is in control
 
@@ -28,6 +29,7 @@ def serve_port(
     token: str | None,
     listen: str,
     record: Path | None,
+    recordings: Path | None,
     seconds: float | None,
 ) -> None:
     """Until the time is over, or Ctrl-C."""
@@ -40,7 +42,7 @@ def serve_port(
         link = stack.enter_context(open_link(codec, port, baud, listen=listen, wait_for_port=True))
         if record is not None:
             stack.enter_context(link.record(record))
-        server = stack.enter_context(Server(link, where, tcp=host, token=token))
+        server = stack.enter_context(Server(link, where, tcp=host, token=token, recordings=recordings))
         errors.print(
             f"{codec.name} on {plain(link.port)}. Attach with [bold]wirebond://{where.stem}[/]", soft_wrap=True
         )
@@ -53,6 +55,16 @@ def serve_port(
         except KeyboardInterrupt:
             errors.print("ends: what is repeated ends with its safe value")
         errors.print(stats_line(link.stats.receive))
+    _finish(server.recordings)
+
+
+def _finish(recordings: Recordings) -> None:
+    """Wait until the recordings are compressed."""
+    if not recordings.is_closing:
+        return
+    errors.print("compresses the recording; Ctrl-C leaves it whole, and larger")
+    with ended_by_signals(), suppress(KeyboardInterrupt):
+        recordings.wait()
 
 
 def _watch(link: Link, server: Server, end: float) -> None:

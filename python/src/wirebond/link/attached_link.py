@@ -38,6 +38,7 @@ from wirebond.protocol.loader import loads
 from wirebond.protocol.model import End
 
 _PATIENCE = 2.0  # seconds that the server has for an answer
+_DISK_PATIENCE = 30.0  # the same, where it waits for its disk
 _FIRST_WAIT, _LAST_WAIT = 0.02, 1.0  # seconds before it is tried again to connect
 _MOST_WAITING = 65536  # messages that the program has not taken; then the oldest are dropped, counted
 _DOWN, _FULL, _STOPPED = 1, 2, 3  # answers of the engine
@@ -295,6 +296,17 @@ class AttachedLink:
     def note(self, text: str) -> None:
         self._call(words.Note(text=text))
 
+    def of_recordings(self, request: words.OfRecordings | words.Mark | words.Ask) -> Any:
+        """An answer of the server about its recordings, for which it waits for its disk.
+
+        :raises UsageError: it refuses.
+        :raises LinkDownError: it is away.
+        """
+        answer = self._exchange(request, patience=_DISK_PATIENCE)
+        if "error" in answer:
+            raise UsageError(answer["text"])
+        return answer["ok"]
+
     # ---- the end
 
     def begin_close(self) -> None:
@@ -377,15 +389,15 @@ class AttachedLink:
             raise UsageError(answer["text"])
         return answer["ok"]
 
-    def _exchange(self, request: words._Request, number: int = 0) -> dict[str, Any]:
+    def _exchange(self, request: words._Request, number: int = 0, patience: float = _PATIENCE) -> dict[str, Any]:
         call = _Call()
         request.id = number or self.next_number()
         with self._owned():
             self._calls[request.id] = call
         try:
             self._write(request)
-            if not call.done.wait(_PATIENCE):
-                raise LinkDownError(f"{self._address.text} did not answer within {_PATIENCE:g} s; look at the server")
+            if not call.done.wait(patience):
+                raise LinkDownError(f"{self._address.text} did not answer within {patience:g} s; look at the server")
         finally:
             with self._lock:
                 self._calls.pop(request.id, None)

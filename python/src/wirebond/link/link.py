@@ -19,6 +19,7 @@ from wirebond.errors import LinkDownError, MessageError, PortError, QueueFullErr
 from wirebond.link import ending
 from wirebond.link.accounts import LinkStats, SendStats
 from wirebond.link.attached_link import AttachedLink, codec_of_server
+from wirebond.link.attached_recordings import ServerRecordings
 from wirebond.link.attached_requests import AttachedRequests
 from wirebond.link.attached_services import AttachedServices
 from wirebond.link.clock_sync import ClockReading, HostTime
@@ -491,6 +492,16 @@ class Link(Receiving):
         from wirebond.recording.recorder import Recorder  # noqa: PLC0415 most programs do not record
 
         return Recorder(self, path)
+
+    @property
+    def recordings(self) -> ServerRecordings:
+        """The recordings of the server that this link is attached to, on its disk. Any thread.
+
+        :raises UsageError: the link has a port of its own.
+        """
+        if not isinstance(self._engine, AttachedLink):
+            raise UsageError("this link has a port of its own, and no server; record(path) records it")
+        return ServerRecordings(self._engine)
 
     def note(self, kind: str, **facts: Any) -> None:
         """Let an event of the program stand in the recordings of this link, at this moment. Any thread.

@@ -80,6 +80,8 @@ class _Rewriting:
                 "sent": writer.register_channel(layout.SENT, layout.RAW, 0),
             }
             self._events = writer.register_channel(layout.EVENTS, "json", schema)
+            for note in recording._notes:
+                writer.add_metadata(layout.NOTE, note)
 
     def run(self, progress: Progress | None) -> None:
         recording = self._recording

@@ -19,6 +19,7 @@ from wirebond.protocol.model import Field, FieldKind
 VERSION = "1"
 PROFILE = "wirebond"
 METADATA = "wirebond"
+NOTE = "note"  #: name of the metadata that hold a person's text about the recording
 PROTOCOL_FILE = "protocol.yaml"
 MEDIA_TYPE = "application/yaml"
 RECEIVED, SENT, EVENTS = "rx", "tx", "events"

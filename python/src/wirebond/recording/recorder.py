@@ -32,6 +32,7 @@ class Recorder:
 
     :param source: a link, or whoever has its tap.
     :param path: the new file.
+    :ivar started_ns: when it began, in nanoseconds since 1970.
     :ivar bytes: recorded of both directions.
     :ivar chunks: reads and writes that were recorded.
     :ivar lost_bytes: of both directions; there was no room for them, because this thread came too late.
@@ -47,8 +48,10 @@ class Recorder:
         self.lost_bytes = 0
         self.error = ""
         self.started = time.monotonic()
-        wall_ns = time.time_ns()
-        self._writer = RecordingWriter(self.path, source.codec, source.role, self.started, wall_ns, facts_of(source))
+        self.started_ns = time.time_ns()
+        self._writer = RecordingWriter(
+            self.path, source.codec, source.role, self.started, self.started_ns, facts_of(source)
+        )
         self._tap = source.tap()
         self._source = source
         self._seconds: float | None = None
@@ -68,6 +71,11 @@ class Recorder:
     def seconds(self) -> float:
         """How long it has recorded."""
         return time.monotonic() - self.started if self._seconds is None else self._seconds
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file so far."""
+        return self._writer.size
 
     @property
     def messages(self) -> int:

@@ -22,6 +22,7 @@ from wirebond.protocol import loads
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import told_by_request
 from wirebond.recording import layout
+from wirebond.recording.notes import Note, notes_from
 from wirebond.recording.scan import Contents, Run, Scan
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ class Recording:
         self.is_closed = contents.is_finished and contents.is_chunked
         self.problems = tuple(contents.problems)
         self._about = contents.metadata.get(layout.METADATA, {})
+        self._notes = contents.notes
         topics = {channel.topic for channel in contents.channels.values()}
         if not self._about and layout.RECEIVED not in topics:
             raise WirebondError(
@@ -139,6 +141,11 @@ class Recording:
     def repaired(self) -> str:
         """What was lost before the file was closed, as sentences; empty where nothing was."""
         return self._about.get("repaired", "")
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """What persons wrote about it."""
+        return notes_from(self._notes)
 
     @property
     def port(self) -> str:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from wirebond import _engine
 from wirebond.errors import WirebondError
+from wirebond.recording import layout
 
 MAGIC = b"\x89MCAP0\r\n"
 _MOST_CHUNK = 1 << 28  # bytes of a chunk without compression; files of others have some MiB
@@ -61,6 +62,7 @@ class Contents:
 
     library: str = ""
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    notes: list[dict[str, str]] = field(default_factory=list)
     attachments: dict[str, bytes] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
@@ -148,7 +150,11 @@ class Scan:
             contents.channels[number] = Channel(reader.text(), reader.text())
         elif opcode == _METADATA:
             name = reader.text()
-            contents.metadata[name] = _Reader(reader.block(reader.number("<I")), 0).texts()
+            values = _Reader(reader.block(reader.number("<I")), 0).texts()
+            if name == layout.NOTE:
+                contents.notes.append(values)
+            else:
+                contents.metadata[name] = values
         elif opcode == _ATTACHMENT:
             reader.number("<Q"), reader.number("<Q")
             name, _media = reader.text(), reader.text()

@@ -26,6 +26,7 @@ def facts(recording: Recording, accounts: dict[str, Stats], repaired: bool) -> d
         "finished": recording.is_finished,
         "repaired": repaired or bool(recording.repaired),
         "problems": list(recording.problems) or ([recording.repaired] if recording.repaired else []),
+        "notes": [{"written": n.written.isoformat(timespec="seconds"), "text": n.text} for n in recording.notes],
         "bytes": {"received": len(recording.raw("received")), "sent": len(recording.raw("sent"))},
         "lost_bytes": lost_bytes(recording),
         "accounts": {sender: stats.as_dict() for sender, stats in accounts.items()},
@@ -54,6 +55,7 @@ def lines(recording: Recording, accounts: dict[str, Stats], repaired: bool) -> l
         out.append(f"decoded with another protocol: its hash is {recording.codec.hash:016x}")
     if recording.repaired:
         out.append(f"repaired before: {recording.repaired}")
+    out += [f"note of {note.written:%Y-%m-%d %H:%M} UTC: {note.text}" for note in recording.notes]
     for sender, stats in accounts.items():
         out.append(f"{sender}: {stats_line(stats)}")
         for name, count in stats.messages.items():

@@ -40,6 +40,7 @@ class Client(asyncio.Protocol):
         self.sent: set[tuple[int, int]] = set()  # what moves, that it sent by message and address
         self.questions: dict[int, Any] = {}  # by the number of the request
         self.taps: dict[int, Any] = {}
+        self.waiting_for_disk = 0  # requests
 
     def welcome(self, number: int, request: words.Attach) -> None:
         """It is who it says it is."""
@@ -148,6 +149,9 @@ class Client(asyncio.Protocol):
             return
         if isinstance(request, words.Ask) and request.what == "stats":
             self._server.commands.answer_stats(self, request.id)
+            return
+        if isinstance(request, words.OfRecordings):
+            self._server.commands.answer_later(self, request)
             return
         try:
             answer = self._server.commands.do(self, request)

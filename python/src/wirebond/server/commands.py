@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Mapping
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from wirebond.server.owner import Owner
 
 _MOST_QUESTIONS = 1024  # of one client that wait for replies
+_MOST_FOR_DISK = 16  # of one client that wait for the disk
 _MOST_TAPS = 4  # of one client
 _MOST_TAP_BYTES = 4 * TAP_BYTES
 _ERRORS: list[tuple[type[WirebondError], str]] = [
@@ -282,6 +284,8 @@ class Commands:
                 del client.taps[request.tap]
             case words.Note():
                 engine.note(_note(request.text))
+            case words.Mark():
+                self._server.recordings.mark(request.text, client.name)
             case words.Attach():
                 raise UsageError("this client has attached already")
         return None
@@ -303,6 +307,8 @@ class Commands:
                 return link._engine.line()
             case "peer":
                 return asdict(link.peer)
+            case "recording":
+                return self._server.recordings.current
             case _:
                 reading = link.clock
                 return None if reading is None else asdict(reading)
@@ -333,6 +339,43 @@ class Commands:
         for tap in client.taps:
             self._link._engine.close_tap(tap)
         client.taps.clear()
+
+    # ---- recordings of the server
+
+    def answer_later(self, client: Client, request: words.OfRecordings) -> None:
+        """Its answer, when the disk has given it."""
+        if client.waiting_for_disk >= _MOST_FOR_DISK:
+            text = f"{_MOST_FOR_DISK} requests of this client wait for the disk; wait for some of them"
+            client.answer(request.id, {"error": "full", "text": text})
+            return
+        client.waiting_for_disk += 1
+        server = self._server
+
+        def give(answer: dict[str, Any]) -> None:
+            client.waiting_for_disk -= 1
+            client.answer(request.id, answer)
+
+        def work() -> None:
+            try:
+                answer = {"ok": self._of_recordings(request)}
+            except WirebondError as error:
+                answer = {"error": "refused", "text": str(error)}
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                server.loop.call_soon_threadsafe(give, answer)
+
+        server.disk.submit(work)
+
+    def _of_recordings(self, request: words.OfRecordings) -> Any:
+        recordings = self._server.recordings
+        match request:
+            case words.RecordStart():
+                return recordings.start()
+            case words.RecordStop():
+                return recordings.stop()
+            case words.Annotate():
+                return recordings.annotate(request.recording, request.text)
+            case words.ListRecordings():
+                return recordings.list()
 
     # ---- received messages
 

@@ -14,16 +14,19 @@ import secrets
 import socket
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wirebond import _engine
 from wirebond.attach import words
+from wirebond.attach.words import StoredRecording
 from wirebond.codec import Message
 from wirebond.errors import PortError, UsageError, WirebondError
 from wirebond.server.client import Client
 from wirebond.server.commands import Commands
 from wirebond.server.control import ControlBook, Why
+from wirebond.server.recordings import Recordings
 
 if TYPE_CHECKING:
     from wirebond.link import Link
@@ -47,12 +50,15 @@ class Owner:
         *,
         tcp: tuple[str, int] | None = None,
         token: str | None = None,
+        recordings: str | os.PathLike[str] | None = None,
     ) -> None:
         if path is None and tcp is None:
             raise UsageError("a server listens at a path or at TCP; give one")
         if token is not None and (not token.isprintable() or not token.strip()):
             raise UsageError("the token is empty, or has characters that cannot be printed; give letters and digits")
         self.link = link
+        self.recordings = Recordings(link, recordings, self._tell_recording)
+        self.disk = ThreadPoolExecutor(1, "recordings of a server")  # what waits for the disk
         self.path = None if path is None else os.fspath(path)
         self.token = token
         if tcp is not None and token is None and not _is_loopback(tcp[0]):
@@ -101,6 +107,8 @@ class Owner:
         with contextlib.suppress(RuntimeError):  # it ended meanwhile
             self.loop.call_soon_threadsafe(self._end)
         self._thread.join(_PATIENCE)
+        self.disk.shutdown(cancel_futures=True)
+        self.recordings.close()
         if self.path is not None:
             with contextlib.suppress(OSError):
                 Path(self.path).unlink()
@@ -127,6 +135,11 @@ class Owner:
     def _wake(self) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended
             self.loop.call_soon_threadsafe(self._gather)
+
+    def _tell_recording(self, recording: StoredRecording) -> None:
+        """To every client. In any thread."""
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            self.loop.call_soon_threadsafe(self.tell_all, {"event": "recording", "recording": recording})
 
     # ---- in the loop's thread
 
@@ -254,6 +267,8 @@ class Owner:
                 self.tell_all({"event": "tick", "tick": self.book.ticks.next(now)})
                 for client in self.clients.values():
                     client.tell_lost()
+                if self.recordings.has_failed:
+                    self.disk.submit(self.recordings.end_failed)
                 for client in [c for c in self.waiting if now - c.since > _ATTACH_WITHIN]:
                     client.refuse("silent", f"the first message did not come within {_ATTACH_WITHIN:g} s")
             await asyncio.sleep(_LOOK_EVERY)

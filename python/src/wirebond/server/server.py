@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING, Self
 
 from wirebond.server.owner import Owner
+from wirebond.server.recordings import Recordings
 
 if TYPE_CHECKING:
     from wirebond.link import Link
@@ -20,8 +21,10 @@ class Server:
     :param path: of a Unix socket to listen at. Only this user may attach there.
     :param tcp: host and port to listen at; the port may be 0: any.
     :param token: what clients at TCP must say. None: needed, and made, where the host is reached by other computers.
+    :param recordings: a folder for recordings that clients ask for; it is made if need be. None: clients can only
+        record at their own computers.
     :raises PortError: it cannot listen there.
-    :raises UsageError: neither ``path`` nor ``tcp``; or no such host.
+    :raises UsageError: the folder cannot be written to; neither ``path`` nor ``tcp``; or no such host.
     """
 
     def __init__(
@@ -31,8 +34,9 @@ class Server:
         *,
         tcp: tuple[str, int] | None = None,
         token: str | None = None,
+        recordings: str | os.PathLike[str] | None = None,
     ) -> None:
-        self._owner = Owner(link, path, tcp=tcp, token=token)
+        self._owner = Owner(link, path, tcp=tcp, token=token, recordings=recordings)
 
     @property
     def link(self) -> Link:
@@ -53,6 +57,12 @@ class Server:
     def token(self) -> str | None:
         """What clients at TCP must say; None: nothing."""
         return self._owner.token
+
+    @property
+    def recordings(self) -> Recordings:
+        """What it records for all its clients: ``start``, ``stop``, ``list``, ``mark``, ``annotate``. Any thread; they
+        wait for the disk."""
+        return self._owner.recordings
 
     @property
     def holder(self) -> str | None:

@@ -95,13 +95,16 @@ def serve(
     record: Annotated[
         Path | None, typer.Option(metavar="PATH", help="Record the link to this new file, as `record` does.")
     ] = None,
+    recordings: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Let clients start and stop recordings, in this folder.")
+    ] = None,
     seconds: Seconds = None,
 ) -> None:
     """Own a port, and let many programs attach: each sees every message, and one at a time is in control."""
     from wirebond.cli.serve import serve_port
 
     raise_from_here()
-    serve_port(file, port, baud, name, tcp, token, hear, record, seconds)
+    serve_port(file, port, baud, name, tcp, token, hear, record, recordings, seconds)
 
 
 @commands.command()

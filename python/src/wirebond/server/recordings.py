@@ -1,0 +1,292 @@
+"""Recordings that a server keeps in its own folder, for all its clients. Every call may wait for the disk, so none may
+come from the thread of the server's loop, except ``current`` and ``mark``."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from wirebond.attach.words import RecordingNote, StoredRecording
+from wirebond.errors import UsageError, WirebondError
+from wirebond.recording.apart import begin_closing
+from wirebond.recording.glance import glance
+from wirebond.recording.notes import annotate
+from wirebond.recording.recorder import Recorder
+
+if TYPE_CHECKING:
+    from wirebond.link import Link
+
+MOST_LISTED = 1000  # the newest ones
+MOST_MARK = 1000  # characters
+_ENDING = ".mcap"
+
+
+class Recordings:
+    """One recording at a time. Any thread.
+
+    :ivar folder: where they are; None: the server has no such folder.
+    :param changed: called with a recording whose state changed.
+    :raises UsageError: the folder cannot be made or written to.
+    """
+
+    def __init__(
+        self, link: Link, folder: str | os.PathLike[str] | None, changed: Callable[[StoredRecording], None]
+    ) -> None:
+        self.folder = None if folder is None else _made(Path(folder))
+        self._link = link
+        self._changed = changed
+        self._lock = threading.RLock()  # of the recorder
+        self._recorder: Recorder | None = None
+        self._known: dict[str, tuple[tuple[int, int], StoredRecording]] = {}  # by name: size and time of the file
+        self._closing: set[str] = set()
+        self._to_close: queue.SimpleQueue[Path | None] = queue.SimpleQueue()
+        self._closer: threading.Thread | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> StoredRecording:
+        """Begin to record, in a new file that is named after the protocol and the time.
+
+        :raises UsageError: one is being recorded; the server has no folder; the protocol was not read from a file.
+        :raises WirebondError: the file cannot be written.
+        """
+        with self._lock:
+            if self._recorder is not None and not self._recorder.error:
+                raise UsageError(f"{self._recorder.path.name} is being recorded already; stop that first")
+            self._end()
+            path = _new_path(self._folder(), self._link.codec.name)
+            try:
+                self._recorder = Recorder(self._link, path)
+            except OSError as error:
+                raise WirebondError(f"cannot record to {path}: {error.strerror or error}; look at the disk") from None
+            found = self._current(self._recorder)
+        self._changed(found)
+        return found
+
+    def stop(self) -> StoredRecording:
+        """End the recording. The file is whole then, and is compressed by a process of its own.
+
+        :raises UsageError: nothing is being recorded.
+        """
+        with self._lock:
+            if self._recorder is None:
+                raise UsageError("nothing is being recorded; start that first")
+            return self._end()
+
+    @property
+    def current(self) -> StoredRecording | None:
+        """What is being recorded; None: nothing is. Without waiting."""
+        recorder = self._recorder
+        return None if recorder is None else self._current(recorder)
+
+    def list(self) -> list[StoredRecording]:
+        """The recordings of the folder, the newest first; at most 1000.
+
+        :raises UsageError: the server has no folder.
+        :raises WirebondError: the folder cannot be read.
+        """
+        folder = self._folder()
+        try:
+            with os.scandir(folder) as entries:
+                found = [(e.stat().st_mtime_ns, e.name) for e in entries if e.name.endswith(_ENDING) and e.is_file()]
+        except OSError as error:
+            raise WirebondError(f"cannot read the folder {folder}: {error.strerror or error}") from None
+        newest = [self._stored(folder / name) for _, name in sorted(found, reverse=True)[:MOST_LISTED]]
+        return sorted((one for one in newest if one is not None), key=lambda one: one.started, reverse=True)
+
+    def path(self, name: str) -> Path:
+        """The file of the recording with this name.
+
+        :raises UsageError: there is none in the folder.
+        """
+        folder = self._folder()
+        path = folder / name
+        if Path(name).name != name or not name.endswith(_ENDING) or "\0" in name or not path.is_file():
+            raise UsageError(f"there is no recording {name!r:.100} in {folder}; list the recordings to see their names")
+        return path
+
+    def mark(self, text: str, by: str = "") -> None:
+        """Let an event ``mark`` with this text stand in every recording of the link, at this moment.
+
+        :param by: who says so.
+        :raises UsageError: the text is empty or too long.
+        """
+        if not text.strip() or len(text) > MOST_MARK:
+            raise UsageError(f"the mark has {len(text)} characters; expected 1 to {MOST_MARK}, and not spaces alone")
+        self._link.note("mark", text=text, **({"by": by} if by else {}))
+
+    def annotate(self, name: str, text: str) -> StoredRecording:
+        """Add a text to a recording that is closed.
+
+        :raises UsageError: there is no such recording, or the text is empty or too long.
+        :raises WirebondError: it is not closed, or cannot be written.
+        """
+        path = self.path(name)
+        try:
+            annotate(path, text)
+        except OSError as error:
+            raise WirebondError(f"cannot write to {path}: {error.strerror or error}; look at the disk") from None
+        found = self._stored(path)
+        if found is None:
+            raise UsageError(f"{name} was removed meanwhile")
+        self._changed(found)
+        return found
+
+    # ---- for the server
+
+    @property
+    def has_failed(self) -> bool:
+        """The recording ended early, as with a full disk, and nothing was done about it yet. Without waiting."""
+        recorder = self._recorder
+        return recorder is not None and bool(recorder.error)
+
+    def end_failed(self) -> None:
+        """End a recording whose file took no more."""
+        with self._lock:
+            if self.has_failed:
+                self._end()
+
+    def close(self) -> None:
+        """End what is being recorded. What is being compressed goes on in its own process."""
+        with self._lock:
+            self._end()
+            self._to_close.put(None)
+
+    @property
+    def is_closing(self) -> bool:
+        """Files are being compressed."""
+        return bool(self._closing)
+
+    def wait(self) -> None:
+        """Until every file is compressed. An interrupt leaves the files whole."""
+        if self._closer is None:
+            return
+        try:
+            while self._closer.is_alive():
+                self._closer.join(0.1)  # so that a signal is seen
+        except KeyboardInterrupt:
+            process = self._process
+            if process is not None:
+                process.send_signal(signal.SIGINT)
+            raise
+
+    # ---- inside
+
+    def _folder(self) -> Path:
+        if self.folder is None:
+            raise UsageError(
+                "this server has no folder for recordings; start it with `wirebond serve --recordings FOLDER`, or "
+                "record at the client"
+            )
+        return self.folder
+
+    def _end(self) -> StoredRecording:
+        recorder, self._recorder = self._recorder, None
+        if recorder is None:
+            return StoredRecording("", "", "unclosed")
+        recorder.close(compact=False)
+        if not recorder.error:
+            self._begin_closing(recorder.path)
+        found = self._stored(recorder.path)
+        if found is None:
+            found = StoredRecording(recorder.path.name, str(recorder.path), "unreadable", error="it was removed")
+        found = msgspec.structs.replace(found, error=recorder.error)
+        self._changed(found)
+        return found
+
+    def _begin_closing(self, path: Path) -> None:
+        self._closing.add(path.name)
+        self._to_close.put(path)
+        if self._closer is None:
+            self._closer = threading.Thread(target=self._close_files, name="closes recordings", daemon=True)
+            self._closer.start()
+
+    def _close_files(self) -> None:
+        while (path := self._to_close.get()) is not None:
+            with contextlib.suppress(OSError):  # it is whole, and larger
+                self._process = begin_closing(path)
+                self._process.wait()
+            self._closing.discard(path.name)
+            found = self._stored(path)
+            if found is not None:
+                self._changed(found)
+
+    def _current(self, recorder: Recorder) -> StoredRecording:
+        return StoredRecording(
+            name=recorder.path.name,
+            path=str(recorder.path),
+            state="recording",
+            started=recorder.started_ns / 1e9,
+            seconds=recorder.seconds,
+            size=recorder.size,
+            protocol=self._link.codec.name,
+            hash=f"{self._link.codec.hash:016x}",
+            messages=recorder.messages,
+            lost_bytes=recorder.lost_bytes,
+            error=recorder.error,
+        )
+
+    def _stored(self, path: Path) -> StoredRecording | None:
+        """None: it is not there any more."""
+        recorder = self._recorder
+        if recorder is not None and recorder.path == path:
+            return self._current(recorder)
+        try:
+            stat = path.stat()
+            key = stat.st_size, stat.st_mtime_ns
+            known = self._known.get(path.name)
+            found = known[1] if known is not None and known[0] == key else _seen(path)
+        except OSError:
+            self._known.pop(path.name, None)
+            return None
+        self._known[path.name] = key, found
+        return msgspec.structs.replace(found, state="closing") if path.name in self._closing else found
+
+
+def _seen(path: Path) -> StoredRecording:
+    try:
+        found = glance(path)
+    except WirebondError as error:
+        return StoredRecording(path.name, str(path), "unreadable", size=path.stat().st_size, error=str(error))
+    return StoredRecording(
+        name=path.name,
+        path=str(path),
+        state="closed" if found.is_closed else "unclosed",
+        started=found.started,
+        seconds=found.seconds,
+        size=found.size,
+        protocol=found.protocol,
+        hash=found.hash,
+        notes=tuple(RecordingNote(note.written.timestamp(), note.text) for note in found.notes),
+    )
+
+
+def _made(folder: Path) -> Path:
+    folder = folder.absolute()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(
+            f"cannot make the folder {folder} for recordings: {error.strerror or error}; name another one"
+        ) from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise UsageError(f"the folder {folder} for recordings cannot be written to; name another one")
+    return folder
+
+
+def _new_path(folder: Path, protocol: str) -> Path:
+    base = f"{protocol}-{time.strftime('%Y%m%d-%H%M%S')}"
+    path, number = folder / f"{base}{_ENDING}", 1
+    while path.exists():
+        number += 1
+        path = folder / f"{base}-{number}{_ENDING}"
+    return path
