@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from wirebond.recording import layout
 from wirebond.recording.locking import lock
 
 _NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+_RECORD = struct.Struct("<BQ")  # opcode and length of what follows
 LIBRARY = f"wirebond {__version__}"
 
 
@@ -108,21 +110,20 @@ class RecordingWriter:
         self._mcap.add_message(self._events, at, layout.to_json({"t": t, "kind": piece.kind, **piece.facts}), at)
 
     def flush(self) -> None:
-        """One write call for what was added. After an error the file ends with the batch before.
+        """One write call for what was added. After an error the file ends with the last record that it has room for.
 
-        :raises OSError: the system did not take it; it is gone.
+        :raises OSError: the system did not take all; the rest is gone.
         """
         data = memoryview(self._batch.take())
-        before = self.size
+        written = 0
         try:
-            while data:
-                written = os.write(self._file, data)
-                self.size += written
-                data = data[written:]
+            while written < len(data):
+                written += os.write(self._file, data[written:])
+            self.size += written
         except OSError as error:
-            self.size = before
+            self.size += _whole_records(data[:written])
             with contextlib.suppress(OSError):
-                os.ftruncate(self._file, before)
+                os.ftruncate(self._file, self.size)
             error.filename = str(self.path)
             raise
 
@@ -145,6 +146,17 @@ class RecordingWriter:
 
     def _ns(self, t: float) -> int:
         return max(0, self._wall_ns + (round(t * 1e6) - self._origin_us) * 1000)
+
+
+def _whole_records(data: memoryview) -> int:
+    """How many bytes of it are records from their opcode to their end."""
+    at = 0
+    while len(data) - at >= _RECORD.size:
+        _, length = _RECORD.unpack_from(data, at)
+        if length > len(data) - at - _RECORD.size:
+            break
+        at += _RECORD.size + length
+    return at
 
 
 def full_disk_sentence(error: OSError, path: Path) -> str:

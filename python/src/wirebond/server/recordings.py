@@ -48,6 +48,7 @@ class Recordings:
         self._lock = threading.RLock()  # of the recorder
         self._recorder: Recorder | None = None
         self._known: dict[str, tuple[tuple[int, int], StoredRecording]] = {}  # by name: size and time of the file
+        self._errors: dict[str, str] = {}  # why those ended early that did
         self._closing: set[str] = set()
         self._to_close: queue.SimpleQueue[Path | None] = queue.SimpleQueue()
         self._closer: threading.Thread | None = None
@@ -194,12 +195,13 @@ class Recordings:
         if recorder is None:
             return StoredRecording("", "", "unclosed")
         recorder.close(compact=False)
-        if not recorder.error:
+        if recorder.error:
+            self._errors[recorder.path.name] = recorder.error
+        else:
             self._begin_closing(recorder.path)
         found = self._stored(recorder.path)
         if found is None:
             found = StoredRecording(recorder.path.name, str(recorder.path), "unreadable", error="it was removed")
-        found = msgspec.structs.replace(found, error=recorder.error)
         self._changed(found)
         return found
 
@@ -249,7 +251,11 @@ class Recordings:
             self._known.pop(path.name, None)
             return None
         self._known[path.name] = key, found
-        return msgspec.structs.replace(found, state="closing") if path.name in self._closing else found
+        if path.name in self._closing:
+            return msgspec.structs.replace(found, state="closing")
+        if found.state == "unclosed" and path.name in self._errors:
+            return msgspec.structs.replace(found, error=self._errors[path.name])
+        return found
 
 
 def _seen(path: Path) -> StoredRecording:
