@@ -184,6 +184,96 @@ def test_its_rover_stands_still_in_safe_mode_until_somebody_recovers(project: Pa
     run("./drives", cwd=project)
 
 
+BAD_LINE = """\
+// The page's source file on a line with an error in one of 100 bytes: each frame that is whole in memory acts.
+#include "rover_link.cpp"
+
+#include BOARD
+#include "wirebond/fake/line.hpp"
+
+namespace fake = wirebond::fake;
+
+extern "C" void USART3_IRQHandler(void) { rover_link_pended(); }
+void usart3_pended() { rover_link_pended(); }
+
+int main() {
+  fake::Line in{diffdrive::baud, 10};
+  fake::Line out{diffdrive::baud, 10};
+  in.faults = {4'000, 3'000, 3'000, 0};
+  static fake::Uart hardware{in, out};
+  static Board board{hardware};
+  fake::Time now = 0;
+  unsigned whole = 0;
+  const auto pass = [&] {
+    for (int ms = 0; ms < 4; ++ms) {
+      board.run(now += 1'000'000);
+      rover_link_poll(static_cast<std::uint32_t>(now / 1000));
+    }
+  };
+  pass();
+  for (int i = 0; i < 4'000; ++i) {
+    const float linear = static_cast<float>(i - 2'000) / 1000.0F;
+    unsigned char frame[diffdrive::Velocity::Info::max_frame_bytes];
+    std::size_t size = 0;
+    const diffdrive::Velocity velocity{linear, 0.0F};
+    if (diffdrive::encode(velocity, frame, sizeof frame, size) != wirebond::Status::ok) return 1;
+    in.forget();
+    in.put(frame, size, now);
+    pass();
+    bool is_whole = true;
+    for (const fake::LineByte& byte : in.bytes()) {
+      is_whole = is_whole && byte.fate <= fake::Fate::damaged && byte.seen == byte.sent;
+    }
+    if (is_whole && rover.speed - linear > 0.0005F) return 2;
+    if (is_whole && linear - rover.speed > 0.0005F) return 2;
+    whole += is_whole ? 1u : 0u;
+  }
+  if (hardware.counts().receive_starts != 1) return 3;
+  if (whole < 3'500 || whole > 3'950) return 4;
+  const wirebond::LinkCounters counters = rover_link.counters();
+  if (counters.framing_errors < 100 || counters.noise_errors < 70 || counters.overruns < 70) return 5;
+  if (counters.framing_errors + counters.noise_errors > in.count(fake::Fate::damaged)) return 6;
+  if (counters.overruns > in.count(fake::Fate::overrun)) return 7;
+  return counters.receive_restarts == 0 ? 0 : 8;
+}
+"""
+QUICK = ["-std=c++17", "-O1", "-Wall", "-Wextra", "-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]
+
+
+def test_on_a_bad_line_reception_never_stops_and_each_whole_frame_acts(project: Path) -> None:
+    ports = ROOT / "ports"
+    main = project / "Core/Src/bad_line.cpp"
+    main.write_text(BAD_LINE, encoding="utf-8")
+    folders = ("generated", "Core/Inc", "Core/Src", ports / "stm32_hal/tests", ports / "fake/include")
+    includes = [f"-I{project / folder}" for folder in folders]
+    double = ports / "stm32_hal/tests/stm32f4xx_hal.cpp"
+    run("c++", *QUICK, '-DBOARD="board.hpp"', *includes, main, double, "-o", "bad_line", cwd=project)
+    run("./bad_line", cwd=project)
+
+
+@pytest.mark.skipif(not HAL.is_dir(), reason="STM32_HAL_PATH names no folder with the vendor's HAL")
+def test_so_it_is_with_the_vendors_own_drivers(project: Path) -> None:
+    drivers = next(HAL.rglob("STM32F4xx_HAL_Driver"), None)
+    if drivers is None:
+        pytest.skip("STM32_HAL_PATH has no HAL of the F4")
+    ports, registers = ROOT / "ports", ROOT / "ports" / "stm32_hal" / "vendor_tests"
+    (project / "Core/Inc/stm32f4xx_hal.h").unlink()
+    main = project / "Core/Src/bad_line.cpp"
+    main.write_text(BAD_LINE, encoding="utf-8")
+    vendor = [drivers / "Inc", drivers.parent / "CMSIS/Device/ST/STM32F4xx/Include"]
+    folders = [*(project / folder for folder in ("generated", "Core/Inc", "Core/Src")), registers]
+    includes = [f"-I{folder}" for folder in (*folders, ports / "fake/include", *vendor)]
+    low = ["-fno-pie", "-DSTM32F407xx", "-DUSE_HAL_DRIVER"]  # the HAL keeps addresses in 32 bits
+    made = []
+    for name in ("uart", "dma"):
+        source = drivers / "Src" / f"stm32f4xx_hal_{name}.c"
+        run("gcc", "-O1", "-w", *low, *includes, "-c", source, "-o", f"{name}.o", cwd=project)
+        made.append(f"{name}.o")
+    sources = [main, registers / "registers.cpp", *made]
+    run("c++", *QUICK, *low, "-no-pie", '-DBOARD="registers.hpp"', *includes, *sources, "-o", "bad_line", cwd=project)
+    run("./bad_line", cwd=project)
+
+
 # What a project may do wrong, and the first words of what its link says of it.
 MISTAKES = {
     "none": "nothing is known to be wrong",

@@ -31,6 +31,7 @@ struct wire {
   bool refuses_transmit;
   bool is_reachable;
   bool pended;
+  wirebond_line_errors_t errors;
 };
 
 static bool start_receive(void* context, uint8_t* ring, size_t size) {
@@ -68,10 +69,17 @@ static wirebond_why_t check(void* context, uint32_t baud) {
   return context != NULL && baud == 115200 ? setup : WIREBOND_WHY_BAUD_DIFFERS;
 }
 
+static wirebond_line_errors_t take_line_errors(void* context) {
+  struct wire* wire = context;
+  const wirebond_line_errors_t errors = wire->errors;
+  memset(&wire->errors, 0, sizeof wire->errors);
+  return errors;
+}
+
 static wirebond_port_t port_over(struct wire* wire) {
   const wirebond_port_t port = {wire,           start_receive, receiving, receive_position,
                                 start_transmit, stop_transmit, pend,      reaches,
-                                NULL,           false,         check};
+                                NULL,           false,         check,     take_line_errors};
   memset(wire, 0, sizeof *wire);
   wire->is_reachable = true;
   return port;
@@ -124,6 +132,7 @@ static void drive(void) {
   diffdrive_status_t status;
   diffdrive_link_t* link;
   int i;
+  int starts;
 
   port = port_over(&wire);
   handlers.context = &rover;
@@ -251,6 +260,17 @@ static void drive(void) {
   wire.is_receiving = false;
   diffdrive_link_on_error(link);
   expect(wire.is_receiving && diffdrive_link_counters(link).line_errors == 1, "reception does not begin anew");
+  starts = wire.receive_starts;
+  wire.errors.framing = wire.errors.overrun = true;
+  diffdrive_link_on_received(link);
+  wire.errors.noise = wire.errors.parity = wire.errors.framing = true;
+  diffdrive_link_on_pended(link);
+  {
+    const wirebond_link_counters_t counters = diffdrive_link_counters(link);
+    expect(counters.line_errors == 3 && counters.framing_errors == 2, "looks that found framing errors");
+    expect(counters.noise_errors == 1 && counters.overruns == 1 && counters.parity_errors == 1, "errors by kind");
+    expect(wire.receive_starts == starts, "line errors end reception");
+  }
   {
     const wirebond_send_account_t account = diffdrive_link_send_account(link);
     uint32_t refused = 0;

@@ -85,8 +85,8 @@ void _init() {}  // of newlib; there is nothing to do
 void SysTick_Handler() { HAL_IncTick(); }
 
 void USART3_IRQHandler() {
-  HAL_UART_IRQHandler(&board::uart_handle);
   if (board::uart_events.link != nullptr) board::uart_events.pended(board::uart_events.link);
+  HAL_UART_IRQHandler(&board::uart_handle);
 }
 
 void HAL_UARTEx_RxEventCallback(UART_HandleTypeDef*, std::uint16_t) {

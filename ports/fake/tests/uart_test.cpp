@@ -15,6 +15,7 @@ using wirebond::fake::Fate;
 using wirebond::fake::Fault;
 using wirebond::fake::Line;
 using wirebond::fake::never;
+using wirebond::fake::OnLineError;
 using wirebond::fake::run_both;
 using wirebond::fake::Time;
 using wirebond::fake::Uart;
@@ -132,9 +133,26 @@ TEST_CASE("a damaged byte is in the ring or not, as the family has it") {
   }
 }
 
+TEST_CASE("where errors only leave a flag there is no event, and each kind is taken once") {
+  Bench bench;
+  bench.uart.behaviour.on_line_error = OnLineError::flag;
+  REQUIRE(bench.start());
+  bench.in.put(1, 0, Fault::framing);
+  bench.in.put(2, 0, Fault::overrun);
+  bench.in.put(3, 0);
+  bench.run(30'000);
+  CHECK(bench.log.empty());
+  CHECK(bench.uart.receive_position() == 2);
+  const wirebond::LineErrors errors = bench.uart.take_line_errors();
+  CHECK(errors.framing);
+  CHECK(errors.overrun);
+  CHECK_FALSE(errors.noise);
+  CHECK_FALSE(bench.uart.take_line_errors().any());
+}
+
 TEST_CASE("where errors do not stop reception they are told, and bytes go on into the ring") {
   Bench bench;
-  bench.uart.behaviour.errors_stop = false;
+  bench.uart.behaviour.on_line_error = OnLineError::tell;
   REQUIRE(bench.start());
   bench.in.put(1, 0, Fault::framing);
   bench.in.put(Bytes{2, 3}, 0);

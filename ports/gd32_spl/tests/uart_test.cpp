@@ -44,7 +44,7 @@ struct Bench {
   Bench() {
     events.ring = {};
     events.log.clear();
-    uart.behaviour.errors_stop = false;
+    uart.behaviour.on_line_error = fake::OnLineError::tell;
   }
 
   bool start() { return port.start_receive(events.ring.data(), events.ring.size()); }

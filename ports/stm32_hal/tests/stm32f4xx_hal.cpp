@@ -7,6 +7,7 @@ using wirebond::fake::Uart;
 
 namespace {
 
+USART_TypeDef usart3{};
 DMA_HandleTypeDef hdma_usart3_rx{};
 DMA_HandleTypeDef hdma_usart3_tx{};
 Uart& uart_of(UART_HandleTypeDef* handle) { return *static_cast<Uart*>(handle->uart); }
@@ -19,6 +20,8 @@ uint32_t uwTickPrio = 0;
 
 Board::Board(Uart& uart) : uart_(uart) {
   huart3 = {};
+  usart3 = {};
+  huart3.Instance = &usart3;
   hdma_usart3_rx = {{DMA_CIRCULAR}, &huart3};
   hdma_usart3_tx = {{DMA_NORMAL}, &huart3};
   huart3.hdmarx = &hdma_usart3_rx;
@@ -33,7 +36,23 @@ Board::Board(Uart& uart) : uart_(uart) {
 
 Board::~Board() { huart3 = {}; }
 
+void Board::run(wirebond::fake::Time until) {
+  using wirebond::fake::OnLineError;
+  uart_.behaviour.on_line_error = (usart3.CR3 & USART_CR3_EIE) != 0 ? OnLineError::stop : OnLineError::flag;
+  uart_.run(until, *this);
+}
+
+/// In the status they stay until it was read and DMA has read a byte after that: it is read in each interrupt.
+void Board::show_errors() {
+  if (uart_.counts().written != written_) usart3.SR = 0;
+  written_ = uart_.counts().written;
+  const wirebond::LineErrors errors = uart_.take_line_errors();
+  usart3.SR = usart3.SR | (errors.framing ? UART_FLAG_FE : 0) | (errors.noise ? UART_FLAG_NE : 0) |
+              (errors.overrun ? UART_FLAG_ORE : 0);
+}
+
 void Board::on_received() {
+  show_errors();
   if (huart3.RxState != HAL_UART_STATE_BUSY_RX) return;
   if (!uart_.receiving()) huart3.RxState = HAL_UART_STATE_READY;  // DMA is in normal mode
   // Half, full and idle have different values here. Where DMA is by now may be further: the port must not care.
@@ -65,6 +84,7 @@ void Board::on_error() {
 }
 
 void Board::on_pended() {
+  show_errors();
   if (nvic_registers.ISER[USART3_IRQn / 32] != 0) USART3_IRQHandler();
 }
 
@@ -77,6 +97,7 @@ HAL_StatusTypeDef HAL_UARTEx_ReceiveToIdle_DMA(UART_HandleTypeDef* huart, uint8_
   uart_of(huart).behaviour.circular = huart->hdmarx->Init.Mode == DMA_CIRCULAR;
   if (!uart_of(huart).start_receive(pData, Size)) return HAL_ERROR;  // its DMA is being stopped
   huart->RxState = HAL_UART_STATE_BUSY_RX;
+  huart->Instance->CR3 |= USART_CR3_EIE;
   return HAL_OK;
 }
 

@@ -37,12 +37,23 @@ typedef struct {
   uint32_t ISER[8];
 } NVIC_Type;
 
+#define USART_CR1_PEIE 0x100U
+#define USART_CR3_EIE 0x1U
+#define UART_FLAG_PE 0x1U
+#define UART_FLAG_FE 0x2U
+#define UART_FLAG_NE 0x4U
+#define UART_FLAG_ORE 0x8U
+typedef struct {
+  volatile uint32_t SR, DR, BRR, CR1, CR2, CR3, GTPR;
+} USART_TypeDef;
+
 typedef struct {
   DMA_InitTypeDef Init;
   struct __UART_HandleTypeDef* Parent;
 } DMA_HandleTypeDef;
 
 typedef struct __UART_HandleTypeDef {
+  USART_TypeDef* Instance;
   UART_InitTypeDef Init;
   DMA_HandleTypeDef* hdmatx;
   DMA_HandleTypeDef* hdmarx;

@@ -94,28 +94,53 @@ TEST_CASE("received bytes are in the ring up to the position, in circles") {
   CHECK(events.ring[0] == 4);
 }
 
-TEST_CASE("after a line error the ring begins anew, and bytes come again") {
+TEST_CASE("a line error leaves a flag of its kind, which is told once, and bytes go on into the ring") {
   Bench bench;
   REQUIRE(bench.start());
   bench.in.put(1, 0);
   bench.in.put(2, 0, fake::Fault::framing);
+  bench.in.put(3, 0, fake::Fault::overrun);
+  bench.board.run(50'000);
+  CHECK(events.log == "r");
+  wirebond::LineErrors errors = bench.port.take_line_errors();
+  CHECK(errors.framing);
+  CHECK(errors.overrun);
+  CHECK_FALSE(errors.noise);
+  CHECK_FALSE(errors.parity);
+  bench.port.pend();
+  bench.board.run(60'000);
+  CHECK_FALSE(bench.port.take_line_errors().any());  // the status still has it, for no byte came
+  bench.in.put(7, 60'000, fake::Fault::noise);
+  bench.board.run(90'000);
+  CHECK(bench.port.receive_position() == 3);
+  CHECK(events.ring[2] == bench.in.bytes().back().seen);
+  errors = bench.port.take_line_errors();
+  CHECK(errors.noise);
+  CHECK_FALSE(errors.framing);
+}
+
+TEST_CASE("after an error of the DMA the ring begins anew, and bytes come again") {
+  Bench bench;
+  REQUIRE(bench.start());
+  bench.in.put(Bytes{1, 2}, 0);
+  bench.uart.raise_now(fake::Event::dma_error);
   bench.board.run(20'000);
-  CHECK(events.log == "e");
+  CHECK(events.log.front() == 'e');
   CHECK(events.started);
-  CHECK(bench.port.receive_position() == 0);
-  bench.in.put(7, 30'000);
-  bench.board.run(40'000);
-  CHECK(events.ring[0] == 7);
+  bench.board.run(50'000);
+  const std::size_t place = bench.port.receive_position();
+  bench.in.put(7, 50'000);
+  bench.board.run(60'000);
+  CHECK(events.ring[place] == 7);
 }
 
 TEST_CASE("a start is refused while the HAL still stops DMA, and works afterwards") {
   Bench bench;
   bench.uart.behaviour.abort_time = 50'000;
   REQUIRE(bench.start());
-  bench.in.put(1, 0, fake::Fault::noise);
-  bench.uart.mask(10'000);
+  bench.uart.raise_now(fake::Event::dma_error);
   CHECK(bench.port.receiving());
-  bench.board.run(10'000);
+  bench.board.run(0);
   REQUIRE_FALSE(bench.uart.receiving());
   CHECK_FALSE(bench.start());
   bench.board.run(70'000);

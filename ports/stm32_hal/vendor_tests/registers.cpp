@@ -22,6 +22,8 @@ std::uint32_t ticks = 0;
 DMA_Stream_TypeDef& receive_stream() { return dma1.streams[1]; }
 DMA_Stream_TypeDef& send_stream() { return dma1.streams[3]; }
 
+constexpr std::uint32_t error_flags = USART_SR_PE | USART_SR_FE | USART_SR_NE | USART_SR_ORE;
+
 bool runs(const DMA_Stream_TypeDef& stream) { return (stream.CR & DMA_SxCR_EN) != 0; }
 
 std::uint8_t* bytes_of(const DMA_Stream_TypeDef& stream) {
@@ -44,7 +46,6 @@ UART_HandleTypeDef huart3;
 
 Board::Board(wirebond::fake::Uart& uart) : uart_(uart) {
   board = this;
-  uart.behaviour.errors_stop = false;
   std::memset(&dma1, 0, sizeof dma1);
   std::memset(&usart3, 0, sizeof usart3);
   huart3 = {};
@@ -67,6 +68,8 @@ std::uint32_t Board::baud_divider() const { return usart3.BRR; }
 
 void Board::obey() {
   clear_flags();
+  const bool interrupts = (usart3.CR3 & USART_CR3_EIE) != 0;
+  uart_.behaviour.on_line_error = interrupts ? wirebond::fake::OnLineError::tell : wirebond::fake::OnLineError::flag;
   DMA_Stream_TypeDef& receive = receive_stream();
   const bool receives = runs(receive) && (usart3.CR3 & USART_CR3_DMAR) != 0;
   if (uart_.receiving() && (!receives || receive.NDTR != receive_left_)) uart_.stop_receive();
@@ -84,15 +87,40 @@ void Board::obey() {
   }
 }
 
-/// Writing 1 to a bit of a clear register clears the flag of that place. The USART's flags are cleared by reading its
-/// data, which each of the HAL's handlers does.
+/// Writing 1 to a bit of a clear register clears the flag of that place. The USART's flags for an event are cleared by
+/// the HAL's handler for it.
 void Board::clear_flags() {
   dma1.flags.LISR = dma1.flags.LISR & ~dma1.flags.LIFCR;
   dma1.flags.LIFCR = 0;
-  usart3.SR = USART_SR_TXE;
+  usart3.SR = USART_SR_TXE | errors_;
+}
+
+/// In the status they stay until it was read, which each interrupt does, and then the data, by DMA or the HAL.
+void Board::show_errors() {
+  if (uart_.receiving()) {
+    receive_left_ = static_cast<std::uint32_t>(huart3.RxXferSize - uart_.receive_position());
+    receive_stream().NDTR = receive_left_;
+  }
+  if (uart_.counts().written != written_) errors_ = 0;
+  written_ = uart_.counts().written;
+  const wirebond::LineErrors errors = uart_.take_line_errors();
+  if (errors.framing) errors_ |= USART_SR_FE;
+  if (errors.noise) errors_ |= USART_SR_NE;
+  if (errors.overrun) errors_ |= USART_SR_ORE;
+  usart3.SR = (usart3.SR & ~error_flags) | errors_;
+}
+
+/// USART3_IRQHandler, as the guide has it.
+void Board::serve_uart() {
+  show_errors();
+  const std::uint32_t status = usart3.SR;
+  usart3_pended();
+  usart3.SR = usart3.SR & status;  // the HAL clears flags by writing 0 there; a 1 sets none
+  HAL_UART_IRQHandler(&huart3);
 }
 
 void Board::serve_receive_dma(std::uint32_t flags) {
+  show_errors();
   dma1.flags.LISR = dma1.flags.LISR | flags;
   HAL_DMA_IRQHandler(&receive_dma);
   obey();
@@ -110,7 +138,8 @@ void Board::on_received() {
   if (passed_half) serve_receive_dma(DMA_LISR_HTIF1);
   if (passed_end) serve_receive_dma(DMA_LISR_TCIF1);
   usart3.SR = usart3.SR | USART_SR_IDLE;
-  HAL_UART_IRQHandler(&huart3);
+  serve_uart();
+  errors_ = 0;  // the HAL reads the data to clear the idle flag
   obey();
 }
 
@@ -121,13 +150,14 @@ void Board::on_transmitted() {
   HAL_DMA_IRQHandler(&send_dma);
   clear_flags();
   usart3.SR = usart3.SR | USART_SR_TC;
-  HAL_UART_IRQHandler(&huart3);
+  serve_uart();
   obey();
 }
 
 void Board::on_error() {
-  usart3.SR = usart3.SR | USART_SR_FE;
-  HAL_UART_IRQHandler(&huart3);
+  errors_ |= USART_SR_FE;
+  serve_uart();
+  errors_ = 0;
   const bool was_stopped = !runs(receive_stream());
   obey();
   if (was_stopped) serve_receive_dma(DMA_LISR_TCIF1);  // a stream that is disabled says so
@@ -139,8 +169,7 @@ void Board::fail_receive_dma() {
 }
 
 void Board::on_pended() {
-  HAL_UART_IRQHandler(&huart3);
-  usart3_pended();
+  serve_uart();
   obey();
 }
 
@@ -152,6 +181,9 @@ uint32_t SystemCoreClock = 168'000'000;
 uint32_t HAL_RCC_GetPCLK1Freq() { return 42'000'000; }
 uint32_t HAL_RCC_GetPCLK2Freq() { return 84'000'000; }
 uint32_t HAL_GetTick() { return ++ticks; }
+uint32_t uwTickPrio = 0;
+NVIC_Type nvic_registers;
+uint32_t NVIC_GetPriority(IRQn_Type) { return 5; }
 void NVIC_SetPendingIRQ(IRQn_Type interrupt) {
   if (interrupt == USART3_IRQn) board->pend();
 }

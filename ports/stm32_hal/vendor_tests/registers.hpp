@@ -9,14 +9,14 @@
 
 extern UART_HandleTypeDef huart3;
 
-/// What a project's handler does behind the HAL's. The test defines it.
+/// What a project's handler of the UART does before the HAL's. The test defines it.
 void usart3_pended();
 
 /// One at a time. The HAL keeps addresses in 32 bits: the program must be linked below 4 GiB, and what it sends and
 /// receives must be static.
 class Board {
  public:
-  /// 2 Mbaud 8N2, as CubeMX initialises it. Line errors are left to the HAL, which is what is tested.
+  /// 2 Mbaud 8N2, as CubeMX initialises it. Line errors are left to the HAL and the port, which are what is tested.
   explicit Board(wirebond::fake::Uart& uart);
   ~Board();
   Board(const Board&) = delete;
@@ -45,10 +45,14 @@ class Board {
 
  private:
   void clear_flags();
+  void show_errors();
+  void serve_uart();
   void serve_receive_dma(std::uint32_t flags);
 
   wirebond::fake::Uart& uart_;
   std::size_t told_place_ = 0;      // of reception, when it last raised something
+  std::uint32_t errors_ = 0;        // of the status
+  std::uint64_t written_ = 0;       // bytes in memory when the UART's interrupt last ran
   std::uint32_t receive_left_ = 0;  // as this class last wrote it; another value: the HAL has begun anew
   std::uint32_t send_left_ = 0;
 };

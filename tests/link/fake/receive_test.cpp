@@ -7,16 +7,19 @@
 #include "wires.hpp"
 
 using wirebond::fake::Event;
+using wirebond::fake::OnLineError;
 
 TEST_CASE_TEMPLATE("with 1 % of bytes in error every frame that came whole is delivered once, in order", Wire,
                    Enterprize, Native) {
-  for (const bool errors_stop : {true, false}) {
+  for (const OnLineError on_line_error : {OnLineError::stop, OnLineError::tell, OnLineError::flag}) {
     for (const bool keeps_damaged : {true, false}) {
-      CAPTURE(errors_stop);
+      CAPTURE(static_cast<int>(on_line_error));
       CAPTURE(keeps_damaged);
-      Board<Wire> board(errors_stop ? 1 : 2);
-      board.to_mcu.faults.framing = 10'000;
-      board.uart.behaviour.errors_stop = errors_stop;
+      Board<Wire> board(on_line_error == OnLineError::stop ? 1 : 2);
+      board.to_mcu.faults.framing = 4'000;
+      board.to_mcu.faults.noise = 3'000;
+      board.to_mcu.faults.overrun = 3'000;
+      board.uart.behaviour.on_line_error = on_line_error;
       board.uart.behaviour.keeps_damaged = keeps_damaged;
       board.uart.behaviour.interrupt_delay = 20'000;
       board.uart.behaviour.abort_time = 10'000;
@@ -31,7 +34,15 @@ TEST_CASE_TEMPLATE("with 1 % of bytes in error every frame that came whole is de
       }
       for (int i = 0; i < 200; ++i) board.pass(1'000'000);
       board.check(true);
-      CHECK(board.link->counters().line_errors > 100);
+      const wirebond::LinkCounters counters = board.link->counters();
+      CHECK(counters.line_errors > 100);
+      if (on_line_error == OnLineError::flag) {
+        CHECK(counters.framing_errors > 50);
+        CHECK(counters.noise_errors > 50);
+        CHECK(counters.overruns > 50);
+        CHECK(board.uart.counts().receive_starts == 1);  // reception never stopped
+        CHECK(board.link->why() == wirebond::Why::many_line_errors);
+      }
       CHECK(board.handler.commands.size() > board.peer.sent() / 2);
       CHECK(board.handler.commands.size() < board.peer.sent());
       CHECK(board.peer.mended() * 20 < board.peer.came());

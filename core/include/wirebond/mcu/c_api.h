@@ -115,6 +115,14 @@ typedef struct wirebond_frame {
 
 // ---- links ----------------------------------------------------------------------------------------------------------
 
+/// What a port's status register said since somebody last asked. A flag says that there was one such byte or more.
+typedef struct wirebond_line_errors {
+  bool framing;  ///< no stop bit: another baud rate, a cable that was touched
+  bool noise;    ///< samples of one bit disagree
+  bool overrun;  ///< DMA did not fetch a byte in time, and it is lost
+  bool parity;
+} wirebond_line_errors_t;
+
 /// A UART, as a link asks for it. Each function must be there but those at the end; `context` is given to each. A table
 /// may be `const` and in flash, and outlives its link. "The interrupt" is that of the UART and those of its DMA, which
 /// must have one priority, so that they never interrupt each other. Where there is none, whoever polls the link stands
@@ -141,7 +149,7 @@ typedef struct wirebond_port {
   /// Can the UART's DMA reach all of bytes[0 .. size)? The link stays down where it cannot. From its poll.
   bool (*reaches)(void* context, const void* bytes, size_t size);
 
-  // These three may be left out.
+  // These four may be left out.
 
   /// The clock that the poll is given, in microseconds. With it, received bytes are as old as the receive event before
   /// them; where it is NULL, as the poll before the one that found them. The interrupt.
@@ -152,6 +160,8 @@ typedef struct wirebond_port {
   /// Is the UART set up as the link needs it, for this baud rate? WIREBOND_WHY_NOTHING, or what is wrong with it; for
   /// ..._link_why. From where that is called.
   wirebond_why_t (*check)(void* context, uint32_t baud);
+  /// Where line errors do not end reception: what the UART's status says of them, which it forgets. The interrupt.
+  wirebond_line_errors_t (*take_line_errors)(void* context);
 } wirebond_port_t;
 
 /// How a link stands.
@@ -178,7 +188,11 @@ typedef enum wirebond_level {
 
 /// What happened to the line, the port and the polls, modulo 2^32.
 typedef struct wirebond_link_counters {
-  uint32_t line_errors;        ///< framing, noise, overrun and DMA errors that the port told of
+  uint32_t line_errors;        ///< error events, and looks at the UART's status that found an error
+  uint32_t framing_errors;     ///< of these looks, those that found this kind: 0 where the port does not look
+  uint32_t noise_errors;       ///< the same
+  uint32_t overruns;           ///< the same
+  uint32_t parity_errors;      ///< the same
   uint32_t receive_restarts;   ///< reception was begun again, after an error or for silence
   uint32_t transmit_retries;   ///< the port did not take a run: busy, or an error
   uint32_t transmit_timeouts;  ///< a run did not leave in time, and was stopped

@@ -9,6 +9,7 @@
 #include "wirebond/mcu/c_api.h"
 #include "wirebond/mcu/c_api.hpp"
 #include "wirebond/mcu/grant.hpp"
+#include "wirebond/mcu/line_errors.hpp"
 #include "wirebond/mcu/link.hpp"
 #include "wirebond/mcu/send_account.hpp"
 #include "wirebond/mcu/services.hpp"
@@ -60,6 +61,11 @@ class Port {
   Why check(std::uint32_t baud) const {
     return table_.check == nullptr ? Why::nothing : static_cast<Why>(table_.check(table_.context, baud));
   }
+  LineErrors take_line_errors() {
+    if (table_.take_line_errors == nullptr) return {};
+    const wirebond_line_errors_t errors = table_.take_line_errors(table_.context);
+    return {errors.framing, errors.noise, errors.overrun, errors.parity};
+  }
 
   const bool tells_every_lap;
 
@@ -108,9 +114,10 @@ inline wirebond_why_t to_c(Why why) { return static_cast<wirebond_why_t>(why); }
 inline wirebond_peer_t to_c(Peer peer) { return static_cast<wirebond_peer_t>(peer); }
 
 inline wirebond_link_counters_t to_c(const LinkCounters& counts) {
-  return {counts.line_errors, counts.receive_restarts, counts.transmit_retries, counts.transmit_timeouts,
-          counts.slow_polls,  counts.nested_polls,     counts.unserved_pends,   counts.late,
-          counts.held_back,   counts.foreign,          counts.unlisted};
+  return {counts.line_errors,   counts.framing_errors,   counts.noise_errors,     counts.overruns,
+          counts.parity_errors, counts.receive_restarts, counts.transmit_retries, counts.transmit_timeouts,
+          counts.slow_polls,    counts.nested_polls,     counts.unserved_pends,   counts.late,
+          counts.held_back,     counts.foreign,          counts.unlisted};
 }
 
 inline wirebond_receive_account_t to_c(const ReceiveAccount& account) {

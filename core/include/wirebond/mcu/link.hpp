@@ -13,6 +13,7 @@
 #include "wirebond/mcu/atomics.hpp"
 #include "wirebond/mcu/buffers.hpp"
 #include "wirebond/mcu/handshake.hpp"
+#include "wirebond/mcu/line_errors.hpp"
 #include "wirebond/mcu/outbox.hpp"
 #include "wirebond/mcu/receive_age.hpp"
 #include "wirebond/mcu/receive_ring.hpp"
@@ -38,7 +39,11 @@ enum class LinkState : std::uint8_t {
 
 /// What happened to the line, the port and the polls, modulo 2^32.
 struct LinkCounters {
-  std::uint32_t line_errors = 0;        ///< framing, noise, overrun and DMA errors that the port told of
+  std::uint32_t line_errors = 0;        ///< error events, and looks at the UART's status that found an error
+  std::uint32_t framing_errors = 0;     ///< of these looks, those that found this kind: 0 where the port does not look
+  std::uint32_t noise_errors = 0;       ///< the same
+  std::uint32_t overruns = 0;           ///< the same
+  std::uint32_t parity_errors = 0;      ///< the same
   std::uint32_t receive_restarts = 0;   ///< reception was begun again, after an error or for silence
   std::uint32_t transmit_retries = 0;   ///< the port did not take a run: busy, or an error
   std::uint32_t transmit_timeouts = 0;  ///< a run did not leave in time, and was stopped
@@ -93,6 +98,7 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 /// (`ReceiveAccount::laps_unknown`).
 template <class Protocol, class Handler, class Port, class Memory>
 class Link : private SendPause<Protocol::pause_us>,
+             private detail::LineErrorCounts<detail::TellsLineErrors<Port>::value>,
              private detail::SenderAddress<typename Protocol::Sends, names_receiver<typename Protocol::Receives>>,
              private SentNumbers<typename Protocol::Sends> {
  public:
@@ -249,6 +255,10 @@ class Link : private SendPause<Protocol::pause_us>,
   /// The context of `poll`.
   LinkCounters counters() const {
     return {line_errors_,
+            this->framing(),
+            this->noise(),
+            this->overruns(),
+            this->parity(),
             receive_restarts_,
             transmit_retries_,
             transmit_timeouts_,
@@ -276,12 +286,13 @@ class Link : private SendPause<Protocol::pause_us>,
     if (setup != Why::nothing && setup != Why::tick_below_uart) return setup;
     if (state() == LinkState::down) return Why::port_refuses;
     if (unserved_in_row_ >= 2) return Why::pends_unserved;
-    if (reception_stops_ || !port_.receiving()) return Why::reception_stops;
+    if (reception_stops_ || (!port_.receiving() && !handshake_.look().restart())) return Why::reception_stops;
     if (transmit_timeouts_ != 0 && send_account().sent == 0) return Why::runs_not_completed;
     const bool heard = heard_frames() != 0;
     if (!heard && (receiver_.bytes() != 0 || line_errors_ != 0)) return Why::nothing_understood;
     if (!heard || state() == LinkState::stale) return Why::nothing_heard;
     const ReceiveAccount received = receive_account();
+    if (line_errors_ > received.received / bytes_per_error) return Why::many_line_errors;
     if (received.laps != 0 || received.laps_unknown != 0) return Why::polled_too_seldom;
     return setup;
   }
@@ -292,6 +303,7 @@ class Link : private SendPause<Protocol::pause_us>,
   void on_received() {
     const Event event(in_event_);
     if (state() == LinkState::down) return;  // not ours: where DMA stands before `start_receive` says nothing
+    look_for_errors();
     [[maybe_unused]] const std::uint32_t position = ring_.advance(port_.receive_position());
     if constexpr (Age::is_stamped) {
       if (detail::clock_runs(port_, 0)) age_.stamp(position, port_.now_us(), fill_us);
@@ -307,7 +319,8 @@ class Link : private SendPause<Protocol::pause_us>,
     send_next();
   }
 
-  /// Framing, noise, overrun or DMA error. Where reception stopped by it, it is begun again at once.
+  /// Framing, noise, overrun or DMA error. Where reception stopped by it, it is begun again as soon as `poll` has read
+  /// what came before: at once, or in the interrupt that the next `poll` pends.
   void on_error() {
     const Event event(in_event_);
     line_errors_ += 1;
@@ -323,6 +336,7 @@ class Link : private SendPause<Protocol::pause_us>,
   void on_pended() {
     const Event event(in_event_);
     if (state() == LinkState::down) return;
+    look_for_errors();
     if (handshake_.look().restart()) restart_reception();
     switch (handshake_.take()) {
       case LineWord::Work::none: return;
@@ -338,6 +352,9 @@ class Link : private SendPause<Protocol::pause_us>,
   /// Twice what the longest run takes, and what an interrupt may be late.
   static constexpr std::uint32_t transmit_timeout_us =
       10'000 + static_cast<std::uint32_t>(std::uint64_t{2'000'000} * longest_run_bytes / Protocol::bytes_per_second);
+
+  /// `why` names the line where there are more errors than one in this many bytes.
+  static constexpr std::uint32_t bytes_per_error = 1'000;
 
   /// What the line takes at least to fill the receive ring.
   static constexpr std::uint32_t fill_us = static_cast<std::uint32_t>(
@@ -512,7 +529,7 @@ class Link : private SendPause<Protocol::pause_us>,
         if (bytes.came_us - before_us > now_us - before_us) bytes.came_us = now_us;
         strike(bytes.came_us, now_us);  // by the silence before these bytes
         // An idle event comes a byte's time after the last byte; half and full come at once.
-        const auto end = static_cast<ReceiveRing::Count>(ring_.position() + bytes.size);
+        const std::size_t end = ring_.place() + bytes.size;
         const bool is_idle = bytes.ends_at_event && end % (memory_.receive.size() / 2) != 0;
         age_.note_came(bytes.until_us - (is_idle ? byte_us : 0));
       }
@@ -581,14 +598,23 @@ class Link : private SendPause<Protocol::pause_us>,
 
   // ---- in the UART's interrupt
 
+  void look_for_errors() {
+    if constexpr (detail::TellsLineErrors<Port>::value) {
+      const LineErrors errors = port_.take_line_errors();
+      if (!errors.any()) return;
+      line_errors_ += 1;
+      this->count(errors);
+    }
+  }
+
   WIREBOND_NOINLINE void restart_reception() {
     ring_.advance(port_.receive_position());
     if (port_.receiving() && !ring_.is_all_read()) {  // the line is not silent: bytes came since poll found it so
       handshake_.restarted();
       return;
     }
-    handshake_.ask_restart();  // until it is done: poll asks again
-    if (!ring_.can_restart()) return;
+    handshake_.ask_restart();  // until it is done: poll reads what is left, and asks again
+    if (!ring_.is_all_read()) return;
     ring_.begin_restart();
     // A byte that DMA takes from here on until the port has stopped it is lost and cannot be counted.
     if (port_.start_receive(memory_.receive.data(), memory_.receive.size())) {

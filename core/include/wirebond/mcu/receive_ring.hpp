@@ -2,7 +2,6 @@
 // port.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -28,9 +27,8 @@ struct ReceiveAccount {
 /// which may be interrupted by it (`look`, `next`, `consumed`). Nobody waits, nothing is masked: each variable has one
 /// writer.
 ///
-/// Positions count every byte since the start, modulo 2^32; the low bits are the place in the ring, whose size is a
-/// power of two. A restarted DMA writes from the ring's front again, so the count then skips to the next multiple of
-/// the size: a hole, in which no byte ever was.
+/// Positions count every byte since the start, modulo 2^32. A restarted DMA writes from the ring's front again. That
+/// waits until all is read, so that it writes over nothing; from then on `origin_` lies at the front.
 ///
 /// The hardware tells a place and not a count: `advance` must be called once for every turn of the DMA at least, which
 /// the half and full events do unless interrupts are masked for as long as the whole ring takes. Whoever has a clock
@@ -57,16 +55,9 @@ class ReceiveRing {
     return written;
   }
 
-  /// Has the reader read all that DMA wrote until the last `advance`?
+  /// Has the reader read all that DMA wrote until the last `advance`? Only then may DMA be begun again.
   bool is_all_read() const {
     return read_.load(std::memory_order_acquire) == written_.load(std::memory_order_relaxed);  // pairs with `pass`
-  }
-
-  /// May DMA be begun again? Not while the reader is so many restarts behind that one more could not be noted.
-  bool can_restart() const {
-    // Pairs with `pass_hole`: what the reader passed may be written again.
-    const std::uint8_t passed = holes_passed_.load(std::memory_order_acquire);
-    return static_cast<std::uint8_t>(holes_noted_.load(std::memory_order_relaxed) - passed) != hole_capacity;
   }
 
   /// DMA is about to begin again. Until `end_restart` its place says nothing, and `look` does not look: it may run
@@ -82,16 +73,8 @@ class ReceiveRing {
   }
 
   /// DMA has begun again at the ring's front, between `begin_restart` and `end_restart`. Before it did, `advance` was
-  /// called with its last place, and `can_restart` was true.
-  void restart() {
-    const Count written = written_.load(std::memory_order_relaxed);
-    const Count front = round_up(written);
-    if (front == written) return;
-    const std::uint8_t noted = holes_noted_.load(std::memory_order_relaxed);
-    holes_[noted % hole_capacity] = written;
-    holes_noted_.store(static_cast<std::uint8_t>(noted + 1), std::memory_order_release);  // pairs with `hole_ahead`
-    written_.store(front, std::memory_order_release);  // behind the hole, so that who sees this sees that
-  }
+  /// called with its last place, and all was read: the reader has no byte in hand whose place this changes.
+  void restart() { origin_.store(written_.load(std::memory_order_relaxed), std::memory_order_relaxed); }
 
   // ---- the reader
 
@@ -102,7 +85,7 @@ class ReceiveRing {
     for (;;) {
       const std::uint8_t restarts = restarts_.load(std::memory_order_acquire);  // pairs with `end_restart`
       if ((restarts & 1u) != 0) return false;
-      const Count written = written_.load(std::memory_order_acquire);  // pairs with `advance` and `restart`
+      const Count written = written_.load(std::memory_order_acquire);  // pairs with `advance`
       const Count seen = written + ahead(place(), written);
       std::atomic_thread_fence(std::memory_order_acquire);  // behind the place; pairs with `begin_restart`
       // An event between the two: its place is newer, and a restart may lie between.
@@ -115,29 +98,27 @@ class ReceiveRing {
 
   /// Where the next byte lies that `next` gives, counted as `advance` counts.
   Count position() const { return read_so_far(); }
+  /// Where in the ring that is.
+  Count place() const { return (read_so_far() - origin_.load(std::memory_order_relaxed)) & mask_; }
 
   /// The next bytes in one piece, as far as `look` saw; none: all is read. Bytes that DMA wrote over are left out, and
   /// counted. After a lap half a ring of the newest is kept, so that the DMA is not met again at once.
   Span next() {
-    bool lapped = false;
-    for (;;) {
-      while (hole_ahead() && next_hole() == read_so_far()) pass_hole();
-      const Count size = piece();
-      const Count lost = size == 0 ? 0 : written_over(seen_, size);
-      if (lost == 0) {
-        if (lapped) laps_ += 1;
-        return {bytes_ + (read_so_far() & mask_), size};
-      }
-      lapped = true;
+    const Count lost = written_over(seen_);
+    if (lost != 0) {
+      laps_ += 1;
       lapped_ += lost;
       pass(lost);
     }
+    const Count unread = seen_ - read_so_far();
+    const Count to_wrap = size() - place();
+    return {bytes_ + place(), unread < to_wrap ? unread : to_wrap};
   }
 
   /// The first `count` bytes of `next` were read.
   void consumed(std::size_t count) {
-    const Count written = written_.load(std::memory_order_acquire);  // pairs with `advance` and `restart`
-    if (written_over(written, static_cast<Count>(count)) != 0) overtaken_ += static_cast<Count>(count);
+    const Count written = written_.load(std::memory_order_acquire);  // pairs with `advance`
+    if (written_over(written) != 0) overtaken_ += static_cast<Count>(count);
     pass(static_cast<Count>(count));
   }
 
@@ -152,8 +133,8 @@ class ReceiveRing {
 
   ReceiveAccount account() const {
     ReceiveAccount account;
-    account.received = seen_ - hole_bytes_ - holes_before(seen_);
-    account.handed_out = read_so_far() - hole_bytes_ - lapped_ - dropped_;
+    account.received = seen_;
+    account.handed_out = read_so_far() - lapped_ - dropped_;
     account.lapped = lapped_;
     account.laps = laps_;
     account.overtaken = overtaken_;
@@ -163,86 +144,29 @@ class ReceiveRing {
   }
 
   /// Bytes that `look` saw and that were not read yet.
-  std::size_t unread() const { return seen_ - read_so_far() - holes_before(seen_); }
+  std::size_t unread() const { return seen_ - read_so_far(); }
 
  private:
-  static constexpr std::uint8_t hole_capacity = 4;  // restarts between two reads
-
   Count size() const { return mask_ + 1; }
   Count read_so_far() const { return read_.load(std::memory_order_relaxed); }  // for the reader, who alone writes it
   void pass(Count count) { read_.store(read_so_far() + count, std::memory_order_release); }  // pairs with `is_all_read`
-  Count round_up(Count position) const { return (position + mask_) & ~mask_; }
-  Count ahead(std::size_t place, Count written) const { return (static_cast<Count>(place) - written) & mask_; }
-
-  /// Is there a hole that the reader has yet to pass, within what it saw?
-  bool hole_ahead() const {
-    const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
-    const Count read = read_so_far();
-    return noted != holes_passed_.load(std::memory_order_relaxed) && next_hole() - read < seen_ - read;
+  Count ahead(std::size_t place, Count written) const {
+    return (static_cast<Count>(place) + origin_.load(std::memory_order_relaxed) - written) & mask_;
   }
 
-  Count next_hole() const { return holes_[holes_passed_.load(std::memory_order_relaxed) % hole_capacity]; }
-
-  void pass_hole() {
-    const Count length = round_up(next_hole()) - next_hole();
-    hole_bytes_ += length;
-    pass(length);
-    const std::uint8_t passed = holes_passed_.load(std::memory_order_relaxed);
-    holes_passed_.store(static_cast<std::uint8_t>(passed + 1), std::memory_order_release);  // pairs with `restart`
-  }
-
-  /// Holes that are noted, within what was seen and not passed.
-  Count holes_before(Count limit) const {
-    const Count read = read_so_far();
-    const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
-    Count bytes = 0;
-    for (std::uint8_t i = holes_passed_.load(std::memory_order_relaxed); i != noted; ++i) {
-      const Count begin = holes_[i % hole_capacity];
-      if (begin - read < limit - read) bytes += round_up(begin) - begin;
-    }
-    return bytes;
-  }
-
-  /// Bytes from `read_` on that lie in one piece and were seen.
-  Count piece() const {
-    const Count read = read_so_far();
-    Count end = read + size() - (read & mask_);
-    if (hole_ahead() && next_hole() - read < end - read) end = next_hole();
-    return (seen_ - read < end - read ? seen_ : end) - read;
-  }
-
-  /// How many bytes from `read_` on, of which `piece` lie in one piece, DMA wrote over until it came to `written`.
-  Count written_over(Count written, Count piece) const {
-    const Count read = read_so_far();
-    const std::uint8_t noted = holes_noted_.load(std::memory_order_acquire);  // pairs with `restart`
-    std::uint8_t hole = holes_passed_.load(std::memory_order_relaxed);
-    const bool is_ended = hole != noted && holes_[hole % hole_capacity] - read < written - read;
-    const Count end = is_ended ? holes_[hole % hole_capacity] : written;
-    if (end - read > size()) return end - read - size() / 2;
-    // What began again at the ring's front since: the longest of these went over all places below its length.
-    Count longest = 0;
-    for (Count from = round_up(end); hole != noted && from - read < written - read; ++hole) {
-      const std::uint8_t following = static_cast<std::uint8_t>(hole + 1);
-      const bool is_last = following == noted || holes_[following % hole_capacity] - read >= written - read;
-      const Count to = is_last ? written : holes_[following % hole_capacity];
-      if (to - from > longest) longest = to - from;
-      from = round_up(to);
-    }
-    const Count place = read & mask_;
-    if (place >= longest) return 0;
-    return longest - place < piece ? longest - place : piece;
+  /// How many bytes from `read_` on DMA wrote over until it came to `written`; then half a ring is kept.
+  Count written_over(Count written) const {
+    const Count unread = written - read_so_far();
+    return unread > size() ? unread - size() / 2 : 0;
   }
 
   const std::uint8_t* bytes_;
   Count mask_;
-  LoadStore<Count> written_{0};               ///< by the interrupt
-  std::array<Count, hole_capacity> holes_{};  ///< where holes begin; by the interrupt
-  LoadStore<std::uint8_t> holes_noted_{0};    ///< by the interrupt
-  LoadStore<std::uint8_t> holes_passed_{0};   ///< by the reader
-  LoadStore<std::uint8_t> restarts_{0};       ///< by the interrupt; odd: reception is being begun again
-  LoadStore<Count> read_{0};                  ///< by the reader
+  LoadStore<Count> written_{0};          ///< by the interrupt
+  LoadStore<Count> origin_{0};           ///< the position that lies at the ring's front; by the interrupt
+  LoadStore<std::uint8_t> restarts_{0};  ///< by the interrupt; odd: reception is being begun again
+  LoadStore<Count> read_{0};             ///< by the reader
   Count seen_ = 0;
-  Count hole_bytes_ = 0;  ///< in the holes that were passed
   Count lapped_ = 0;
   Count laps_ = 0;
   Count overtaken_ = 0;

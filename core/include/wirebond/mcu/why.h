@@ -24,6 +24,7 @@ typedef enum wirebond_why {
   WIREBOND_WHY_RUNS_NOT_COMPLETED,        ///< what was handed to DMA never ends
   WIREBOND_WHY_NOTHING_UNDERSTOOD,        ///< bytes or line errors came, and never a frame
   WIREBOND_WHY_NOTHING_HEARD,             ///< no valid frame came for a second, or none yet
+  WIREBOND_WHY_MANY_LINE_ERRORS,          ///< frames come, and more than one error in 1000 bytes
   WIREBOND_WHY_POLLED_TOO_SELDOM,         ///< received bytes were lost between two polls
   WIREBOND_WHY_TICK_BELOW_UART,           ///< by the port: the vendor's tick cannot interrupt the UART's interrupt
   WIREBOND_WHY_COUNT
@@ -62,6 +63,9 @@ static inline const char* wirebond_why_text(wirebond_why_t why) {
              "ends";
     case WIREBOND_WHY_NOTHING_HEARD:
       return "no valid frame comes: is the other end on, its TX at this RX, with a common ground?";
+    case WIREBOND_WHY_MANY_LINE_ERRORS:
+      return "frames come, and many bytes have errors: the counters say which kind. Framing: baud rate, ground, cable; "
+             "noise: use one sample for each bit; overrun: give the receive DMA the highest priority";
     case WIREBOND_WHY_POLLED_TOO_SELDOM:
       return "received bytes were lost between two polls: poll more often, or enlarge the receive ring";
     case WIREBOND_WHY_TICK_BELOW_UART:

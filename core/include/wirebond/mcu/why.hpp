@@ -26,6 +26,7 @@ enum class Why : std::uint8_t {
   runs_not_completed = WIREBOND_WHY_RUNS_NOT_COMPLETED,
   nothing_understood = WIREBOND_WHY_NOTHING_UNDERSTOOD,
   nothing_heard = WIREBOND_WHY_NOTHING_HEARD,
+  many_line_errors = WIREBOND_WHY_MANY_LINE_ERRORS,
   polled_too_seldom = WIREBOND_WHY_POLLED_TOO_SELDOM,
   tick_below_uart = WIREBOND_WHY_TICK_BELOW_UART,
 };

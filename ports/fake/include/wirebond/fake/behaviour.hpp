@@ -20,16 +20,23 @@ enum class Event : std::uint8_t {
 };
 inline constexpr std::size_t events = 7;
 
+/// What becomes of a line error.
+enum class OnLineError : std::uint8_t {
+  stop,  ///< its interrupt ends reception, as STM32's HAL does by itself
+  tell,  ///< its interrupt tells of it, and DMA goes on (GD32)
+  flag,  ///< there is no interrupt: DMA goes on, and the status has it until somebody takes it (STM32 with this port)
+};
+
 /// How the UART behaves. As it stands: without a fault, and every interrupt is served at once. Chances are per million.
 struct Behaviour {
-  Time restart_gap = 0;         ///< from `start_transmit` to the first start bit; each run costs it
-  Time interrupt_delay = 0;     ///< an interrupt is served so much later at most; each time another delay is drawn
-  Time abort_time = 0;          ///< at most, from the error's interrupt to `on_error`, while DMA is being stopped
-  bool circular = true;         ///< false: reception ends with a full or idle event, as the HAL's in normal mode
-  bool errors_stop = true;      ///< a line error stops reception, as the HAL of STM32 does; false: DMA goes on (GD32)
-  bool keeps_damaged = true;    ///< DMA still moves the byte that has the error (F4); false: it does not (G4)
-  std::uint32_t spurious = 0;   ///< for each byte: an idle event between two bytes without a pause
-  std::uint32_t swallowed = 0;  ///< for each half, full or idle event: it never comes
+  Time restart_gap = 0;      ///< from `start_transmit` to the first start bit; each run costs it
+  Time interrupt_delay = 0;  ///< an interrupt is served so much later at most; each time another delay is drawn
+  Time abort_time = 0;       ///< at most, from the error's interrupt to `on_error`, while DMA is being stopped
+  bool circular = true;      ///< false: reception ends with a full or idle event, as the HAL's in normal mode
+  OnLineError on_line_error = OnLineError::stop;
+  bool keeps_damaged = true;           ///< DMA still moves the byte that has the error (F4); false: it does not (G4)
+  std::uint32_t spurious = 0;          ///< for each byte: an idle event between two bytes without a pause
+  std::uint32_t swallowed = 0;         ///< for each half, full or idle event: it never comes
   std::uint32_t receive_refused = 0;   ///< for each `start_receive`
   std::uint32_t transmit_refused = 0;  ///< for each `start_transmit`
   std::uint32_t transmit_dies = 0;     ///< for each byte sent: DMA stops with an error and no complete event comes

@@ -8,6 +8,7 @@
 #include "wirebond/fake/behaviour.hpp"
 #include "wirebond/fake/draw.hpp"
 #include "wirebond/fake/line.hpp"
+#include "wirebond/mcu/line_errors.hpp"
 
 namespace wirebond::fake {
 
@@ -37,6 +38,7 @@ class Uart {
     clear(Event::full);
     clear(Event::idle);
     clear(Event::line_error);  // its flag is cleared by reading the data register
+    line_errors_ = {};
     idle_at_ = never;
     ++counts_.receive_starts;
     return true;
@@ -75,6 +77,13 @@ class Uart {
   }
 
   void pend() { raise(Event::pended); }
+
+  /// What was flagged since the last call, where OnLineError::flag.
+  LineErrors take_line_errors() {
+    const LineErrors errors = line_errors_;
+    line_errors_ = {};
+    return errors;
+  }
 
   bool reaches(const void* bytes, std::size_t size) const {
     const auto first = reinterpret_cast<std::uintptr_t>(bytes);
@@ -210,7 +219,7 @@ class Uart {
       case Event::transmitted: ++counts_.runs_completed; return handler.on_transmitted();
       case Event::pended: return handler.on_pended();
       case Event::line_error:
-        if (!behaviour.errors_stop) return ++counts_.errors, handler.on_error();
+        if (behaviour.on_line_error != OnLineError::stop) return ++counts_.errors, handler.on_error();
         [[fallthrough]];
       case Event::dma_error:
         stop_receive();
@@ -226,10 +235,10 @@ class Uart {
     idle_at_ = now_ + in_.byte_time();
     if (byte.fault == Fault::overrun) {
       in_.take(Fate::overrun);
-      return raise(Event::line_error);
+      return note_error(byte.fault);
     }
     const bool damaged = byte.fault != Fault::none;
-    if (damaged) raise(Event::line_error);
+    if (damaged) note_error(byte.fault);
     if (damaged && !behaviour.keeps_damaged) return in_.take(Fate::dropped);
     in_.take(damaged ? Fate::damaged : Fate::received);
     ring_[place_] = byte.seen;
@@ -238,6 +247,13 @@ class Uart {
     if (place_ == size_ / 2) raise_unless_swallowed(Event::half);
     if (place_ == 0) raise_unless_swallowed(Event::full);
     if (draw_.chance(behaviour.spurious)) raise(Event::idle);
+  }
+
+  void note_error(Fault fault) {
+    if (behaviour.on_line_error != OnLineError::flag) return raise(Event::line_error);
+    line_errors_.framing |= fault == Fault::framing;
+    line_errors_.noise |= fault == Fault::noise;
+    line_errors_.overrun |= fault == Fault::overrun;
   }
 
   /// DMA reads each byte when its turn comes, as in hardware: who overwrites a run that is under way is found out.
@@ -267,6 +283,7 @@ class Uart {
   Time aborted_at_ = never;
   Time idle_at_ = never;
   std::uint32_t refuse_receives_ = 0;
+  LineErrors line_errors_;
 
   const std::uint8_t* run_ = nullptr;
   std::size_t run_left_ = 0;

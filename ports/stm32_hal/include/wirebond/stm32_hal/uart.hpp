@@ -18,6 +18,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/mcu/line_errors.hpp"
 #include "wirebond/mcu/why.hpp"
 #include "wirebond/stm32_hal/reach.hpp"
 
@@ -30,7 +31,11 @@ namespace wirebond::stm32_hal {
 ///
 /// Forward three callbacks of the HAL (or `register_events`), and pass on `pend` from the UART's handler:
 ///   HAL_UARTEx_RxEventCallback -> link.on_received()     HAL_UART_TxCpltCallback -> link.on_transmitted()
-///   HAL_UART_ErrorCallback     -> link.on_error()        USARTn_IRQHandler, after the HAL's -> link.on_pended()
+///   HAL_UART_ErrorCallback     -> link.on_error()        USARTn_IRQHandler, before the HAL's -> link.on_pended()
+///
+/// Line errors do not end reception, as they do by the HAL: its interrupt for them is switched off, DMA goes on, and
+/// the checks refuse the frame. The UART's status says what happened since its last interrupt. It is read before the
+/// HAL's handler runs, because that clears it. Only an error of the DMA itself comes by HAL_UART_ErrorCallback.
 class Uart {
  public:
   /// `interrupt`: the UART's own, USART3_IRQn for instance. `handle` outlives this object.
@@ -42,10 +47,32 @@ class Uart {
     if (handle_.hdmarx == nullptr) return false;
     // After a DMA error the HAL calls itself ready with the stream still running, and then starts never again.
     if (HAL_UART_AbortReceive(&handle_) != HAL_OK) return false;
-    return HAL_UARTEx_ReceiveToIdle_DMA(&handle_, ring, static_cast<std::uint16_t>(size)) == HAL_OK;
+    if (HAL_UARTEx_ReceiveToIdle_DMA(&handle_, ring, static_cast<std::uint16_t>(size)) != HAL_OK) return false;
+    // The HAL enabled them, and would end reception for each error.
+    clear_bits(handle_.Instance->CR3, USART_CR3_EIE);
+    clear_bits(handle_.Instance->CR1, USART_CR1_PEIE);
+    return true;
   }
 
-  /// False after an error: in DMA mode the HAL ends reception for each.
+  /// What the UART's status says since the last call.
+  LineErrors take_line_errors() {
+#ifdef UART_CLEAR_FEF  // the families that clear flags by writing them: F0, F3, F7, G0, G4, H7, L4
+    const std::uint32_t flags = handle_.Instance->ISR;
+    handle_.Instance->ICR = UART_CLEAR_PEF | UART_CLEAR_FEF | UART_CLEAR_NEF | UART_CLEAR_OREF;
+#else
+    // F1, F2, F4: this read, and that of the next byte by DMA, clear the flags. To read the byte here could take it
+    // away from the DMA. So flags are old as long as no byte came.
+    const std::uint32_t left = __HAL_DMA_GET_COUNTER(handle_.hdmarx);
+    const std::uint32_t status = handle_.Instance->SR;
+    const std::uint32_t flags = left == left_at_look_ ? status & ~status_at_look_ : status;
+    status_at_look_ = status;
+    left_at_look_ = left;
+#endif
+    return {(flags & UART_FLAG_FE) != 0, (flags & UART_FLAG_NE) != 0, (flags & UART_FLAG_ORE) != 0,
+            (flags & UART_FLAG_PE) != 0};
+  }
+
+  /// False after an error of the DMA: the HAL ends reception.
   bool receiving() const { return handle_.RxState == HAL_UART_STATE_BUSY_RX; }
 
   /// Any context.
@@ -85,8 +112,21 @@ class Uart {
   }
 
  private:
+  /// Also where an interrupt may change the register in between; older HALs lack the macro, and do not care.
+  static void clear_bits(volatile std::uint32_t& control, std::uint32_t bits) {
+#ifdef ATOMIC_CLEAR_BIT
+    ATOMIC_CLEAR_BIT(control, bits);
+#else
+    control = control & ~bits;
+#endif
+  }
+
   UART_HandleTypeDef& handle_;
   IRQn_Type interrupt_;
+#ifndef UART_CLEAR_FEF
+  std::uint32_t status_at_look_ = 0;
+  std::uint32_t left_at_look_ = 0;
+#endif
 };
 
 #if defined(USE_HAL_UART_REGISTER_CALLBACKS) && USE_HAL_UART_REGISTER_CALLBACKS == 1
