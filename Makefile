@@ -6,6 +6,7 @@ SHELL := bash
 VENV   := .venv
 PYTHON := $(abspath $(VENV))/bin/python
 NATIVE := CMakeLists.txt pyproject.toml $(shell find core/include ports/posix python/native -name '*.[ch]pp')
+PAGE   := console/index.html console/vite.config.ts console/svelte.config.js console/tsconfig.json $(shell find console/src -type f)
 CPP_SOURCES = $(shell git ls-files '*.cpp' '*.hpp' '*.h' '*.c')
 
 # ---- for users
@@ -34,7 +35,7 @@ bench: build/setup-bench.stamp ## tables of figures, and bench/latest.json (ONLY
 	@$(PYTHON) -m bench $(if $(ONLY),--only $(ONLY),)
 
 .PHONY: wheel
-wheel: build/requirements.stamp ## the Python package for this machine, in build/wheel
+wheel: build/requirements.stamp build/page.stamp ## the Python package for this machine, in build/wheel
 	@rm -rf build/wheel
 	@$(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps \
 	  --config-settings=build-dir=build/wheel-engine --wheel-dir build/wheel .
@@ -47,6 +48,7 @@ lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
 	@clang-format-14 --dry-run --Werror $(CPP_SOURCES)
 	@$(VENV)/bin/mypy
 	@$(PYTHON) tests/architecture/dependency_rules.py
+	@if [ -e build/page.stamp ]; then cd console && npm run --silent check; fi
 	@echo "lint: format, linters, types and dependency rules hold"
 
 .PHONY: format
@@ -54,6 +56,7 @@ format: build/setup-test.stamp ## write the format that lint checks
 	@$(VENV)/bin/ruff format --quiet python tests bench
 	@$(VENV)/bin/ruff check --quiet --fix python tests bench
 	@clang-format-14 -i $(CPP_SOURCES)
+	@if [ -e build/page.stamp ]; then cd console && npm run --silent format; fi
 
 .PHONY: clean
 clean: ## remove everything that was built
@@ -76,6 +79,13 @@ build/setup.stamp: build/requirements.stamp $(NATIVE)
 	@$(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch $@
 
+# Without Node neither stamp is made, and nothing fails: setup/page.sh says what is missing.
+build/page-packages.stamp: console/package.json console/package-lock.json console/.npmrc
+	@mkdir -p build && if setup/page.sh packages; then touch $@; else [ $$? -eq 3 ]; fi
+
+build/page.stamp: build/page-packages.stamp $(PAGE)
+	@if [ -e build/page-packages.stamp ]; then setup/page.sh build && touch $@; fi
+
 build/setup-bench.stamp: build/setup-test.stamp bench/requirements.txt
 	@$(PYTHON) -m pip install --quiet --disable-pip-version-check -r bench/requirements.txt || \
 	  echo "bench/requirements.txt cannot be installed: there will be no plots" >&2
@@ -87,11 +97,12 @@ build/freertos.stamp: setup/freertos/Cargo.toml setup/freertos/Cargo.lock
 	@cargo vendor --quiet --locked --versioned-dirs --manifest-path setup/freertos/Cargo.toml build/freertos >/dev/null
 	@touch $@
 
-build/setup-test.stamp: build/setup.stamp build/freertos.stamp
+build/setup-test.stamp: build/setup.stamp build/freertos.stamp build/page.stamp
 	@setup/system-packages.sh clang++-14=clang-14 clang-format-14=clang-format-14 arm-none-eabi-g++=gcc-arm-none-eabi \
 	  /usr/lib/arm-none-eabi/include/c++=libstdc++-arm-none-eabi-newlib /usr/include/doctest/doctest.h=doctest-dev \
 	  /usr/include/relacy/relacy.hpp=relacy-dev \
 	  /usr/lib/clang/14/lib/linux/libclang_rt.asan-x86_64.a=libclang-rt-14-dev llvm-cov-14=llvm-14 valgrind=valgrind \
 	  aarch64-linux-gnu-g++=g++-aarch64-linux-gnu qemu-aarch64=qemu-user \
-	  qemu-system-arm=qemu-system-arm setpriv=util-linux /usr/sbin/ser2net=ser2net socat=socat
+	  qemu-system-arm=qemu-system-arm setpriv=util-linux /usr/sbin/ser2net=ser2net socat=socat \
+	  chromium=chromium /usr/share/fonts/opentype/noto/NotoSansCJK-Regular.ttc=fonts-noto-cjk
 	@touch $@

@@ -1,0 +1,51 @@
+// Requests to the server of this page, beside its own address. Errors become sentences.
+import { place } from "./state/place.svelte";
+
+export function address(path: string, scheme: "http" | "ws" = "http"): string {
+  const url = new URL(path, location.href.replace(/#.*/, ""));
+  if (scheme === "ws") url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+  return url.href;
+}
+
+function headers(): Record<string, string> {
+  return place.token ? { Authorization: `Bearer ${place.token}` } : {};
+}
+
+async function read<T>(response: Response): Promise<T> {
+  const text = await response.text();
+  if (response.ok) return JSON.parse(text) as T;
+  let sentence = `${response.status} ${response.statusText}`;
+  try {
+    sentence = (JSON.parse(text) as { text?: string }).text ?? sentence;
+  } catch {
+    // not JSON: the status says what there is to say
+  }
+  throw new Error(sentence);
+}
+
+export async function get<T>(path: string): Promise<T> {
+  return read<T>(await fetch(address(path), { headers: headers() }));
+}
+
+export async function post<T>(path: string, body: unknown): Promise<T> {
+  const json = { ...headers(), "Content-Type": "application/json" };
+  return read<T>(await fetch(address(path), { method: "POST", headers: json, body: JSON.stringify(body) }));
+}
+
+/** Fetches a file with the token, and hands it to the reader under this name. */
+export async function download(path: string, name: string): Promise<void> {
+  const response = await fetch(address(path), { headers: headers() });
+  if (!response.ok) await read(response);
+  save(await response.blob(), name);
+}
+
+export function save(content: Blob, name: string): void {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(content);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+export const saveText = (text: string, name: string, type = "text/plain") =>
+  save(new Blob([text], { type: `${type};charset=utf-8` }), name);

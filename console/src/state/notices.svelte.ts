@@ -1,0 +1,30 @@
+// Sentences that say what just happened. Each goes after a while, or when it is clicked.
+export interface Notice {
+  id: number;
+  text: string;
+  tone: "calm" | "bad";
+  count: number;
+}
+const STAY = 7000; // ms
+const MOST = 4;
+
+class Notices {
+  all = $state<Notice[]>([]);
+  private next = 1;
+
+  say(text: string, tone: Notice["tone"] = "calm"): void {
+    const same = this.all.find((notice) => notice.text === text);
+    if (same) {
+      same.count++;
+      return;
+    }
+    const id = this.next++;
+    this.all = [...this.all.slice(1 - MOST), { id, text, tone, count: 1 }];
+    setTimeout(() => this.drop(id), STAY);
+  }
+
+  drop(id: number): void {
+    this.all = this.all.filter((notice) => notice.id !== id);
+  }
+}
+export const notices = new Notices();

@@ -1,0 +1,39 @@
+// Where the reader is: view, selection, time range, filter. It is the address behind `#`, so that a colleague who opens
+// it sees the same. The token, which also comes there, is moved to this tab's own memory at once.
+import { readPlace, tokenIn, writePlace, type Place, type ViewName } from "../place";
+
+const TOKEN = "wirebond.token";
+
+class PlaceState {
+  now = $state<Place>(readPlace(location.hash));
+  token = $state(takeToken());
+
+  constructor() {
+    addEventListener("hashchange", () => {
+      const token = takeToken();
+      if (token) this.token = token;
+      this.now = readPlace(location.hash);
+    });
+  }
+
+  /** Shows another view; what belonged to the last one alone goes. */
+  open(view: ViewName, more: Partial<Place> = {}): void {
+    this.now = { view, ...more };
+    history.pushState(null, "", writePlace(this.now));
+  }
+
+  /** Changes a part of where we are. */
+  set(more: Partial<Place>): void {
+    this.now = { ...this.now, ...more };
+    history.replaceState(null, "", writePlace(this.now));
+  }
+}
+function takeToken(): string {
+  const token = tokenIn(location.hash);
+  if (token !== null) {
+    sessionStorage.setItem(TOKEN, token);
+    history.replaceState(null, "", writePlace(readPlace(location.hash)));
+  }
+  return sessionStorage.getItem(TOKEN) ?? "";
+}
+export const place = new PlaceState();

@@ -1,0 +1,189 @@
+// The `/views` socket of docs/console.md: what the page shows. It says what it wants to see, whole each time, and takes
+// what comes. A lost connection comes back by itself, with the same wish.
+
+export interface Account {
+  bytes: number;
+  frames: number;
+  messages: Record<string, number>;
+  discarded?: Record<string, number>;
+  [key: string]: unknown;
+}
+export interface Rate {
+  per_second: number;
+  due: number | null;
+  missing?: unknown;
+}
+export interface LinkView {
+  t: number;
+  wall: number;
+  connected: boolean;
+  connecting?: { port: string; why: string } | null;
+  state: "up" | "stale" | "down";
+  why: string;
+  protocol: string;
+  hash: string;
+  port: string;
+  baud: number;
+  line: Record<string, unknown> | null;
+  holder: string | null;
+  clients: number;
+  stopped: boolean;
+  struck: unknown[];
+  rates: {
+    seconds: number;
+    receive: Record<string, number>;
+    send: Record<string, number>;
+    messages: Record<string, Rate>;
+    sent: Record<string, Rate>;
+    baud: number;
+    bits_per_byte: number;
+  };
+  receive: Record<string, unknown>;
+  send: Record<string, unknown>;
+  late: number;
+  held_back: number;
+  reconnects: number;
+  peer: { state: string; why: string };
+  clock: { offset: number; drift: number; error: number; round_trip: number; exchanges: number } | null;
+  round_trip: { count: number; p50: number; p95: number; p99: number; max: number } | null;
+  recording: { name: string; seconds: number; bytes: number } | null;
+  history: { bytes: number; most: number; from: number };
+}
+export interface Row {
+  name: string;
+  sender: "host" | "mcu";
+  count: number;
+  t: number | null;
+  rate: number | null;
+  due: number | null;
+  fields: Record<string, unknown> | null;
+  header?: Record<string, unknown>;
+  violations?: unknown[];
+  bytes: string | null;
+  spark?: { field: string; values: (number | null)[] } | null;
+}
+export interface Entry {
+  n: number;
+  t: number;
+  direction: "received" | "sent";
+  bytes: string;
+  kind: "frame" | "discarded" | "fill";
+  message?: string;
+  fields?: Record<string, unknown>;
+  header?: Record<string, unknown>;
+  violations?: unknown[];
+  size?: number;
+}
+export interface LinkEvent {
+  t: number;
+  kind: string;
+  text: string;
+  [key: string]: unknown;
+}
+export interface PlotWish {
+  id: string;
+  fields: string[];
+  seconds?: number;
+  from?: number;
+  to?: number;
+  pixels: number;
+}
+export interface Wish {
+  link: boolean;
+  messages: { every: number } | null;
+  frames: { message: string | null; discards: boolean; most: number } | null;
+  events: boolean;
+  plots: PlotWish[];
+  source: "live" | { recording: string };
+  at?: number;
+}
+export interface Column {
+  field: string;
+  t: Float64Array;
+  low: Float32Array | Float64Array;
+  high: Float32Array | Float64Array;
+}
+export interface Batch {
+  plot: string;
+  now: number;
+  from: number;
+  to: number;
+  replace: boolean;
+  columns: Column[];
+}
+export interface ViewsListener {
+  /** The connection is there, or is lost. */
+  open(isOpen: boolean, why: string): void;
+  text(view: string, message: Record<string, unknown>): void;
+  batch(batch: Batch): void;
+}
+
+const ARRAYS = { f32: Float32Array, f64: Float64Array } as const;
+const LONGEST_WAIT = 2000; // ms between two attempts to connect
+
+/** A binary message of one plot. The arrays lie in the message's own memory. */
+export function readBatch(data: ArrayBuffer): Batch {
+  const size = new DataView(data).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, size))) as Omit<Batch, "columns"> & {
+    columns: { field: string; n: number; t: "f64"; low: "f32" | "f64"; high: "f32" | "f64" }[];
+  };
+  let at = Math.ceil((4 + size) / 8) * 8;
+  const array = (kind: "f32" | "f64", n: number) => {
+    const values = new ARRAYS[kind](data, at, n);
+    at += Math.ceil(values.byteLength / 8) * 8;
+    return values;
+  };
+  const columns = head.columns.map((column) => ({
+    field: column.field,
+    t: array(column.t, column.n) as Float64Array,
+    low: array(column.low, column.n),
+    high: array(column.high, column.n),
+  }));
+  return { ...head, columns };
+}
+
+export class Views {
+  private socket: WebSocket | null = null;
+  private wait = 250;
+  private ended = false;
+
+  constructor(
+    private readonly url: string,
+    private readonly token: () => string,
+    private readonly listener: ViewsListener,
+    private wish: Wish,
+  ) {}
+
+  connect(): void {
+    const socket = new WebSocket(this.url);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    socket.onopen = () => socket.send(JSON.stringify({ token: this.token(), views: this.wish }));
+    socket.onmessage = (event: MessageEvent) => {
+      if (event.data instanceof ArrayBuffer) {
+        this.listener.batch(readBatch(event.data));
+        return;
+      }
+      const message = JSON.parse(event.data as string) as Record<string, unknown>;
+      if (message.view === "hello") {
+        this.wait = 250;
+        this.listener.open(true, "");
+      }
+      if ("error" in message && message.error === "token") this.ended = true;
+      this.listener.text((message.view as string) ?? "error", message);
+    };
+    socket.onclose = (event: CloseEvent) => {
+      if (socket !== this.socket) return;
+      this.socket = null;
+      this.listener.open(false, event.reason);
+      if (this.ended) return;
+      setTimeout(() => this.connect(), this.wait);
+      this.wait = Math.min(this.wait * 2, LONGEST_WAIT);
+    };
+  }
+
+  want(wish: Wish): void {
+    this.wish = wish;
+    if (this.socket?.readyState === 1) this.socket.send(JSON.stringify({ views: wish }));
+  }
+}
