@@ -59,21 +59,23 @@ class Aio:
         :raises LinkDownError: the link is closed, and all that had come was taken.
         """
         inbox = self._link._inbox
+        taken: list[Message] = []
         self._listen()
-        async with asyncio.timeout(timeout):
-            while True:
-                message = inbox.take_now()
-                if message is not None:
-                    return message
-                waiter = self._loop.create_future()
-                self._waiters.add(waiter)
-                try:
-                    message = inbox.take_now()  # one that came before the loop could be told
-                    if message is not None:
-                        return message
-                    await waiter
-                finally:
-                    self._waiters.discard(waiter)
+        try:
+            async with asyncio.timeout(timeout):
+                while not inbox.take_now(taken):
+                    waiter = self._loop.create_future()
+                    self._waiters.add(waiter)
+                    try:
+                        if inbox.take_now(taken):  # one that came before the loop could be told
+                            break
+                        await waiter
+                    finally:
+                        self._waiters.discard(waiter)
+            return taken[0]
+        except BaseException:  # a signal's handler raised
+            inbox.give_back(taken)
+            raise
 
     def __aiter__(self) -> Self:
         """Messages as they come, until the link is closed."""

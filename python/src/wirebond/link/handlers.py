@@ -5,8 +5,11 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
+from operator import call
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -43,6 +46,11 @@ class _Handler:
     is_new: bool = True  # it does not know yet what had struck before
     reported: float = -_REPORT_EVERY
     unreported: int = 0
+
+
+def move_first(source: deque[Any], target: SimpleQueue[Any]) -> None:
+    """In one call of C: no signal comes between."""
+    deque(map(target.put, map(call, (source.popleft,))), maxlen=0)
 
 
 class Handlers:
@@ -102,16 +110,19 @@ class Handlers:
         """Is there a handler for it?"""
         return any(h.name is None or h.name == message.name for h in self._of_messages)
 
-    def put(self, message: Message) -> None:
-        """It waits for its turn. One thread at a time."""
+    def move_from(self, messages: deque[Message]) -> None:
+        """The first of these waits for its turn from now on. One thread at a time."""
         if self._queue.qsize() >= MAX_WAITING:
             self._drop_oldest()
-        self._queue.put(message)
+        move_first(messages, self._queue)
 
-    def put_change(self, action: str, struck: bool, t: float) -> None:
-        """A deadline has struck or ended. One thread at a time."""
+    def put_change(self, action: str, struck: bool, t: float, remove: Callable[[], object]) -> None:
+        """A deadline has struck or ended; ``remove``, of C, takes it away from where it came from. One thread at a
+        time."""
+        steps: list[Callable[[], object]] = [remove]
         if self._of_deadlines:
-            self._queue.put(DeadlineEvent(action, struck, t))
+            steps.append(partial(self._queue.put, DeadlineEvent(action, struck, t)))
+        deque(map(call, steps), maxlen=0)  # in one call of C
 
     def end(self) -> None:
         """No message will come any more: the thread ends behind those that wait."""

@@ -2,6 +2,10 @@
 
 Until handlers, requests or coroutines are used, whoever takes messages gets them from the engine itself. From then on a
 thread of the link does so for all. It runs nothing of the program: neither handlers nor signals.
+
+A program's signal handler may raise behind every call that Python makes in the main thread. So a message moves from one
+place to the next in one call of C, what is done before that may be done twice, and who takes messages gives them back
+where it does not return.
 """
 
 from __future__ import annotations
@@ -12,13 +16,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from operator import call
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 from wirebond.codec import Codec, Message
 from wirebond.errors import LinkDownError
 from wirebond.link.ends import other
-from wirebond.link.handlers import Handlers
+from wirebond.link.handlers import Handlers, move_first
 from wirebond.link.requests import RequestBook
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
@@ -68,6 +73,7 @@ class Inbox:
         self._changed: deque[tuple[str, int, int]] = deque()  # the same; of deadlines and of the port
         self._is_routing = False
         self._queue: SimpleQueue[Message | None] = SimpleQueue()  # to be taken; None behind the last of all
+        self._given_back: deque[Message] = deque()  # to be taken before those
         self._dropped = 0
         self._newest: dict[str, Message] = {}
         self._newest_of: dict[str, dict[int, Message]] = {}  # by message and sender's address
@@ -75,7 +81,7 @@ class Inbox:
         self._sender = None if plan.peer is None else plan.header[plan.peer]
         self._actions = actions
         self._thread: threading.Thread | None = None
-        self._callers = 0  # that take from the engine themselves
+        self._callers: set[object] = set()  # that take from the engine themselves
         self._listeners: tuple[Callable[[], None], ...] = ()
         self._watchers: dict[str, Callable[[Message], None]] = {}
         self._port_watchers: tuple[Callable[[bool, float], None], ...] = ()
@@ -87,51 +93,75 @@ class Inbox:
 
     # ---- taking
 
-    def take(self, timeout: float) -> Message | None:
-        """The next message, or None when the time is over.
+    def take(self, timeout: float, taken: list[Message]) -> bool:
+        """Append the next message; False: the time is over. Who does not hand it on calls ``give_back``.
 
         :raises LinkDownError: the link is closed, and all that had come was taken.
         """
         until = time.monotonic() + timeout
         while True:
             is_closed = self._engine.is_closed()  # before anything else: in a forked child it raises
-            message = self.take_now()
-            if message is not None:
-                return message
+            if self.take_now(taken):
+                return True
             remaining = max(until - time.monotonic(), 0.0)
             if not self._pull(min(remaining, _CLOSING if is_closed else _TURN)):
-                return self._wait(remaining)
-            message = self.take_now()
-            if message is not None or (remaining == 0.0 and not is_closed):
-                return message
+                if self._wait(min(remaining, _TURN), taken):
+                    return True
+                if remaining <= _TURN:
+                    return False
+                continue
+            if self.take_now(taken):
+                return True
             if is_closed:
                 raise self._closed()
+            if remaining == 0.0:
+                return False
 
     def look(self) -> None:
         """Get what has come, so that ``take_now`` gives it."""
         self._pull(0.0)
 
-    def take_now(self) -> Message | None:
-        """The next message that waits here, or None.
+    def take_now(self, taken: list[Message]) -> bool:
+        """Append the next message that waits here; False: there is none.
 
         :raises LinkDownError: there will be none any more.
         """
-        try:
-            return self._or_end(self._queue.get_nowait())
-        except Empty:
-            return None
+        return self._wait(0.0, taken)
 
-    def _wait(self, timeout: float) -> Message | None:
-        try:
-            return self._or_end(self._queue.get(timeout=timeout) if timeout > 0 else self._queue.get_nowait())
-        except Empty:
-            return None
+    def take_rest(self, taken: list[Message]) -> None:
+        """Append all that wait here. That there will be none any more, the next call says."""
+        with contextlib.suppress(LinkDownError):
+            while self._wait(0.0, taken):
+                pass
 
-    def _or_end(self, message: Message | None) -> Message:
-        if message is None:
-            self._queue.put(None)  # for the next caller
-            raise self._closed()
-        return message
+    def give_back(self, messages: list[Message]) -> None:
+        """They were taken last, and go nowhere: the next caller takes them."""
+        self._given_back.extendleft(reversed(messages))
+
+    def _wait(self, timeout: float, taken: list[Message]) -> bool:
+        if self._given_back:
+            with contextlib.suppress(IndexError):
+                taken.extend(map(call, (self._given_back.popleft,)))
+                return True
+        found: list[Message | None] = []
+        try:
+            if timeout > 0:
+                found.extend(map(self._queue.get, (True,), (timeout,)))
+            else:
+                found.extend(map(call, (self._queue.get_nowait,)))
+            if found[0] is None:
+                raise self._closed()
+            taken.append(found[0])
+        except Empty:
+            return False
+        except BaseException:
+            for message in found:
+                if message is None:
+                    self._queue.put(None)  # for the next caller
+                elif not taken or taken[-1] is not message:
+                    self.give_back([message])
+            raise
+        return True
 
     def _closed(self) -> LinkDownError:
         return LinkDownError(f"the link to {self._place} is closed; no message will come")
@@ -201,11 +231,14 @@ class Inbox:
         if self._relay is not None:
             return
         with self._lock:
-            if self._queue.qsize() >= MAX_WAITING:
-                with contextlib.suppress(Empty):
-                    self._dropped += self._queue.get_nowait() is not None
+            self._make_room()
             self._queue.put(message)
         self._tell()
+
+    def _make_room(self) -> None:
+        if self._queue.qsize() >= MAX_WAITING:
+            with contextlib.suppress(Empty):
+                self._dropped += self._queue.get_nowait() is not None
 
     def give_reply_back(self, reply: Message) -> None:
         """The request that took it does not wait for it any more. Handlers have had it, where there are any."""
@@ -239,15 +272,15 @@ class Inbox:
     def _pull(self, timeout: float) -> bool:
         """Get from the engine what came. False: the thread does that."""
         self._engine.is_closed()  # in a forked child it raises: its locks may be held for ever
-        with self._lock:
-            if self._thread is not None or self.ended.is_set():
-                return False
-            self._callers += 1
+        caller = object()
         try:
+            with self._lock:
+                if self._thread is not None or self.ended.is_set():
+                    return False
+                self._callers.add(caller)
             self._receive(timeout)
         finally:
-            with self._lock:
-                self._callers -= 1
+            self._callers.discard(caller)
         return True
 
     def _run(self) -> None:
@@ -264,24 +297,24 @@ class Inbox:
 
     def _receive(self, timeout: float) -> bool:
         """Wait for what comes, and route it. False: nothing came in time, or nothing will come."""
-        # In one call of C: a signal between receiving and keeping would lose the messages.
-        self._arrived.extend(itertools.chain.from_iterable(map(self._engine.receive, (timeout,))))
+        wait = 0.0 if self._arrived or self._changed else timeout
+        self._arrived.extend(itertools.chain.from_iterable(map(self._engine.receive, (wait,))))
         self._changed.extend(itertools.chain.from_iterable(itertools.starmap(self._engine.changes, ((),))))
         has_come = bool(self._arrived or self._changed)
         with self._lock:
             if self._is_routing:  # called by a garbage collection or a signal within: the outer call goes on
                 return has_come
-            self._is_routing = True
             try:
+                self._is_routing = True
                 came: list[Message] = []
                 taken: list[Message] = []
                 changes: list[tuple[str, int, int]] = []
                 while self._arrived or self._changed:
                     if self._changed and not (self._arrived and self._arrived[0].t <= self._changed[0][1] / 1e6):
-                        changes.append(self._changed.popleft())
+                        changes.append(self._changed[0])
                         self._route_change(*changes[-1])
                         continue
-                    message = self._arrived.popleft()
+                    message = self._arrived[0]
                     came.append(message)
                     if self._route(message):
                         taken.append(message)
@@ -293,25 +326,30 @@ class Inbox:
         return has_come
 
     def _route(self, message: Message) -> bool:
-        """True: it answered a request."""
+        """The first that arrived goes where it belongs. True: it answered a request."""
         self._note(message)
         watcher = self._watchers.get(message.name)
         if watcher is not None:
             watcher(message)
         is_taken = self.requests.take(message)
         if self.handlers.want(message):
-            self.handlers.put(message)
-        elif not is_taken:
-            self.give(message)
+            self.handlers.move_from(self._arrived)
+        elif is_taken or self._relay is not None:
+            self._arrived.popleft()
+        else:
+            self._make_room()
+            move_first(self._arrived, self._queue)
+            self._tell()
         return is_taken
 
     def _route_change(self, kind: str, t_us: int, action: int) -> None:
         t = t_us / 1e6
         if kind in ("struck", "ended"):
-            self.handlers.put_change(self._actions[action], kind == "struck", t)
+            self.handlers.put_change(self._actions[action], kind == "struck", t, self._changed.popleft)
             return
         for watcher in self._port_watchers:
             watcher(kind == "port_up", t)
+        self._changed.popleft()
 
     def _tell(self) -> None:
         for listener in self._listeners:

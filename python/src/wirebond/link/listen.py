@@ -76,16 +76,23 @@ class Listener:
         until = time.monotonic() + timeout
         while True:
             self._came.clear()
-            found: list[Heard] = []
+            taken: dict[str, list[Message]] = {}
             ended = 0
-            for sender, link in self.links.items():
-                try:
-                    found += [Heard(sender, message) for message in link.receive()]
-                except LinkDownError:
-                    ended += 1
-            left = until - time.monotonic()
-            if found or left <= 0:
-                return sorted(found, key=lambda heard: heard.message.t)
+            try:
+                for sender, link in self.links.items():
+                    try:
+                        taken[sender] = link.receive()
+                    except LinkDownError:
+                        ended += 1
+                found = [Heard(sender, message) for sender, messages in taken.items() for message in messages]
+                found.sort(key=lambda heard: heard.message.t)
+                left = until - time.monotonic()
+                if found or left <= 0:
+                    return found
+            except BaseException:  # a signal's handler raised
+                for sender, messages in taken.items():
+                    self.links[sender]._inbox.give_back(messages)
+                raise
             if ended == len(self.links):
                 raise LinkDownError(f"the ports of {self.codec.name} are closed; no message will come")
             self._came.wait(min(left, _WAIT))

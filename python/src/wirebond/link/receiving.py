@@ -81,27 +81,30 @@ class Receiving:
         """
         wait = timeout if 0 <= timeout < 1e9 else 0.0 if not timeout > 0 else 1e9
         messages: list[Message] = []
-        self._inbox.look()
-        message = self._inbox.take(wait)
-        while message is not None:
-            messages.append(message)
-            try:
-                message = self._inbox.take_now()
-            except LinkDownError:  # the next call says so
-                break
-        return messages
+        try:
+            self._inbox.look()
+            if self._inbox.take(wait, messages):
+                self._inbox.take_rest(messages)
+            return messages
+        except BaseException:  # a signal's handler raised
+            self._inbox.give_back(messages)
+            raise
 
     def __iter__(self) -> Iterator[Message]:
         """Messages as they come, until ``close``. Those that are left when a loop ends are for the next one."""
         while True:
+            taken: list[Message] = []
             try:
-                message = self._inbox.take(_ITERATION_WAIT)
+                self._inbox.take(_ITERATION_WAIT, taken)
             except LinkDownError:
                 if not self._engine.is_closed():
                     raise
                 return
-            if message is not None:
-                yield message
+            except BaseException:  # a signal's handler raised
+                self._inbox.give_back(taken)
+                raise
+            if taken:
+                yield taken[0]
 
     # ---- the newest
 

@@ -67,6 +67,8 @@ class RequestBook:
         # Where only the request tells what a reply is, the next request waits for the end of the one before.
         self._one_at_a_time = bool(told_by_request(codec.model.messages, other(end)))
         self._waiting: deque[Question] = deque()
+        # The last message, whose it is, and who waited for it then.
+        self._looked_for: tuple[Message, Question | None, Callable[[Outcome], None] | None] | None = None
         plan = plan_for(codec.model, other(end))
         self._peer = None if plan.peer is None else plan.header[plan.peer]
         self._shared: dict[str, list[str]] = {}
@@ -109,18 +111,23 @@ class RequestBook:
 
     def take(self, message: Message) -> bool:
         """Give a received message to the request that it answers. False: no request waits for it."""
-        if not self._asked.get(message.name):
+        is_new = self._looked_for is None or self._looked_for[0] is not message
+        if is_new and not self._asked.get(message.name):
             return False
         with self._lock:
-            question = self._answered_by(message)
+            if self._looked_for is None or is_new:
+                question = self._answered_by(message)
+                self._looked_for = (message, question, None if question is None else question.finish)
+            _, question, finish = self._looked_for  # a signal's handler may have raised behind the first look
             if question is None:
                 return False
-            self._asked[message.name].remove(question)
-            finish = question.finish
-            if finish is None:
+            if question in self._asked[message.name]:
+                self._asked[message.name].remove(question)
+            if finish is None or question.is_over:
                 return False
-            question.finish = None
-            finish(message)
+            if question.finish is not None:
+                finish(message)
+                question.finish = None
             self._next()
             return True
 
