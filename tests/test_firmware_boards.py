@@ -14,7 +14,7 @@ from tests.shared import ROOT
 
 HAL = Path(os.environ.get("STM32_HAL_PATH", "/nonexistent"))
 FAMILIES = {"stm32f407": "STM32F4xx", "stm32g473": "STM32G4xx"}
-FIRMWARES = ["echo", "servo", "rover", "balance", "gimbal"]
+FIRMWARES = ["echo", "servo", "axis", "rover", "balance", "gimbal"]
 # Interrupts without which a program is silent, by board; the gimbal's senders have four more.
 HANDLERS = {
     "stm32f407": ["SysTick", "USART3", "DMA1_Stream1", "DMA1_Stream3"],

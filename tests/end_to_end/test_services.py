@@ -1,13 +1,15 @@
-"""Services with real peers: the simulation, and a firmware with all of them as a process."""
+"""Services with real peers: the simulation, and the firmware that has all of them, as a process."""
 
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,6 +29,7 @@ from wirebond.sim.virtual_mcu import VirtualMcu
 
 COMMAND = [str(Path(sys.executable).with_name("wirebond"))]
 NATIVE = str(PROTOCOLS / "native.yaml")
+AXIS = str(PROTOCOLS / "linear_axis.yaml")
 FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O0", "-pthread"]
 
 
@@ -52,18 +55,18 @@ def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("services")
-    generate_cpp(wirebond.load(NATIVE).model, folder)
-    folders = [folder, ROOT / "firmware", ROOT / "ports" / "posix" / "include"]
-    source = Path(__file__).with_name("services_firmware.cpp")
-    command = ["g++", *FLAGS, *(f"-I{one}" for one in folders), str(source), "-o", str(folder / "arm")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    generate_cpp(wirebond.load(AXIS).model, folder)
+    axis = ROOT / "firmware" / "axis"
+    folders = [folder, ROOT / "firmware", axis, ROOT / "ports" / "posix" / "include"]
+    command = ["g++", *FLAGS, *(f"-I{one}" for one in folders), str(axis / "host" / "main.cpp"), "-o"]
+    done = subprocess.run([*command, str(folder / "axis")], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return folder / "arm"
+    return folder / "axis"
 
 
 @pytest.fixture
 def firmware(program: Path) -> Iterator[FirmwareProcess]:
-    with FirmwareProcess(program, "the arm") as process:
+    with FirmwareProcess(program, "the axis") as process:
         yield process
 
 
@@ -89,11 +92,10 @@ def simulated(protocol: wirebond.Codec) -> Iterator[str]:
 
 @pytest.fixture
 def other_file(tmp_path: Path) -> Path:
-    """Native with one field of another scale: another hash."""
+    """The axis with one field of another scale: another hash."""
     path = tmp_path / "changed.yaml"
-    text = Path(NATIVE).read_text()
-    path.write_text(text.replace("scale: 0.001, range: [-3.0, 3.0]", "scale: 0.01, range: [-3.0, 3.0]"))
-    assert wirebond.load(path).hash != codec("native").hash
+    path.write_text(Path(AXIS).read_text().replace("scale: 0.00001", "scale: 0.0001"))
+    assert wirebond.load(path).hash != codec("linear_axis").hash
     return path
 
 
@@ -101,7 +103,7 @@ def other_file(tmp_path: Path) -> Path:
 
 
 def test_a_firmware_of_the_same_file_is_known_as_such(firmware: FirmwareProcess) -> None:
-    with wirebond.open(NATIVE, firmware.port) as link:
+    with wirebond.open(AXIS, firmware.port) as link:
         wait_until(lambda: link.peer.state == "same", "the peer says hello")
         assert link.peer.hash == link.codec.hash
 
@@ -110,16 +112,16 @@ def test_a_firmware_of_another_file_is_told_by_every_command(
     firmware: FirmwareProcess, other_file: Path, run: Callable[..., Done]
 ) -> None:
     other = str(other_file)
-    sent = run("send", other, firmware.port, "command", "speed=0", "mode=idle")
+    sent = run("send", other, firmware.port, "move", "speed=0")
     assert sent.returncode == 0
     assert sent.stderr.count("the MCU was built from another protocol file") == 1
     assert "`wirebond diff`" in sent.stderr
-    repeated = run("send", other, firmware.port, "command", "speed=0", "mode=idle", "--rate", "50", "--seconds", "0.3")
+    repeated = run("send", other, firmware.port, "move", "speed=0", "--rate", "50", "--seconds", "0.3")
     assert repeated.stderr.count("the MCU was built from another protocol file") == 1
     watched = run("monitor", other, firmware.port, "--json", "--seconds", "0.3")
     assert watched.stderr.count("the MCU was built from another protocol file") == 1
     hellos = [m for m in map(json.loads, watched.stdout.splitlines()) if m["message"] == "hello"]
-    assert hellos[0]["peer"] == {"state": "different", "hash": f"{codec('native').hash:016x}"}
+    assert hellos[0]["peer"] == {"state": "different", "hash": f"{codec('linear_axis').hash:016x}"}
 
 
 def test_a_simulation_says_hello_as_well() -> None:
@@ -131,7 +133,7 @@ def test_a_simulation_says_hello_as_well() -> None:
 
 
 def test_the_clock_of_a_firmware_is_followed_within_its_bound(firmware: FirmwareProcess) -> None:
-    with wirebond.open(NATIVE, firmware.port) as link:
+    with wirebond.open(AXIS, firmware.port) as link:
         with pytest.raises(wirebond.UsageError, match="not known yet"):
             link.host_time(0)
         wait_until(lambda: link.clock is not None and link.clock.exchanges >= 6, "six exchanges")
@@ -141,19 +143,19 @@ def test_the_clock_of_a_firmware_is_followed_within_its_bound(firmware: Firmware
             assert abs(answer.t - now) <= answer.error < 0.1
         assert link.clock is not None
         assert link.clock.restarts == 0
-        assert [m.name for m in link.receive(0.1) if m.name != "hello"] == []  # the exchanges are the link's own
+        assert "clock_reply" not in {m.name for m in link.receive(0.1)}  # the exchanges are the link's own
 
 
 def test_the_clock_begins_again_with_a_firmware_that_restarts(program: Path, tmp_path: Path) -> None:
     name = tmp_path / "mcu"
-    with FirmwareProcess(program, "the arm") as first:
+    with FirmwareProcess(program, "the axis") as first:
         name.symlink_to(first.port)
-        with wirebond.open(NATIVE, name) as link:
+        with wirebond.open(AXIS, name) as link:
             wait_until(lambda: link.clock is not None, "the first clock")
             name.unlink()
             first.close()
             wait_until(lambda: link.state == "down", "the end of the port")
-            with simulated(codec("native")) as port:  # its clock begins at zero
+            with simulated(codec("linear_axis")) as port:  # its clock begins at zero
                 name.symlink_to(port)
                 wait_until(lambda: link.clock is not None and link.clock.restarts == 1, "the restart")
                 assert link.clock is not None
@@ -166,13 +168,13 @@ def test_the_clock_begins_again_with_a_firmware_that_restarts(program: Path, tmp
 
 
 def test_latency_of_a_firmware_in_a_table_and_as_json(firmware: FirmwareProcess, run: Callable[..., Done]) -> None:
-    shown = run("latency", NATIVE, firmware.port, "--count", "30", "--rate", "500")
+    shown = run("latency", AXIS, firmware.port, "--count", "30", "--rate", "500")
     assert (shown.returncode, shown.stderr) == (0, "")
     assert "by ping: 30 asked in" in shown.stdout
     assert "0 lost (0.00%)" in shown.stdout
     for word in ("p50", "p99.9", "round trip", "to the MCU ±", "to the host ±", "####"):
         assert word in shown.stdout
-    found = json.loads(run("latency", NATIVE, firmware.port, "--count", "30", "--rate", "500", "--json").stdout)
+    found = json.loads(run("latency", AXIS, firmware.port, "--count", "30", "--rate", "500", "--json").stdout)
     assert (found["asked"], found["answered"], found["lost"]) == (30, 30, 0)
     trip = found["round_trip"]
     assert 0 < trip["min_us"] <= trip["p50_us"] <= trip["p99_9_us"] == trip["max_us"]
@@ -223,27 +225,35 @@ def test_parameters_of_a_firmware_from_the_command_line(
     firmware: FirmwareProcess, tmp_path: Path, run: Callable[..., Done]
 ) -> None:
     port = firmware.port
-    assert run("param", "list", NATIVE, port).stdout.split() == ["0", "1", "1", "0.5"]
-    done = run("param", "set", NATIVE, port, "0=2.5", "1=-0.25", "--json")
-    assert (done.returncode, json.loads(done.stdout)) == (0, {"0": 2.5, "1": -0.25})
-    refused = run("param", "set", NATIVE, port, "1=7", "0=3")
+    names = ["max_speed", "0.5", "acceleration", "5", "travel", "1"]
+    assert run("param", "list", AXIS, port).stdout.split() == names
+    done = run("param", "set", AXIS, port, "max_speed=0.25", "travel=0.75", "--json")
+    assert (done.returncode, json.loads(done.stdout)) == (0, {"max_speed": 0.25, "travel": 0.75})
+    refused = run("param", "set", AXIS, port, "travel=7", "acceleration=2.5")
     assert refused.returncode == 1
-    assert "the MCU refused 7 for parameter 1: it is out of range; -0.25 stays in force" in refused.stderr
-    assert refused.stdout.split() == ["0", "3"]
-    missing = run("param", "get", NATIVE, port, "5", "kp")
+    assert "the MCU refused 7 for parameter travel: it is out of range; 0.75 stays in force" in refused.stderr
+    assert refused.stdout.split() == ["acceleration", "2.5"]
+    missing = run("param", "get", AXIS, port, "kp")
     assert missing.returncode == 1
-    assert "the MCU has no parameter 5" in missing.stderr
-    assert "native has no parameter 'kp'; its parameters have no names" in missing.stderr
+    assert "linear_axis has no parameter 'kp'" in missing.stderr
+    stored = [line.partition(" ")[2] for line in firmware.events()]
+    assert stored == ["parameter 0 is 0.250", "parameter 2 is 0.750", "parameter 1 is 2.500"]
 
     file = tmp_path / "gains.yaml"
-    saved = run("param", "save", NATIVE, port, str(file))
+    saved = run("param", "save", AXIS, port, str(file))
     assert (saved.returncode, saved.stdout) == (0, "")
-    assert file.read_text() == "# Parameters of native, as its MCU had them.\n0: 3.0\n1: -0.25\n"
-    file.write_text("0: 4\n1: 0.5\n")
-    assert run("param", "load", NATIVE, port, str(file)).returncode == 0
-    assert json.loads(run("param", "list", NATIVE, port, "--json").stdout) == {"0": 4.0, "1": 0.5}
-    file.write_text("0: 4\n7: 0.5\n")
-    assert run("param", "load", NATIVE, port, str(file)).returncode == 1
+    assert file.read_text() == (
+        "# Parameters of linear_axis, as its MCU had them.\nmax_speed: 0.25\nacceleration: 2.5\ntravel: 0.75\n"
+    )
+    file.write_text("max_speed: 1\ntravel: 0.5\n")
+    assert run("param", "load", AXIS, port, str(file)).returncode == 0
+    assert json.loads(run("param", "list", AXIS, port, "--json").stdout) == {
+        "max_speed": 1.0,
+        "acceleration": 2.5,
+        "travel": 0.5,
+    }
+    file.write_text("max_speed: 1\n7: 0.5\n")
+    assert run("param", "load", AXIS, port, str(file)).returncode == 1
 
 
 def test_parameters_that_cannot_be_reached_are_told_with_their_exit_code(run: Callable[..., Done]) -> None:
@@ -272,12 +282,11 @@ def test_a_simulation_has_parameters() -> None:
 
 def test_log_lines_of_a_firmware(firmware: FirmwareProcess, run: Callable[..., Done]) -> None:
     events: list[wirebond.LogEvent] = []
-    with wirebond.open(NATIVE, firmware.port) as link:
+    with wirebond.open(AXIS, firmware.port) as link:
         link.on_log("warning")(events.append)
         firmware.tell("info all is well")
         firmware.tell("error motor 2 is hot")
-        wait_until(lambda: events, "the line")
-    assert str(events[0]) == "error: motor 2 is hot"
+        wait_until(lambda: "error: motor 2 is hot" in map(str, events), "the line")
     over = threading.Event()
 
     def say() -> None:
@@ -286,7 +295,66 @@ def test_log_lines_of_a_firmware(firmware: FirmwareProcess, run: Callable[..., D
 
     saying = threading.Thread(target=say)
     saying.start()
-    shown = run("monitor", NATIVE, firmware.port, "--seconds", "0.5")
+    shown = run("monitor", AXIS, firmware.port, "--seconds", "0.5")
     over.set()
     saying.join()
     assert "warning: again\n" in shown.stdout
+
+
+# ---- counters
+
+
+def test_what_a_firmware_refused_is_counted_alike_at_both_ends(
+    firmware: FirmwareProcess, tmp_path: Path, run: Callable[..., Done]
+) -> None:
+    axis = codec("linear_axis")
+    frame = axis.encode("move", speed=0.5)
+    damaged = frame[:3] + bytes([frame[3] ^ 4]) + frame[4:]
+    noise = bytes([0, *range(1, 200), 0])
+    port = os.open(firmware.port, os.O_RDWR | os.O_NOCTTY)
+    tty.setraw(port)
+    sent = frame + 3 * damaged + noise + frame + frame[:-1] + b"\x00"
+    os.write(port, sent)
+    os.close(port)
+    host = axis.decoder("host")  # the same bytes, judged at this end
+    host.feed(sent)
+    wider = tmp_path / "wider.yaml"
+    wider.write_text(Path(AXIS).read_text().replace("range: [-1.0, 1.0]", "range: [-3.0, 3.0]"))  # the same hash
+    with wirebond.open(wider, firmware.port) as link:
+        wait_until(lambda: link.peer.state == "same", "hello")
+        for _ in range(7):
+            link.send("move", speed=2.5)
+
+        def told() -> wirebond.McuCounters | None:
+            newest = link.latest("link_counters")
+            return None if newest is None else link.codec.counters(newest.message)
+
+        expected = host.stats.frames + link.stats.send.sent
+        wait_until(lambda: (it := told()) is not None and it.values["frames"] >= expected, "a message of all")
+        found = told()
+    assert found is not None
+    refused = {cause: n for cause, n in host.stats.discarded_bytes.items() if n}
+    assert {"check_mismatch", "length_out_of_range"} <= refused.keys()
+    assert found.refused_bytes == refused
+    assert found.refused_messages == {"rejected": 7}
+    sentence = f"MCU refused {', '.join(f'{n} bytes as {cause}' for cause, n in refused.items())}"
+    assert str(found) == f"{sentence}, 7 messages as rejected"
+    shown = run("monitor", AXIS, firmware.port, "--seconds", "0.7")
+    assert f"link_counters  {found}\n" in shown.stdout
+    lines = run("monitor", AXIS, firmware.port, "--seconds", "0.7", "--json").stdout.splitlines()
+    counters = next(m["counters"] for m in map(json.loads, lines) if m["message"] == "link_counters")
+    assert counters == {**found.as_dict(), "text": str(found)}
+    assert counters["refused_bytes"] == refused
+
+
+def test_a_simulation_says_what_it_refused() -> None:
+    axis = codec("linear_axis")
+    mcu = VirtualMcu(axis, 0.0)
+    decoder = axis.decoder("mcu")
+    frame = axis.encode("move", speed=0.5)
+    mcu.feed(frame + frame[:3] + bytes([frame[3] ^ 4]) + frame[4:], 0.1)
+    counters = [axis.counters(m) for m in decoder.feed(mcu.tick(0.6)) if m.name == "link_counters"]
+    assert counters[-1] is not None
+    assert (counters[-1].values["frames"], counters[-1].refused_bytes) == (1, {"check_mismatch": 7})
+    assert str(counters[-1]) == "MCU refused 7 bytes as check_mismatch"
+    assert axis.counters(axis.decoder("host").feed(frame)[0]) is None

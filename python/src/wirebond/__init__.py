@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from wirebond.attach.words import Control
     from wirebond.codec import Codec, Columns, Decoder, Message, SequenceCounts, SequenceStats, Stats, Table, load
+    from wirebond.counters import McuCounters
     from wirebond.diagnosis import Diagnosis, diagnose
     from wirebond.errors import (
         LateCommandError,
@@ -67,6 +68,7 @@ __all__ = [
     "LogEvent",
     "LogLine",
     "LowLatency",
+    "McuCounters",
     "Message",
     "MessageError",
     "NotInControlError",
@@ -112,6 +114,7 @@ _HOMES = {
             "Table",
             "load",
         ),
+        "counters": ("McuCounters",),
         "diagnosis": ("Diagnosis", "diagnose"),
         "errors": tuple(name for name in __all__ if name.endswith("Error")),
         "link.clock_sync": ("ClockReading", "HostTime"),

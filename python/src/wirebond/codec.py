@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from wirebond import _engine
+from wirebond.counters import McuCounters, mcu_counters
 from wirebond.errors import MessageError, UsageError
 from wirebond.log import LogLine, log_line
 from wirebond.protocol import load as load_model
@@ -427,6 +428,15 @@ class Codec:
         """
         index = self._index.get(message.name)
         return None if index is None else log_line(self.model, self.model.messages[index], message.fields)
+
+    def counters(self, message: Message) -> McuCounters | None:
+        """What a received message says of the counters of the MCU's link: what it received, refused and sent.
+
+        :param message: one that a decoder or a link of this protocol gave.
+        :returns: the counters, as ``str`` a sentence; None where it is not the message of the ``counters`` service.
+        """
+        index = self._index.get(message.name)
+        return None if index is None else mcu_counters(self.model, self.model.messages[index], message.fields)
 
     def __repr__(self) -> str:
         return f"<wirebond.Codec {self.name}: {', '.join(self._index)}>"

@@ -191,6 +191,7 @@ def test_wrong_syntax_is_told_at_its_place(old: str, new: str, fragment: str) ->
     assert [line for line in problems_of(text) if line.startswith(f"{place}: ") and fragment in line]
 
 
+COUNTS = "  counts: {{id: 0x82, sender: mcu, fields: {}}}\nservices: {{counters: {{message: @counts}}}}\ndeadlines:"
 MEANING = [
     # messages
     ("id: 0x81", "id: @0x181", "id 385 does not fit the frame's id part, whose greatest is 255"),
@@ -348,6 +349,10 @@ MEANING = [
     ),
     ("deadlines:", "services: {log: {message: @drive}}\ndeadlines:", "the MCU sends the `message`"),
     ("deadlines:", "services: {@pong: {message: drive}}\ndeadlines:", "did you mean `ping`?"),
+    ("deadlines:", "services: {counters: {message: @state}}\ndeadlines:", "is called like a counter of the MCU's link"),
+    ("deadlines:", f"{COUNTS.format('{late: {type: u16}}')}", "the MCU sends its counters by itself; give"),
+    ("deadlines:", f"{COUNTS.format('{late: {type: u16, scale: 0.1}}')}", "`late` in `counts` is no plain unsigned"),
+    ("deadlines:", f"{COUNTS.format('{late: {type: u16, range: [0, 9]}}')}", "takes every value; remove its `range`"),
 ]
 
 

@@ -219,6 +219,17 @@ class Link : private SendPause<Protocol::pause_us>,
     schedule_.poll(now_us, handler_, *this);
   }
 
+  /// Does the link itself fill this message: that of the counters service, at the MCU?
+  template <class Message>
+  static constexpr bool fills =
+      std::is_same_v<Message, typename Protocol::Counters::Message>&& Protocol::end == End::mcu;
+  /// What was counted up to now. The context of `poll`; `poll` does it when the message is due.
+  template <class Message>
+  void fill(Message& message) const {
+    static_assert(fills<Message>, "this is not the message of the `counters` service");
+    Protocol::count(message, *this);
+  }
+
   /// Where frames have an `address`: from here on act on those for this address and on broadcasts, and send it as the
   /// own one. Until then it is the file's default. False: the field cannot hold it, nothing has changed. Senders in
   /// other contexts may still use the old one for what they send now. An address of more than 32 bits: before anybody

@@ -25,8 +25,9 @@ class Schedule<MessageList<Messages...>> {
   void start(std::uint32_t now_us) { due_us_.fill(now_us); }
 
   /// For each message that is due and that the handler has `bool fill(Message&)` for: fill it, and hand it to `send`
-  /// unless the answer is false. `sender.header()` is what a `bool fill(Message&, Header&)` finds in its header. After
-  /// a stall the old rhythm goes on, without a burst.
+  /// unless the answer is false. What `sender.fill` fills needs no handler; one that is there is asked after it.
+  /// `sender.header()` is what a `bool fill(Message&, Header&)` finds in its header. After a stall the old rhythm goes
+  /// on, without a burst.
   template <class Handler, class Sender>
   void poll([[maybe_unused]] std::uint32_t now_us, [[maybe_unused]] Handler& handler, [[maybe_unused]] Sender& sender) {
     [[maybe_unused]] std::size_t place = 0;
@@ -40,16 +41,20 @@ class Schedule<MessageList<Messages...>> {
     using Header = HeaderOf<typename Message::Info>;
     static_assert(detail::RightFill<Handler, Message, Header>::value);
     constexpr bool with_header = detail::HasFillWithHeader<Handler, Message, Header>::value;
-    if constexpr (with_header || detail::HasFill<Handler, Message>::value) {
+    constexpr bool by_sender = Sender::template fills<Message>;
+    if constexpr (by_sender || with_header || detail::HasFill<Handler, Message>::value) {
       Periodic<> rhythm(Message::Info::every_us, due_us);
       if (!rhythm.due(now_us)) return;
       due_us = rhythm.next_us();
       Message message;
+      if constexpr (by_sender) sender.fill(message);
       if constexpr (with_header) {
         Header header = sender.header();
         if (handler.fill(message, header)) static_cast<void>(sender.send(message, header));
-      } else {
+      } else if constexpr (detail::HasFill<Handler, Message>::value) {
         if (handler.fill(message)) static_cast<void>(sender.send(message));
+      } else {
+        static_cast<void>(sender.send(message));  // what is refused is counted, as any message is
       }
     }
   }

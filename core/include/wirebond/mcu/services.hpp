@@ -1,4 +1,5 @@
-// What an MCU answers by itself: hello, ping, clock and parameters. The protocol file maps each to messages of its own.
+// What an MCU answers and says by itself: hello, ping, clock, parameters and counters. The protocol file maps each to
+// messages of its own.
 #pragma once
 
 #include <array>
@@ -29,6 +30,7 @@ struct NoServices {
   using Clock = NoService;
   using Log = NoService;
   using Parameter = NoService;
+  using Counters = NoService;
 };
 
 /// What is known of the file that the other end was built from.

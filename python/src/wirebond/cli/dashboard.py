@@ -100,7 +100,11 @@ class Dashboard:
     def _said(self, message: Message) -> Text:
         line = self._link.codec.log_line(message)
         header = values_text({n: v for n, v in message.header.items() if n != self._peer}, between=", ")
-        said = Text(values_text(message.fields)) if line is None else log_text(line)
+        counters = self._link.codec.counters(message)
+        if counters is not None:
+            said = Text(str(counters))
+        else:
+            said = Text(values_text(message.fields)) if line is None else log_text(line)
         return Text.assemble(f"[{header}] " if header else "", said)
 
     def _statistics(self, now: float, stats: LinkStats) -> Table:

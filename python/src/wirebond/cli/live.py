@@ -22,6 +22,7 @@ from wirebond.cli.shown import log_text, print_message, rates_line, stats_line, 
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_addresses, parse_assignments, parse_header, to_json
 from wirebond.codec import Codec, Message, load
+from wirebond.counters import McuCounters
 from wirebond.diagnosis import diagnose
 from wirebond.diagnosis.live import LiveDiagnosis
 from wirebond.errors import LinkDownError, MessageError, QueueFullError, UsageError
@@ -142,7 +143,10 @@ def _print_event(event: str, what: dict[str, Any]) -> None:
 def one_line(message: Message, codec: Codec) -> Text:
     text = Text(f"{message.t:.3f} ")
     line = codec.log_line(message)
-    if line is None:
+    counters = codec.counters(message)
+    if counters is not None:
+        text.append(f"{title_of(message)}  {counters}")
+    elif line is None:
         text.append(f"{title_of(message)}  {values_text(message.fields)}")
     else:
         header = values_text(message.header, between=", ")
@@ -306,8 +310,10 @@ def simulate(
             run(mcu, port, _end(seconds), lambda event: errors.print(escape(event)))
     port.close()
     refused = {"foreign": mcu.foreign, "held_back": mcu.held_back, "unread_bytes": port.lost_bytes}
+    counters = McuCounters(mcu.counters)
     if with_stats:
-        write(to_json({**mcu.account.as_dict(), **refused}) + "\n")
+        write(to_json({**mcu.account.as_dict(), **refused, "counters": counters.as_dict()}) + "\n")
         return
     told = [f"{count} {name.replace('_', ' ')}" for name, count in refused.items() if count]
     errors.print(", ".join([f"the MCU received {stats_line(mcu.account)}", *told]))
+    errors.print(str(counters))

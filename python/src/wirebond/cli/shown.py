@@ -44,6 +44,9 @@ def message_dict(message: Message, codec: Codec) -> dict[str, Any]:
     line = codec.log_line(message)
     if line is not None:
         out["log"] = {"level": line.level, "text": line.text}
+    counters = codec.counters(message)
+    if counters is not None:
+        out["counters"] = counters.as_dict()
     peer = peer_dict(message, codec)
     if peer is not None:
         out["peer"] = peer

@@ -19,6 +19,7 @@ _SERVICES = {
     "clock": "the MCU's clock against the host's",
     "log": "lines of text from the MCU",
     "parameter": "values on the MCU, read and set by index",
+    "counters": "what the MCU's link received, refused and sent",
 }
 
 

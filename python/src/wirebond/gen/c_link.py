@@ -35,6 +35,7 @@ class LinkView:
     max_sent: int  # bytes of the largest frame on the wire
     actions: tuple[tuple[str, str], ...]  # with its handler
     services: frozenset[str]
+    counters: str  # the message that the link fills by itself; empty: none
     listens: bool  # do received frames say for whom they are?
 
 
@@ -78,6 +79,9 @@ def link_view(protocol: Protocol, names: Names, messages: list[MessageView]) -> 
             | ({*handlers_with_header("on", [m.name for m in protocol.messages]).values()} if has_header else set()),
         ),
         services=frozenset(service.name for service in protocol.services),
+        counters=next(
+            (service.message("message") or "" for service in protocol.services if service.name == "counters"), ""
+        ),
         listens=names_receiver(protocol, End.HOST),
     )
 

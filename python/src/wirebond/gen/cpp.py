@@ -9,6 +9,7 @@ from pathlib import Path
 
 from wirebond.gen import names
 from wirebond.gen.amalgamate import amalgamated
+from wirebond.gen.cpp_counters import counter_lines
 from wirebond.gen.cpp_field import comment_text, hex_literal
 from wirebond.gen.cpp_header import (
     AddressView,
@@ -123,6 +124,7 @@ def link_header(protocol: Protocol) -> str:
         hash=f"0x{protocol_hash(protocol):016X}",
         bytes_per_second=int(protocol.link.baud / protocol.link.bits_per_byte),
         services=[service for service, _ in _services(protocol)],
+        counter_lines=counter_lines(protocol.service("counters"), message_shapes(protocol)),
         ends=[_end_view(protocol, end) for end in (End.MCU, End.HOST)],
     )
 

@@ -2,8 +2,8 @@
 
 It sends every MCU message that has ``every`` with moving values, answers requests (a field of the reply that has the
 request's name and kind carries its value back, and a list has as many elements as the request asks for with the field
-that ``asked_by`` names) from the address that was asked, serves hello, clock and parameters, and keeps the deadlines at
-``mcu``, of each address by itself.
+that ``asked_by`` names) from the address that was asked, serves hello, clock and parameters, says its own counters, and
+keeps the deadlines at ``mcu``, of each address by itself.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wirebond.codec import Codec, Message, Stats
+from wirebond.protocol.counters import COUNTERS
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Recover, Service
@@ -74,6 +75,9 @@ class VirtualMcu:
         self._due = {m.name: self.start for m in model.messages if m.sent_by(End.MCU) and m.every is not None}
         self._devices = {bits: self._device(one, self.start) for bits, one in self._addressing.devices.items()}
         self._parameters: dict[int, float] = {}
+        counters = model.service("counters")
+        self._counters_message = None if counters is None else counters.message("message")
+        self._sent = 0  # frames
         self._hello_due = model.service("hello") is not None
         self._waiting: deque[bytes] = deque()  # frames
         self._silent_until = self.start
@@ -118,6 +122,8 @@ class VirtualMcu:
             assert message.every is not None
             self._due[name] = due + (math.floor((t - due) / message.every) + 1) * message.every
             values = self._made_up(message, t)
+            if name == self._counters_message:
+                values |= self._counted(message)
             if self.behaviour is not None:
                 values |= self.behaviour.filled(name, t - self.start)
             for header in self._addressing.own:
@@ -147,10 +153,12 @@ class VirtualMcu:
         pause = self.codec.model.pause_seconds
         if pause == 0:
             frames, self._waiting = self._waiting, deque()
+            self._sent += len(frames)
             return b"".join(frames)
         if not self._waiting or t < self._silent_until:
             return b""
         frame = self._waiting.popleft()
+        self._sent += 1
         link = self.codec.model.link
         self._silent_until = t + len(frame) * link.bits_per_byte / link.baud + pause
         return frame
@@ -243,6 +251,25 @@ class VirtualMcu:
                 self._parameters[index] = message.fields["value"]
                 self.events.append(f"parameter {given} is now {decimal_text(message.fields['value'], 6)}")
         return {"value": self._parameters.get(index, initial), "result": result}
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """What it counted, by the names of the counters service; what it cannot have counted is not there."""
+        account = self.account
+        return {
+            **account.discarded_bytes,
+            "frames": account.frames,
+            "unknown_frames": account.unknown_frames,
+            "unlisted": account.unlisted_frames,
+            "foreign": self.foreign,
+            "held_back": self.held_back,
+            "sent": self._sent,
+        }
+
+    def _counted(self, message: MessageModel) -> dict[str, int]:
+        """The counters in this message, each cut to its field."""
+        counted = self.counters
+        return {f.name: counted.get(f.name, 0) & ((1 << f.width) - 1) for f in message.fields if f.name in COUNTERS}
 
     def _hello(self, header: dict[str, Any]) -> list[bytes]:
         service = self.codec.model.service("hello")

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from wirebond.protocol.counters import COUNTERS
 from wirebond.protocol.meaning.draft import Draft
 from wirebond.protocol.meaning.field_values import fit_value, settled
 from wirebond.protocol.meaning.header import read_header_values
 from wirebond.protocol.meaning.messages import Entry, Messages, receiver_of, spoken
-from wirebond.protocol.model import Deadline, End, Field, FieldKind, Recover, Service, StopMessage
+from wirebond.protocol.model import Deadline, End, Field, FieldKind, Message, Recover, Service, StopMessage
 from wirebond.protocol.names import action_fault, meeting, meeting_fault
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.grammar import DeadlineSyntax, Services, StopMessageSyntax
@@ -195,6 +196,7 @@ _ROLES = (
     _Role("parameter", "read", End.HOST, (("index", _WHOLE),)),
     _Role("parameter", "set", End.HOST, (("index", _WHOLE), ("value", _ANY))),
     _Role("parameter", "value", End.MCU, (("index", _WHOLE), ("value", _ANY), ("result", _WHOLE))),
+    _Role("counters", "message", End.MCU, ()),
 )
 
 
@@ -243,3 +245,27 @@ def _validate_role(expected: _Role, name: str, node: Mapping, messages: Messages
             )
     if expected.service == "hello" and "protocol_hash" in fields and fields["protocol_hash"].width < 64:
         problems.add(place, f"`protocol_hash` in `{name}` carries 64 bits; give it the type u64")
+    if expected.service == "counters":
+        _validate_counters(entry.message, tuple(fields.values()), place, problems)
+
+
+def _validate_counters(message: Message, fields: tuple[Field, ...], place: Place, problems: Problems) -> None:
+    """Its fields are called as what the link counts; there is at least one."""
+    if message.every is None:
+        problems.add(place, f"the MCU sends its counters by itself; give `{message.name}` an `every`, such as `1 s`")
+    counters = [field for field in fields if field.name in COUNTERS]
+    if not counters:
+        problems.add(
+            place,
+            f"no field of `{message.name}` is called like a counter of the MCU's link; add one or several of: "
+            f"{', '.join(COUNTERS)}",
+        )
+    for field in counters:
+        is_single = field.count is None and not field.is_list
+        if field.kind != FieldKind.UNSIGNED or not is_single or field.is_scaled or field.enum or field.flags:
+            problems.add(
+                place,
+                f"the counter `{field.name}` in `{message.name}` is no plain unsigned integer; give it the type u32",
+            )
+        elif field.minimum is not None:
+            problems.add(place, f"the counter `{field.name}` in `{message.name}` takes every value; remove its `range`")

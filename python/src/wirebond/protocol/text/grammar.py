@@ -251,6 +251,7 @@ class Services(Syntax):
     clock: RequestAndReply | None = Field(None, description="Clock offset and drift.")
     log: OneMessage | None = Field(None, description="Lines of text from the MCU.")
     parameter: ParameterService | None = Field(None, description="Values on the MCU, read and set by index.")
+    counters: OneMessage | None = Field(None, description="What the MCU's link counts, sent by itself.")
 
 
 # ---- the file ------------------------------------------------------------------------------------
