@@ -197,8 +197,8 @@ GivenHeader encode_header(const FormatTable& format, nb::dict header) {
   const Path whole{nullptr, owner};
   const std::vector<FieldTable>& fields = format.header();
   for (auto [key, value] : header) {
-    const auto found =
-        std::find_if(fields.begin(), fields.end(), [&](const FieldTable& field) { return field.key.equal(key); });
+    const auto found = std::find_if(fields.begin(), fields.end(),
+                                    [&key = key](const FieldTable& field) { return field.key.equal(key); });
     if (found == fields.end()) {
       throw_message_error("the header has no field " + shown(key) + "; it has " +
                           (fields.empty() ? "none" : names_of(fields)));
