@@ -134,11 +134,11 @@ def test_random_bytes_are_examined_alike(name: str, number: int) -> None:
         assert dict(found.discarded) == decoder.stats.as_dict()["discarded_bytes"], stream.hex()
 
 
-@few_or_many(1, 6)
+@few_or_many(1, 12)
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_every_byte_lies_in_one_stretch_and_frames_carry_the_decoders_values(name: str, number: int) -> None:
     proto = load(FORMATS[name])
-    pieces = 12 if proto.model.format.max_payload < 256 else 3  # every byte of a frame is a row or more
+    pieces = 6 if proto.model.format.max_payload < 256 else 2  # every byte of a frame is a row or more
     for seed in range(number):
         stream = stream_for(proto, random.Random(f"{name} {seed}"), pieces)
         explanation = explain(proto.model, stream, any_sender(proto))
