@@ -39,6 +39,16 @@ std::size_t row_bytes(const MessageTable& message) {
   return message.max_payload != message.min_payload ? 0 : message.min_payload;
 }
 
+void take_header(const FormatTable& format, const Frame& frame, Rows& rows) {
+  if (format.header().empty()) return;
+  const std::size_t begin = rows.header.size();
+  rows.header.resize(begin + format.header().size());
+  const Form& form = format.format().forms[frame.form];
+  for (std::size_t i = 0; i < form.header_count; ++i) {
+    rows.header[begin + form.header[i].place] = detail::read_wide(form.header[i].number, frame.bytes, frame.size);
+  }
+}
+
 /// A place behind a frame from where on the future depends on the bytes alone, and what had been found until there.
 struct Landmark {
   std::uint64_t at = 0;  ///< in the capture
@@ -137,38 +147,7 @@ class Part {
   static constexpr std::uint64_t meeting_step = 4096;
 
   void take(const Frame& frame) {
-    const std::uint64_t offset = begin_ + frame.offset;
-    SeenNumber seen;
-    if (see_number(format_.format(), frame, seen)) found_.numbers.push_back(seen);
-    if (frame.message < 0) {
-      found_.unknown.offsets.push_back(offset);
-      found_.unknown.ids.push_back(frame.id);
-      if (is_timed_) found_.unknown.times.push_back(time_);
-      take_header(frame, found_.unknown);
-      return;
-    }
-    const auto index = static_cast<std::size_t>(frame.message);
-    const MessageTable& message = protocol_.messages()[index];
-    Rows& rows = found_.messages[index];
-    rows.offsets.push_back(offset);
-    if (is_timed_) rows.times.push_back(time_);
-    take_header(frame, rows);
-    const std::size_t sent = frame.payload_size;
-    const bool varies = row_bytes(message) == 0;
-    const std::size_t kept = varies ? std::max(sent, message.min_payload) : message.min_payload;
-    rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + std::min(sent, kept));
-    if (sent < kept) rows.payloads.insert(rows.payloads.end(), kept - sent, 0);  // zeros that were trimmed
-    if (varies) rows.ends.push_back(rows.payloads.size());
-  }
-
-  void take_header(const Frame& frame, Rows& rows) const {
-    if (format_.header().empty()) return;
-    const std::size_t begin = rows.header.size();
-    rows.header.resize(begin + format_.header().size());
-    const Form& form = format_.format().forms[frame.form];
-    for (std::size_t i = 0; i < form.header_count; ++i) {
-      rows.header[begin + form.header[i].place] = detail::read_wide(form.header[i].number, frame.bytes, frame.size);
-    }
+    take_row(protocol_, format_, frame, begin_ + frame.offset, is_timed_ ? &time_ : nullptr, found_);
   }
 
   Landmark here() const {
@@ -227,6 +206,31 @@ void append(Capture& whole, Part& part, const Landmark& from, const ProtocolTabl
 }
 
 }  // namespace
+
+Rows& rows_for(Capture& capture, const Frame& frame) {
+  return frame.message < 0 ? capture.unknown : capture.messages[static_cast<std::size_t>(frame.message)];
+}
+
+void take_row(const ProtocolTable& protocol, const FormatTable& format, const Frame& frame, std::uint64_t offset,
+              const double* time, Capture& to) {
+  SeenNumber seen;
+  if (see_number(format.format(), frame, seen)) to.numbers.push_back(seen);
+  Rows& rows = rows_for(to, frame);
+  rows.offsets.push_back(offset);
+  if (time != nullptr) rows.times.push_back(*time);
+  take_header(format, frame, rows);
+  if (frame.message < 0) {
+    rows.ids.push_back(frame.id);
+    return;
+  }
+  const MessageTable& message = protocol.messages()[static_cast<std::size_t>(frame.message)];
+  const std::size_t sent = frame.payload_size;
+  const bool varies = row_bytes(message) == 0;
+  const std::size_t kept = varies ? std::max(sent, message.min_payload) : message.min_payload;
+  rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + std::min(sent, kept));
+  if (sent < kept) rows.payloads.insert(rows.payloads.end(), kept - sent, 0);  // zeros that were trimmed
+  if (varies) rows.ends.push_back(rows.payloads.size());
+}
 
 void Rows::append(Rows&& other, std::size_t first, std::size_t row_bytes, std::size_t header_fields) {
   if (offsets.empty() && first == 0) {

@@ -22,6 +22,7 @@ struct Rows {
   std::vector<std::size_t> ends;       ///< of the payloads, where their size varies
   std::vector<double> times;           ///< of a capture with times: when the read began that completed the frame
   std::vector<std::uint64_t> header;   ///< bits of each header field of the format, one behind the other; 0: not there
+  std::vector<std::uint32_t> sizes;    ///< of the frames on the wire; only where somebody asks for them
 
   std::size_t begin_of(std::size_t row) const { return row == 0 ? 0 : ends[row - 1]; }
   /// Take the other's rows from `first` on behind one's own. `row_bytes`: of a payload; 0 where their size varies.
@@ -36,6 +37,13 @@ struct Capture {
   ByteAccount<std::uint64_t> account;
   UnlistedKinds unlisted;
 };
+
+/// The rows that this frame belongs to.
+Rows& rows_for(Capture& capture, const Frame& frame);
+
+/// Append the frame to its rows. `offset`: of its first byte in the capture; `time`: null where there are no times.
+void take_row(const ProtocolTable& protocol, const FormatTable& format, const Frame& frame, std::uint64_t offset,
+              const double* time, Capture& to);
 
 /// Decode `size` bytes. The result is the same whatever the number of threads: each decodes a part, and goes on into
 /// the next one until both have ended the same frame, from where on they cannot differ. `done` counts the bytes that

@@ -329,22 +329,48 @@ Capture decode(Decode decode, std::size_t size, nb::handle progress) {
 
 /// What Python gets of a capture of this many bytes.
 nb::dict tables_of(const std::shared_ptr<const ProtocolTable>& protocol,
-                   const std::shared_ptr<const FormatTable>& shared_format, Capture&& capture, std::size_t size) {
-  const FormatTable& format = *shared_format;
-  std::vector<Rows>& tables = capture.messages;
-  Rows& unknown = capture.unknown;
+                   const std::shared_ptr<const FormatTable>& format, Capture&& capture, std::size_t size) {
+  std::vector<std::uint64_t> counts;
+  for (const Rows& rows : capture.messages) counts.push_back(rows.offsets.size());
+  nb::dict out;
+  out["messages"] = message_tables(*protocol, *format, std::move(capture));
+  SequenceBook sequence(format);
+  for (const SeenNumber& seen : capture.numbers) sequence.take(seen);
+  out["stats"] =
+      account_dict(capture.account, capture.unlisted, size, 0, *protocol, counts, *format, sequence.account());
+  return out;
+}
+
+}  // namespace
+
+TimingMarks read_marks(const nb::dict& reads) {
+  TimingMarks marks;
+  for (nb::handle index : nb::list(reads["breaks"])) marks.breaks.push_back(nb::cast<std::size_t>(index));
+  for (nb::handle one : nb::list(reads["expected"])) {
+    marks.expected.emplace_back(nb::cast<std::size_t>(one[0]), nb::cast<std::int16_t>(one[1]));
+  }
+  return marks;
+}
+
+void check_reads(const std::uint64_t* ends, std::size_t count, std::size_t size) {
+  std::uint64_t last = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (ends[i] < last || ends[i] > size) throw std::invalid_argument("the reads do not fit");
+    last = ends[i];
+  }
+}
+
+nb::dict message_tables(const ProtocolTable& protocol, const FormatTable& format, Capture&& capture, bool with_empty) {
   const auto add_places = [](nb::dict& table, Rows& rows) {
     if (!rows.times.empty()) table["t"] = make_array(std::move(rows.times));
+    if (!rows.sizes.empty()) table["size"] = make_array(std::move(rows.sizes));
     table["offset"] = make_array(std::move(rows.offsets));
   };
-
-  std::vector<std::uint64_t> counts;
   nb::dict messages;
-  for (std::size_t i = 0; i < tables.size(); ++i) {
-    const MessageTable& message = protocol->messages()[i];
-    Rows& rows = tables[i];
-    counts.push_back(rows.offsets.size());
-    if (rows.offsets.empty()) continue;
+  for (std::size_t i = 0; i < capture.messages.size(); ++i) {
+    const MessageTable& message = protocol.messages()[i];
+    Rows& rows = capture.messages[i];
+    if (rows.offsets.empty() && !with_empty) continue;
     nb::dict fields = columns_of(message, rows);
     add_header_columns(format, rows, fields);
     nb::dict table;
@@ -352,6 +378,7 @@ nb::dict tables_of(const std::shared_ptr<const ProtocolTable>& protocol,
     add_places(table, rows);
     messages[message.key] = table;
   }
+  Rows& unknown = capture.unknown;
   if (!unknown.offsets.empty()) {
     nb::dict fields;
     fields["id"] = make_array(std::move(unknown.ids));
@@ -361,16 +388,8 @@ nb::dict tables_of(const std::shared_ptr<const ProtocolTable>& protocol,
     add_places(table, unknown);
     messages["unknown"] = table;
   }
-  nb::dict out;
-  out["messages"] = messages;
-  SequenceBook sequence(shared_format);
-  for (const SeenNumber& seen : capture.numbers) sequence.take(seen);
-  out["stats"] =
-      account_dict(capture.account, capture.unlisted, size, 0, *protocol, counts, format, sequence.account());
-  return out;
+  return messages;
 }
-
-}  // namespace
 
 nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
                         const std::shared_ptr<const FormatTable>& format, nb::handle bytes, unsigned threads,
@@ -393,15 +412,10 @@ nb::dict decode_timed_columns(const std::shared_ptr<const ProtocolTable>& protoc
   timing.times = reinterpret_cast<const double*>(times.data());
   timing.count = std::min(ends.size(), times.size()) / sizeof(std::uint64_t);
   timing.idle_us = static_cast<std::uint64_t>(std::ceil(nb::cast<double>(reads["idle"]) * 1e6));
-  for (nb::handle index : nb::list(reads["breaks"])) timing.breaks.push_back(nb::cast<std::size_t>(index));
-  for (nb::handle one : nb::list(reads["expected"])) {
-    timing.expected.emplace_back(nb::cast<std::size_t>(one[0]), nb::cast<std::int16_t>(one[1]));
-  }
-  std::uint64_t last = 0;
-  for (std::size_t i = 0; i < timing.count; ++i) {
-    if (timing.ends[i] < last || timing.ends[i] > view.size()) throw std::invalid_argument("the reads do not fit");
-    last = timing.ends[i];
-  }
+  TimingMarks marks = read_marks(reads);
+  timing.breaks = std::move(marks.breaks);
+  timing.expected = std::move(marks.expected);
+  check_reads(timing.ends, timing.count, view.size());
   const auto work = [&](std::atomic<std::uint64_t>& done, const std::atomic<bool>& cancelled) {
     return decode_timed(*protocol, *format, view.data(), timing, done, cancelled);
   };

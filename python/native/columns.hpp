@@ -3,11 +3,33 @@
 
 #include <nanobind/nanobind.h>
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <utility>
+#include <vector>
 
+#include "capture.hpp"
 #include "protocol.hpp"
 
 namespace wirebond::engine {
+
+/// The tables of what was found, by message: what "messages" is below. It takes the rows, and leaves what is beside
+/// them. `with_empty`: also those of messages that did not occur.
+nb::dict message_tables(const ProtocolTable& protocol, const FormatTable& format, Capture&& capture,
+                        bool with_empty = false);
+
+/// What happened between the reads of a capture.
+struct TimingMarks {
+  std::vector<std::size_t> breaks;                             ///< the port was away before the read of this index
+  std::vector<std::pair<std::size_t, std::int16_t>> expected;  ///< before this read, this message was asked for
+};
+
+/// `breaks` and `expected` of `reads`.
+TimingMarks read_marks(const nb::dict& reads);
+
+/// Throws where the ends of the reads fall, or lie behind the bytes.
+void check_reads(const std::uint64_t* ends, std::size_t count, std::size_t size);
 
 /// {"messages": {name: {"offset": u64 array, "fields": {field: array}}}, "stats": {…}}. Messages that did not occur
 /// are left out. Scaled fields are float64 in SI units; others keep their wire type; arrays have shape (rows, count);

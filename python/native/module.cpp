@@ -7,6 +7,7 @@
 #include "columns.hpp"
 #include "decoder.hpp"
 #include "fields.hpp"
+#include "follower.hpp"
 #include "header.hpp"
 #include "link.hpp"
 #include "link_core.hpp"
@@ -126,6 +127,7 @@ NB_MODULE(_engine, m) {
       },
       "path"_a, "bytes_per_second"_a, "ttys"_a = "/sys/class/tty",
       "How long the port may hold bytes back, by what the system says of its device.");
+  bind_follower(m);
   bind_link_core(m);
   bind_link(m);
 }

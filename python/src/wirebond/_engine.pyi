@@ -90,6 +90,27 @@ class Decoder:
     def stats(self) -> dict[str, Any]:
         """The account, as the fields of ``wirebond.Stats``."""
 
+class Follower:
+    """Bytes of one end that go on coming, to columns. One thread at a time."""
+
+    def __init__(self, protocol: ProtocolTable, format: FormatTable, idle_seconds: float) -> None:
+        """:param idle_seconds: how long a line is silent before an incomplete frame is given up."""
+    def feed(self, bytes: object, reads: dict[str, Any]) -> dict[str, Any]:
+        """What these bytes completed, by message a dict of ``fields``, ``t``, ``offset`` from the first byte of all,
+        and ``size`` on the wire.
+
+        :param reads: as for ``decode_timed_columns``, without ``idle``; a break behind the last read has the index of
+            the next one.
+        """
+    def idle(self, t: float) -> dict[str, Any]:
+        """A read that began at ``t`` found nothing."""
+    def tables(self) -> dict[str, Any]:
+        """The tables of all messages without a row: which columns there are, and of which type."""
+    def settled(self) -> int:
+        """How many bytes are settled: what lies behind them may become a frame."""
+    def stats(self) -> dict[str, Any]:
+        """The account, as the fields of ``wirebond.Stats``, without sequence numbers."""
+
 class LinkCore:
     """A link under virtual time: every time is an argument, in microseconds."""
 
