@@ -50,6 +50,23 @@ class _Direction:
         return Chunk(float(self.times[index]), float(self.before[index]), direction, data)
 
 
+@dataclass(frozen=True)
+class Reads:
+    """The bytes of one end, as the engine decodes them.
+
+    :ivar ends: where each read ends in ``data``.
+    :ivar times: when each began.
+    :ivar breaks: the port was away before the read of each of these indices.
+    :ivar expected: before the read of this index, the message of this index was asked for.
+    """
+
+    data: bytes
+    ends: NDArray[np.uint64]
+    times: NDArray[np.float64]
+    breaks: list[int]
+    expected: list[tuple[int, int]]
+
+
 class Recording:
     """What ``wirebond record`` wrote, read whole when first asked for. Times are seconds since its start. It does not
     change; any thread may use it.
@@ -257,20 +274,30 @@ class Recording:
         :returns: a table for each message that occurred.
         :raises UsageError: another sender.
         """
-        direction = self._direction_of(sender)
-        data = self._directions[direction]
+        of = self.reads(sender)
         reads = {
-            "ends": data.ends,
-            "times": data.before,
+            "ends": of.ends,
+            "times": of.times,
             "idle": self.idle,
-            "breaks": self._breaks(direction),
-            "expected": self._expected(sender),
+            "breaks": of.breaks,
+            "expected": of.expected,
         }
         codec = self.codec
         form = codec._format_for(End(sender))
-        result = _engine.decode_timed_columns(codec._table, form, data.data, reads, progress)
+        result = _engine.decode_timed_columns(codec._table, form, of.data, reads, progress)
         tables = {name: Table(**table) for name, table in result["messages"].items()}
         return Columns(tables, stats_from(result["stats"]))
+
+    def reads(self, sender: str) -> Reads:
+        """All bytes of one end, with the times at which they came.
+
+        :param sender: whose: ``"mcu"`` or ``"host"``.
+        :returns: what ``columns`` decodes.
+        :raises UsageError: another sender.
+        """
+        direction = self._direction_of(sender)
+        data = self._directions[direction]
+        return Reads(data.data, data.ends, data.before, self._breaks(direction), self._expected(sender))
 
     def stats(self, sender: str = "mcu") -> Stats:
         """Where every byte of this end went.

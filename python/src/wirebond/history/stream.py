@@ -1,0 +1,194 @@
+"""One direction of a line: its newest bytes, the frames in them, and what lies between frames. No thread, no clock."""
+
+from __future__ import annotations
+
+import bisect
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wirebond import _engine
+from wirebond.codec import Codec, Message
+from wirebond.protocol.model import End
+from wirebond.protocol.plan import plan_for
+
+KEPT_BYTES = 1 << 20  # of a live line: ten seconds at 1 Mbaud
+_MOST_DISCARD = 256  # bytes of one entry
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A frame, or bytes between two frames.
+
+    :ivar offset: of its first byte, from the first one of all; it names the entry within its direction.
+    :ivar name: of a frame's message; empty: it is no frame.
+    :ivar bytes: of a discard at most 256.
+    :ivar size: how many there are.
+    """
+
+    t: float
+    offset: int
+    size: int
+    name: str
+    bytes: bytes
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """Frames of one batch, in their order."""
+
+    t: NDArray[np.float64]
+    offset: NDArray[np.uint64]
+    size: NDArray[np.uint32]
+    kind: NDArray[np.int64]  # index of the name
+
+
+class Stream:
+    """:param end: that sends these bytes.
+    :param idle: seconds of silence that end an incomplete frame.
+    :param keep: bytes that are kept; None: all.
+    """
+
+    def __init__(self, codec: Codec, end: End, idle: float, keep: int | None = KEPT_BYTES) -> None:
+        self.end = end
+        self._codec = codec
+        self._follower = _engine.Follower(codec._table, codec._format_for(end), idle)
+        self.names = [*(m.name for m in codec.model.messages), "unknown"]
+        self._numbers = {name: number for number, name in enumerate(self.names)}
+        plan = plan_for(codec.model, end)
+        self._delimiters = bytes(set(plan.opening + plan.closing))
+        self._asking = {m.reply: m.name for m in codec.model.messages if m.reply is not None}
+        self._keep = keep
+        self._bytes = bytearray()
+        self._begin = 0  # the offset of the first byte that is kept
+        self._read_ends: list[int] = []  # of the reads whose bytes are kept, as offsets
+        self._read_times: list[float] = []
+        self._frames: deque[_Frames] = deque()
+
+    def tables(self) -> dict[str, Any]:
+        """The columns of all messages, without rows."""
+        return self._follower.tables()
+
+    def stats(self) -> dict[str, Any]:
+        """The account."""
+        return self._follower.stats()
+
+    # ---- in
+
+    def feed(
+        self,
+        chunks: Sequence[bytes],
+        times: Sequence[float],
+        breaks: Sequence[int] = (),
+        expected: Sequence[tuple[int, int]] = (),
+    ) -> dict[str, Any]:
+        """Bytes as they came. What they completed, by message: ``t``, ``fields``, ``offset``, ``size``."""
+        data = b"".join(chunks)
+        ends = np.cumsum([len(chunk) for chunk in chunks], dtype=np.uint64)
+        return self.feed_whole(data, ends, np.asarray(times, np.float64), breaks, expected)
+
+    def feed_whole(
+        self,
+        data: bytes,
+        ends: NDArray[np.uint64],
+        times: NDArray[np.float64],
+        breaks: Sequence[int] = (),
+        expected: Sequence[tuple[int, int]] = (),
+    ) -> dict[str, Any]:
+        """The same of bytes that are together already; ``ends``: of each read."""
+        reads = {"ends": ends, "times": times, "breaks": list(breaks), "expected": list(expected)}
+        tables = self._follower.feed(data, reads)
+        begin = self._begin + len(self._bytes)
+        self._bytes += data
+        self._read_ends += (ends + np.uint64(begin)).tolist()
+        self._read_times += times.tolist()
+        self._note(tables)
+        self._trim()
+        return tables
+
+    def idle(self, t: float) -> dict[str, Any]:
+        """A read that began at ``t`` found nothing."""
+        tables = self._follower.idle(t)
+        self._note(tables)
+        return tables
+
+    def _note(self, tables: dict[str, Any]) -> None:
+        if not tables:
+            return
+        kind = np.concatenate([np.full(len(table["t"]), self._numbers[name]) for name, table in tables.items()])
+        t, offset, size = (np.concatenate([table[key] for table in tables.values()]) for key in ("t", "offset", "size"))
+        order = np.argsort(offset, kind="stable")
+        self._frames.append(_Frames(t[order], offset[order], size[order], kind[order]))
+
+    def _trim(self) -> None:
+        if self._keep is None or len(self._bytes) <= 2 * self._keep:
+            return
+        drop = len(self._bytes) - self._keep
+        del self._bytes[:drop]
+        self._begin += drop
+        reads = bisect.bisect_right(self._read_ends, self._begin)
+        del self._read_ends[:reads], self._read_times[:reads]
+        while self._frames and self._frames[0].offset[-1] < self._begin:
+            self._frames.popleft()
+
+    # ---- out
+
+    def raw(self, offset: int, size: int) -> bytes:
+        """These bytes; fewer where they are not kept any more."""
+        at = max(offset - self._begin, 0)
+        return bytes(self._bytes[at : max(offset + size - self._begin, 0)])
+
+    def message(self, raw: bytes, name: str, t: float) -> Message | None:
+        """The message in one frame."""
+        decoder = self._codec.decoder(self.end)
+        if name in self._asking:
+            decoder.expect(self._asking[name])
+        found = [*decoder.feed(raw, t), *decoder.finish()]
+        return found[0] if found else None
+
+    def newest(self, most: int, name: str | None, with_discards: bool, until: float | None = None) -> list[Entry]:
+        """The last entries, oldest first.
+
+        :param name: frames of this message alone; None: all.
+        :param until: none that came behind this time.
+        """
+        found: list[Entry] = []
+        wanted = None if name is None else self._numbers.get(name, -1)
+        for entry in self._backwards(wanted, with_discards, until):
+            found.append(entry)
+            if len(found) == most:
+                break
+        return found[::-1]
+
+    def _backwards(self, wanted: int | None, with_discards: bool, until: float | None) -> Iterator[Entry]:
+        next_begin = self._follower.settled() if until is None else None
+        for frames in reversed(self._frames):
+            if until is not None and frames.t[0] > until:
+                continue
+            for i in range(len(frames.t) - 1, -1, -1):
+                t = float(frames.t[i])
+                if until is not None and t > until:
+                    continue
+                offset, size, kind = int(frames.offset[i]), int(frames.size[i]), int(frames.kind[i])
+                if with_discards and next_begin is not None and next_begin > offset + size:
+                    yield from self._between(offset + size, next_begin)
+                next_begin = offset
+                if offset < self._begin:
+                    return
+                if wanted is None or kind == wanted:
+                    yield Entry(t, offset, size, self.names[kind], self.raw(offset, size))
+        if with_discards and next_begin is not None and next_begin > self._begin:
+            yield from self._between(self._begin, next_begin)
+
+    def _between(self, begin: int, end: int) -> Iterator[Entry]:
+        read = bisect.bisect_right(self._read_ends, begin)
+        t = self._read_times[min(read, len(self._read_times) - 1)]
+        yield Entry(t, begin, end - begin, "", self.raw(begin, min(end - begin, _MOST_DISCARD)))
+
+    def is_fill(self, entry: Entry) -> bool:
+        """Are these bytes nothing but delimiters?"""
+        return bool(self._delimiters) and not entry.bytes.strip(self._delimiters)

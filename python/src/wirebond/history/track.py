@@ -1,0 +1,177 @@
+"""Rows of one message of one end, in the order of time: chunks of columns. No thread, no clock, no protocol."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROWS = 1 << 16  # of a whole chunk
+BLOCK = 1 << 8  # rows whose least and greatest value a whole chunk knows
+_FIRST_ROWS = 1 << 8
+Array = NDArray[Any]
+
+
+class Chunk:
+    """Rows that are dropped together. It grows up to `ROWS`; whole, it knows the extremes of its blocks."""
+
+    def __init__(self, types: Mapping[str, np.dtype[Any]]) -> None:
+        self.rows = 0
+        self._t: NDArray[np.float64] = np.empty(_FIRST_ROWS)
+        self._columns: dict[str, Array] = {name: np.empty(_FIRST_ROWS, of) for name, of in types.items()}
+        self._extremes: dict[str, tuple[Array, Array]] = {}
+
+    @property
+    def bytes(self) -> int:
+        held = self._t.nbytes + sum(column.nbytes for column in self._columns.values())
+        return held + sum(low.nbytes + high.nbytes for low, high in self._extremes.values())
+
+    @property
+    def is_whole(self) -> bool:
+        return self.rows == ROWS
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        return self._t[: self.rows]
+
+    def column(self, name: str) -> Array:
+        return self._columns[name][: self.rows]
+
+    def append(self, t: NDArray[np.float64], columns: Mapping[str, Array], begin: int) -> int:
+        """Take rows from ``begin`` on, as many as there is room for. Where the next one is."""
+        count = min(len(t) - begin, ROWS - self.rows)
+        self._reserve(self.rows + count)
+        here = slice(self.rows, self.rows + count)
+        self._t[here] = t[begin : begin + count]
+        for name, column in self._columns.items():
+            column[here] = columns[name][begin : begin + count]
+        self.rows += count
+        if self.is_whole:
+            self._extremes = {name: _extremes_of(column) for name, column in self._columns.items()}
+        return begin + count
+
+    def _reserve(self, rows: int) -> None:
+        size = len(self._t)
+        if rows <= size:
+            return
+        while size < rows:
+            size *= 2
+        self._t = _longer(self._t, size)
+        self._columns = {name: _longer(column, size) for name, column in self._columns.items()}
+
+    def least_and_greatest(self, name: str, edges: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Of the rows between each two neighbours of ``edges``, which rise. NaN counts only where there is no other."""
+        column = self._columns[name]
+        if not self.is_whole or edges[-1] - edges[0] < 4 * BLOCK * len(edges):
+            part, starts = column[edges[0] : edges[-1]], edges[:-1] - edges[0]
+            return np.fmin.reduceat(part, starts), np.fmax.reduceat(part, starts)
+        low, high = self._extremes[name]
+        values, starts = _unfolded(column, low, high, edges)
+        return np.fmin.reduceat(values[0], starts), np.fmax.reduceat(values[1], starts)
+
+
+def _unfolded(column: Array, low: Array, high: Array, edges: NDArray[np.intp]) -> tuple[tuple[Array, Array], Array]:
+    """One value for each block, but all rows of the blocks that an edge cuts; and where each edge but the last is."""
+    first, last = edges[0] // BLOCK, -(-edges[-1] // BLOCK)
+    is_cut = np.zeros(last - first + 1, bool)
+    is_cut[edges[edges % BLOCK != 0] // BLOCK - first] = True
+    sizes = np.where(is_cut, BLOCK, 1)
+    at = np.concatenate(([0], np.cumsum(sizes)))
+    blocks = edges // BLOCK - first
+    starts = at[blocks] + edges % BLOCK
+    cut, plain = np.flatnonzero(is_cut), np.flatnonzero(~is_cut[:-1])
+    places = (at[cut][:, None] + np.arange(BLOCK)).ravel()
+    rows = column.reshape(-1, BLOCK)[cut + first].ravel()
+    found = []
+    for extreme in (low, high):
+        values = np.empty(at[-1], column.dtype)
+        values[at[plain]] = extreme[plain + first]
+        values[places] = rows
+        found.append(values[: starts[-1]])
+    return (found[0], found[1]), starts[:-1]
+
+
+def _extremes_of(column: Array) -> tuple[Array, Array]:
+    blocks = column.reshape(-1, BLOCK)
+    return np.fmin.reduce(blocks, axis=1), np.fmax.reduce(blocks, axis=1)
+
+
+def _longer(array: Array, size: int) -> Array:
+    out = np.empty(size, array.dtype)
+    out[: len(array)] = array
+    return out
+
+
+class Track:
+    """All rows that are kept of one message of one end.
+
+    :param types: the columns, and how each is kept.
+    :param interval: seconds between two of these messages, where the file says so.
+    """
+
+    def __init__(self, types: Mapping[str, np.dtype[Any]], interval: float | None = None) -> None:
+        self.types = dict(types)
+        self.interval = interval
+        self.count = 0  # of all that ever came
+        self.chunks: deque[Chunk] = deque()
+
+    @property
+    def bytes(self) -> int:
+        return sum(chunk.bytes for chunk in self.chunks)
+
+    @property
+    def first(self) -> float | None:
+        """The time of the oldest row."""
+        return float(self.chunks[0].t[0]) if self.chunks else None
+
+    @property
+    def last(self) -> float | None:
+        """The time of the newest row."""
+        return float(self.chunks[-1].t[-1]) if self.chunks else None
+
+    def append(self, t: NDArray[np.float64], columns: Mapping[str, Array]) -> int:
+        """Take rows, whose times do not fall. How many chunks were begun."""
+        self.count += len(t)
+        at = begun = 0
+        while at < len(t):
+            if not self.chunks or self.chunks[-1].is_whole:
+                self.chunks.append(Chunk(self.types))
+                begun += 1
+            at = self.chunks[-1].append(t, columns, at)
+        return begun
+
+    def chunks_from(self, begin: float) -> list[Chunk]:
+        """The chunks that may hold rows from ``begin`` on, oldest first."""
+        found = []
+        for chunk in reversed(self.chunks):
+            if chunk.t[-1] < begin:
+                break
+            found.append(chunk)
+        return found[::-1]
+
+    def drop_oldest(self) -> None:
+        """Forget the oldest chunk."""
+        self.chunks.popleft()
+
+    def count_between(self, begin: float, end: float) -> int:
+        """How many rows have a time from ``begin`` on, and before ``end``."""
+        total = 0
+        for chunk in reversed(self.chunks):
+            low, high = np.searchsorted(chunk.t, (begin, end))
+            total += int(high - low)
+            if low > 0:
+                break
+        return total
+
+    def samples(self, column: str, edges: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The last value between each two neighbours of ``edges``; NaN where there is none."""
+        out = np.full(len(edges) - 1, np.nan)
+        for chunk in self.chunks_from(float(edges[0])):
+            t = chunk.t
+            places = np.searchsorted(t, edges)
+            has = places[1:] > places[:-1]
+            out[has] = chunk.column(column)[places[1:][has] - 1]
+        return out
