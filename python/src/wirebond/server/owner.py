@@ -61,7 +61,7 @@ class Owner:
         self.disk = ThreadPoolExecutor(1, "recordings of a server")  # what waits for the disk
         self.path = None if path is None else os.fspath(path)
         self.token = token
-        if tcp is not None and token is None and not _is_loopback(tcp[0]):
+        if tcp is not None and token is None and not is_loopback(tcp[0]):
             self.token = secrets.token_urlsafe(16)
         self.book = ControlBook()
         self.commands = Commands(self)
@@ -98,6 +98,17 @@ class Owner:
     def client_count(self) -> int:
         """How many clients are attached. Any thread."""
         return len(self.clients)
+
+    def connect(self) -> socket.socket:
+        """A connection of one more client."""
+        ours, theirs = socket.socketpair()
+        try:
+            asyncio.run_coroutine_threadsafe(self.loop.connect_accepted_socket(self._connected, ours), self.loop)
+        except RuntimeError:  # the loop has ended
+            ours.close()
+            theirs.close()
+            raise PortError("the server is closed; nothing can attach to it") from None
+        return theirs
 
     def close(self) -> None:
         """Close every client; the leases of the one in control end with their safe values. A second call does
@@ -289,7 +300,7 @@ class Owner:
             if self.path is not None:
                 found.append(_unix_socket(self.path))
             if tcp is not None:
-                found.append(_tcp_socket(*tcp))
+                found.append(tcp_socket(*tcp))
         except BaseException:
             for each in found:
                 each.close()
@@ -334,7 +345,8 @@ def _same(given: str, token: str) -> bool:
     return hmac.compare_digest(given.encode(), token.encode())
 
 
-def _is_loopback(host: str) -> bool:
+def is_loopback(host: str) -> bool:
+    """Is it this computer alone that reaches the host by this name?"""
     if host == "localhost":
         return True
     with contextlib.suppress(ValueError):
@@ -376,7 +388,11 @@ def _is_served(path: str) -> bool:
     return False
 
 
-def _tcp_socket(host: str, port: int) -> socket.socket:
+def tcp_socket(host: str, port: int) -> socket.socket:
+    """One that listens there.
+
+    :raises PortError: it cannot.
+    """
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         return socket.create_server((host, port), family=family, backlog=_BACKLOG)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 from typing import TYPE_CHECKING, Self
 
 from wirebond.server.owner import Owner
@@ -73,6 +74,14 @@ class Server:
     def client_count(self) -> int:
         """How many clients are attached. Any thread."""
         return self._owner.client_count
+
+    def connect(self) -> socket.socket:
+        """Attach within this process: the other end of this connection is a client's, as at the path. Any thread.
+
+        :returns: a connected socket.
+        :raises PortError: the server is closed.
+        """
+        return self._owner.connect()
 
     def close(self) -> None:
         """End every connection; the leases of the client in control end with their safe values. The link stays open. A
