@@ -342,7 +342,7 @@ def test_a_signal_ends_the_send_at_a_rate_that_no_line_carries(number: signal.Si
 def test_sigterm_ends_the_demo_with_the_safe_value(tmp_path: Path) -> None:
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
     with subprocess.Popen(
-        [*COMMAND, "demo"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
+        [*COMMAND, "demo", "--terminal"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
     ) as process:
         assert process.stdout is not None and process.stderr is not None
         while b"driving" not in process.stdout.readline():
@@ -357,7 +357,7 @@ def test_sigterm_ends_the_demo_with_the_safe_value(tmp_path: Path) -> None:
 def test_demo_drives_the_rover_and_prints_a_summary(tmp_path: Path) -> None:
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
     result = subprocess.run(
-        [*COMMAND, "demo", "--seconds", "3"],
+        [*COMMAND, "demo", "--terminal", "--seconds", "3"],
         capture_output=True,
         text=True,
         timeout=120,

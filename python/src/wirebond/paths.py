@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
+PAGE = _PACKAGE / "console" / "page"  # the console's page, where it was built
 
 
 def _find(relative: str) -> Path:

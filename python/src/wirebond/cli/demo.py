@@ -17,6 +17,7 @@ from wirebond.cli.signals import ended_by_signals
 from wirebond.codec import Message, load
 from wirebond.errors import LinkDownError
 from wirebond.link import Link, open_link
+from wirebond.paths import PAGE
 from wirebond.sim import rover
 
 _REFRESH = 0.1  # seconds between two pictures
@@ -80,8 +81,14 @@ class Driver:
             self._phase_end = now  # tried again at the next step
 
 
-def run_demo(seconds: float | None) -> int:
+def run_demo(seconds: float | None, in_terminal: bool, open_browser: bool) -> int:
     """Returns the exit code: 1 when nothing was received."""
+    if not in_terminal:
+        if PAGE.is_dir():
+            from wirebond.cli.demo_console import run_in_console  # noqa: PLC0415 the terminal needs none of it
+
+            return run_in_console(seconds, open_browser)
+        console.print("the console's page was not built (that needs Node 20 or newer); so here is the terminal view")
     console.print("building the rover's firmware for this machine …", style="dim")
     program = rover.build()
     codec = load(rover.protocol_file())

@@ -90,7 +90,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str] | None) -> int:
     try:
-        return int(app(args=arguments, standalone_mode=False) or 0)
+        given = sys.argv[1:] if arguments is None else arguments
+        if "--web" in given:
+            from wirebond.cli.web import with_web_address
+
+            given = with_web_address(given)
+        return int(app(args=given, standalone_mode=False) or 0)
     except ReaderGone:
         return 0
     except SystemExit:  # of rich, whose reader has gone while it showed --help

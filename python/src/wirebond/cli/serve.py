@@ -11,6 +11,7 @@ from wirebond.attach.address import make_socket_folder, socket_of
 from wirebond.cli.output import errors, plain
 from wirebond.cli.shown import stats_line
 from wirebond.cli.signals import ended_by_signals
+from wirebond.cli.web import show, web_address
 from wirebond.codec import load
 from wirebond.errors import UsageError
 from wirebond.link import Link, open_link
@@ -30,12 +31,15 @@ def serve_port(
     listen: str,
     record: Path | None,
     recordings: Path | None,
+    web: str | None,
+    open_browser: bool,
     seconds: float | None,
 ) -> None:
     """Until the time is over, or Ctrl-C."""
     codec = load(path)
     where = socket_of(name or codec.name)
     host = _host_and_port(tcp)
+    page = None if web is None else web_address(web)
     make_socket_folder()
     end = math.inf if seconds is None else time.monotonic() + seconds
     with ended_by_signals(), ExitStack() as stack:
@@ -50,6 +54,12 @@ def serve_port(
             address = f"wirebond://{_shown(host[0])}:{server.port}"
             query = "" if server.token is None else f"?token={server.token}"
             errors.print(f"From other programs by TCP: [bold]{address}{query}[/]", soft_wrap=True)
+        if page is not None:
+            from wirebond.console import Console  # noqa: PLC0415 without --web its packages are not loaded
+
+            console = stack.enter_context(Console(*page, token=token))
+            console.show(link, server)
+            show(console, open_browser)
         try:
             _watch(link, server, end)
         except KeyboardInterrupt:

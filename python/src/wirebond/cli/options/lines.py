@@ -9,7 +9,7 @@ import typer
 
 from wirebond.cli.interrupts import raise_from_here
 from wirebond.cli.numbers import amount, whole
-from wirebond.cli.options.shared import AsJson, Baud, Header, Port, ProtocolFile, Role, Seconds, Timeout
+from wirebond.cli.options.shared import AsJson, Baud, Browser, Header, Port, ProtocolFile, Role, Seconds, Timeout, Web
 
 commands = typer.Typer()
 
@@ -98,13 +98,15 @@ def serve(
     recordings: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Let clients start and stop recordings, in this folder.")
     ] = None,
+    web: Web = None,
+    browser: Browser = True,
     seconds: Seconds = None,
 ) -> None:
     """Own a port, and let many programs attach: each sees every message, and one at a time is in control."""
     from wirebond.cli.serve import serve_port
 
     raise_from_here()
-    serve_port(file, port, baud, name, tcp, token, hear, record, recordings, seconds)
+    serve_port(file, port, baud, name, tcp, token, hear, record, recordings, web, browser, seconds)
 
 
 @commands.command()

@@ -32,3 +32,11 @@ Seconds = Annotated[
 Timeout = Annotated[
     float | None, typer.Option(parser=amount, metavar="NUMBER", help="Seconds for each reply. Default: 1.")
 ]
+Web = Annotated[
+    str | None,
+    typer.Option(
+        metavar="[HOST:]PORT",
+        help="Serve the console there, for a browser. Default: 127.0.0.1:8765.",
+    ),
+]
+Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the console in a browser.")]

@@ -9,7 +9,7 @@ import typer
 
 from wirebond.cli.interrupts import raise_from_here
 from wirebond.cli.numbers import amount, whole
-from wirebond.cli.options.shared import AsJson, Baud, ProtocolFile, Seconds
+from wirebond.cli.options.shared import AsJson, Baud, Browser, ProtocolFile, Seconds
 
 commands = typer.Typer()
 Ber = Annotated[
@@ -163,9 +163,13 @@ def soak(
 
 
 @commands.command()
-def demo(seconds: Seconds = None) -> None:
-    """Drive a simulated rover over a tty and watch the link, until Ctrl-C."""
+def demo(
+    seconds: Seconds = None,
+    in_terminal: Annotated[bool, typer.Option("--terminal", help="Show it here, and not in a browser.")] = False,
+    browser: Browser = True,
+) -> None:
+    """Drive a simulated rover over a tty and watch the link in the console, until Ctrl-C."""
     from wirebond.cli.demo import run_demo
 
     raise_from_here()
-    raise typer.Exit(run_demo(seconds))
+    raise typer.Exit(run_demo(seconds, in_terminal, browser))

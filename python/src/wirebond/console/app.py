@@ -1,0 +1,105 @@
+"""The console as an ASGI application: which path leads where, and who may go there."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, Response
+from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.websockets import WebSocket
+
+from wirebond.console.as_json import encode
+from wirebond.console.attach_socket import attach
+from wirebond.console.guard import Guard
+from wirebond.console.library import Library
+from wirebond.console.station import Station
+from wirebond.console.views_socket import views
+
+_NOT_BUILT = """<!doctype html><meta charset="utf-8"><title>Wirebond</title>
+<p>The page was not built: this is a clone of the source, and building it needs Node 20 or newer.
+Install Node, run <code>make page</code>, and load this address again. Programs can use the console as it is.</p>"""
+_HEADERS = (
+    (b"content-security-policy", b"default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+     b"font-src 'self' data:; connect-src 'self'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'"),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+)  # fmt: skip
+
+
+def application(
+    guard: Callable[[], Guard], station: Station, library: Library, page: Path, api: list[BaseRoute]
+) -> ASGIApp:
+    """``guard``: asked for each request, since the port is known only when the console listens."""
+
+    async def at_attach(socket: WebSocket) -> None:
+        await attach(socket, guard(), station)
+
+    async def at_views(socket: WebSocket) -> None:
+        await views(socket, guard(), station, library)
+
+    async def not_built(_: Request) -> Response:
+        return HTMLResponse(_NOT_BUILT)
+
+    is_built = (page / "index.html").is_file()
+    front: BaseRoute = Mount("/", StaticFiles(directory=page, html=True)) if is_built else Route("/", not_built)
+    routes: list[BaseRoute] = [
+        WebSocketRoute("/attach", at_attach),
+        WebSocketRoute("/views", at_views),
+        *api,
+        front,
+    ]
+    return Guarded(Starlette(routes=routes), guard)
+
+
+class Guarded:
+    """Refuses what the guard refuses before anything else looks at it."""
+
+    def __init__(self, app: ASGIApp, guard: Callable[[], Guard]) -> None:
+        self._app = app
+        self._guard = guard
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """See ASGI."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        guard = self._guard()
+        headers = {name.lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        needs_origin = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
+        origin = headers.get(b"origin") if needs_origin else None
+        refused = guard.refuses(headers.get(b"host", ""), origin)
+        if refused is not None:
+            await _refuse(scope, receive, send, 403, "not_here", refused)
+            return
+        if scope["type"] == "http" and scope["path"].startswith("/api/"):
+            given = headers.get(b"authorization", "").removeprefix("Bearer ")
+            if not guard.is_token(given):
+                text = "the token is missing or wrong; give it as `Authorization: Bearer TOKEN`"
+                await _refuse(scope, receive, send, 401, "token", text)
+                return
+        await self._app(scope, receive, _with_headers(send))
+
+
+def _with_headers(send: Send) -> Send:
+    async def wrapped(message: Any) -> None:
+        if message["type"] == "http.response.start":
+            message = {**message, "headers": [*message["headers"], *_HEADERS]}
+        await send(message)
+
+    return wrapped
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, error: str, text: str) -> None:
+    """Before a WebSocket is accepted, its refusal is an HTTP answer, too."""
+    response: Callable[[Scope, Receive, Send], Awaitable[None]]
+    response = Response(encode({"error": error, "text": text}), status, media_type="application/json")
+    if scope["type"] == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
+        await send({"type": "websocket.close", "code": 1008, "reason": error})
+        return
+    await response(scope, receive, send)

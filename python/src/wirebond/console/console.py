@@ -1,0 +1,122 @@
+"""The console as programs use it: a web server in a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import uvicorn
+
+from wirebond.console.api import routes
+from wirebond.console.app import application
+from wirebond.console.guard import Guard
+from wirebond.console.library import Library
+from wirebond.console.station import Station
+from wirebond.errors import UsageError
+from wirebond.paths import PAGE
+from wirebond.server.owner import is_loopback, tcp_socket
+
+if TYPE_CHECKING:
+    from wirebond.link import Link
+    from wirebond.server import Server
+
+DEFAULT_PORT = 8765
+_MOST_MESSAGE = 1 << 20  # bytes of one message of a client
+_PATIENCE = 5.0  # seconds that the thread has to begin and to end
+
+
+class Console:
+    """Serves the page, and what it shows. Starts at once; ends with ``close``, or a ``with`` block. It closes no link.
+
+    :param host: address to listen at.
+    :param port: 0: any that is free.
+    :param token: what clients must say. None: needed, and made, where the host is reached by other computers.
+    :param page: the folder of the built page.
+    :raises PortError: it cannot listen there.
+    :raises UsageError: no such host, or the token cannot be printed.
+    """
+
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = DEFAULT_PORT,
+        *,
+        token: str | None = None,
+        page: Path = PAGE,
+    ) -> None:
+        if token is not None and (not token.isprintable() or not token.strip()):
+            raise UsageError("the token is empty, or has characters that cannot be printed; give letters and digits")
+        if token is None and not is_loopback(host):
+            token = secrets.token_urlsafe(16)
+        self._socket = tcp_socket(host, port)
+        self._host = host
+        self._guard = Guard(self._socket.getsockname()[1], token)
+        self.station = Station()
+        self.page_is_built = (page / "index.html").is_file()
+        library = Library(self.station)
+        app = application(lambda: self._guard, self.station, library, page, routes(self.station))
+        config = uvicorn.Config(
+            app,
+            log_config=None,
+            access_log=False,
+            lifespan="off",
+            ws="websockets-sansio",
+            ws_max_size=_MOST_MESSAGE,
+            ws_per_message_deflate=False,
+            ws_ping_interval=None,  # control has a heartbeat of its own, and views need none
+            server_header=False,
+            timeout_graceful_shutdown=1,
+        )
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._run, name="console", daemon=True)
+        self._thread.start()
+
+    @property
+    def port(self) -> int:
+        """The port that it listens at."""
+        return self._guard.port
+
+    @property
+    def token(self) -> str | None:
+        """What clients must say; None: nothing."""
+        return self._guard.token
+
+    @property
+    def address(self) -> str:
+        """For a browser on this computer, with the token behind ``#``."""
+        host = self._host
+        if host in ("", "0.0.0.0"):  # noqa: S104 it is compared
+            host = "127.0.0.1"
+        elif host == "::":
+            host = "::1"
+        shown = f"[{host}]" if ":" in host else host
+        fragment = "" if self.token is None else f"#token={self.token}"
+        return f"http://{shown}:{self.port}/{fragment}"
+
+    def show(self, link: Link, server: Server) -> None:
+        """Show this link, which the server serves, from now on.
+
+        :param link: the link.
+        :param server: its server.
+        """
+        self.station.put(link, server)
+
+    def close(self) -> None:
+        """End every connection. A second call does nothing."""
+        self._server.should_exit = True
+        self._thread.join(_PATIENCE)
+        self.station.clear()
+
+    def _run(self) -> None:
+        with contextlib.suppress(SystemExit):
+            asyncio.run(self._server.serve([self._socket]))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

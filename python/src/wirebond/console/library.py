@@ -1,0 +1,66 @@
+"""The recordings of the server's folder, opened as sources of views. Any thread."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+
+from wirebond.console.station import Station
+from wirebond.errors import UsageError
+from wirebond.history.recorded import recorded_source
+from wirebond.history.source import Source
+from wirebond.recording.recording import Recording
+
+_MOST_OPEN = 3
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A recording that is looked at."""
+
+    name: str
+    source: Source
+    problems: tuple[str, ...]
+    duration: float
+
+
+class Library:
+    """Keeps the last few open."""
+
+    def __init__(self, station: Station) -> None:
+        self._station = station
+        self._lock = threading.Lock()
+        self._open: OrderedDict[tuple[Path, int, int], Replay] = OrderedDict()
+
+    def path(self, name: str) -> Path:
+        """The file of a recording.
+
+        :raises UsageError: there is none of this name.
+        """
+        served = self._station.served
+        if served is None:
+            raise UsageError("the console has no port yet, and so no folder of recordings; connect it first")
+        return served.server.recordings.path(name)
+
+    def open(self, name: str) -> Replay:
+        """A recording, read whole.
+
+        :raises WirebondError: there is none, or it cannot be read.
+        :raises OSError: the same.
+        """
+        path = self.path(name)
+        stat = path.stat()
+        key = path, stat.st_size, stat.st_mtime_ns
+        with self._lock:
+            found = self._open.get(key)
+            if found is None:
+                recording = Recording(path)
+                source = recorded_source(recording)
+                found = Replay(name, source, tuple(recording.problems), recording.duration)
+                self._open[key] = found
+                while len(self._open) > _MOST_OPEN:
+                    self._open.popitem(last=False)
+            self._open.move_to_end(key)
+        return found

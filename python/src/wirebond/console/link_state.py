@@ -1,0 +1,65 @@
+"""The view of the link: its state in one glance, rates, accounts, clock. Values only; no socket."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from typing import Any
+
+import msgspec
+
+from wirebond.console.as_json import plain
+from wirebond.console.station import Served
+
+
+def short_state(served: Served) -> tuple[Any, ...]:
+    """What a person wants to know at once when it changes."""
+    link, server = served.link, served.server
+    recording = server.recordings.current
+    return link.state, link.why, link.stopped, server.holder, server.client_count, recording is not None
+
+
+def link_state(served: Served) -> dict[str, Any]:
+    """All of it."""
+    link, server, source = served.link, served.server, served.source
+    stats = link.stats
+    now = time.monotonic()
+    line, clock, kept = link.line, link.clock, source.history.range()
+    recording = server.recordings.current
+    return {
+        "t": now,
+        "wall": time.time(),
+        "connected": True,
+        "state": link.state,
+        "why": link.why,
+        "protocol": link.codec.name,
+        "hash": f"{link.codec.hash:016x}",
+        "port": link.port,
+        "baud": link.baud,
+        "line": None if line is None else plain(line.as_dict()),
+        "holder": server.holder,
+        "clients": server.client_count,
+        "stopped": link.stopped,
+        "struck": sorted(link._inbox.struck()),
+        "rates": plain(link.rates().as_dict()),
+        "receive": plain(stats.receive.as_dict()),
+        "send": plain(asdict(stats.send)),
+        "late": stats.late,
+        "held_back": stats.held_back,
+        "reconnects": stats.reconnects,
+        "peer": {"state": link.peer.state, "why": link.peer.why},
+        "clock": None if clock is None else plain(asdict(clock)),
+        "round_trip": source.round_trips.figures(now),
+        "recording": None if recording is None else msgspec.to_builtins(recording),
+        "history": {
+            "bytes": source.history.bytes,
+            "most": source.history.most,
+            "from": None if kept is None else kept[0],
+            "lost": served.keeper.lost,
+        },
+    }
+
+
+def no_link(connecting: dict[str, Any] | None) -> dict[str, Any]:
+    """The same where there is none."""
+    return {"t": time.monotonic(), "wall": time.time(), "connected": False, "connecting": connecting}

@@ -1,0 +1,112 @@
+"""Batches of a plot as bytes: what is new since the last one, least and greatest per pixel. No socket."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from wirebond.console.wants import Plot
+from wirebond.errors import UsageError
+from wirebond.history.history import History
+from wirebond.history.pixels import Pixels
+
+_ALIGNED = 8
+_LENGTH = struct.Struct("<I")
+
+
+@dataclass
+class _Sent:
+    """Of one field: where the newest pixel begins that the client has, and that pixel's row."""
+
+    begin: float
+    row: tuple[float, float, float]
+
+
+@dataclass
+class PlotFeed:
+    """What one client has of one plot."""
+
+    plot: Plot
+    _sent: dict[str, _Sent] = field(default_factory=dict)
+    _is_first: bool = True
+
+    def batch(self, history: History, now: float) -> bytes | None:
+        """What the client lacks; None: nothing.
+
+        :raises UsageError: one of the fields cannot be plotted.
+        """
+        plot = self.plot
+        if plot.seconds is None:
+            return self._fixed(history, now)
+        width = plot.seconds / plot.pixels
+        oldest = now - plot.seconds
+        columns = []
+        is_first = self._is_first
+        for name in plot.fields:
+            sent = self._sent.get(name)
+            pixels = history.pixels(name, oldest if sent is None else sent.begin, now, width)
+            if not len(pixels.t):
+                continue
+            row = float(pixels.t[-1]), float(pixels.low[-1]), float(pixels.high[-1])
+            if sent is not None and len(pixels.t) == 1 and _same(row, sent.row):
+                continue
+            self._sent[name] = _Sent(max(math.floor(row[0] / width) * width, oldest), row)
+            columns.append((name, pixels))
+        self._is_first = False
+        if not columns and not is_first:
+            return None
+        return packed(plot.id, now, oldest, now, columns, replace=is_first)
+
+    def _fixed(self, history: History, now: float) -> bytes | None:
+        """A range that does not move; it is sent again while it reaches beyond what is there."""
+        plot = self.plot
+        begin, end = plot.begin or 0.0, plot.to or 0.0
+        kept = history.range()
+        newest = -math.inf if kept is None else min(kept[1], end)
+        known = self._sent.get("")
+        if known is not None and known.begin == newest:
+            return None
+        self._sent[""] = _Sent(newest, (0.0, 0.0, 0.0))
+        width = (end - begin) / plot.pixels
+        columns = [(name, history.pixels(name, begin, end, width)) for name in plot.fields]
+        return packed(plot.id, now, begin, end, columns, replace=True)
+
+
+def _same(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    return all(a == b or (a != a and b != b) for a, b in zip(one, other, strict=True))  # noqa: PLR0124 NaN
+
+
+def packed(
+    name: str, now: float, begin: float, end: float, columns: list[tuple[str, Pixels]], *, replace: bool
+) -> bytes:
+    """A batch as docs/console.md has it."""
+    head: dict[str, Any] = {"plot": name, "now": now, "from": begin, "to": end, "replace": replace, "columns": []}
+    arrays = []
+    for field_name, pixels in columns:
+        kind = "f64" if pixels.low.dtype.itemsize == 8 else "f32"
+        head["columns"].append({"field": field_name, "n": len(pixels.t), "t": "f64", "low": kind, "high": kind})
+        arrays += [pixels.t, pixels.low, pixels.high]
+    text = json.dumps(head).encode()
+    text += b" " * (-(len(text) + _LENGTH.size) % _ALIGNED)
+    parts = [_LENGTH.pack(len(text)), text]
+    for array in arrays:
+        data = np.ascontiguousarray(array).tobytes()
+        parts += [data, bytes(-len(data) % _ALIGNED)]
+    return b"".join(parts)
+
+
+def check_fields(plots: tuple[Plot, ...], history: History) -> list[str]:
+    """A sentence for each field that cannot be plotted."""
+    wrong = []
+    for plot in plots:
+        for name in plot.fields:
+            try:
+                history.find(name)
+            except UsageError as error:
+                wrong.append(str(error))
+    return wrong

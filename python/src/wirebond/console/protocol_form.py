@@ -1,0 +1,158 @@
+"""A protocol as data that forms are made of: every message and field with what bounds it. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from wirebond.attach.words import is_controlled
+from wirebond.codec import Codec
+from wirebond.console.as_json import plain
+from wirebond.history.history import History
+from wirebond.protocol.forms import header_fields
+from wirebond.protocol.model import End, Field, FieldKind, HeaderField, Message, Protocol, Service
+
+_NUMBERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
+
+
+def protocol_form(codec: Codec, history: History, path: str, port: str, baud: int) -> dict[str, Any]:
+    """All of it, for JSON. ``history`` tells the names for plots."""
+    model = codec.model
+    line = model.link
+    form: dict[str, Any] = plain(
+        {
+            "name": model.name,
+            "hash": f"{codec.hash:016x}",
+            "description": model.description,
+            "text": model.text,
+            "path": path,
+            "link": {
+                "baud": baud,
+                "data_bits": line.data_bits,
+                "parity": line.parity,
+                "stop_bits": line.stop_bits,
+                "bits_per_byte": line.bits_per_byte,
+                "port": port,
+            },
+            "messages": [_message(model, history, message) for message in model.messages],
+            "header": [_header(field) for field in header_fields(model.format.parts)],
+            "emergency_stop": [
+                {"message": stop.message, "fields": dict(stop.values), "header": dict(stop.header)}
+                for stop in model.emergency_stop
+            ],
+            "deadlines": [asdict(deadline) for deadline in model.deadlines],
+            "services": [{"name": service.name, "messages": dict(service.messages)} for service in model.services],
+            "parameters": _parameters(model, history),
+        }
+    )
+    return form
+
+
+def _message(model: Protocol, history: History, message: Message) -> dict[str, Any]:
+    end = End.HOST if message.sender == End.HOST else End.MCU
+    prefix = f"{message.name}."
+    return {
+        "name": message.name,
+        "id": message.id,
+        "sender": message.sender,
+        "every": message.every,
+        "reply": message.reply,
+        "is_controlled": is_controlled(model, message),
+        "queue": message.queue,
+        "description": message.description,
+        "log": message.log,
+        "bytes": model.max_wire_bytes(message.max_payload),
+        "fields": _fields(message.fields, set(history.columns(end, message.name)), prefix, ""),
+    }
+
+
+def _fields(fields: tuple[Field, ...], columns: set[str], prefix: str, within: str) -> list[dict[str, Any]]:
+    """``within``: the names of the structs around them. Fields of bits stand among those of the message."""
+    out = []
+    for field in fields:
+        if field.kind == FieldKind.PADDING:
+            continue
+        if field.kind == FieldKind.BITS:
+            out += _fields(field.fields, columns, prefix, within)
+            continue
+        form = field_form(field)
+        name = f"{within}{field.name}"
+        own = [name, *(f"{name}[{i}]" for i in range(field.count or 0))]
+        form["columns"] = [prefix + column for column in own if column in columns]
+        if field.kind == FieldKind.STRUCT:
+            form["fields"] = _fields(field.fields, columns, prefix, f"{name}.")
+        out.append(form)
+    return out
+
+
+def field_form(field: Field) -> dict[str, Any]:
+    """One field, without its columns."""
+    values = field.enum or field.flags
+    scale = abs(float(field.scale))
+    return {
+        "name": field.name,
+        "kind": _kind(field),
+        "is_integer": field.kind in (FieldKind.UNSIGNED, FieldKind.SIGNED) and not field.is_scaled,
+        "unit": field.unit,
+        "min": _bound(field, field.minimum, least=True),
+        "max": _bound(field, field.maximum, least=False),
+        "step": scale if field.kind in (FieldKind.UNSIGNED, FieldKind.SIGNED) else None,
+        "on_range": field.on_range,
+        "default": field.default,
+        "values": dict(values) if values else None,
+        "description": field.description,
+        "count": field.count,
+        "max_count": field.max_count or None,
+        "size": field.room or None if field.is_string else None,
+        "is_count": field.is_count,
+    }
+
+
+def _kind(field: Field) -> str:
+    if field.enum:
+        return "enum"
+    if field.flags:
+        return "flags"
+    return "number" if field.kind in _NUMBERS else field.kind.value
+
+
+def _bound(field: Field, given: float | None, *, least: bool) -> float | None:
+    """What the file says; else what the wire can carry."""
+    if given is not None or field.kind not in (FieldKind.UNSIGNED, FieldKind.SIGNED):
+        return given
+    width = field.width
+    if field.kind == FieldKind.UNSIGNED:
+        wire = 0 if least else (1 << width) - 1
+    elif least:
+        wire = -((1 << (width - 1)) - (1 if field.sign_magnitude else 0))
+    else:
+        wire = (1 << (width - 1)) - 1
+    if field.scale < 0:
+        return None
+    value = wire * field.scale + field.offset
+    return int(value) if value.denominator == 1 else float(value)
+
+
+def _header(field: HeaderField) -> dict[str, Any]:
+    form = field_form(field.value)
+    form["default"] = field.host_default
+    form["is_sequence"] = field.is_sequence
+    form["address"] = field.address
+    return form
+
+
+def _parameters(model: Protocol, history: History) -> dict[str, Any] | None:
+    service: Service | None = model.service("parameter")
+    if service is None:
+        return None
+    roles: Mapping[str, str] = dict(service.messages)
+    value = model.message(roles["value"])
+    read, write = model.message(roles["read"]), model.message(roles["set"])
+    index = next(f for f in write.fields if f.name == "index")
+    names = dict(index.enum) or dict(next(f for f in read.fields if f.name == "index").enum)
+    of_value = next(f for f in write.fields if f.name == "value")
+    columns = set(history.columns(End.MCU, value.name))
+    form = field_form(of_value)
+    form["columns"] = [f"{value.name}.value"] if "value" in columns else []
+    return {"names": names, "field": form, **{role: roles[role] for role in ("read", "set", "value")}}

@@ -1,0 +1,100 @@
+"""Views that are tables: the newest of each message, and the newest frames. Values only; no socket."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wirebond.codec import Message
+from wirebond.console.as_json import plain
+from wirebond.history.source import Newest, Source
+from wirebond.history.stream import Entry
+from wirebond.protocol.model import End, Field, FieldKind
+
+SPARK_SECONDS, SPARK_POINTS = 20.0, 40
+_LEAST_WINDOW = 2.0  # seconds in which a rate is counted
+_WINDOW_INTERVALS = 5.0
+
+
+def message_rows(source: Source, now: float, *, at: float | None, with_sparks: bool) -> list[dict[str, Any]]:
+    """One row for each message of each end that may send it.
+
+    :param at: of a recording: the time that is shown.
+    """
+    return [_row(source, end, name, now, at, with_sparks) for end, name in source.history.tracks()]
+
+
+def _row(source: Source, end: End, name: str, now: float, at: float | None, with_spark: bool) -> dict[str, Any]:
+    history = source.history
+    interval = history.interval(end, name)
+    window = max(_LEAST_WINDOW, _WINDOW_INTERVALS * (interval or 0.0))
+    newest = source.newest(end, name) if at is None else source.newest_until(end, name, at)
+    came = history.count_between(end, name, now - window, np.inf if at is None else np.nextafter(at, np.inf))
+    row: dict[str, Any] = {
+        "name": name,
+        "sender": end.value,
+        "count": history.count(end, name) if at is None else history.count_between(end, name, -np.inf, at),
+        "t": None,
+        "rate": came / window,
+        "due": None if interval is None else 1 / interval,
+    }
+    if newest is not None:
+        row |= _newest(newest)
+    if with_spark and (column := _spark_column(source, end, name)) is not None:
+        edges = np.linspace(now - SPARK_SECONDS, now, SPARK_POINTS + 1)
+        points = history.samples(end, name, column, edges)
+        if not np.isnan(points).all():
+            row["spark"] = {"field": column, "values": plain(points.tolist())}
+    return row
+
+
+def _newest(newest: Newest) -> dict[str, Any]:
+    found: dict[str, Any] = {"t": newest.t, "bytes": newest.raw.hex()}
+    return found if newest.message is None else found | message_dict(newest.message)
+
+
+def message_dict(message: Message) -> dict[str, Any]:
+    """Its values; header and violations where it has some."""
+    found: dict[str, Any] = {"fields": plain(message.fields)}
+    if message.header:
+        found["header"] = plain(message.header)
+    if message.violations:
+        found["violations"] = message.violations
+    if message.name == "unknown":
+        found["id"] = message.id
+    return found
+
+
+def _spark_column(source: Source, end: End, name: str) -> str | None:
+    """The first column of a plain number; else the first one."""
+    columns = source.history.columns(end, name)
+    numbers = {f.name for f in source.codec.model.message(name).fields if _is_number(f)}
+    return next((c for c in columns if c.partition("[")[0] in numbers), columns[0] if columns else None)
+
+
+def _is_number(field: Field) -> bool:
+    kinds = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
+    return field.kind in kinds and not field.enum and not field.flags
+
+
+def frame_entries(
+    source: Source, most: int, message: str | None, with_discards: bool, at: float | None
+) -> list[dict[str, Any]]:
+    """The newest frames, oldest first."""
+    found = source.entries(most, message, with_discards, at)
+    return [_entry(source, end, entry, decoded) for end, entry, decoded in found]
+
+
+def _entry(source: Source, end: End, entry: Entry, message: Message | None) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "n": entry.offset,
+        "t": entry.t,
+        "direction": "sent" if end == source.role else "received",
+        "bytes": entry.bytes.hex(),
+        "size": entry.size,
+    }
+    if entry.name:
+        out |= {"kind": "frame", "message": entry.name}
+        return out if message is None else out | message_dict(message)
+    return out | {"kind": "fill" if source.streams[end].is_fill(entry) else "discarded"}

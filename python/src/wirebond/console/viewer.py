@@ -1,0 +1,171 @@
+"""What one client of ``/views`` gets, round by round: only what it wants, and only what is new. No socket."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from wirebond.console.as_json import encode
+from wirebond.console.library import Library, Replay
+from wirebond.console.link_state import link_state, no_link, short_state
+from wirebond.console.plots import PlotFeed, check_fields
+from wirebond.console.station import Served, Station
+from wirebond.console.tables import frame_entries, message_rows
+from wirebond.console.wants import OfRecording, Plot, Views
+from wirebond.errors import WirebondError
+from wirebond.history.source import Source
+
+LINK_EVERY = 0.5  # seconds
+FRAMES_EVERY = 0.1
+SPARKS_EVERY = 0.5
+ROUND_EVERY = 1 / 30  # seconds: a client gets no more rounds
+
+
+class Viewer:
+    """One thread at a time."""
+
+    def __init__(self, station: Station, library: Library) -> None:
+        self._station = station
+        self._library = library
+        self._wants = Views()
+        self._replay: Replay | None = None
+        self._of: object = None  # the source that was shown last
+        self._plots: dict[str, PlotFeed] = {}
+        self._due: dict[str, float] = {}
+        self._shown: dict[str, Any] = {}  # what was sent last of each view, to see whether it changed
+        self._out: list[str | bytes] = []
+
+    def want(self, views: Views) -> None:
+        """From now on the client wants this."""
+        before, self._wants = self._wants, views
+        if views.source != before.source:
+            self._choose(views)
+        if views.at != before.at or views.messages != before.messages or views.frames != before.frames:
+            self._due.pop("messages", None)
+            self._due.pop("frames", None)
+            self._shown.pop("frames", None)
+        if not views.events:
+            self._shown.pop("events", None)
+        if not views.link:
+            self._due.pop("link", None)
+        feeds = self._plots
+        self._plots = {
+            p.id: feeds[p.id] if p.id in feeds and feeds[p.id].plot == p else PlotFeed(p) for p in views.plots
+        }
+        source = self._source()
+        if source is not None:
+            for sentence in check_fields(views.plots, source.history):
+                self._tell_error("field", sentence)
+
+    def round(self) -> list[str | bytes]:
+        """What the client lacks now: messages, in their order."""
+        wants, now = self._wants, time.monotonic()
+        served = self._station.served
+        source = self._source()
+        if source is not self._of:
+            self._of = source
+            self._forget()
+        if wants.link:
+            self._link(served, now)
+        if source is None:
+            return self._taken()
+        shown = now if self._replay is None else (wants.at if wants.at is not None else self._replay.duration)
+        at = None if self._replay is None else shown
+        if wants.messages is not None and self._is_due("messages", now, wants.messages.every):
+            self._messages(source, shown, at, now)
+        if wants.frames is not None and self._is_due("frames", now, FRAMES_EVERY):
+            entries = frame_entries(source, wants.frames.most, wants.frames.message, wants.frames.discards, at)
+            marks = [(e["n"], e["direction"], e["size"]) for e in entries]
+            if self._shown.get("frames") != marks:
+                self._shown["frames"] = marks
+                self._tell({"view": "frames", "t": shown, "entries": entries})
+        if wants.events:
+            self._events(source, at)
+        for feed in self._plots.values():
+            self._plot(feed, source, now)
+        return self._taken()
+
+    # ---- views
+
+    def _link(self, served: Served | None, now: float) -> None:
+        short = None if served is None else short_state(served)
+        changed = self._shown.get("link", ()) != short
+        if not self._is_due("link", now, LINK_EVERY) and not changed:
+            return
+        self._due["link"] = now + LINK_EVERY
+        self._shown["link"] = short
+        state = no_link(self._station.connecting) if served is None else link_state(served)
+        self._tell({"view": "link", **state})
+
+    def _messages(self, source: Source, shown: float, at: float | None, now: float) -> None:
+        with_sparks = self._is_due("sparks", now, SPARKS_EVERY)
+        rows = message_rows(source, shown, at=at, with_sparks=with_sparks)
+        marks = [(row["t"], row["count"], round(row["rate"], 1)) for row in rows]
+        if self._shown.get("messages") == marks and not with_sparks:
+            return
+        self._shown["messages"] = marks
+        self._tell({"view": "messages", "t": shown, "rows": rows})
+
+    def _events(self, source: Source, at: float | None) -> None:
+        if at is not None and self._shown.get("events at") != at:
+            self._shown["events at"] = at
+            self._shown.pop("events", None)
+        known = self._shown.get("events")
+        newest = source.happenings.newest
+        if known == newest:
+            return
+        self._shown["events"] = newest
+        self._tell({"view": "events", "replace": known is None, "events": source.happenings.since(known or 0, at)})
+
+    def _plot(self, feed: PlotFeed, source: Source, now: float) -> None:
+        known = [name for name in feed.plot.fields if not check_fields((Plot("", (name,)),), source.history)]
+        if len(known) != len(feed.plot.fields):
+            feed.plot.fields = tuple(known)
+        batch = feed.batch(source.history, now)
+        if batch is not None:
+            self._out.append(batch)
+
+    # ---- inside
+
+    def _source(self) -> Source | None:
+        if self._replay is not None:
+            return self._replay.source
+        if self._wants.source != "live":
+            return None  # it could not be opened
+        served = self._station.served
+        return None if served is None else served.source
+
+    def _choose(self, views: Views) -> None:
+        self._replay = None
+        if not isinstance(views.source, OfRecording):
+            return
+        try:
+            self._replay = replay = self._library.open(views.source.recording)
+        except (WirebondError, OSError) as error:
+            self._tell_error("recording", str(error))
+            return
+        self._tell(
+            {"view": "recording", "name": replay.name, "from": 0.0, "to": replay.duration, "problems": replay.problems}
+        )
+
+    def _forget(self) -> None:
+        """Another source: all is new."""
+        self._plots = {feed.plot.id: PlotFeed(feed.plot) for feed in self._plots.values()}
+        self._due.clear()
+        self._shown.clear()
+
+    def _is_due(self, view: str, now: float, every: float) -> bool:
+        if now < self._due.get(view, 0.0):
+            return False
+        self._due[view] = now + every
+        return True
+
+    def _tell_error(self, error: str, text: str) -> None:
+        self._tell({"view": "error", "error": error, "text": text})
+
+    def _tell(self, value: dict[str, Any]) -> None:
+        self._out.append(encode(value).decode())
+
+    def _taken(self) -> list[str | bytes]:
+        out, self._out = self._out, []
+        return out

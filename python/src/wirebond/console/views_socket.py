@@ -1,0 +1,120 @@
+"""``/views``: rounds of a viewer over a WebSocket, as fast as the client takes them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from wirebond.console.as_json import encode
+from wirebond.console.attach_socket import first_message, refuse
+from wirebond.console.guard import Guard
+from wirebond.console.library import Library
+from wirebond.console.station import Station
+from wirebond.console.viewer import ROUND_EVERY, Viewer
+from wirebond.console.wants import Said, Views, read
+from wirebond.errors import UsageError
+
+VERSION = 1
+_MOST_UNSEEN = 2  # rounds under way to a client that tells which it has drawn
+
+
+async def views(socket: WebSocket, guard: Guard, station: Station, library: Library) -> None:
+    """One client, from its first message to its end."""
+    await socket.accept()
+    first = await first_message(socket)
+    if first is None:
+        return
+    try:
+        said = read(encode(first))
+    except UsageError as error:
+        await refuse(socket, "not_understood", str(error))
+        return
+    if not guard.is_token(said.token):
+        await refuse(socket, "token", "the token is missing or wrong; it is in the address that was printed")
+        return
+    served = station.served
+    hello = {
+        "view": "hello",
+        "version": VERSION,
+        "t": time.monotonic(),
+        "wall": time.time(),
+        "link": None if served is None else served.link.codec.name,
+    }
+    await socket.send_text(encode(hello).decode())
+    await _Views(socket, Viewer(station, library)).run(said)
+
+
+class _Views:
+    """In the loop's thread, but for the rounds."""
+
+    def __init__(self, socket: WebSocket, viewer: Viewer) -> None:
+        self._socket = socket
+        self._viewer = viewer
+        self._wanted: Views | None = None  # what no round has looked at yet
+        self._acks = False  # the client tells which rounds it has drawn
+        self._rounds = 0  # that were sent
+        self._seen = 0
+        self._has_said = asyncio.Event()
+
+    async def run(self, first: Said) -> None:
+        """Until the client goes."""
+        self._hear(first)
+        tasks = [asyncio.create_task(self._listen()), asyncio.create_task(self._show())]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            for task in tasks:
+                with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
+                    await task
+            with contextlib.suppress(RuntimeError, WebSocketDisconnect, OSError):
+                await self._socket.close()
+
+    def _hear(self, said: Said) -> None:
+        if said.views is not None:
+            self._wanted = said.views
+        if said.acks is not None:
+            self._acks = said.acks
+        if said.seen is not None:
+            self._seen = min(max(said.seen, self._seen), self._rounds)
+        self._has_said.set()
+
+    async def _listen(self) -> None:
+        while True:
+            message = await self._socket.receive()
+            if message["type"] != "websocket.receive":
+                return
+            try:
+                self._hear(read(message.get("text") or ""))
+            except UsageError as error:
+                await self._send(encode({"view": "error", "error": "not_understood", "text": str(error)}).decode())
+
+    async def _show(self) -> None:
+        while True:
+            begun = time.monotonic()
+            wanted, self._wanted = self._wanted, None
+            out = await asyncio.to_thread(self._round, wanted)
+            if out and self._acks:
+                self._rounds += 1
+                out.append(encode({"view": "end", "round": self._rounds}).decode())
+            for message in out:
+                await self._send(message)
+            await asyncio.sleep(max(begun + ROUND_EVERY - time.monotonic(), 0.0))
+            while self._acks and self._rounds - self._seen >= _MOST_UNSEEN:
+                self._has_said.clear()
+                await self._has_said.wait()
+
+    def _round(self, wanted: Views | None) -> list[str | bytes]:
+        if wanted is not None:
+            self._viewer.want(wanted)
+        return self._viewer.round()
+
+    async def _send(self, message: str | bytes) -> None:
+        if isinstance(message, bytes):
+            await self._socket.send_bytes(message)
+        else:
+            await self._socket.send_text(message)
