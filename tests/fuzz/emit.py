@@ -10,7 +10,8 @@ from pathlib import Path
 from tests.fuzz.files import SHAPES
 from tests.random_formats import random_protocol
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.gen.cpp import cpp_header, format_lines, rules_views, struct_names
+from wirebond.gen.cpp import cpp_header, rules_views, struct_names
+from wirebond.gen.cpp_format import format_lines
 from wirebond.gen.names import namespace
 from wirebond.protocol import ProtocolFileError, load, loads
 from wirebond.protocol.model import End, Field, Protocol

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from wirebond.gen import names
 from wirebond.gen.amalgamate import amalgamated
 from wirebond.gen.cpp_counters import counter_lines
 from wirebond.gen.cpp_field import comment_text, hex_literal
+from wirebond.gen.cpp_format import format_lines, format_sizes, update_call
 from wirebond.gen.cpp_header import (
     AddressView,
     address_view,
@@ -20,6 +20,7 @@ from wirebond.gen.cpp_header import (
     header_shape,
     header_view,
 )
+from wirebond.gen.cpp_match import match_lines, sent_tests
 from wirebond.gen.cpp_number import real
 from wirebond.gen.cpp_struct import (
     Reader,
@@ -39,12 +40,9 @@ from wirebond.gen.cpp_struct import (
 from wirebond.gen.folder import core_headers, render, write_files
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import (
-    Algorithm,
     BitRole,
-    CheckKind,
     End,
     HeaderDefault,
-    MatchOf,
     Message,
     PartKind,
     PayloadRule,
@@ -52,14 +50,8 @@ from wirebond.protocol.model import (
     Queue,
 )
 from wirebond.protocol.plan import (
-    Exclusion,
-    Framing,
-    HeaderNumber,
-    MatchTest,
     MessageRow,
-    Number,
     Plan,
-    Position,
     plan_for,
 )
 
@@ -104,8 +96,8 @@ def cpp_header(protocol: Protocol) -> str:
         types=_type_views(protocol),
         messages=_message_views(protocol),
         formats=[(end.value, format_lines(plan)) for end, plan in plans.items()],
-        format_sizes=_format_sizes(plans.values()),
-        updates=[_update(a, i) for i, a in enumerate(plans[End.HOST].algorithms)],
+        format_sizes=format_sizes(plans.values()),
+        updates=[update_call(a, i) for i, a in enumerate(plans[End.HOST].algorithms)],
         sources=[_source_view(protocol, end, plans[end]) for end in (End.HOST, End.MCU)],
         actions=[names.identifier(action) for action in dict.fromkeys(d.then for d in protocol.deadlines)],
         ends=[_deadline_view(protocol, end) for end in (End.HOST, End.MCU)],
@@ -273,215 +265,6 @@ def no_id_literal(protocol: Protocol) -> str:
     """What stands for the id of a message without one."""
     no_id = plan_for(protocol, End.HOST).no_id
     return hex_literal(no_id, 4) if no_id else id_literal(protocol, 0)
-
-
-# ---- the frame format -------------------------------------------------------------------------------------------
-
-
-def _format_sizes(plans: Iterable[Plan]) -> tuple[int, int]:
-    """The most forms of an end, and the most exclusions: one type for both, or its functions would be there twice."""
-    sizes = [(len(plan.forms), sum(len(form.exclusions) for form in plan.forms)) for plan in plans]
-    return max(forms for forms, _ in sizes), max(1, *(exclusions for _, exclusions in sizes))
-
-
-def format_lines(plan: Plan) -> list[str]:
-    """Assignments that fill a ``wirebond::FrameFormat`` named ``format``."""
-    lines = [
-        f"format.framing = wirebond::Framing::{plan.framing};",
-        f"format.stuffing = wirebond::Stuffing::{plan.stuffing};",
-    ]
-    if plan.framing in (Framing.DELIMITED, Framing.BRACKETED):
-        lines += [f"format.opening = {_mark(plan.opening)};", f"format.closing = {_mark(plan.closing)};"]
-        lines += [] if plan.sends_opening else ["format.sends_opening = false;"]
-    if plan.escapes is not None:
-        escapes = plan.escapes
-        lines += [
-            f"format.escapes.escape = 0x{escapes.escape:02X};",
-            f"format.escapes.exclusive_or = 0x{escapes.exclusive_or:02X};",
-            f"format.escapes.count = {len(escapes.pairs)};",
-        ]
-        for i, (plain, code) in enumerate(escapes.pairs):
-            lines.append(f"format.escapes.plain[{i}] = 0x{plain:02X};")
-            lines.append(f"format.escapes.code[{i}] = 0x{code:02X};")
-        lines += [f"format.escapes.starts = {plan.starts};"] if plan.starts else []
-    if plan.insertion is not None:
-        after = ", ".join(f"0x{byte:02X}" for byte in plan.insertion.after)
-        lines.append(
-            f"format.insertion = {{{len(plan.insertion.after)}, 0x{plan.insertion.byte:02X}, {{{{{after}}}}}}};"
-        )
-    if plan.length_on_wire:
-        lines.append("format.length_on_wire = true;")
-    lines += [
-        f"format.form_count = {len(plan.forms)};",
-        f"format.algorithm_count = {len(plan.algorithms)};",
-        f"format.deliver_unknown = {'true' if plan.deliver_unknown else 'false'};",
-        f"format.max_payload = {plan.max_payload};",
-    ]
-    if plan.no_id:
-        lines.append(f"format.no_id = 0x{plan.no_id:X}U;")
-    if plan.sequence is not None:
-        lines.append(f"format.sequence_place = {plan.sequence};")
-        if plan.sequence_per_message:
-            lines.append("format.sequence_per_message = true;")
-        if plan.peer is not None:
-            lines.append(f"format.peer_place = {plan.peer};")
-    if plan.own_forms != 1:
-        lines.append(f"format.own_forms = {plan.own_forms};")
-    if plan.skips_failed:
-        lines.append("format.skips_failed = true;")
-    for name, size in (("plain_front", plan.plain_front), ("plain_back", plan.plain_back)):
-        lines += [f"format.{name} = {size};"] if size else []
-    for number, algorithm in enumerate(plan.algorithms):
-        lines.append(f"format.algorithms[{number}] = {_algorithm(algorithm)};  // {comment_text(algorithm.name)}")
-    excluded = 0
-    for number, form in enumerate(plan.forms):
-        to = f"format.forms[{number}]"
-        counts = {
-            "prefix": form.prefix,
-            "suffix": form.suffix,
-            "prefix_constants": form.prefix_constants,
-            "constant_count": len(form.constants),
-            "header_checks": form.header_checks,
-            "check_count": len(form.checks),
-            "length_bias": form.length_bias,
-            "fixed_payload": form.fixed_payload,
-            "header_count": len(form.header),
-            "first_exclusion": excluded if form.exclusions else 0,
-            "exclusion_count": len(form.exclusions),
-            "id_mask": form.id_mask,
-            "id_value": form.id_value,
-        }
-        for exclusion in form.exclusions:
-            lines.append(f"format.exclusions[{excluded}] = {_exclusion(exclusion)};")
-            excluded += 1
-        lines.append(f"{to}.payload_size = wirebond::PayloadSize::{form.payload.value};")
-        lines += [f"{to}.{name} = {value};" for name, value in counts.items() if value]
-        if form.trims_zeros:
-            lines.append(f"{to}.trims_zeros = true;")
-        if form.length_unit != 1:
-            lines.append(f"{to}.length_unit = {form.length_unit};")
-        lines += [f"{to}.{n} = {_number(v)};" for n, v in (("length", form.length), ("id", form.id)) if v]
-        lines += [
-            f"{to}.constants[{i}] = {{{_position(c.at)}, 0x{c.mask:02X}, 0x{c.value:02X}}};"
-            for i, c in enumerate(form.constants)
-        ]
-        lines += [
-            f"{to}.header[{i}] = {{{_header_number(f)}}};  // {comment_text(f.name)}" for i, f in enumerate(form.header)
-        ]
-        for i, c in enumerate(form.checks):
-            places = ", ".join(_position(p) for p in (c.start, c.stop, c.at))
-            order = f"wirebond::ByteOrder::{c.order.value}"
-            flags = ", ".join(_bool(flag) for flag in (c.seeded, c.as_hex, c.on_wire))
-            rule = f"{c.algorithm}, {places}, {c.bytes}, {order}, {c.shift}, {flags}, {c.continues}"
-            lines.append(f"{to}.checks[{i}] = {{{rule}}};")
-    return lines
-
-
-def _mark(delimiter: bytes) -> str:
-    return f"{{{len(delimiter)}, {', '.join(f'0x{byte:02X}' for byte in delimiter)}}}"
-
-
-def _bool(value: bool) -> str:
-    return "true" if value else "false"
-
-
-def _position(position: Position) -> str:
-    return f"{{{position.offset}, {'true' if position.from_end else 'false'}}}"
-
-
-def _number(number: Number) -> str:
-    order = f"wirebond::ByteOrder::{number.order.value}"
-    return f"{{{_position(number.at)}, {number.bytes}, {order}, {number.shift}, 0x{number.mask:X}U}}"
-
-
-def _exclusion(exclusion: Exclusion) -> str:
-    number = "{}" if exclusion.number is None else _number(exclusion.number)
-    place, seen = exclusion.place, _bool(exclusion.on_receive)
-    return f"{{wirebond::Subject::{exclusion.subject}, {place}, {seen}, {number}, {exclusion.low}U, {exclusion.high}U}}"
-
-
-def _header_number(entry: HeaderNumber) -> str:
-    fixed = f", 0x{entry.fixed_mask:X}U, 0x{entry.fixed_value:X}U" if entry.fixed_mask else ""
-    fixed += ", true" if entry.is_magic else ""
-    return f"{_number(entry.number)}, 0x{entry.default:X}U, {entry.place}{fixed}"
-
-
-def _check_kind(algorithm: Algorithm) -> str:
-    return "wirebond::CheckKind::" + {CheckKind.XOR: "exclusive_or"}.get(algorithm.kind, algorithm.kind)
-
-
-def _algorithm(algorithm: Algorithm) -> str:
-    flags = ", ".join(_bool(flag) for flag in (algorithm.refin, algorithm.refout))
-    numbers = ", ".join(f"0x{n:X}U" for n in (algorithm.poly, algorithm.init, algorithm.xorout))
-    rest = f", {algorithm.modulus}, {_bool(algorithm.negate)}" if algorithm.modulus or algorithm.negate else ""
-    return f"{{{_check_kind(algorithm)}, {algorithm.width}, {flags}, {numbers}{rest}}}"
-
-
-def _update(algorithm: Algorithm, index: int) -> str:
-    """The call that runs an algorithm's register over bytes."""
-    if algorithm.kind == CheckKind.CRC:
-        reflected = "true" if algorithm.refin else "false"
-        return f"wirebond::crc_update<{algorithm.width}, 0x{algorithm.poly:X}U, {reflected}>(reg, bytes, size)"
-    return f"wirebond::sum_update(format_from_host.algorithms[{index}], reg, bytes, size)"
-
-
-# ---- what tells messages apart beside their ids -----------------------------------------------------------------
-
-
-def _asked(test: MatchTest) -> str:
-    """A test as a question to a frame (``wirebond/match.hpp``)."""
-    bounds = f"0x{test.mask:X}U, 0x{test.low:X}U, 0x{test.high:X}U"
-    if test.of == MatchOf.HEADER:
-        return f"asked.header({test.place}, {bounds})"
-    if test.of == MatchOf.PAYLOAD:
-        return f"asked.payload({test.at}, {test.bytes}, wirebond::ByteOrder::{test.order}, {test.shift}, {bounds})"
-    return f"asked.{test.of}({bounds})"
-
-
-def _groups(tests: tuple[MatchTest, ...]) -> list[list[MatchTest]]:
-    """Those joined by ``or_next`` together."""
-    groups: list[list[MatchTest]] = []
-    joins = False
-    for test in tests:
-        if joins:
-            groups[-1].append(test)
-        else:
-            groups.append([test])
-        joins = test.or_next
-    return groups
-
-
-def match_lines(row: MessageRow) -> list[str]:
-    """The condition that a frame is this message, one line for each that must hold."""
-    expected = [f"expected == {row.index}"] if row.only_expected else []
-    texts = []
-    for group in _groups(row.tests):
-        text = " || ".join(_asked(test) for test in group)
-        texts.append(text if len(group) == 1 else f"({text})")
-    return [*expected, *texts] or ["true"]
-
-
-def sent_tests(protocol: Protocol, message: Message) -> tuple[str, ...]:
-    """The tests that say something to a sender: of header fields, and of what a value of the message can break."""
-    plan = plan_for(protocol, End.HOST if message.sent_by(End.HOST) else End.MCU)
-    row = next(row for row in plan.messages if protocol.messages[row.index] is message)
-    found: list[str] = []
-    for group in _groups(row.tests):
-        of, is_one = group[0].of, group[0].is_one
-        says_nothing = {
-            MatchOf.ID: plan.id_place is None or not message.has_id,
-            MatchOf.HEADER: False,
-            MatchOf.PAYLOAD: is_one,  # a constant of the payload
-            MatchOf.SIZE: message.min_payload == message.max_payload,
-        }[of]
-        for test in () if says_nothing else group:
-            place = plan.id_place if of == MatchOf.ID else test.place
-            numbers = f"{test.bytes}, wirebond::ByteOrder::{test.order}, {test.shift}, {test.at}"
-            bounds = f"0x{test.mask:X}U, 0x{test.low:X}U, 0x{test.high:X}U"
-            found.append(
-                f"{{wirebond::MatchOf::{of}, {place}, {_bool(test.or_next)}, {_bool(is_one)}, {numbers}, {bounds}}}"
-            )
-    return tuple(found)
 
 
 @dataclass(frozen=True)

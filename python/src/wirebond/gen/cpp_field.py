@@ -93,6 +93,10 @@ def flags_lines(spec: Field, type_name: str) -> list[str]:
     return [*lines, "};"]
 
 
+def bool_literal(value: bool) -> str:
+    return "true" if value else "false"
+
+
 def hex_literal(value: int, size: int) -> str:
     """A hexadecimal literal with all digits of ``size`` bytes."""
     return f"0x{value:0{2 * size}X}" + ("" if value < 2**31 else "U" if value < 2**32 else "ULL")
