@@ -22,6 +22,9 @@ setup: build/setup.stamp ## virtual environment in .venv with the `wirebond` com
 demo: build/setup.stamp ## a simulated rover on a tty, driven in the terminal until Ctrl-C (ARGS="--seconds 10" ends by itself)
 	@exec $(VENV)/bin/wirebond demo $(ARGS)
 
+.PHONY: page
+page: build/page.stamp ## the console's page, into the Python package; needs Node 20.19 or newer
+
 .PHONY: test
 test: build/setup-test.stamp lint ## everything that must hold, in under ten minutes
 	@$(PYTHON) -m pytest -n 2 --dist worksteal -m "not long"

@@ -1,5 +1,5 @@
 // The address behind `#`, to values and back: `#/messages?message=odometry&from=12.5&to=20`.
-export const VIEWS = ["link", "messages", "control"] as const;
+export const VIEWS = ["link", "messages", "plots", "control", "tuning", "recordings", "protocol"] as const;
 export type ViewName = (typeof VIEWS)[number];
 
 export interface Place {

@@ -50,7 +50,7 @@ export interface Protocol {
   emergency_stop: { message: string; fields: Record<string, unknown>; header?: Record<string, unknown> }[];
   deadlines: { message: string; at: string; after: number; then: string; recover: string }[];
   services: { name: string; messages: Record<string, string> }[];
-  parameters: null | { names: string[]; field: Field; read: string; set: string; value: string };
+  parameters: null | { names: Record<string, number>; field: Field; read: string; set: string; value: string };
 }
 
 /** Everything of the protocol that can be plotted, in the file's order. */

@@ -46,8 +46,8 @@ export interface LinkView {
   peer: { state: string; why: string };
   clock: { offset: number; drift: number; error: number; round_trip: number; exchanges: number } | null;
   round_trip: { count: number; p50: number; p95: number; p99: number; max: number } | null;
-  recording: { name: string; seconds: number; bytes: number } | null;
-  history: { bytes: number; most: number; from: number };
+  recording: { name: string; seconds: number | null; size: number } | null;
+  history: { bytes: number; most: number; from: number; lost: number };
 }
 export interface Row {
   name: string;
@@ -158,7 +158,7 @@ export class Views {
     const socket = new WebSocket(this.url);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
-    socket.onopen = () => socket.send(JSON.stringify({ token: this.token(), views: this.wish }));
+    socket.onopen = () => socket.send(JSON.stringify({ token: this.token(), acks: true, views: this.wish }));
     socket.onmessage = (event: MessageEvent) => {
       if (event.data instanceof ArrayBuffer) {
         this.listener.batch(readBatch(event.data));
@@ -168,6 +168,11 @@ export class Views {
       if (message.view === "hello") {
         this.wait = 250;
         this.listener.open(true, "");
+      }
+      if (message.view === "end") {
+        // The server goes on when this round is drawn, so that nothing that is shown has waited in a buffer.
+        requestAnimationFrame(() => this.say({ seen: message.round }));
+        return;
       }
       if ("error" in message && message.error === "token") this.ended = true;
       this.listener.text((message.view as string) ?? "error", message);
@@ -184,6 +189,10 @@ export class Views {
 
   want(wish: Wish): void {
     this.wish = wish;
-    if (this.socket?.readyState === 1) this.socket.send(JSON.stringify({ views: wish }));
+    this.say({ acks: true, views: wish });
+  }
+
+  private say(message: Record<string, unknown>): void {
+    if (this.socket?.readyState === 1) this.socket.send(JSON.stringify(message));
   }
 }

@@ -320,7 +320,7 @@ export const zh: Texts = {
     open: "打开",
     close: "回到实时",
     download: "下载",
-    unfinished: "未完成",
+    states: { recording: "录制中", closing: "压缩中", closed: "已关闭", unclosed: "未关闭", unreadable: "无法读取" },
     folder: (path) => `录制保存在 ${path}。`,
     position: "位置",
     scrub: "录制中的位置",

@@ -1,0 +1,86 @@
+// The rows of one column of a plot that the page holds: least and greatest by pixel. Appends in place; forgets the old.
+import type { Column } from "./views";
+
+const FIRST = 1024; // rows
+
+export class Series {
+  t = new Float64Array(FIRST);
+  low = new Float64Array(FIRST);
+  high = new Float64Array(FIRST);
+  start = 0;
+  end = 0;
+
+  /** What a batch brings. With `replace` these rows are all; else rows at or behind the first new one go before. */
+  take(column: Column, replace: boolean, from: number): void {
+    if (replace) this.start = this.end = 0;
+    const count = column.t.length;
+    const first = firstTime(column.t);
+    if (first !== null) while (this.end > this.start && !(this.t[this.end - 1]! < first)) this.end--;
+    while (this.start < this.end && !(this.t[this.start]! >= from)) this.start++;
+    if (this.start > 0 && this.t[this.start - 1]! < from) this.start--; // the line goes on to the left edge
+    this.makeRoom(count);
+    this.t.set(column.t, this.end);
+    this.low.set(column.low, this.end);
+    this.high.set(column.high, this.end);
+    this.end += count;
+  }
+
+  /** Least and greatest of the rows from `from` to `to`; null: there are none. */
+  range(from: number, to: number): [number, number] | null {
+    let low = Infinity;
+    let high = -Infinity;
+    for (let i = this.start; i < this.end; i++) {
+      if (this.t[i]! < from || this.t[i]! > to) continue;
+      if (this.low[i]! < low) low = this.low[i]!;
+      if (this.high[i]! > high) high = this.high[i]!;
+    }
+    return low <= high ? [low, high] : null;
+  }
+
+  /** Index of the newest row at or before `t`; -1: there is none, or a gap is there. */
+  at(t: number): number {
+    let low = this.start;
+    let high = this.end;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.timeNear(middle) <= t) low = middle + 1;
+      else high = middle;
+    }
+    const index = low - 1;
+    return index >= this.start && !Number.isNaN(this.low[index]!) ? index : -1;
+  }
+
+  /** The newest row that has a value; -1: none. */
+  last(): number {
+    for (let i = this.end - 1; i >= this.start; i--) if (!Number.isNaN(this.low[i]!)) return i;
+    return -1;
+  }
+
+  /** The time of a row; of the row of a gap that has none, that of the row before. */
+  private timeNear(index: number): number {
+    for (let i = index; i >= this.start; i--) if (!Number.isNaN(this.t[i]!)) return this.t[i]!;
+    return -Infinity;
+  }
+
+  private makeRoom(count: number): void {
+    const kept = this.end - this.start;
+    if (this.end + count <= this.t.length) return;
+    const capacity = Math.max(this.t.length, 2 * (kept + count));
+    for (const name of ["t", "low", "high"] as const) {
+      const old = this[name];
+      if (capacity === old.length) {
+        old.copyWithin(0, this.start, this.end);
+        continue;
+      }
+      this[name] = new Float64Array(capacity);
+      this[name].set(old.subarray(this.start, this.end));
+    }
+    this.start = 0;
+    this.end = kept;
+  }
+}
+
+function firstTime(times: Float64Array): number | null {
+  for (const t of times) if (!Number.isNaN(t)) return t;
+  return null;
+}

@@ -1,0 +1,120 @@
+// Which fields are plotted where. Kept for each protocol in this browser, and shared as a file.
+import { columnsOf, type Field, type Protocol } from "../protocol";
+
+export interface PlotLayout {
+  id: string;
+  fields: string[];
+}
+export interface LayoutFile {
+  wirebond_layout: 1;
+  protocol: string;
+  seconds: number;
+  plots: { fields: string[] }[];
+}
+const DEFAULT_SECONDS = 10;
+const MOST_FIELDS = 64; // of all plots, as the server allows
+const MOST_PLOTS = 32;
+const FIRST_FIELDS = 6; // of the plots that are there before the reader made one
+
+export class Layout {
+  plots = $state<PlotLayout[]>([]);
+  seconds = $state(DEFAULT_SECONDS);
+  private protocol = "";
+  private next = 1;
+
+  /** The layout of this protocol: the saved one, or one made from what the robot sends regularly. */
+  open(protocol: Protocol): void {
+    if (this.protocol === protocol.name) return;
+    this.protocol = protocol.name;
+    const saved = localStorage.getItem(this.key());
+    try {
+      if (saved !== null) {
+        this.read(JSON.parse(saved), protocol);
+        return;
+      }
+    } catch {
+      // an unreadable layout is as none
+    }
+    this.plots = [];
+    const regular = columnsOf(protocol).filter(
+      ({ message, field }) => message.sender === "mcu" && message.every !== null && field.kind === "number",
+    );
+    const byUnit = new Map<string, string[]>();
+    for (const { column, field, message } of regular.slice(0, FIRST_FIELDS)) {
+      const key = `${message.name} ${field.unit ?? ""}`;
+      byUnit.set(key, [...(byUnit.get(key) ?? []), column]);
+    }
+    for (const fields of [...byUnit.values()].slice(0, 3)) this.plots.push({ id: this.newId(), fields });
+  }
+
+  add(fields: string[] = []): void {
+    if (this.plots.length < MOST_PLOTS) this.plots.push({ id: this.newId(), fields: [] });
+    const plot = this.plots.at(-1);
+    if (plot) this.put(plot.id, fields);
+  }
+
+  put(id: string, fields: string[]): void {
+    const plot = this.plots.find((one) => one.id === id);
+    if (!plot) return;
+    const room = MOST_FIELDS - this.plots.reduce((count, one) => count + one.fields.length, 0);
+    plot.fields = [
+      ...plot.fields,
+      ...fields.filter((field) => !plot.fields.includes(field)).slice(0, Math.max(0, room)),
+    ];
+    this.save();
+  }
+
+  take(id: string, field: string): void {
+    const plot = this.plots.find((one) => one.id === id);
+    if (plot) plot.fields = plot.fields.filter((one) => one !== field);
+    this.save();
+  }
+
+  remove(id: string): void {
+    this.plots = this.plots.filter((one) => one.id !== id);
+    this.save();
+  }
+
+  show(seconds: number): void {
+    this.seconds = seconds;
+    this.save();
+  }
+
+  file(): LayoutFile {
+    const plots = this.plots.map(({ fields }) => ({ fields: [...fields] }));
+    return { wirebond_layout: 1, protocol: this.protocol, seconds: this.seconds, plots };
+  }
+
+  /** Takes a layout over. Returns the fields that this protocol does not have. Throws with what is wrong with it. */
+  read(file: unknown, protocol: Protocol): string[] {
+    const layout = file as Partial<LayoutFile> | null;
+    if (layout?.wirebond_layout !== 1 || !Array.isArray(layout.plots)) throw new Error("no wirebond_layout: 1");
+    const known = new Set(columnsOf(protocol).map(({ column }) => column));
+    const missing: string[] = [];
+    this.plots = layout.plots.slice(0, MOST_PLOTS).map((plot) => {
+      const fields = (Array.isArray(plot.fields) ? plot.fields : []).filter((field) => typeof field === "string");
+      missing.push(...fields.filter((field) => !known.has(field)));
+      return { id: this.newId(), fields: fields.filter((field) => known.has(field)) };
+    });
+    if (typeof layout.seconds === "number" && layout.seconds > 0) this.seconds = layout.seconds;
+    return missing;
+  }
+
+  save(): void {
+    localStorage.setItem(this.key(), JSON.stringify(this.file()));
+  }
+
+  private key = () => `wirebond.layout.${this.protocol}`;
+  private newId = () => `p${this.next++}`;
+}
+export const layout = new Layout();
+
+/** Each column of a protocol with its field, and its place, which decides its colour everywhere. */
+export function columnTable(protocol: Protocol | null): Map<string, { field: Field; index: number }> {
+  const table = new Map<string, { field: Field; index: number }>();
+  if (protocol)
+    columnsOf(protocol)
+      .filter(({ field }) => field.kind !== "text" && field.kind !== "bytes")
+      .forEach(({ column, field }, index) => table.set(column, { field, index }));
+  return table;
+}

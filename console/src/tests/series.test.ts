@@ -1,0 +1,36 @@
+import { expect, test } from "vitest";
+import { Series } from "../series";
+import type { Column } from "../views";
+
+const column = (t: number[], low: number[], high = low): Column => ({
+  field: "a.x",
+  t: Float64Array.from(t),
+  low: Float64Array.from(low),
+  high: Float64Array.from(high),
+});
+
+test("new rows replace those at or behind the first of them, as the last pixel was not whole", () => {
+  const series = new Series();
+  series.take(column([1, 2, 3], [10, 20, 30]), true, 0);
+  series.take(column([3, 4], [31, 40], [35, 40]), false, 0);
+  expect([...series.t.subarray(series.start, series.end)]).toEqual([1, 2, 3, 4]);
+  expect(series.high[2]).toBe(35);
+});
+
+test("what lies before the range is forgotten, but for one row that the line comes from", () => {
+  const series = new Series();
+  for (let t = 0; t < 10_000; t++) series.take(column([t], [t]), t === 0, t - 100);
+  expect(series.end - series.start).toBeLessThanOrEqual(102);
+  expect(series.t.length).toBeLessThan(4096);
+  expect(series.range(9950, 9999)).toEqual([9950, 9999]);
+});
+
+test("a gap has no value, neither under the cursor nor in the range", () => {
+  const series = new Series();
+  series.take(column([1, 1.5, 5], [10, NaN, 50]), true, 0);
+  expect(series.low[series.at(1.2)]).toBe(10);
+  expect(series.at(3)).toBe(-1);
+  expect(series.at(0.5)).toBe(-1);
+  expect(series.low[series.at(9)]).toBe(50);
+  expect(series.range(0, 9)).toEqual([10, 50]);
+});
