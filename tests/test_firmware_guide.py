@@ -10,10 +10,12 @@ from pathlib import Path
 import pytest
 
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.gen import generate_c, generate_cpp, port_headers, write_files
+from wirebond.cli.main import main as wirebond
+from wirebond.gen import generate_c, generate_cpp, port_files_in_c, port_headers, write_files
 from wirebond.protocol.loader import load
 
-PAGE = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
+PAGES = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("firmware", "c")}
+STRICT = ["-Wall", "-Wextra", "-Werror"]
 TARGET = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
 
 # What CubeMX 6.12 writes, without what the guide does not touch: a Makefile for C, a CMakeLists.txt for C.
@@ -25,7 +27,8 @@ C_INCLUDES = -ICore/Inc
 OPT = -Os
 CFLAGS = {" ".join(TARGET)} $(C_INCLUDES) $(OPT) -Wall -Werror -fdata-sections -ffunction-sections
 OBJECTS = $(BUILD_DIR)/main.o
-$(BUILD_DIR)/%.o: Core/Src/%.c Makefile | $(BUILD_DIR)
+vpath %.c Core/Src
+$(BUILD_DIR)/%.o: %.c Makefile | $(BUILD_DIR)
 \t$(CC) -c $(CFLAGS) $< -o $@
 $(BUILD_DIR):
 \tmkdir $@
@@ -49,8 +52,8 @@ target_include_directories(${{CMAKE_PROJECT_NAME}} PRIVATE Core/Inc)
 """
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+def blocks(language: str, page: str = "firmware") -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", PAGES[page], re.MULTILINE | re.DOTALL)
 
 
 def run(*command: str | Path, cwd: Path) -> None:
@@ -75,15 +78,30 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("level", ["-O0", "-Os"])
-def test_makefile_lines_build_it(level: str, project: Path) -> None:
-    (lines,) = blocks("makefile")
+def write_c_project(project: Path, source: str = "rover_link.c") -> None:
+    """What docs/c.md has of an STM32 project, in the place of the C++."""
+    diffdrive = load(PROTOCOLS / "diffdrive.yaml")
+    generate_c(diffdrive, project / "generated")
+    write_files(project / "generated", port_files_in_c("stm32_hal"))
+    (project / "Core/Src/rover_link.cpp").unlink()
+    text = next(block for block in blocks("c", "c") if "WIREBOND_STM32_HAL_PORT" in block)
+    (project / "Core/Src" / source).write_text(text, encoding="utf-8")
+
+
+@pytest.mark.parametrize(("page", "level"), [("firmware", "-O0"), ("firmware", "-Os"), ("c", "-O0")])
+def test_makefile_lines_build_it(page: str, level: str, project: Path) -> None:
+    if page == "c":
+        write_c_project(project)
+    (lines,) = blocks("makefile", page)
     (project / "Makefile").write_text(MAKEFILE.replace("{lines}", lines), encoding="utf-8")
     run("make", f"OPT={level}", "build/robot.elf", cwd=project)
 
 
-def test_cmake_lines_build_it(project: Path) -> None:
-    (lines,) = blocks("cmake")
+@pytest.mark.parametrize("page", ["firmware", "c"])
+def test_cmake_lines_build_it(page: str, project: Path) -> None:
+    if page == "c":
+        write_c_project(project)
+    lines = next(block for block in blocks("cmake", page) if "enable_language" in block)
     (project / "CMakeLists.txt").write_text(CMAKE + lines, encoding="utf-8")
     run("cmake", "-S", ".", "-B", "build", "-G", "Ninja", cwd=project)
     run("cmake", "--build", "build", cwd=project)
@@ -237,7 +255,7 @@ int main() {
   return counters.receive_restarts == 0 ? 0 : 8;
 }
 """
-QUICK = ["-std=c++17", "-O1", "-Wall", "-Wextra", "-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]
+QUICK = ["-std=c++17", "-O0", "-Wall", "-Wextra"]
 
 
 def test_on_a_bad_line_reception_never_stops_and_each_whole_frame_acts(project: Path) -> None:
@@ -333,22 +351,6 @@ int main(int, char** arguments) {
   std::puts(rover_link_why());
 }
 """
-C_PROJECT = """
-static void on_stop(void* context) { (void)context; }
-static bool fill_odometry(void* context, diffdrive_odometry_t* odometry) {
-  (void)context;
-  odometry->left_ticks = 1;
-  return true;
-}
-static const diffdrive_link_handlers_t handlers = {
-    .on_stop = on_stop, .on_safe_mode = on_stop, .fill_odometry = fill_odometry};
-diffdrive_link_t* rover_link;
-void rover_link_poll(uint32_t now_us) {
-  if (rover_link == NULL) rover_link = diffdrive_link_open(&handlers, &rover_port);
-  if (rover_link != NULL) diffdrive_link_poll(rover_link, now_us);
-}
-const char* rover_link_why(void) { return wirebond_why_text(diffdrive_link_why(rover_link)); }
-"""
 
 
 @pytest.mark.parametrize("language", ["C++", "C"])
@@ -357,24 +359,117 @@ def test_each_mistake_in_a_project_is_said_by_its_link(language: str, project: P
     main = project / "Core/Src/mistaken.cpp"
     main.write_text(MISTAKEN, encoding="utf-8")
     source = project / "Core/Src/rover_link.cpp"
-    made = []
-    includes = [f"-I{project / 'Core/Inc'}", f"-I{ports / 'stm32_hal/tests'}", f"-I{ports / 'fake/include'}"]
+    made: list[Path] = []
+    includes = [
+        f"-I{folder}"
+        for folder in (project / "generated", project / "Core/Inc", ports / "stm32_hal/tests", ports / "fake/include")
+    ]
     quick = ["-O0", "-Wall", "-Wextra", "-Werror"]
     if language == "C":
-        generate_c(load(PROTOCOLS / "diffdrive.yaml"), project / "generated_c")
-        generate_cpp(load(PROTOCOLS / "diffdrive.yaml"), project / "generated_c")
-        includes.append(f"-I{project / 'generated_c'}")
-        page = (ROOT / "docs" / "c.md").read_text(encoding="utf-8")
-        port = next(b for b in re.findall(r"^```c\n(.*?)^```$", page, re.M | re.S) if "rover_port" in b)
-        source = project / "rover.c"
-        source.write_text(port + C_PROJECT, encoding="utf-8")
-        made = [project / "generated_c" / f"diffdrive{kind}.cpp" for kind in ("", "_link")]
-        run("gcc", "-std=c99", *quick, *includes, "-c", source, "-o", "rover.o", cwd=project)
-        source = project / "rover.o"
-    else:
-        includes.append(f"-I{project / 'generated'}")
+        write_c_project(project)
+        made = [project / "generated" / f"diffdrive{kind}.cpp" for kind in ("", "_link")]
+        source = compile_c(project, "-O0", includes)
     double = ports / "stm32_hal/tests/stm32f4xx_hal.cpp"
     run("c++", "-std=c++17", *quick, *includes, main, source, *made, double, "-o", "mistaken", cwd=project)
     for mistake, words in MISTAKES.items():
         said = subprocess.run([project / "mistaken", mistake], capture_output=True, text=True, check=True).stdout
         assert said.startswith(words), mistake
+
+
+def compile_c(project: Path, level: str, includes: list[str], source: str = "rover_link.c") -> Path:
+    """The C of a project in one object: the user's source and the port's."""
+    parts = [project / "Core/Src" / source, project / "generated/wirebond_stm32_hal.c"]
+    for part in parts:
+        run("gcc", "-std=c99", level, *STRICT, *includes, "-c", part, "-o", f"{part.stem}.o", cwd=project)
+    run("ld", "-r", *(f"{part.stem}.o" for part in parts), "-o", f"c{level}.o", cwd=project)
+    return project / f"c{level}.o"
+
+
+STARTED = """\
+// What `--starter` wrote, on the double of the HAL: frames come and go, and its link has nothing to say.
+#include <cstdio>
+
+#include "board.hpp"
+#include "diffdrive.hpp"
+#include "wirebond/fake/line.hpp"
+
+extern "C" void usart3_link_pended(void);
+extern "C" void usart3_link_poll(std::uint32_t now_us);
+extern "C" const char* usart3_link_why(void);
+
+extern "C" void USART3_IRQHandler(void) { usart3_link_pended(); }
+
+int main() {
+  wirebond::fake::Line in{diffdrive::baud, 10};
+  wirebond::fake::Line out{diffdrive::baud, 10};
+  wirebond::fake::Uart hardware{in, out};
+  Board board{hardware};
+  wirebond::fake::Time now = 0;
+  for (int i = 0; i < 1500; ++i) {
+    unsigned char frame[diffdrive::Velocity::Info::max_frame_bytes];
+    std::size_t size = 0;
+    if (diffdrive::encode(diffdrive::Velocity{}, frame, sizeof frame, size) != wirebond::Status::ok) return 1;
+    if (i % 10 == 0) in.put(frame, size, now);
+    board.run(now += 1'000'000);
+    usart3_link_poll(static_cast<std::uint32_t>(now / 1000));
+  }
+  std::printf("%s; %d bytes left\\n", usart3_link_why(), static_cast<int>(out.put_count()));
+}
+"""
+
+
+@pytest.mark.parametrize("language", ["cpp", "c"])
+def test_the_file_that_starter_writes_works_as_it_is(language: str, project: Path) -> None:
+    command = ["gen", str(PROTOCOLS / "diffdrive.yaml"), "--lang", language, "--out", str(project / "generated")]
+    command += ["--port", "stm32_hal", "--uart", "USART3", "--starter"]
+    assert wirebond(command) == 0
+    source = project / "Core/Src" / f"usart3_link.{language}"
+    text = source.read_text(encoding="utf-8")
+    filled = text.replace("return false;", "return true;")  # so that something is sent
+    assert filled != text
+    source.write_text(filled, encoding="utf-8")
+    assert wirebond(command) == 2  # it is the user's now
+    assert source.read_text(encoding="utf-8") == filled
+    for level in ("-O0", "-Os"):
+        compiler = ["arm-none-eabi-g++", "-std=c++17", "-fno-exceptions", "-fno-rtti"]
+        if language == "c":
+            compiler = ["arm-none-eabi-gcc", "-std=c99"]
+        folders = ["-Igenerated", "-ICore/Inc"]
+        run(*compiler, level, *TARGET, *STRICT, *folders, "-c", source, "-o", "source.o", cwd=project)
+    main = project / "Core/Src/started.cpp"
+    main.write_text(STARTED, encoding="utf-8")
+    ports = ROOT / "ports"
+    folders = [project / "generated", project / "Core/Inc", ports / "stm32_hal/tests", ports / "fake/include"]
+    includes = [f"-I{folder}" for folder in folders]
+    others: list[Path] = [ports / "stm32_hal/tests/stm32f4xx_hal.cpp"]
+    if language == "c":
+        others += [project / "generated" / f"diffdrive{kind}.cpp" for kind in ("", "_link")]
+        others.append(compile_c(project, "-Os", includes, "usart3_link.c"))
+    else:
+        others.append(source)
+    run("c++", "-std=c++17", "-O0", *includes, main, *others, "-o", "started", cwd=project)
+    said = subprocess.run([project / "started"], capture_output=True, text=True, check=True).stdout
+    left = re.fullmatch(r"nothing is known to be wrong; ([0-9]+) bytes left\n", said)
+    assert left is not None, said
+    assert int(left[1]) == 30 * 11  # odometry, every 50 ms
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--starter"], "--starter and --uart go together"),
+        (["--uart", "USART3", "--starter"], "--starter is for one --port"),
+        (["--port", "posix", "--uart", "USART3", "--starter"], "--starter is for one --port"),
+        (["--port", "stm32_hal", "--uart", "huart3", "--starter"], "expected a UART as the vendor's headers call it"),
+        (["--port", "stm32_hal", "--uart", "USART3", "--starter", "--amalgamate"], "leave --amalgamate out"),
+        (["--port", "stm32_hal", "--uart", "USART3", "--starter", "--check"], "which --check does not look at"),
+        (["--lang", "c", "--port", "posix"], "there is no --port posix in C"),
+    ],
+)
+def test_what_cannot_be_started_is_said(
+    options: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "generated"
+    assert wirebond(["gen", str(PROTOCOLS / "diffdrive.yaml"), "--out", str(out), *options]) == 2
+    assert words in capsys.readouterr().err
+    assert not out.exists()

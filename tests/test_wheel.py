@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.shared import ROOT
-from wirebond.gen import PORTS
+from wirebond.gen import PORTS, PORTS_IN_C
 
 pytestmark = pytest.mark.long  # it compiles the engine
 
@@ -69,7 +69,8 @@ def test_wheel_holds_headers_files_types_and_one_engine(wheel: Path) -> None:
         for folder, endings in {
             "cmake": (".cmake",),
             "core/include": (".hpp", ".h"),
-            **{f"ports/{port}/include": (".hpp",) for port in PORTS},
+            **{f"ports/{port}/include": (".hpp", ".h") for port in PORTS},
+            **{f"ports/{port}/c": (".c", ".h") for port in PORTS_IN_C},
             "protocols": (".yaml", ".json"),
             "firmware": (".hpp", ".cpp"),
             "sim/include": (".hpp",),

@@ -283,7 +283,8 @@ def test_c_compiles_and_needs_no_cpp_library(block: Block, generated: Path, tmp_
         objects.append(str(tmp_path / f"{name}.o"))
         made = run(*CXX, f"-I{generated}", "-c", str(generated / f"{name}.cpp"), "-o", objects[-1])
         assert made.returncode == 0, made.stderr
-    folders = [f"-I{generated}", *port_folders(block, tmp_path), f"-I{ROOT / 'ports' / 'stm32_hal' / 'tests'}"]
+    stm32 = ROOT / "ports" / "stm32_hal"
+    folders = [f"-I{generated}", *port_folders(block, tmp_path), f"-I{stm32 / 'tests'}", f"-I{stm32 / 'c'}"]
     compile_and_run(block, [*CC, *folders, str(source), *objects], tmp_path)
 
 

@@ -50,8 +50,9 @@ static bool reaches(void* context, const void* bytes, size_t size) {
   return bytes != NULL && size != 0;
 }
 
-static const wirebond_port_t port = {
-    NULL, start_receive, receiving, receive_position, start_transmit, stop_transmit, pend, reaches, NULL, false, NULL};
+static const wirebond_port_t port = {NULL,           start_receive, receiving, receive_position,
+                                     start_transmit, stop_transmit, pend,      reaches,
+                                     NULL,           false,         NULL,      NULL};
 
 // ---- handlers
 

@@ -14,8 +14,6 @@
 #include "stm32f4xx_hal.h"
 
 namespace fake = wirebond::fake;
-using wirebond::stm32_hal::dma_reaches;
-using wirebond::stm32_hal::Family;
 using Bytes = std::vector<std::uint8_t>;
 
 namespace {
@@ -221,17 +219,18 @@ TEST_CASE("pend runs the UART's own handler") {
 }
 
 TEST_CASE("memory that DMA cannot reach is refused, also where a buffer only touches it") {
-  static_assert(wirebond::stm32_hal::family == Family::f4);
-  CHECK(dma_reaches(Family::f4, 0x2000'0000, 1024));
-  CHECK_FALSE(dma_reaches(Family::f4, 0x1000'0000, 1));
-  CHECK_FALSE(dma_reaches(Family::f4, 0x1000'FFFF, 2));
-  CHECK(dma_reaches(Family::f4, 0x1001'0000, 2));
-  CHECK_FALSE(dma_reaches(Family::g4, 0x1000'7FFF, 1));
-  CHECK(dma_reaches(Family::g4, 0x2001'8000, 64));  // the same memory, where DMA finds it
-  CHECK_FALSE(dma_reaches(Family::h7, 0x2001'FFFF, 64));
-  CHECK_FALSE(dma_reaches(Family::h7, 0x0000'0000, 64));
-  CHECK(dma_reaches(Family::h7, 0x2400'0000, 64));
-  CHECK(dma_reaches(Family::other, 0x1000'0000, 64));
+  static_assert(WIREBOND_STM32_FAMILY == WIREBOND_STM32_F4);
+  constexpr auto reaches = wirebond_stm32_dma_reaches;
+  CHECK(reaches(WIREBOND_STM32_F4, 0x2000'0000, 1024));
+  CHECK_FALSE(reaches(WIREBOND_STM32_F4, 0x1000'0000, 1));
+  CHECK_FALSE(reaches(WIREBOND_STM32_F4, 0x1000'FFFF, 2));
+  CHECK(reaches(WIREBOND_STM32_F4, 0x1001'0000, 2));
+  CHECK_FALSE(reaches(WIREBOND_STM32_G4, 0x1000'7FFF, 1));
+  CHECK(reaches(WIREBOND_STM32_G4, 0x2001'8000, 64));  // the same memory, where DMA finds it
+  CHECK_FALSE(reaches(WIREBOND_STM32_H7, 0x2001'FFFF, 64));
+  CHECK_FALSE(reaches(WIREBOND_STM32_H7, 0x0000'0000, 64));
+  CHECK(reaches(WIREBOND_STM32_H7, 0x2400'0000, 64));
+  CHECK(reaches(WIREBOND_STM32_OTHER, 0x1000'0000, 64));
   Bench bench;
   std::array<std::uint8_t, 1> bytes{};
   CHECK(bench.port.reaches(bytes.data(), 1));

@@ -29,6 +29,11 @@ def port_include(port: str) -> Path:
     return _find(f"ports/{port}/include")
 
 
+def port_in_c(port: str) -> Path:
+    """The folder that holds the C files of a port that has some."""
+    return _find(f"ports/{port}/c")
+
+
 def posix_include() -> Path:
     """The folder that holds ``wirebond/posix/*.hpp``."""
     return port_include("posix")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from wirebond.gen.amalgamate import amalgamated
 from wirebond.gen.c_header import c_address_type, handlers_with_header, header_view, names_asked, names_receiver
-from wirebond.gen.c_link import link_view
+from wirebond.gen.c_link import LinkView, link_view
 from wirebond.gen.c_names import Names, header_name, link_name
 from wirebond.gen.c_struct import Declarations, Declarer, MessageView
 from wirebond.gen.cpp import (
@@ -53,6 +53,24 @@ def c_files(protocol: Protocol, *, amalgamate: bool = False) -> dict[str, str]:
 
 def c_texts(protocol: Protocol) -> dict[str, str]:
     """The texts of ``<protocol>.h`` and ``.cpp``, and of ``<protocol>_link.h`` and ``.cpp``, by the files' names."""
+    values = _view(protocol)
+    return {
+        f"{header_name(protocol.name)}.h": render("c.h.j2", **values),
+        f"{header_name(protocol.name)}.cpp": render("c.cpp.j2", **values),
+        f"{link_name(protocol.name)}.h": render("c_link.h.j2", **values),
+        f"{link_name(protocol.name)}.cpp": render("c_link.cpp.j2", **values),
+    }
+
+
+def link_in_c(protocol: Protocol) -> LinkView:
+    """What the link at the MCU is called in C: its types, functions and handlers."""
+    link = _view(protocol)["link"]
+    assert isinstance(link, LinkView)
+    return link
+
+
+def _view(protocol: Protocol) -> dict[str, object]:
+    """What the templates of C ask for."""
     names = Names(protocol.name)
     constants = {
         word: names.constant(word)
@@ -122,12 +140,7 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
         ],
     }
     values["link"] = link_view(protocol, names, views)
-    return {
-        f"{header_name(protocol.name)}.h": render("c.h.j2", **values),
-        f"{header_name(protocol.name)}.cpp": render("c.cpp.j2", **values),
-        f"{link_name(protocol.name)}.h": render("c_link.h.j2", **values),
-        f"{link_name(protocol.name)}.cpp": render("c_link.cpp.j2", **values),
-    }
+    return values
 
 
 # ---- messages ---------------------------------------------------------------------------------------------------

@@ -3,14 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from wirebond.cli.output import console, fail, plain
 from wirebond.codec import load
 from wirebond.errors import UsageError, WirebondError
-from wirebond.gen import PORTS, c_files, cpp_files, port_headers, python_files, stale_files, write_files
+from wirebond.gen import (
+    PORTS,
+    PORTS_IN_C,
+    STARTER_PORTS,
+    c_files,
+    cpp_files,
+    port_files_in_c,
+    port_headers,
+    python_files,
+    stale_files,
+    starter_path,
+    starter_text,
+    write_files,
+)
+from wirebond.gen.amalgamate import amalgamated
 from wirebond.gen.cpp_field import comment_text
 from wirebond.gen.current import Staleness
+from wirebond.gen.folder import core_headers
+from wirebond.new.write import write_new
 from wirebond.protocol.model import Protocol
 
 Texts = Callable[[Protocol, Path], dict[str, str]]  # of the files in a folder, by their names
@@ -26,17 +43,36 @@ AMALGAMATED: dict[str, Texts] = {
 }
 
 
-def generate(path: Path, language: str, out: Path, amalgamate: bool, ports: Sequence[str], only_check: bool) -> int:
-    """Write the files of this language, and the headers of these ports, into ``out``; print their paths.
+@dataclass(frozen=True)
+class Starter:
+    """What ``--starter`` asks for: a first source file for this UART."""
+
+    uart: str
+
+
+def generate(
+    path: Path,
+    language: str,
+    out: Path,
+    amalgamate: bool,
+    ports: Sequence[str],
+    only_check: bool,
+    starter: Starter | None = None,
+) -> int:
+    """Write the files of this language, and the files of these ports, into ``out``; print their paths.
 
     With ``only_check`` nothing is written: files that are not current are named. 1 where there are any, else 0.
     """
     _validate(language, amalgamate, ports)
+    if starter is not None:
+        _validate_starter(amalgamate, ports, only_check)
     model = load(path).model
     _validate_folder(out, amalgamate)
+    if starter is not None and (existing := starter_path(out, starter.uart, language)).exists():
+        raise UsageError(f"{existing} exists already, and is left as it is; leave --starter out")
     files = (AMALGAMATED if amalgamate else LANGUAGES)[language](model, out)
     for port in ports:
-        files |= port_headers(port)
+        files |= _port_files(port, language, amalgamate)
     if only_check:
         return _check(out, files, path)
     try:
@@ -45,7 +81,25 @@ def generate(path: Path, language: str, out: Path, amalgamate: bool, ports: Sequ
         raise WirebondError(f"cannot write {error.filename or out}: {error.strerror}; name another --out") from error
     for name in written:
         console.print(plain(str(name)), soft_wrap=True)
+    if starter is not None:
+        _write_starter(model, out, language, starter)
     return 0
+
+
+def _port_files(port: str, language: str, amalgamate: bool) -> dict[str, str]:
+    if language != "c":
+        return port_headers(port)
+    files = port_files_in_c(port)
+    if not amalgamate:
+        return files
+    own = {name: text for name, text in files.items() if "/" not in name}
+    return {name: amalgamated(text, core_headers() | port_headers(port)) for name, text in own.items()}
+
+
+def _write_starter(model: Protocol, out: Path, language: str, starter: Starter) -> None:
+    path = starter_path(out, starter.uart, language)
+    write_new(path, starter_text(model, starter.uart, language))
+    console.print(plain(f"{path}: yours to fill in; its first lines say what goes into CubeMX's files"), soft_wrap=True)
 
 
 def _check(out: Path, files: dict[str, str], path: Path) -> int:
@@ -74,8 +128,20 @@ def _validate(language: str, amalgamate: bool, ports: Sequence[str]) -> None:
             raise UsageError(f"--port is '{port}'; expected {', '.join(PORTS)}")
     if ports and language == "python":
         raise UsageError("--port is for the C++ of a firmware; a Python program opens its port by itself")
-    if ports and language == "c":
-        raise UsageError("--port is for the C++ of a firmware; in C a port is a table of functions, as docs/c.md shows")
+    for port in ports if language == "c" else ():
+        if port not in PORTS_IN_C:
+            raise UsageError(
+                f"there is no --port {port} in C, only {', '.join(PORTS_IN_C)}; docs/c.md shows the table of functions"
+            )
+
+
+def _validate_starter(amalgamate: bool, ports: Sequence[str], only_check: bool) -> None:
+    if len(ports) != 1 or ports[0] not in STARTER_PORTS:
+        raise UsageError(f"--starter is for one --port, which is {' or '.join(STARTER_PORTS)}")
+    if amalgamate:
+        raise UsageError("--starter includes the files of a folder; leave --amalgamate out")
+    if only_check:
+        raise UsageError("--starter writes a file that is yours from then on, which --check does not look at")
 
 
 def _validate_folder(out: Path, amalgamate: bool) -> None:

@@ -9,11 +9,12 @@ from pathlib import Path
 import jinja2
 
 from wirebond.gen.names import code_name, identifier
-from wirebond.paths import core_include, port_include
+from wirebond.paths import core_include, port_in_c, port_include
 from wirebond.whole_file import write_whole
 
 # The ports that a firmware may be given. `fake` is for tests.
 PORTS = ("bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal")
+PORTS_IN_C = ("stm32_hal",)
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -49,11 +50,20 @@ def port_headers(port: str) -> dict[str, str]:
     return _headers(port_include(port))
 
 
+def port_files_in_c(port: str) -> dict[str, str]:
+    """The text of each file of a port in C, by its name in the folder: a source, its header, and what they include."""
+    return _texts(port_include(port), "*.h") | _texts(port_in_c(port), "*.h", "*.c")
+
+
 def _headers(folder: Path) -> dict[str, str]:
+    return _texts(folder, "*.hpp", "*.h")
+
+
+def _texts(folder: Path, *patterns: str) -> dict[str, str]:
     return {
-        header.relative_to(folder).as_posix(): header.read_text(encoding="utf-8")
-        for pattern in ("*.hpp", "*.h")
-        for header in folder.rglob(pattern)
+        path.relative_to(folder).as_posix(): path.read_text(encoding="utf-8")
+        for pattern in patterns
+        for path in folder.rglob(pattern)
     }
 
 

@@ -20,7 +20,7 @@
 
 #include "wirebond/mcu/line_errors.hpp"
 #include "wirebond/mcu/why.hpp"
-#include "wirebond/stm32_hal/reach.hpp"
+#include "wirebond/stm32_hal/reach.h"
 
 extern "C" uint32_t uwTickPrio;  // of the HAL: the priority of its tick
 
@@ -95,7 +95,8 @@ class Uart {
 
   /// The HAL counts bytes in 16 bits.
   bool reaches(const void* bytes, std::size_t size) const {
-    return size <= 0xFFFF && dma_reaches(family, reinterpret_cast<std::uintptr_t>(bytes), size);
+    const auto address = reinterpret_cast<std::uintptr_t>(bytes);
+    return size <= 0xFFFF && wirebond_stm32_dma_reaches(WIREBOND_STM32_FAMILY, address, size);
   }
 
   /// For Link::why: what is wrong with the settings of CubeMX. The priorities are compared as HAL_Init groups them: no

@@ -143,17 +143,24 @@ def gen(
         bool, typer.Option("--amalgamate", help="One header with the core in it (for c: .h and .cpp), no folder.")
     ] = False,
     port: Annotated[
-        list[str] | None, typer.Option(help="Add this port's headers: stm32_hal, gd32_spl, freertos and others.")
+        list[str] | None, typer.Option(help="Add this port's files: stm32_hal, gd32_spl, freertos and others.")
     ] = None,
+    uart: Annotated[str | None, typer.Option(help="With --starter: the UART, such as USART3.")] = None,
+    starter: Annotated[
+        bool, typer.Option("--starter", help="Also write a first source file with empty handlers, which is yours.")
+    ] = False,
     only_check: Annotated[
         bool, typer.Option("--check", help="Write nothing; name the files that are not current, and exit 1 for them.")
     ] = False,
 ) -> None:
     """Generate code for a firmware or a host: a self-contained folder, one header, or a Python module."""
-    from wirebond.gen.command import generate
+    from wirebond.gen.command import Starter, generate
 
     raise_from_here()
-    raise typer.Exit(generate(file, lang, out, amalgamate, port or [], only_check))
+    if starter != (uart is not None):
+        raise UsageError("--starter and --uart go together: `--port stm32_hal --uart USART3 --starter`")
+    first = Starter(uart) if uart is not None else None
+    raise typer.Exit(generate(file, lang, out, amalgamate, port or [], only_check, first))
 
 
 @commands.command()
