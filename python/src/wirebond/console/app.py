@@ -23,7 +23,8 @@ from wirebond.console.views_socket import views
 
 _NOT_BUILT = """<!doctype html><meta charset="utf-8"><title>Wirebond</title>
 <p>The page was not built: this is a clone of the source, and building it needs Node 20 or newer.
-Install Node, run <code>make build/page.stamp</code>, start the server again, and load this address. Programs can use the console as it is.</p>"""
+Install Node, run <code>make build/page.stamp</code>, start the server again, and load this address.
+Programs can use the console as it is.</p>"""
 _HEADERS = (
     (b"content-security-policy", b"default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
      b"font-src 'self' data:; connect-src 'self'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'"),

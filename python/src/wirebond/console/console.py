@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 import secrets
 import threading
 from pathlib import Path
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 DEFAULT_PORT = 8765
 _MOST_MESSAGE = 1 << 20  # bytes of one message of a client
+_TOKEN = re.compile(r"[A-Za-z0-9._~-]+")
 _PATIENCE = 5.0  # seconds that the thread has to begin and to end
 
 
@@ -37,7 +39,7 @@ class Console:
     :param token: what clients must say. None: needed, and made, where the host is reached by other computers.
     :param page: the folder of the built page.
     :raises PortError: it cannot listen there.
-    :raises UsageError: no such host, or the token cannot be printed.
+    :raises UsageError: no such host; or the token has other characters than letters, digits, and ``-._~``.
     """
 
     def __init__(
@@ -48,8 +50,11 @@ class Console:
         token: str | None = None,
         page: Path = PAGE,
     ) -> None:
-        if token is not None and (not token.isprintable() or not token.strip()):
-            raise UsageError("the token is empty, or has characters that cannot be printed; give letters and digits")
+        if token is not None and not _TOKEN.fullmatch(token):
+            raise UsageError(
+                "the console's token stands in an address and in a header, and this one cannot; give letters, digits, "
+                "'-', '_', '.' and '~'"
+            )
         if token is None and not is_loopback(host):
             token = secrets.token_urlsafe(16)
         self._socket = tcp_socket(host, port)
@@ -58,7 +63,7 @@ class Console:
         self.station = Station()
         self.page_is_built = (page / "index.html").is_file()
         library = Library(self.station)
-        app = application(lambda: self._guard, self.station, library, page, routes(self.station))
+        app = application(lambda: self._guard, self.station, library, page, routes(self.station, library))
         config = uvicorn.Config(
             app,
             log_config=None,

@@ -101,7 +101,7 @@ class Viewer:
         with_sparks = self._is_due("sparks", now, SPARKS_EVERY)
         rows = message_rows(source, shown, at=at, with_sparks=with_sparks)
         marks = [(row["t"], row["count"], round(row["rate"], 1)) for row in rows]
-        if self._shown.get("messages") == marks and not with_sparks:
+        if self._shown.get("messages") == marks and (at is not None or not with_sparks):
             return
         self._shown["messages"] = marks
         self._tell({"view": "messages", "t": shown, "rows": rows})

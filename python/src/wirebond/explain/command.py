@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
@@ -17,6 +16,7 @@ from wirebond.cli.values import hex_of, parse_hex, to_json
 from wirebond.codec import load
 from wirebond.errors import ProtocolFileError, UsageError
 from wirebond.explain import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch, explain
+from wirebond.explain.data import explanation_dict
 from wirebond.protocol import load as load_model
 from wirebond.protocol.model import Protocol
 
@@ -169,25 +169,3 @@ def _summary(explanation: Explanation, size: int) -> str:
     parts = [f"{size} bytes: {len(frames)} frame{'s' * (len(frames) != 1)}"]
     parts += [f"{count} discarded as {cause}" for cause, count in explanation.discarded_bytes.items()]
     return ", ".join(parts)
-
-
-# ---- for a program ----
-
-
-def explanation_dict(explanation: Explanation) -> dict[str, Any]:
-    """Bytes stay bytes here; ``to_json`` writes them as hex."""
-    return {
-        "protocol": explanation.protocol,
-        "sender": explanation.sender,
-        "stretches": [_stretch_dict(stretch) for stretch in explanation.stretches],
-        "discarded_bytes": explanation.discarded_bytes,
-        "rejected_candidates": explanation.rejected_candidates,
-    }
-
-
-def _stretch_dict(stretch: Stretch) -> dict[str, Any]:
-    out = {name: value for name, value in vars(stretch).items() if value not in ("", (), {})}
-    out["rows"] = [vars(row) for row in stretch.rows]
-    out["rules"] = [vars(rule) for rule in stretch.rules]
-    out["guesses"] = [vars(guess) for guess in stretch.guesses]
-    return out

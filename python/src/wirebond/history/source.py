@@ -18,6 +18,7 @@ from wirebond.link.log_lines import LineLimit, log_names
 from wirebond.link.tap import LinkEvent
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import told_by_request
+from wirebond.recording.recording import Reads
 
 ENDS = (End.HOST, End.MCU)
 
@@ -88,10 +89,13 @@ class Source:
         ends: NDArray[np.uint64],
         times: NDArray[np.float64],
         breaks: Sequence[int],
-        expected: Sequence[tuple[int, int]],
+        expected: Sequence[tuple[int, int]] | None = None,
     ) -> None:
-        """All bytes of this end at once, and which replies were asked for before which read."""
+        """All bytes of this end at once, and which replies were asked for before which read; None: what the host's
+        bytes say."""
         with self._lock:
+            if expected is None:
+                expected = self._expected(times.tolist()) if self._told[end] else []
             tables = self.streams[end].feed_whole(data, ends, times, breaks, expected)
         self._take(end, tables)
 
@@ -142,6 +146,12 @@ class Source:
                 self.happenings.add(LinkEvent(t, "log", {"level": str(line.level), "text": line.text, "message": name}))
 
     # ---- out
+
+    def kept(self, end: End, seconds: float) -> Reads:
+        """The bytes of this end that came in the last seconds, as far as they are kept."""
+        with self._lock:
+            data, ends, times = self.streams[end].kept(seconds)
+        return Reads(data, ends, times, [], None)
 
     def newest(self, end: End, name: str) -> Newest | None:
         """The newest frame of this message, with its message."""

@@ -137,6 +137,15 @@ class Stream:
 
     # ---- out
 
+    def kept(self, seconds: float) -> tuple[bytes, NDArray[np.uint64], NDArray[np.float64]]:
+        """The bytes of the reads of the last seconds, where each read ends, and when each began."""
+        times, ends = np.asarray(self._read_times), np.asarray(self._read_ends, np.uint64)
+        if not len(times):
+            return b"", ends, times
+        first = int(np.searchsorted(times, times[-1] - seconds))
+        begin = self._begin if first == 0 else int(ends[first - 1])
+        return self.raw(begin, int(ends[-1]) - begin), ends[first:] - np.uint64(begin), times[first:]
+
     def raw(self, offset: int, size: int) -> bytes:
         """These bytes; fewer where they are not kept any more."""
         at = max(offset - self._begin, 0)

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log2
+from typing import Any
 
 from wirebond.check.frame_facts import ENDS
 from wirebond.identify.evidence import Background, Worth, background, cost_of_kinds, cost_of_places
@@ -52,6 +53,22 @@ class Candidate:
     def frame_share(self) -> float:
         """The part of the stream's bytes that lie in its frames, 0 to 1."""
         return self.frame_bytes / self.size if self.size else 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "format": self.format.name,
+            "file": self.format.model.path,
+            "evidence_bits": round(self.evidence, 1),
+            "frames": self.frames,
+            "known_frames": self.known_frames,
+            "distinct_frames": self.distinct_frames,
+            "frame_bytes": self.frame_bytes,
+            "frame_share": round(self.frame_share, 4),
+            "chance_frames": self.chance_frames,
+            "messages": self.messages,
+            "senders": list(self.senders),
+        }
 
 
 @dataclass(frozen=True)

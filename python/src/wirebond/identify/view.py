@@ -41,25 +41,9 @@ def show_json(candidates: Sequence[Candidate], size: int, known: Known, settings
         "left_out": [str(path) for path in known.unreadable],
         "format": fitting[0].format.name if fitting else None,
         "same_wire": [one.format.name for one in same_wire(candidates)],
-        "candidates": [candidate_dict(one) for one in fitting],
+        "candidates": [one.as_dict() for one in fitting],
     }
     write(to_json(told) + "\n")
-
-
-def candidate_dict(one: Candidate) -> dict[str, Any]:
-    return {
-        "format": one.format.name,
-        "file": one.format.model.path,
-        "evidence_bits": round(one.evidence, 1),
-        "frames": one.frames,
-        "known_frames": one.known_frames,
-        "distinct_frames": one.distinct_frames,
-        "frame_bytes": one.frame_bytes,
-        "frame_share": round(one.frame_share, 4),
-        "chance_frames": one.chance_frames,
-        "messages": one.messages,
-        "senders": list(one.senders),
-    }
 
 
 def same_wire(candidates: Sequence[Candidate]) -> list[Candidate]:

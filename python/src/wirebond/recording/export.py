@@ -92,6 +92,27 @@ def _cell(value: Any) -> Any:
     return value
 
 
+def csv_of(recording: Recording, message: str, sender: str | None = None) -> Iterator[bytes]:
+    """One message as CSV, piece by piece; where both ends sent it, the MCU's unless ``sender`` says otherwise.
+
+    :raises UsageError: no such sender.
+    """
+    for end in (sender,) if sender is not None else ("mcu", "host"):
+        table = recording.columns(end).tables.get(message)
+        if table is not None:
+            return _csv_pieces(table)
+    return iter((b"",))
+
+
+def _csv_pieces(table: Table) -> Iterator[bytes]:
+    file = io.BytesIO()
+    for _ in _write_csv(file, table):
+        yield file.getvalue()
+        file.seek(0)
+        file.truncate()
+    yield file.getvalue()
+
+
 def _write_csv(file: IO[bytes], table: Table) -> Iterator[int]:
     columns = flat_columns(table)
     text = io.StringIO()

@@ -57,14 +57,14 @@ class Reads:
     :ivar ends: where each read ends in ``data``.
     :ivar times: when each began.
     :ivar breaks: the port was away before the read of each of these indices.
-    :ivar expected: before the read of this index, the message of this index was asked for.
+    :ivar expected: before the read of this index, the message of this index was asked for; None: not known.
     """
 
     data: bytes
     ends: NDArray[np.uint64]
     times: NDArray[np.float64]
     breaks: list[int]
-    expected: list[tuple[int, int]]
+    expected: list[tuple[int, int]] | None
 
 
 class Recording:
@@ -275,7 +275,7 @@ class Recording:
         :raises UsageError: another sender.
         """
         of = self.reads(sender)
-        reads = {
+        reads: dict[str, Any] = {
             "ends": of.ends,
             "times": of.times,
             "idle": self.idle,

@@ -157,4 +157,5 @@ class Client(asyncio.Protocol):
             answer = self._server.commands.do(self, request)
         except WirebondError as error:
             answer = {"error": "refused", "text": str(error)}
+        self._server.log.note(self.number, self.name, request, answer.get("error", ""), time.monotonic())
         self.answer(request.id, answer)

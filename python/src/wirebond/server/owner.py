@@ -24,6 +24,7 @@ from wirebond.attach.words import StoredRecording
 from wirebond.codec import Message
 from wirebond.errors import PortError, UsageError, WirebondError
 from wirebond.server.client import Client
+from wirebond.server.command_log import CommandLog
 from wirebond.server.commands import Commands
 from wirebond.server.control import ControlBook, Why
 from wirebond.server.recordings import Recordings
@@ -65,6 +66,7 @@ class Owner:
             self.token = secrets.token_urlsafe(16)
         self.book = ControlBook()
         self.commands = Commands(self)
+        self.log = CommandLog()
         self.clients: dict[int, Client] = {}
         self.waiting: set[Client] = set()  # connected, and have not said who they are
         self._number = 0

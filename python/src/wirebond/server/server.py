@@ -6,6 +6,7 @@ import os
 import socket
 from typing import TYPE_CHECKING, Self
 
+from wirebond.server.command_log import CommandLog
 from wirebond.server.owner import Owner
 from wirebond.server.recordings import Recordings
 
@@ -64,6 +65,11 @@ class Server:
         """What it records for all its clients: ``start``, ``stop``, ``list``, ``mark``, ``annotate``. Any thread; they
         wait for the disk."""
         return self._owner.recordings
+
+    @property
+    def log(self) -> CommandLog:
+        """Who commanded what, and when. Any thread."""
+        return self._owner.log
 
     @property
     def holder(self) -> str | None:

@@ -1,0 +1,55 @@
+"""HTTP requests about the server's recordings: the list, the files, and messages of them as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response, StreamingResponse
+from starlette.routing import BaseRoute, Route
+
+from wirebond.console.answers import RefusedError, answer, guarded, served_by
+from wirebond.console.library import Library
+from wirebond.console.station import Station
+from wirebond.recording.export import csv_of
+from wirebond.recording.recording import Recording
+
+
+class RecordingRequests:
+    """:param library: where the files are."""
+
+    def __init__(self, station: Station, library: Library) -> None:
+        self._station = station
+        self._library = library
+
+    def routes(self) -> list[BaseRoute]:
+        """All of them."""
+        return [
+            Route("/api/recordings", guarded(self._list)),
+            Route("/api/recordings/{name:str}", guarded(self._file)),
+        ]
+
+    async def _list(self, _: Request) -> Response:
+        recordings = served_by(self._station).server.recordings
+        if recordings.folder is None:
+            return answer({"folder": None, "recordings": []})
+        found = await run_in_threadpool(recordings.list)
+        return answer({"folder": str(recordings.folder), "recordings": msgspec.to_builtins(found)})
+
+    async def _file(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        is_csv = name.endswith(".csv")
+        path = self._library.path(name.removesuffix(".csv"))
+        if not is_csv:
+            return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+        message = request.query_params.get("message", "")
+        recording = await run_in_threadpool(Recording, path)
+        names = [m.name for m in recording.codec.model.messages]
+        if message not in (*names, "unknown"):
+            raise RefusedError(422, "no_message", f"give ?message=NAME, one of {', '.join(names)}")
+        sender = request.query_params.get("sender")
+        rows: Iterator[bytes] = await run_in_threadpool(csv_of, recording, message, sender)
+        headers = {"content-disposition": f'attachment; filename="{path.stem}-{message}.csv"'}
+        return StreamingResponse(rows, media_type="text/csv; charset=utf-8", headers=headers)

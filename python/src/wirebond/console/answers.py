@@ -1,0 +1,89 @@
+"""Answers of the HTTP requests, and how their bodies are read."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any, TypeVar
+
+import msgspec
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+
+from wirebond.console.as_json import encode, plain
+from wirebond.console.station import Served, Station
+from wirebond.errors import ProtocolFileError, UsageError, WirebondError
+
+MOST_BODY = 4 << 20  # bytes
+_Body = TypeVar("_Body", bound=msgspec.Struct)
+Work = Callable[[], object]
+Handler = Callable[[Request], Awaitable[Response]]
+
+
+class RefusedError(Exception):
+    """A request that cannot be met."""
+
+    def __init__(self, status: int, error: str, text: str) -> None:
+        super().__init__(text)
+        self.status = status
+        self.error = error
+
+
+def answer(value: object, status: int = 200) -> Response:
+    """JSON."""
+    return Response(encode(plain(value)), status, media_type="application/json")
+
+
+def served_by(station: Station) -> Served:
+    """What is served now.
+
+    :raises RefusedError: nothing.
+    """
+    served = station.served
+    if served is None:
+        raise RefusedError(404, "no_link", "the console has no port yet; connect it first")
+    return served
+
+
+def guarded(handler: Handler) -> Handler:
+    """The same, with each error that can be foreseen as an answer."""
+
+    async def wrapped(request: Request) -> Response:
+        try:
+            return await handler(request)
+        except RefusedError as error:
+            return answer({"error": error.error, "text": str(error)}, error.status)
+        except ProtocolFileError as error:
+            return answer({"error": "protocol", "text": str(error), "problems": problems_of(error)}, 422)
+        except (UsageError, WirebondError) as error:
+            return answer({"error": "refused", "text": str(error)}, 422)
+        except OSError as error:
+            return answer({"error": "refused", "text": f"{error.strerror or error}: {error.filename}"}, 422)
+
+    return wrapped
+
+
+def problems_of(error: ProtocolFileError) -> list[dict[str, Any]]:
+    """What is wrong with a protocol file, and where."""
+    return [{"message": p.sentence, "line": p.line, "column": p.column} for p in error.problems]
+
+
+async def body_of(request: Request, of: type[_Body]) -> _Body:
+    """The request's JSON.
+
+    :raises RefusedError: it is too long, or none.
+    """
+    data = bytearray()
+    async for chunk in request.stream():
+        data += chunk
+        if len(data) > MOST_BODY:
+            raise RefusedError(413, "too_long", f"the request has more than {MOST_BODY} bytes")
+    try:
+        return msgspec.json.decode(bytes(data), type=of)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise RefusedError(400, "not_understood", f"{error}; see docs/console.md") from None
+
+
+async def worked(work: Work) -> Response:
+    """The answer of what takes a while, in a thread of its own."""
+    return answer(await run_in_threadpool(work))

@@ -1,0 +1,171 @@
+"""A console over a pty, and a client of it."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import struct
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.sync.client import ClientConnection, connect
+
+import wirebond
+from tests.shared import codec
+from wirebond.console import Console
+from wirebond.server import Server
+from wirebond.sim.pty_port import PtyPort
+
+PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
+
+
+@dataclass
+class Desk:
+    """A console over a link to a pty whose other side the test reads and writes."""
+
+    codec: wirebond.Codec
+    pty: PtyPort
+    link: wirebond.Link
+    server: Server
+    console: Console
+
+    @property
+    def host(self) -> str:
+        return f"127.0.0.1:{self.console.port}"
+
+    @contextmanager
+    def web(self, path: str, origin: Any = None) -> Iterator[ClientConnection]:
+        """A WebSocket to this path."""
+        address = f"ws://{self.host}{path}"
+        with connect(address, origin=origin, compression=None, max_size=None, close_timeout=1) as socket:
+            yield socket
+
+    def ask(
+        self, path: str, body: Any = None, headers: dict[str, str] | None = None, method: str | None = None
+    ) -> tuple[int, Any]:
+        """Status and answer of an HTTP request."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.console.port, timeout=PATIENCE)
+        data = None if body is None else body if isinstance(body, bytes) else json.dumps(body).encode()
+        connection.request(method or ("GET" if data is None else "POST"), path, data, headers or {})
+        answer = connection.getresponse()
+        read = answer.read()
+        is_json = answer.getheader("content-type", "").startswith("application/json")
+        connection.close()
+        return answer.status, json.loads(read) if is_json else read
+
+    @contextmanager
+    def attach(self, **facts: Any) -> Iterator[ClientConnection]:
+        """A client of `/attach` that has said who it is."""
+        with self.web("/attach") as socket:
+            say(socket, {"do": "attach", "id": 1, "messages": "none", **facts})
+            yield socket
+
+    @contextmanager
+    def look(self, **views: Any) -> Iterator[ClientConnection]:
+        """A client of `/views` that wants this."""
+        with self.web("/views") as socket:
+            say(socket, {"views": views})
+            yield socket
+
+    def send(self, message: str, **fields: Any) -> None:
+        """The MCU sends a message."""
+        self.pty.write(self.codec.encode(message, **fields))
+
+    def sent(self, wait: float = 0.0) -> list[wirebond.Message]:
+        """What left at the port since the last call."""
+        decoder = self.codec.decoder("host")
+        end = time.monotonic() + wait
+        found = decoder.feed(self.pty.read(0))
+        while time.monotonic() < end:
+            found += decoder.feed(self.pty.read(0.005), time.monotonic())
+        return found
+
+
+@pytest.fixture(scope="module")
+def shared_desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    yield from make_desk(tmp_path_factory.mktemp("desk"))
+
+
+@pytest.fixture
+def desk(shared_desk: Desk) -> Desk:
+    """One console for the tests of a file; nobody is in control, and nothing waits at the port."""
+    wait_until(lambda: shared_desk.server.client_count == 0, "clients of the last test go")
+    shared_desk.link.release_stop()
+    shared_desk.sent()
+    return shared_desk
+
+
+def make_desk(folder: Path, **options: Any) -> Iterator[Desk]:
+    proto, pty = codec("diffdrive"), PtyPort()
+    with (
+        wirebond.open(proto, pty.path) as link,
+        Server(link, folder / "server.sock", recordings=folder / "recordings") as server,
+        Console(port=0, **options) as console,
+    ):
+        console.show(link, server)
+        yield Desk(proto, pty, link, server, console)
+    pty.close()
+
+
+def wait_until(holds: Callable[[], object], what: str = "it") -> None:
+    end = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < end, what
+        time.sleep(0.002)
+
+
+def say(socket: ClientConnection, value: Any) -> None:
+    socket.send(json.dumps(value))
+
+
+def hear(socket: ClientConnection, fits: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+    """The next message in text that fits."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        said = socket.recv(timeout=max(end - time.monotonic(), 0.001))
+        if isinstance(said, str) and fits(found := json.loads(said)):
+            return found
+
+
+def view(socket: ClientConnection, name: str, fits: Callable[[dict[str, Any]], object] = bool) -> dict[str, Any]:
+    """The next message of this view that fits."""
+    return hear(socket, lambda said: said.get("view") == name and fits(said))
+
+
+@dataclass
+class Batch:
+    """A message of a plot, read as docs/console.md says."""
+
+    head: dict[str, Any]
+    columns: dict[str, tuple[Any, Any, Any]]
+
+
+def read_batch(data: bytes) -> Batch:
+    (size,) = struct.unpack_from("<I", data)
+    head = json.loads(data[4 : 4 + size])
+    at = 4 + size
+    assert at % 8 == 0
+    columns = {}
+    for column in head["columns"]:
+        arrays = []
+        for key in ("t", "low", "high"):
+            kind = np.dtype({"f64": "<f8", "f32": "<f4"}[column[key]])
+            arrays.append(np.frombuffer(data, kind, column["n"], at))
+            at += -(-kind.itemsize * column["n"] // 8) * 8
+        columns[column["field"]] = (arrays[0], arrays[1], arrays[2])
+    assert at == len(data)
+    return Batch(head, columns)
+
+
+def batches(socket: ClientConnection) -> Iterator[Batch]:
+    """The plots that come."""
+    while True:
+        said = socket.recv(timeout=PATIENCE)
+        if isinstance(said, bytes):
+            yield read_batch(said)

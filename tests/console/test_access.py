@@ -1,0 +1,102 @@
+"""Who may use the console: token, Host and Origin; and what it says to those who may not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from tests.console.conftest import PATIENCE, Desk, hear, make_desk, say
+from wirebond.console import Console
+from wirebond.console.guard import Guard
+from wirebond.errors import PortError, UsageError
+
+TOKEN = "to-k_en.~9"
+
+
+@pytest.fixture(scope="module")
+def locked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    """A console that wants a token."""
+    yield from make_desk(tmp_path_factory.mktemp("locked"), token=TOKEN)
+
+
+@pytest.mark.parametrize("path", ["/attach", "/views"])
+@pytest.mark.parametrize("token", ["", "wrong", 7, None])
+def test_a_websocket_without_the_token_is_told_so_and_closed(locked: Desk, path: str, token: object) -> None:
+    with locked.web(path) as socket:
+        say(socket, {"do": "attach", "id": 5, "token": token} if path == "/attach" else {"token": token, "views": {}})
+        said = json.loads(socket.recv(timeout=PATIENCE))
+        assert said["error"] in ("token", "not_understood") and said["text"]
+        with pytest.raises(ConnectionClosed) as closed:
+            socket.recv(timeout=PATIENCE)
+        assert closed.value.rcvd is not None and closed.value.rcvd.code == 1008
+    assert locked.server.client_count == 0
+
+
+def test_the_token_opens_both_websockets_and_the_api_and_stands_behind_the_address(locked: Desk) -> None:
+    assert locked.console.address.endswith(f"/#token={TOKEN}")
+    with locked.web("/attach") as socket:
+        say(socket, {"do": "attach", "id": 5, "token": TOKEN})
+        assert hear(socket, lambda said: said.get("re") == 5)["ok"]["protocol"] == "diffdrive"
+    with locked.web("/views") as socket:
+        say(socket, {"token": TOKEN, "views": {}})
+        assert hear(socket, bool)["view"] == "hello"
+    assert locked.ask("/api/protocol")[0] == 401
+    assert locked.ask("/api/protocol", headers={"Authorization": "Bearer wrong"})[0] == 401
+    assert locked.ask("/api/protocol", headers={"Authorization": f"Bearer {TOKEN}"})[0] == 200
+    assert locked.ask("/")[0] == 200  # the page itself has nothing of the robot
+
+
+@pytest.mark.parametrize("path", ["/attach", "/views"])
+@pytest.mark.parametrize("origin", ["http://evil.example", "http://127.0.0.1:1", "null", "file://"])
+def test_a_page_of_another_place_cannot_open_a_websocket(desk: Desk, path: str, origin: str) -> None:
+    with pytest.raises(InvalidStatus) as refused, desk.web(path, origin=origin):
+        pass
+    assert refused.value.response.status_code == 403
+
+
+def test_the_console_s_own_page_can(desk: Desk) -> None:
+    with desk.web("/views", origin=f"http://{desk.host}") as socket:
+        say(socket, {"views": {}})
+        assert hear(socket, bool)["view"] == "hello"
+
+
+def test_a_post_of_another_page_is_refused_and_no_answer_names_an_origin(desk: Desk) -> None:
+    status, answer = desk.ask("/api/check", {"text": "x"}, {"Origin": "http://evil.example"})
+    assert status == 403 and "evil.example" in answer["text"]
+    assert desk.ask("/api/check", {"text": "x"}, {"Origin": f"http://{desk.host}"})[0] == 200
+
+
+@pytest.mark.parametrize("host", ["evil.example:{port}", "evil.example", "127.0.0.1:1", "", "[", "127.0.0.1:{port}:1"])
+def test_a_name_that_was_bound_anew_to_this_computer_is_refused(desk: Desk, host: str) -> None:
+    status, answer = desk.ask("/api/protocol", headers={"Host": host.format(port=desk.console.port)})
+    assert status in (400, 403)
+    if status == 403:
+        assert "not this console" in answer["text"]
+
+
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.1", "[::1]", "192.168.1.7"])
+def test_addresses_of_a_computer_are_no_names_that_can_be_bound_anew(host: str) -> None:
+    guard = Guard(8765, None)
+    assert guard.refuses(f"{host}:8765", None) is None
+    assert guard.refuses(f"{host}:8765", f"http://{host}:8765") is None
+    assert guard.refuses(f"{host}:8765", f"http://{host}") is not None
+
+
+def test_beyond_loopback_a_token_is_made() -> None:
+    with Console("0.0.0.0", 0) as console:
+        assert console.token is not None and len(console.token) > 16
+        assert console.address.startswith("http://127.0.0.1:")
+
+
+@pytest.mark.parametrize("token", ["", "a b", "tök", "a#b", "a/b"])
+def test_a_token_that_an_address_or_a_header_cannot_carry_is_refused(token: str) -> None:
+    with pytest.raises(UsageError, match="give letters, digits"):
+        Console(port=0, token=token)
+
+
+def test_a_port_that_is_taken_is_a_sentence(desk: Desk) -> None:
+    with pytest.raises(PortError, match=r"cannot listen at 127\.0\.0\.1:\d+.*choose"):
+        Console(port=desk.console.port)
