@@ -1,14 +1,17 @@
-"""``replay_messages_per_s``: a recording of 10 million messages, from the file to columns with times. And how large 90
-minutes of the rover are when they are closed.
+"""``replay_messages_per_s``: a recording of 10 million messages, from the file to columns with times. What closing it
+costs. How large 90 minutes of the rover are when they are closed. And what recording costs a program.
 
-Both are made under virtual time, of frames that the codec encodes: the messages of the rover at its rates, with
-values that change, and reads at times that are never quite the same.
+The recordings are made under virtual time, of frames that the codec encodes: the messages of the rover at its rates,
+with values that change, and reads at times that are never quite the same. ``recorder_cpu`` is the processor time of the
+two threads that record a link with 8 000 messages a second.
 """
 
 from __future__ import annotations
 
 import math
 import random
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -17,6 +20,7 @@ from statistics import median
 
 import wirebond
 from bench.figures import ROOT, Figure
+from bench.serve import PER_SECOND, PROTOCOL, feeder, line, say
 from wirebond.link.tap import Chunk
 from wirebond.recording.closing import close_recording
 from wirebond.recording.writer import RecordingWriter
@@ -26,6 +30,15 @@ MINUTES = 90.0
 ROUNDS = 3
 IN_A_READ = 8  # frames
 COMMAND = "make bench ONLY=recordings"
+RECORDED = 5.0  # seconds
+CLOSER = """
+import re, sys, time
+from pathlib import Path
+from wirebond.recording.closing import close_recording
+began = time.perf_counter()
+close_recording(Path(sys.argv[1]))
+print(time.perf_counter() - began, int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) / 1e3)
+"""
 _BATCH = 1000  # pieces between two writes
 
 
@@ -34,6 +47,7 @@ def measure(messages: int = MESSAGES, minutes: float = MINUTES, rounds: int = RO
     with tempfile.TemporaryDirectory() as folder:
         path = _made(Path(folder) / "long.mcap", codec, _odometry(codec, messages))
         rates = [_rate(path, messages) for _ in range(rounds)]
+        closing_long, peak = _closed_apart(path)
         rover = _made(Path(folder) / "rover.mcap", codec, _rover(codec, minutes * 60))
         start = time.perf_counter()
         close_recording(rover)
@@ -43,9 +57,40 @@ def measure(messages: int = MESSAGES, minutes: float = MINUTES, rounds: int = RO
     return [
         Figure("replay_messages_per_s", median(rates), "messages/s", 2e6, COMMAND, at_most=False),
         Figure("replay_messages_per_s_closed", closed, "messages/s", None, COMMAND, at_most=False),
+        Figure("recording_closing_messages_per_s", messages / closing_long, "messages/s", None, COMMAND, at_most=False),
+        Figure("recording_closing_peak_mb", peak, "MB", 256, COMMAND),
+        Figure("recorder_cpu", 100 * median(_recorder_cpu() for _ in range(rounds)), "% of a core", 10, COMMAND),
         Figure("recording_90_min_mb", size / 1e6, "MB", 6.0, COMMAND),
         Figure("recording_90_min_closing_s", closing, "s", None, COMMAND),
     ]
+
+
+def _closed_apart(path: Path) -> tuple[float, float]:
+    """Seconds, and the MB of memory that the process had at most."""
+    found = subprocess.run([sys.executable, "-c", CLOSER, str(path)], capture_output=True, text=True, check=True)
+    seconds, peak = found.stdout.split()
+    return float(seconds), float(peak)
+
+
+def _recorder_cpu() -> float:
+    """The share of a core."""
+    with (
+        feeder(RECORDED, PER_SECOND // 1000) as (feed, port),
+        tempfile.TemporaryDirectory() as folder,
+        wirebond.open(PROTOCOL, port) as link,
+    ):
+        recorder = link.record(Path(folder) / "run.mcap")
+        clocks = [time.pthread_getcpuclockid(t.ident) for t in (recorder._thread, recorder._disk) if t.ident]
+        say(feed)
+        sent, _ = map(int, line(feed).split())
+        while recorder.bytes < sent * 11:
+            link.receive(0.05)
+        spent = sum(time.clock_gettime(clock) for clock in clocks)
+        recorder.close(compact=False)
+        say(feed)
+        if recorder.lost_bytes:
+            raise RuntimeError("the recorder lost bytes")
+        return spent / RECORDED
 
 
 def _rate(path: Path, messages: int | None) -> float:

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <stdexcept>
 
 #include "fields.hpp"
 #include "header.hpp"
@@ -213,6 +215,46 @@ nb::list Decoder::feed(nb::handle bytes, nb::handle t) {
   const double time = seconds(t);
   const std::uint64_t now = microseconds(time);
   return collect(time, [&](auto sink) { deframer_.feed(view.data(), view.size(), now, sink); });
+}
+
+nb::tuple Decoder::feed_reads(nb::handle buffer, nb::handle places, nb::handle sizes, nb::handle times, bool keep) {
+  const BufferView view(buffer);
+  const BufferView at(places);
+  const BufferView of(sizes);
+  const BufferView began(times);
+  const std::size_t count = began.size() / sizeof(double);
+  if (at.size() / sizeof(std::uint64_t) < count || of.size() / sizeof(std::uint32_t) < count) {
+    throw std::invalid_argument("fewer places or sizes than times");
+  }
+  const auto batch = std::make_shared<Batch>();
+  batch->protocol = protocol_;
+  batch->format = format_;
+  std::vector<Event> events;
+  std::vector<std::uint32_t> reads;
+  for (std::size_t i = 0; i < count; ++i) {
+    std::uint64_t place = 0;
+    std::uint32_t size = 0;
+    double time = 0;
+    std::memcpy(&place, at.data() + i * sizeof place, sizeof place);
+    std::memcpy(&size, of.data() + i * sizeof size, sizeof size);
+    std::memcpy(&time, began.data() + i * sizeof time, sizeof time);
+    if (place > view.size() || size > view.size() - place) throw std::invalid_argument("a place lies outside");
+    if (!std::isfinite(time) || std::fabs(time) > 9e12) throw std::invalid_argument("a time is not finite");
+    const std::uint64_t now = microseconds(time);
+    const auto sink = [&](const Frame& frame) {
+      if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
+      sequence_.take(frame);
+      if (addressing_.is_foreign(frame)) return foreign_.add(frame);
+      if (!keep) return;
+      if (batch->bytes.size() > UINT32_MAX / 2) throw std::length_error("more than 2 GiB of frames in one call");
+      events.push_back(record(frame, time, *batch));
+      reads.push_back(static_cast<std::uint32_t>(i));
+    };
+    deframer_.idle(now, sink);
+    deframer_.feed(view.data() + place, size, now, sink);
+  }
+  return nb::make_tuple(to_list(batch, events),
+                        nb::bytes(reinterpret_cast<const char*>(reads.data()), reads.size() * sizeof(std::uint32_t)));
 }
 
 nb::list Decoder::idle(nb::handle t) {

@@ -103,6 +103,10 @@ class Decoder {
           double idle_seconds);
 
   nb::list feed(nb::handle bytes, nb::handle time);
+  /// Many reads at once: `idle` and `feed` for each. `places` (u64) and `sizes` (u32) say where their bytes lie in
+  /// `buffer`, `times` (f64) when they began. Returns the messages, and for each the index of its read (u32). Without
+  /// `keep` they are only counted.
+  nb::tuple feed_reads(nb::handle buffer, nb::handle places, nb::handle sizes, nb::handle times, bool keep);
   /// `address`: of the header field at `place` of the format's list; replies from others are foreign then.
   void expect(std::int16_t message, int place, std::optional<std::uint64_t> address);
   nb::list idle(nb::handle time);

@@ -1,4 +1,5 @@
-// Message records of an MCAP file in bulk: where they lie. Knows no channel's meaning; trusts no length.
+// Message records of an MCAP file in bulk: where they lie, and making them. Knows no channel's meaning; trusts no
+// length.
 #include "mcap_records.hpp"
 
 #include <algorithm>
@@ -72,6 +73,99 @@ nb::bytes gathered(nb::handle buffer, nb::handle places, nb::handle sizes) {
     out.insert(out.end(), view.data() + place, view.data() + place + size);
   }
   return nb::bytes(reinterpret_cast<const char*>(out.data()), out.size());
+}
+
+namespace {
+
+/// Numbers of one buffer.
+template <class T>
+class Numbers {
+ public:
+  explicit Numbers(nb::handle buffer) : view_(buffer) {}
+  std::size_t size() const { return view_.size() / sizeof(T); }
+  T operator[](std::size_t i) const {
+    T value;
+    std::memcpy(&value, view_.data() + i * sizeof value, sizeof value);
+    return value;
+  }
+
+ private:
+  BufferView view_;
+};
+
+/// Records that are put together.
+class Records {
+ public:
+  void add(std::uint16_t channel, std::uint64_t logged, std::uint64_t published, const void* data, std::size_t size) {
+    const std::size_t at = bytes_.size();
+    bytes_.resize(at + record_head + message_head + size);
+    std::uint8_t* to = bytes_.data() + at;
+    *to = message_opcode;
+    const auto put = [&to](std::size_t place, std::uint64_t value, unsigned width) {
+      for (unsigned i = 0; i < width; ++i) to[place + i] = static_cast<std::uint8_t>(value >> (8 * i));
+    };
+    put(1, message_head + size, 8);
+    put(record_head, channel, 2);
+    put(record_head + 2, 0, 4);
+    put(record_head + 6, logged, 8);
+    put(record_head + 14, published, 8);
+    if (size != 0) std::memcpy(to + record_head + message_head, data, size);
+    places_.push_back(at);
+    channels_.push_back(channel);
+    logged_.push_back(logged);
+  }
+
+  nb::tuple take() const {
+    return nb::make_tuple(bytes_of(bytes_), bytes_of(places_), bytes_of(channels_), bytes_of(logged_));
+  }
+
+ private:
+  std::vector<std::uint8_t> bytes_;
+  std::vector<std::uint64_t> places_;
+  std::vector<std::uint16_t> channels_;
+  std::vector<std::uint64_t> logged_;
+};
+
+}  // namespace
+
+nb::tuple packed_records(nb::handle buffer, nb::tuple pieces, nb::tuple decoded, nb::list payloads) {
+  if (pieces.size() != 5 || decoded.size() != 4) throw std::invalid_argument("five buffers, and four");
+  const BufferView view(buffer);
+  const Numbers<std::uint16_t> channels(pieces[0]);
+  const Numbers<std::uint64_t> logged(pieces[1]);
+  const Numbers<std::uint64_t> published(pieces[2]);
+  const Numbers<std::uint64_t> places(pieces[3]);
+  const Numbers<std::uint32_t> sizes(pieces[4]);
+  const Numbers<std::uint32_t> behind(decoded[0]);
+  const Numbers<std::uint16_t> their_channels(decoded[1]);
+  const Numbers<std::uint64_t> their_logged(decoded[2]);
+  const Numbers<std::uint64_t> their_published(decoded[3]);
+  const std::size_t count = channels.size();
+  const std::size_t more = payloads.size();
+  if (std::min({logged.size(), published.size(), places.size(), sizes.size()}) < count ||
+      std::min({behind.size(), their_channels.size(), their_logged.size(), their_published.size()}) < more) {
+    throw std::invalid_argument("buffers of different lengths");
+  }
+  Records records;
+  std::size_t next = 0;
+  const auto add_decoded = [&](std::size_t after) {
+    for (; next < more && behind[next] <= after; ++next) {
+      char* data = nullptr;
+      Py_ssize_t size = 0;
+      if (PyBytes_AsStringAndSize(nb::object(payloads[next]).ptr(), &data, &size) != 0) throw nb::python_error();
+      records.add(their_channels[next], their_logged[next], their_published[next], data,
+                  static_cast<std::size_t>(size));
+    }
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint64_t place = places[i];
+    const std::uint32_t size = sizes[i];
+    if (place > view.size() || size > view.size() - place) throw std::invalid_argument("a place lies outside");
+    records.add(channels[i], logged[i], published[i], view.data() + place, size);
+    add_decoded(i);
+  }
+  add_decoded(SIZE_MAX);
+  return records.take();
 }
 
 }  // namespace wirebond::engine

@@ -105,6 +105,7 @@ NB_MODULE(_engine, m) {
              double idle_seconds) { new (self) Decoder(std::move(protocol), std::move(format), idle_seconds); },
           "protocol"_a, "format"_a, "idle_seconds"_a)
       .def("feed", &Decoder::feed, "bytes"_a.none(), "t"_a.none())
+      .def("feed_reads", &Decoder::feed_reads, "buffer"_a, "places"_a, "sizes"_a, "times"_a, "keep"_a)
       .def("expect", &Decoder::expect, "message"_a, "place"_a = -1, "address"_a = nb::none())
       .def("idle", &Decoder::idle, "t"_a.none())
       .def("finish", &Decoder::finish)
@@ -120,6 +121,7 @@ NB_MODULE(_engine, m) {
         "progress"_a.none());
   m.def("message_records", &message_records, "buffer"_a, "at"_a, "end"_a);
   m.def("gathered", &gathered, "buffer"_a, "places"_a, "sizes"_a);
+  m.def("packed_records", &packed_records, "buffer"_a, "pieces"_a, "decoded"_a, "payloads"_a);
   m.def(
       "port_latency_us",
       [](const std::string& path, double bytes_per_second, const std::string& ttys) {

@@ -75,6 +75,14 @@ class Decoder:
         :raises TypeError: no buffer, or no number.
         :raises UsageError: ``t`` is not finite.
         """
+    def feed_reads(
+        self, buffer: object, places: object, sizes: object, times: object, keep: bool
+    ) -> tuple[list[Message], bytes]:
+        """``idle`` and ``feed`` for each of many reads. ``places`` (u64) and ``sizes`` (u32): where their bytes lie in
+        ``buffer``; ``times`` (f64): when they began. Without ``keep`` messages are only counted.
+
+        :returns: the messages, and the index of the read of each (u32).
+        """
     def expect(self, message: int, place: int = -1, address: int | None = None) -> None:
         """:param message: the index of the reply that is meant from here on; -1: of none.
         :param place: of the header field that says who sent it.
@@ -363,3 +371,18 @@ def message_records(buffer: object, at: int, end: int) -> tuple[int, bytes, byte
 
 def gathered(buffer: object, places: object, sizes: object) -> bytes:
     """The bytes at these places (u64 each) of these sizes (u32 each), one behind the other."""
+
+def packed_records(
+    buffer: object,
+    pieces: tuple[object, object, object, object, object],
+    decoded: tuple[object, object, object, object],
+    payloads: list[bytes],
+) -> tuple[bytes, bytes, bytes, bytes]:
+    """Message records of an MCAP file, one behind the other.
+
+    :param pieces: channels (u16), log and publish times (u64), places and sizes (u64, u32) of messages whose data lie
+        in ``buffer``.
+    :param decoded: of further messages behind which of these each comes (u32), channels, log and publish times.
+    :param payloads: the data of the further messages.
+    :returns: the records; of each its place in them (u64), channel (u16) and log time (u64).
+    """

@@ -12,20 +12,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
-from mcap.writer import CompressionType, IndexType, Writer
+import numpy as np
+from numpy.typing import NDArray
 
+from wirebond import _engine
+from wirebond.codec import Message
 from wirebond.errors import WirebondError
-from wirebond.link.tap import Chunk, LinkEvent
-from wirebond.protocol.model import End
+from wirebond.protocol.forms import header_fields
 from wirebond.recording import layout
 from wirebond.recording.locking import lock
+from wirebond.recording.mcap_file import McapWriter, Packed
+from wirebond.recording.pieces import Pieces
+from wirebond.recording.reading import SENDERS, Found, Reading
 from wirebond.recording.recording import Recording
 from wirebond.recording.whole import whole_file
 from wirebond.recording.writer import LIBRARY
 
+_Columns = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
 Progress = Callable[[int, int], object]
 CHUNK = 1 << 20  # bytes before compression
-_STEP = 4096  # pieces between two calls of `progress`
 
 
 def close_recording(path: Path, *, progress: Progress | None = None) -> None:
@@ -55,65 +60,66 @@ def write_mcap(
 class _Rewriting:
     def __init__(self, recording: Recording, file: IO[bytes], raw: bool, message: str | None) -> None:
         self._recording = recording
-        self._message = message
+        self._wanted = message
         self._raw = raw
-        self._topics: dict[str, int] = {}
-        self._writer = writer = Writer(
-            file,
-            chunk_size=CHUNK,
-            compression=CompressionType.ZSTD,
-            index_types=IndexType.ATTACHMENT | IndexType.METADATA if raw else IndexType.ALL,
-        )
-        writer.start(layout.PROFILE, LIBRARY)
+        self._has_header = bool(header_fields(recording.codec.model.format.parts))
+        self._topics: tuple[dict[str, int], ...] = tuple({} for _ in SENDERS)  # channels of messages by their names
+        self._writer = writer = McapWriter(file, layout.PROFILE, LIBRARY, chunk=CHUNK, index=not raw)
         about = dict(recording._about) or {"version": layout.VERSION}
         if recording.problems:
             about["repaired"] = "; ".join(recording.problems)[:4096]
         writer.add_metadata(layout.METADATA, about)
         if recording.protocol_text:
             text = recording.protocol_text.encode()
-            at = recording._start_ns
-            writer.add_attachment(at, at, layout.PROTOCOL_FILE, layout.MEDIA_TYPE, text)
+            writer.add_attachment(recording._start_ns, layout.PROTOCOL_FILE, layout.MEDIA_TYPE, text)
         if raw:
-            schema = writer.register_schema("wirebond.Event", "jsonschema", layout.event_schema())
-            self._channels = {
-                "received": writer.register_channel(layout.RECEIVED, layout.RAW, 0),
-                "sent": writer.register_channel(layout.SENT, layout.RAW, 0),
-            }
-            self._events = writer.register_channel(layout.EVENTS, "json", schema)
+            schema = writer.add_schema("wirebond.Event", "jsonschema", layout.event_schema())
+            received, sent = (writer.add_channel(topic, layout.RAW, 0) for topic in (layout.RECEIVED, layout.SENT))
+            events = writer.add_channel(layout.EVENTS, "json", schema)
+            self._channels = np.array([received, sent, events], np.uint16)
             for note in recording._notes:
                 writer.add_metadata(layout.NOTE, note)
 
     def run(self, progress: Progress | None) -> None:
-        recording = self._recording
-        start, add, total = recording._start_ns, self._writer.add_message, len(recording._kinds)
-        done = 0
-        for piece, end, message in recording.walk():
-            at = start + round(piece.t * 1e6) * 1000
-            if message is None:
-                if self._raw:
-                    self._add_raw(piece, at)
-                done += 1
-                if progress is not None and done % _STEP == 0:
-                    progress(done, total)
-            elif self._message in (None, message.name):
-                t = start + round(message.t * 1e6) * 1000
-                add(self._topic(message, end), at, layout.message_json(message), t)
-        self._writer.finish()  # type: ignore[no-untyped-call]
-        if progress is not None:
-            progress(total, total)
+        reading = Reading(self._recording, None)
+        for pieces in self._recording._pieces.passes(progress):
+            self._add(pieces, reading.take(pieces))
+        last = self._recording._ns(np.array([self._recording.duration]))
+        self._add_decoded(Found.of((0, end, message) for end, message in reading.finish()), last)
+        self._writer.finish()
 
-    def _add_raw(self, piece: Chunk | LinkEvent, at: int) -> None:
-        if isinstance(piece, Chunk):
-            before = self._recording._start_ns + round(piece.before * 1e6) * 1000
-            self._writer.add_message(self._channels[piece.direction], at, piece.bytes, before)
-        else:
-            values = {"t": round(piece.t, 6), "kind": piece.kind, **piece.facts}
-            self._writer.add_message(self._events, at, layout.to_json(values), at)
+    def _add(self, pieces: Pieces, found: Found) -> None:
+        at = self._recording._ns(pieces.times)
+        if not self._raw:
+            self._add_decoded(found, at)
+            return
+        run, rows = pieces.run, pieces.rows
+        before = self._recording._ns(pieces.before)
+        raw = (self._channels[pieces.kinds], at, before, run.places[rows], run.sizes[rows])
+        self._pack(run.data, raw, found, at)
 
-    def _topic(self, message: Any, end: str) -> int:
-        topic = layout.topic_of(message, End(end))
-        if topic not in self._topics:
-            codec = self._recording.codec
-            schema = self._writer.register_schema(topic, "jsonschema", layout.message_schema(codec, message.name))
-            self._topics[topic] = self._writer.register_channel(topic, "json", schema)
-        return self._topics[topic]
+    def _add_decoded(self, found: Found, at: NDArray[np.uint64]) -> None:
+        nothing = np.zeros(0, np.uint64)
+        none = (nothing.astype(np.uint16), nothing, nothing, nothing, nothing.astype(np.uint32))
+        self._pack(b"", none, found, at)
+
+    def _pack(self, data: object, raw: _Columns, found: Found, at: NDArray[np.uint64]) -> None:
+        """``at``: when each of the pieces was done, which the messages lie behind."""
+        behind, channels, times, payloads = [], [], [], []
+        for index, sender, message in zip(found.behind.tolist(), found.senders.tolist(), found.messages, strict=True):
+            name = message.name
+            if self._wanted in (None, name):
+                behind.append(index)
+                channels.append(self._topics[sender].get(name) or self._new_channel(message, sender))
+                times.append(message.t)
+                payloads.append(layout.message_json(message, self._has_header))
+        places = np.array(behind, np.uint32)
+        decoded = (places, np.array(channels, np.uint16), at[places], self._recording._ns(np.array(times, np.float64)))
+        self._writer.add_records(Packed.of(*_engine.packed_records(data, raw, decoded, payloads)))
+
+    def _new_channel(self, message: Message, sender: int) -> int:
+        topic = layout.topic_of(message, SENDERS[sender])
+        schema = layout.message_schema(self._recording.codec, message.name)
+        number = self._writer.add_channel(topic, "json", self._writer.add_schema(topic, "jsonschema", schema))
+        self._topics[sender][message.name] = number
+        return number

@@ -10,7 +10,7 @@ from pathlib import Path
 from wirebond.errors import WirebondError
 from wirebond.recording import layout
 from wirebond.recording.notes import Note, notes_from
-from wirebond.recording.scan import DamagedError, Run, Scan
+from wirebond.recording.scan import DamagedError, Run, Scan, Source
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,15 @@ def glance(path: Path) -> Glance:
     :raises WirebondError: it is no recording.
     :raises OSError: it cannot be read.
     """
-    scan = _Ends(path)
-    first, last = 0, 0
-    for run in scan.runs():
-        first = first or int(run.logged[0])
-        last = max(last, int(run.logged.max()))
-    scan.close()
+    source = Source(path)
+    try:
+        scan = _Ends(source)
+        first, last = 0, 0
+        for run in scan.runs():
+            first = first or int(run.logged[0])
+            last = max(last, int(run.logged.max()))
+    finally:
+        source.close()
     contents = scan.contents
     about = contents.metadata.get(layout.METADATA)
     if about is None:
@@ -62,13 +65,13 @@ def glance(path: Path) -> Glance:
 class _Ends(Scan):
     """Of a chunk only the time of its newest message."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(self, source: Source) -> None:
+        super().__init__(source)
         self.last = 0  # nanoseconds
 
-    def _chunk(self, begin: int, end: int) -> Iterator[Run]:
+    def _chunk(self, found: bytes, begin: int, end: int) -> Iterator[Run]:
         self.contents.is_chunked = True
         if end - begin < 16:
             raise DamagedError("it is shorter than it says")
-        self.last = max(self.last, *struct.unpack_from("<QQ", self._data, begin))
+        self.last = max(self.last, *struct.unpack_from("<QQ", found, begin))
         yield from ()

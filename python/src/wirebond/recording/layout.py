@@ -13,6 +13,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import msgspec
+
 from wirebond.codec import Codec, Message
 from wirebond.protocol.model import Field, FieldKind
 
@@ -26,6 +28,8 @@ RECEIVED, SENT, EVENTS = "rx", "tx", "events"
 RAW = "raw"  #: encoding of the bytes as they were on the wire
 DIRECTIONS = {RECEIVED: "received", SENT: "sent"}
 
+_encode = msgspec.json.Encoder().encode
+_SIMPLE = {bool, int, float, str, type(None)}  # types that need no look inside
 _EVENT_SCHEMA = {
     "title": "wirebond.Event",
     "type": "object",
@@ -73,33 +77,29 @@ def _schema_of(field: Field) -> dict[str, Any]:
     return described
 
 
-def message_json(message: Message) -> bytes:
-    """A decoded message as its channel has it: its fields; ``header`` where its frame has fields; bytes as hex."""
+def message_json(message: Message, has_header: bool) -> bytes:
+    """A decoded message as its channel has it: its fields; ``header`` where its frame has fields."""
     values: Mapping[str, Any] = message.fields
     if message.name == "unknown":
         values = {"id": message.id, "payload": message.payload}
-    if header := message.header:
+    if has_header and (header := message.header):
         values = {**values, "header": header}
     return to_json(values)
 
 
-def to_json(values: Any) -> bytes:
-    """Compact. Numbers that JSON has not become null."""
+def to_json(values: Mapping[str, Any]) -> bytes:
+    """Compact. Numbers that JSON has not become null, and bytes hexadecimal."""
     try:
-        return json.dumps(values, allow_nan=False, separators=(",", ":"), default=_hex).encode()
-    except ValueError:
-        return json.dumps(_finite(values), separators=(",", ":"), default=_hex).encode()
+        return _encode(values if _SIMPLE.issuperset(map(type, values.values())) else _without_bytes(values))
+    except (OverflowError, UnicodeEncodeError):  # a number of more than 64 bits, half a surrogate pair
+        return json.dumps(_without_bytes(values), separators=(",", ":")).encode()
 
 
-def _hex(value: object) -> str:
+def _without_bytes(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _without_bytes(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_bytes(entry) for entry in value]
     if isinstance(value, bytes | bytearray | memoryview):
         return bytes(value).hex(" ")
-    raise TypeError(type(value))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

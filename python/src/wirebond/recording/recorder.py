@@ -91,8 +91,8 @@ class Recorder:
     def close(self, *, compact: bool = True, progress: Progress | None = None) -> None:
         """Take what has come, finish the file. A second call does nothing.
 
-        :param compact: also rewrite it: compressed, with the decoded messages. That takes some ten seconds for a
-            million messages; the file is whole before, and stays so if this is interrupted or the disk is full.
+        :param compact: also rewrite it: compressed, with the decoded messages. That takes some seconds for a million
+            messages; the file is whole before, and stays so if this is interrupted or the disk is full.
         :param progress: called as ``progress(done, size)`` meanwhile.
         """
         with self._lock:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -23,31 +22,15 @@ from wirebond.protocol.model import End
 from wirebond.protocol.plan import told_by_request
 from wirebond.recording import layout
 from wirebond.recording.notes import Note, notes_from
-from wirebond.recording.scan import Contents, Run, Scan
+from wirebond.recording.pieces import KINDS, PieceFile
+from wirebond.recording.reading import SENDERS, Reading
 
 if TYPE_CHECKING:
     import threading
-    from collections.abc import Sequence
 
     from wirebond.link import Link
 
 Progress = Callable[[int, int], object]
-_KINDS = ("received", "sent", "event")
-
-
-@dataclass(frozen=True)
-class _Direction:
-    """All reads, or all writes: their bytes, and where each one ends."""
-
-    data: bytes
-    ends: NDArray[np.uint64]
-    times: NDArray[np.float64]  # seconds since the start when each one was done
-    before: NDArray[np.float64]  # when each one began; they do not fall
-
-    def chunk(self, index: int, direction: str) -> Chunk:
-        begin = int(self.ends[index - 1]) if index else 0
-        data = self.data[begin : int(self.ends[index])]
-        return Chunk(float(self.times[index]), float(self.before[index]), direction, data)
 
 
 @dataclass(frozen=True)
@@ -68,8 +51,9 @@ class Reads:
 
 
 class Recording:
-    """What ``wirebond record`` wrote, read whole when first asked for. Times are seconds since its start. It does not
-    change; any thread may use it.
+    """What ``wirebond record`` wrote. Times are seconds since its start. It does not change, also when another file
+    takes its name; any thread may use it. Iteration and ``stats`` have some MiB of the file in memory at a time;
+    ``raw`` and ``columns`` all that they return.
 
     :param path: of the file. One that was cut short or damaged is read as far as it goes; ``problems`` says what is
         lost.
@@ -92,13 +76,9 @@ class Recording:
         progress: Progress | None = None,
     ) -> None:
         self.path = Path(path)
-        scan = Scan(self.path)
-        self.size = scan.size
-        collected = _Collected(scan.contents)
-        for run in scan.runs(progress):
-            collected.add(run)
-        scan.close()
-        contents = scan.contents
+        self._pieces = PieceFile(self.path, progress)
+        self.size = self._pieces.size
+        contents = self._pieces.contents
         self.is_finished = contents.is_finished
         self.is_closed = contents.is_finished and contents.is_chunked
         self.problems = tuple(contents.problems)
@@ -112,11 +92,8 @@ class Recording:
             )
         self.protocol_text = contents.attachments.get(layout.PROTOCOL_FILE, b"").decode(errors="replace")
         self.codec = self._codec(protocol)
-        self._start_ns = self._number("started_ns", collected.first_ns)
-        self._directions = {name: collected.direction(kind, self._start_ns) for kind, name in enumerate(_KINDS[:2])}
-        self._kinds = collected.kinds()
-        self._events_raw = collected.events
-        self.events: tuple[LinkEvent, ...] = tuple(self._read_events())
+        self._start_ns = self._pieces.start_ns or self._pieces._start(0)
+        self.events: tuple[LinkEvent, ...] = self._pieces.events
 
     def _codec(self, protocol: str | os.PathLike[str] | Codec | None) -> Codec:
         if isinstance(protocol, Codec):
@@ -132,12 +109,6 @@ class Recording:
             return Codec(loads(self.protocol_text, f"{self.path}:{layout.PROTOCOL_FILE}"))
         except ProtocolFileError as error:
             raise ProtocolFileError(error.problems) from None
-
-    def _number(self, name: str, default: int) -> int:
-        text = self._about.get(name, "")
-        return int(text) if text.isdecimal() and len(text) < 20 else default
-
-    # ---- what it says of itself
 
     @property
     def role(self) -> str:
@@ -172,8 +143,7 @@ class Recording:
     @property
     def duration(self) -> float:
         """Seconds from the start to the last byte or event."""
-        last = [float(d.times.max()) for d in self._directions.values() if len(d.times)]
-        return max([*last, *(event.t for event in self.events[-1:])], default=0.0)
+        return max([self._pieces.last, *(event.t for event in self.events[-1:])])
 
     @property
     def idle(self) -> float:
@@ -193,7 +163,7 @@ class Recording:
         :returns: the bytes.
         :raises UsageError: another direction.
         """
-        return self._of(direction).data
+        return self._pieces.direction(self._kind(direction)).data
 
     def chunks(self, direction: str | None = None) -> Iterator[Chunk]:
         """Every read and every write, in the order of the recording.
@@ -202,12 +172,13 @@ class Recording:
         :returns: an iterator of them.
         :raises UsageError: another direction.
         """
-        wanted = (0, 1) if direction is None else (_KINDS.index(self._direction(direction)),)
-        counts = [0, 0]
-        for kind in self._kinds[self._kinds < 2].tolist():
-            index, counts[kind] = counts[kind], counts[kind] + 1
-            if kind in wanted:
-                yield self._directions[_KINDS[kind]].chunk(index, _KINDS[kind])
+        wanted = (0, 1) if direction is None else (self._kind(direction),)
+        return self._chunks(wanted)
+
+    def _chunks(self, wanted: tuple[int, ...]) -> Iterator[Chunk]:
+        for pieces in self._pieces.passes():
+            for index in np.flatnonzero(np.isin(pieces.kinds, wanted)).tolist():
+                yield pieces.chunk(index)
 
     # ---- decoded
 
@@ -246,22 +217,18 @@ class Recording:
         """
         if sender is not None:
             self._direction_of(sender)
-        reading = _Reading(self, sender)
-        counts = [0, 0, 0]
-        for kind in self._kinds.tolist():
-            index, counts[kind] = counts[kind], counts[kind] + 1
-            if kind == 2:
-                event = self._event_at(index)
-                if event is None:
+        reading = Reading(self, sender)
+        for pieces in self._pieces.passes():
+            found = reading.take(pieces)
+            behind, at = found.behind.tolist(), 0
+            for index, kind in enumerate(pieces.kinds.tolist()):
+                piece = pieces.event(index) if kind == 2 else pieces.chunk(index)
+                if piece is None:
                     continue
-                yield event, "", None
-                yield from ((event, end, m) for end, m in (reading.finish() if event.kind == "port_down" else ()))
-                continue
-            name = _KINDS[kind]
-            chunk = self._directions[name].chunk(index, name)
-            end = self._sender_of(name)
-            yield chunk, end, None
-            yield from ((chunk, end, m) for m in reading.feed(chunk, end))
+                yield piece, "" if kind == 2 else self._sender_of(KINDS[kind]), None
+                while at < len(behind) and behind[at] == index:
+                    yield piece, SENDERS[found.senders[at]], found.messages[at]
+                    at += 1
         last = LinkEvent(self.duration, "end")
         yield from ((last, end, m) for end, m in reading.finish())
 
@@ -295,18 +262,22 @@ class Recording:
         :returns: what ``columns`` decodes.
         :raises UsageError: another sender.
         """
-        direction = self._direction_of(sender)
-        data = self._directions[direction]
-        return Reads(data.data, data.ends, data.before, self._breaks(direction), self._expected(sender))
+        found = self._pieces.direction(self._kind(self._direction_of(sender)))
+        return Reads(found.data, found.ends, found.before, found.breaks, self._expected(sender, found.before))
 
-    def stats(self, sender: str = "mcu") -> Stats:
+    def stats(self, sender: str = "mcu", *, progress: Progress | None = None) -> Stats:
         """Where every byte of this end went.
 
         :param sender: whose: ``"mcu"`` or ``"host"``.
+        :param progress: called as ``progress(done, size)`` in bytes of the file.
         :returns: the account at the end of the recording.
         :raises UsageError: another sender.
         """
-        return self.columns(sender).stats
+        self._direction_of(sender)
+        reading = Reading(self, sender, keep=False)
+        for pieces in self._pieces.passes(progress):
+            reading.take(pieces)
+        return reading.end_stats(End(sender))
 
     # ---- again
 
@@ -341,13 +312,14 @@ class Recording:
 
     # ---- inside
 
-    def _direction(self, direction: str) -> str:
-        if direction not in self._directions:
+    def _kind(self, direction: str) -> int:
+        if direction not in KINDS[:2]:
             raise UsageError(f"direction is {direction!r}; expected 'received' or 'sent'")
-        return direction
+        return KINDS.index(direction)
 
-    def _of(self, direction: str) -> _Direction:
-        return self._directions[self._direction(direction)]
+    def _ns(self, times: NDArray[np.float64]) -> NDArray[np.uint64]:
+        """In nanoseconds since 1970, in whole microseconds as the link counts them."""
+        return np.uint64(self._start_ns) + np.round(times * 1e6).astype(np.uint64) * np.uint64(1000)
 
     def _sender_of(self, direction: str) -> End:
         return End(self.role) if direction == "sent" else other(End(self.role))
@@ -357,29 +329,15 @@ class Recording:
             raise UsageError(f"sender is {sender!r}; expected 'mcu' or 'host'")
         return "sent" if sender == self.role else "received"
 
-    def _breaks(self, direction: str) -> list[int]:
-        """The port was away before the read of each of these indices."""
-        places = np.flatnonzero(self._kinds == 2)
-        counts = np.cumsum(self._kinds == _KINDS.index(direction))
-        found = []
-        for index, place in enumerate(places.tolist()):
-            event = self._event_at(index)
-            if event is not None and event.kind == "port_down":
-                found.append(int(counts[place]))
-        return sorted(set(found))
-
-    def _expected(self, sender: str) -> list[tuple[int, int]]:
+    def _expected(self, sender: str, reads: NDArray[np.float64]) -> list[tuple[int, int]]:
         """Where only the request tells what a reply is: before which read which reply was asked for."""
         codec = self.codec
         if not told_by_request(codec.model.messages, End(sender)):
             return []
         replies = {m.name: m.reply for m in codec.model.messages if m.reply is not None}
-        asking = self._directions[self._direction_of(other(End(sender)))]
-        reads = self._directions[self._direction_of(sender)].before
         found = []
         decoder = self._decoder(other(End(sender)))
-        for index in range(len(asking.ends)):
-            chunk = asking.chunk(index, "")
+        for chunk in self.chunks(self._direction_of(other(End(sender)))):
             for message in decoder.feed(chunk.bytes, chunk.before):
                 if (reply := replies.get(message.name)) is not None:
                     place = int(np.searchsorted(reads, chunk.before))
@@ -390,107 +348,8 @@ class Recording:
         codec = self.codec
         return Decoder(_engine.Decoder(codec._table, codec._format_for(sender), self.idle), codec, sender)
 
-    def _read_events(self) -> Iterator[LinkEvent]:
-        for index in range(len(self._events_raw)):
-            event = self._event_at(index)
-            if event is not None:
-                yield event
-
-    def _event_at(self, index: int) -> LinkEvent | None:
-        t_ns, data = self._events_raw[index]
-        try:
-            values = json.loads(data)
-            values.pop("t", None)
-            return LinkEvent(max(0, t_ns - self._start_ns) / 1e9, str(values.pop("kind")), values)
-        except (ValueError, KeyError, AttributeError, RecursionError):
-            return None  # damaged
-
     def __repr__(self) -> str:
         return f"<wirebond.Recording {self.path.name} of {self.codec.name}: {self.duration:.1f} s>"
-
-
-class _Reading:
-    """Both directions of a recording, decoded as a link did."""
-
-    def __init__(self, recording: Recording, sender: str | None) -> None:
-        self._codec = recording.codec
-        self._wanted = {End.HOST, End.MCU} if sender is None else {End(sender)}
-        messages = self._codec.model.messages
-        self._told = {end for end in (End.HOST, End.MCU) if told_by_request(messages, end)}
-        self._asks = {m.name for m in messages if m.reply is not None}
-        needed = self._wanted | {other(end) for end in self._told & self._wanted}
-        self._decoders = {end: recording._decoder(end) for end in needed}
-
-    def feed(self, chunk: Chunk, end: str) -> Sequence[Message]:
-        decoder = self._decoders.get(End(end))
-        if decoder is None:
-            return ()
-        found = decoder.idle(chunk.before) + decoder.feed(chunk.bytes, chunk.before)
-        answered = other(End(end))
-        if answered in self._told and answered in self._decoders:
-            for message in found:
-                if message.name in self._asks:
-                    self._decoders[answered].expect(message.name)
-        return found if end in self._wanted else ()
-
-    def finish(self) -> Iterator[tuple[str, Message]]:
-        for end, decoder in self._decoders.items():
-            found = decoder.finish()
-            if end in self._wanted:
-                yield from ((end, message) for message in found)
-
-
-class _Collected:
-    """What the runs of a file bring, put together by channel."""
-
-    def __init__(self, contents: Contents) -> None:
-        self._contents = contents
-        self._parts: list[list[Any]] = [[], []]  # by direction: bytes, sizes, logged, published
-        self._kinds: list[NDArray[np.uint8]] = []
-        self.events: list[tuple[int, bytes]] = []
-        self.first_ns = 0
-
-    def add(self, run: Run) -> None:
-        kinds = {layout.RECEIVED: 0, layout.SENT: 1, layout.EVENTS: 2}
-        table = np.full(1 << 16, 255, np.uint8)
-        for number, channel in self._contents.channels.items():
-            table[number] = kinds.get(channel.topic, 255)
-        of = table[run.channels]
-        if not self.first_ns and (of < 3).any():
-            self.first_ns = int(run.logged[of < 3][0])
-        for kind in (0, 1):
-            mine = of == kind
-            if not mine.any():
-                continue
-            sizes = run.sizes[mine]
-            data = _engine.gathered(run.data, run.places[mine], sizes)
-            self._parts[kind].append((data, sizes, run.logged[mine], run.published[mine]))
-        for index in np.flatnonzero(of == 2).tolist():
-            self.events.append((int(run.logged[index]), run.payload(index)))
-        self._kinds.append(of[of < 3])
-
-    def kinds(self) -> NDArray[np.uint8]:
-        """The order of all pieces: 0 received, 1 sent, 2 event."""
-        return np.concatenate(self._kinds) if self._kinds else np.zeros(0, np.uint8)
-
-    def direction(self, kind: int, start_ns: int) -> _Direction:
-        parts = self._parts[kind]
-        if not parts:
-            return _Direction(b"", np.zeros(0, np.uint64), np.zeros(0), np.zeros(0))
-        data, sizes, logged, published = zip(*parts, strict=True)
-        ends = np.cumsum(np.concatenate(sizes), dtype=np.uint64)
-        return _Direction(b"".join(data), ends, _seconds(logged, start_ns), _rising(_seconds(published, start_ns)))
-
-
-def _seconds(nanoseconds: Sequence[NDArray[np.uint64]], start_ns: int) -> NDArray[np.float64]:
-    """Never before the start: a damaged time is no reason to stop."""
-    whole = np.concatenate(nanoseconds)
-    later = np.where(whole > start_ns, whole - np.uint64(start_ns), np.uint64(0))
-    return np.minimum(later, np.uint64(10**18)).astype(np.float64) / 1e9
-
-
-def _rising(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.maximum.accumulate(times) if len(times) else times
 
 
 def open_recording(path: str | os.PathLike[str], protocol: str | os.PathLike[str] | Codec | None = None) -> Recording:

@@ -3,11 +3,12 @@ is believed; what cannot be read is said, and what can be read is given."""
 
 from __future__ import annotations
 
-import contextlib
-import mmap
+import os
 import struct
+import threading
+import weakref
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,13 +21,11 @@ from numpy.typing import NDArray
 from wirebond import _engine
 from wirebond.errors import WirebondError
 from wirebond.recording import layout
+from wirebond.recording.mcap_file import ATTACHMENT, CHANNEL, CHUNK, DATA_END, HEAD, HEADER, MAGIC, MESSAGE, METADATA
 
-MAGIC = b"\x89MCAP0\r\n"
 _MOST_CHUNK = 1 << 28  # bytes of a chunk without compression; files of others have some MiB
-_HEAD = 9  # of a record: opcode and length
-_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 1, 2, 3, 4, 5, 6
-_ATTACHMENT, _METADATA, _DATA_END = 9, 12, 15
-_LAST_OPCODE = 15
+_MOST_RECORD = 1 << 28  # bytes of any record
+_WINDOW = 1 << 18  # bytes that are read at once
 
 
 @dataclass(frozen=True)
@@ -70,65 +69,128 @@ class Contents:
     is_chunked: bool = False
 
 
+class ShorterError(Exception):
+    """The file has become shorter while it was read."""
+
+
 class DamagedError(Exception):
     """A record that is not what its length says."""
 
 
+class Source:
+    """A file that passes read, as large as it was when it was opened. It stays the same one when another file takes its
+    name. Any thread.
+
+    :raises OSError: it cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with path.open("rb") as file:  # which says in words that a folder is none
+            self._file = os.dup(file.fileno())
+        self.close = weakref.finalize(self, os.close, self._file)
+        self._lock = threading.Lock()
+        self.size = os.lseek(self._file, 0, os.SEEK_END)
+
+    def read(self, at: int, size: int) -> bytes:
+        """Fewer bytes where the file has become shorter."""
+        parts = []
+        with self._lock:
+            os.lseek(self._file, at, os.SEEK_SET)
+            while size > 0 and (part := os.read(self._file, size)):
+                parts.append(part)
+                size -= len(part)
+        return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+class _Window:
+    """The bytes of a source around the place that is looked at."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self.begin = 0
+        self.data = b""
+
+    def load(self, at: int, size: int) -> int:
+        """Have ``size`` bytes from ``at`` on; where in ``data`` they begin.
+
+        :raises ShorterError: the file has become shorter.
+        """
+        if not self.begin <= at <= at + size <= self.begin + len(self.data):
+            self.data = self._source.read(at, max(size, min(_WINDOW, self._source.size - at)))
+            self.begin = at
+            if len(self.data) < size:
+                raise ShorterError
+        return at - self.begin
+
+
 class Scan:
-    """One pass over a file: ``runs`` gives the messages in the order of the file and fills ``contents`` meanwhile.
+    """One pass over a file: ``runs`` gives the messages in the order of the file and fills ``contents`` meanwhile. It
+    has some MiB of the file in memory at a time.
 
     :raises WirebondError: it is no MCAP file.
     :raises OSError: it cannot be read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, source: Source) -> None:
         self.contents = Contents()
-        with path.open("rb") as file:
-            self.size = file.seek(0, 2)
-            begin = b"" if self.size == 0 else mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        self._data: Any = begin
-        if begin[: len(MAGIC)] != MAGIC:
-            what = "is empty" if not self.size else "is no MCAP file, and a recording is one"
-            raise WirebondError(f"{path} {what}; name a file that `wirebond record` has written")
-
-    def close(self) -> None:
-        if isinstance(self._data, mmap.mmap):
-            with contextlib.suppress(BufferError):  # a run of it lives on; it goes with that
-                self._data.close()
+        self.size = source.size
+        self._window = _Window(source)
+        if source.read(0, len(MAGIC)) != MAGIC:
+            what = "is no MCAP file, and a recording is one" if self.size else "is empty"
+            raise WirebondError(f"{source.path} {what}; name a file that `wirebond record` has written")
 
     def runs(self, progress: Callable[[int, int], object] | None = None) -> Iterator[Run]:
-        data, size, at = self._data, self.size, len(MAGIC)
-        while True:
-            if progress is not None:
-                progress(min(at, size), size)
-            if at == size or at + _HEAD > size:
-                self._cut(at)
-                return
-            opcode, length = data[at], struct.unpack_from("<Q", data, at + 1)[0]
-            if opcode == _MESSAGE:
-                behind, run = _messages(data, at, size)
-                if run is None:
-                    self._cut(at)
+        at = len(MAGIC)
+        try:
+            while True:
+                behind = yield from self._next(at)
+                if behind is None:
                     return
-                yield run
                 at = behind
-                continue
-            if opcode == 0 or _LAST_OPCODE < opcode < 0x80 or length > size - at - _HEAD:
+                if progress is not None:
+                    progress(at, self.size)
+        except ShorterError:
+            self._cut(at)
+
+    def _next(self, at: int) -> Generator[Run, None, int | None]:
+        """The messages of a record, or of many that are messages; where the next one begins. None: the end."""
+        size, window = self.size, self._window
+        if at + HEAD.size > size:
+            self._cut(at)
+            return None
+        place = window.load(at, HEAD.size)
+        opcode, length = HEAD.unpack_from(window.data, place)
+        behind: int = at + HEAD.size + length
+        if opcode == 0 or DATA_END < opcode < 0x80 or behind > size:
+            self._cut(at)
+            return None
+        if opcode == DATA_END:
+            end = window.load(size - len(MAGIC), len(MAGIC))
+            self.contents.is_finished = window.data[end : end + len(MAGIC)] == MAGIC and size > behind
+            if not self.contents.is_finished:
+                self._problem("its index is cut short")
+            return None
+        if length > _MOST_RECORD:
+            self._problem(f"the record at byte {at} has {length} bytes, which no recording has, and was left out")
+            return behind
+        place = window.load(at, behind - at)
+        if opcode == MESSAGE:
+            stop, run = _messages(window.data, place, len(window.data))
+            if run is None:
                 self._cut(at)
-                return
-            begin, at = at + _HEAD, at + _HEAD + length
-            if opcode == _DATA_END:
-                self.contents.is_finished = data[size - len(MAGIC) : size] == MAGIC and size > at
-                if not self.contents.is_finished:
-                    self._problem("its index is cut short")
-                return
-            try:
-                if opcode == _CHUNK:
-                    yield from self._chunk(begin, at)
-                else:
-                    self._record(opcode, data, begin, at)
-            except (DamagedError, struct.error, UnicodeDecodeError, IndexError) as error:
-                self._problem(f"the record at byte {begin - _HEAD} is damaged ({error}), and was left out")
+                return None
+            yield run
+            return window.begin + stop
+        begin, end = place + HEAD.size, place + behind - at
+        try:
+            if opcode == CHUNK:
+                yield from self._chunk(window.data, begin, end)
+            else:
+                self._record(opcode, window.data, begin, end)
+        except (DamagedError, struct.error, UnicodeDecodeError, IndexError) as error:
+            self._problem(f"the record at byte {at} is damaged ({error}), and was left out")
+        return behind
 
     def _cut(self, at: int) -> None:
         behind = self.size - at
@@ -142,20 +204,20 @@ class Scan:
     def _record(self, opcode: int, data: Any, begin: int, end: int) -> None:
         contents = self.contents
         reader = _Reader(data, begin, end)
-        if opcode == _HEADER:
+        if opcode == HEADER:
             reader.text()
             contents.library = reader.text()
-        elif opcode == _CHANNEL:
+        elif opcode == CHANNEL:
             number, _schema = reader.number("<H"), reader.number("<H")
             contents.channels[number] = Channel(reader.text(), reader.text())
-        elif opcode == _METADATA:
+        elif opcode == METADATA:
             name = reader.text()
             values = _Reader(reader.block(reader.number("<I")), 0).texts()
             if name == layout.NOTE:
                 contents.notes.append(values)
             else:
                 contents.metadata[name] = values
-        elif opcode == _ATTACHMENT:
+        elif opcode == ATTACHMENT:
             reader.number("<Q"), reader.number("<Q")
             name, _media = reader.text(), reader.text()
             contents.attachments[name] = reader.block(reader.number("<Q"))
@@ -163,9 +225,9 @@ class Scan:
             if crc and zlib.crc32(data[begin : end - 4]) != crc:
                 raise DamagedError(f"the checksum of {name!r} is wrong")
 
-    def _chunk(self, begin: int, end: int) -> Iterator[Run]:
+    def _chunk(self, found: bytes, begin: int, end: int) -> Iterator[Run]:
         self.contents.is_chunked = True
-        reader = _Reader(self._data, begin, end)
+        reader = _Reader(found, begin, end)
         reader.number("<Q"), reader.number("<Q")
         size, crc = reader.number("<Q"), reader.number("<I")
         compression = reader.text()
@@ -176,18 +238,18 @@ class Scan:
         if crc and zlib.crc32(data) != crc:
             raise DamagedError("the checksum of a chunk is wrong")
         at = 0
-        while at + _HEAD <= len(data):
+        while at + HEAD.size <= len(data):
             opcode, length = data[at], struct.unpack_from("<Q", data, at + 1)[0]
-            if opcode == _MESSAGE:
+            if opcode == MESSAGE:
                 at, run = _messages(data, at, len(data))
                 if run is None:
                     raise DamagedError("a message of a chunk is cut short")
                 yield run
                 continue
-            if length > len(data) - at - _HEAD:
+            if length > len(data) - at - HEAD.size:
                 raise DamagedError("a record of a chunk is cut short")
-            self._record(opcode, data, at + _HEAD, at + _HEAD + length)
-            at += _HEAD + length
+            self._record(opcode, data, at + HEAD.size, at + HEAD.size + length)
+            at += HEAD.size + length
 
 
 class _Reader:

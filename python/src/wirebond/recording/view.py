@@ -27,7 +27,7 @@ def facts(recording: Recording, accounts: dict[str, Stats], repaired: bool) -> d
         "repaired": repaired or bool(recording.repaired),
         "problems": list(recording.problems) or ([recording.repaired] if recording.repaired else []),
         "notes": [{"written": n.written.isoformat(timespec="seconds"), "text": n.text} for n in recording.notes],
-        "bytes": {"received": len(recording.raw("received")), "sent": len(recording.raw("sent"))},
+        "bytes": dict(recording._pieces.sizes),
         "lost_bytes": lost_bytes(recording),
         "accounts": {sender: stats.as_dict() for sender, stats in accounts.items()},
         "events": [{"t": round(e.t, 6), "kind": e.kind, **e.facts} for e in recording.events],

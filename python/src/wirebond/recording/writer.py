@@ -6,12 +6,9 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-from mcap.writer import IndexType, Writer
 
 from wirebond import __version__
 from wirebond.codec import Codec
@@ -19,14 +16,14 @@ from wirebond.errors import UsageError, WirebondError
 from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.recording import layout
 from wirebond.recording.locking import lock
+from wirebond.recording.mcap_file import HEAD, McapWriter
 
 _NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-_RECORD = struct.Struct("<BQ")  # opcode and length of what follows
 LIBRARY = f"wirebond {__version__}"
 
 
-class Batch:
-    """What the MCAP library writes to: kept until it goes to the file at once."""
+class _Batch:
+    """What is written is kept until it goes to the file at once."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -72,9 +69,8 @@ class RecordingWriter:
         except FileExistsError:
             raise UsageError(f"{path} exists already; name another file, or remove it") from None
         lock(self._file)
-        self._batch = Batch()
-        self._mcap = Writer(self._batch, use_chunking=False, index_types=IndexType.ALL)  # type: ignore[arg-type]
-        self._mcap.start(layout.PROFILE, LIBRARY)
+        self._batch = _Batch()
+        self._mcap = McapWriter(self._batch, layout.PROFILE, LIBRARY)
         about = {
             "version": layout.VERSION,
             "protocol": codec.name,
@@ -86,13 +82,13 @@ class RecordingWriter:
         }
         self._mcap.add_metadata(layout.METADATA, about)
         text = codec.model.text.encode()
-        self._mcap.add_attachment(wall_ns, wall_ns, layout.PROTOCOL_FILE, layout.MEDIA_TYPE, text)
-        schema = self._mcap.register_schema("wirebond.Event", "jsonschema", layout.event_schema())
+        self._mcap.add_attachment(wall_ns, layout.PROTOCOL_FILE, layout.MEDIA_TYPE, text)
+        schema = self._mcap.add_schema("wirebond.Event", "jsonschema", layout.event_schema())
         self._channels = {
-            "received": self._mcap.register_channel(layout.RECEIVED, layout.RAW, 0),
-            "sent": self._mcap.register_channel(layout.SENT, layout.RAW, 0),
+            "received": self._mcap.add_channel(layout.RECEIVED, layout.RAW, 0),
+            "sent": self._mcap.add_channel(layout.SENT, layout.RAW, 0),
         }
-        self._events = self._mcap.register_channel(layout.EVENTS, "json", schema)
+        self._events = self._mcap.add_channel(layout.EVENTS, "json", schema)
         try:
             self.flush()
         except OSError:
@@ -137,7 +133,7 @@ class RecordingWriter:
 
         :raises OSError: as ``flush``.
         """
-        self._mcap.finish()  # type: ignore[no-untyped-call]
+        self._mcap.finish()
         self.flush()
 
     def close(self) -> None:
@@ -151,11 +147,11 @@ class RecordingWriter:
 def _whole_records(data: memoryview) -> int:
     """How many bytes of it are records from their opcode to their end."""
     at = 0
-    while len(data) - at >= _RECORD.size:
-        _, length = _RECORD.unpack_from(data, at)
-        if length > len(data) - at - _RECORD.size:
+    while len(data) - at >= HEAD.size:
+        _, length = HEAD.unpack_from(data, at)
+        if length > len(data) - at - HEAD.size:
             break
-        at += _RECORD.size + length
+        at += HEAD.size + length
     return at
 
 
