@@ -16,11 +16,12 @@ inline std::uint64_t difference_32(std::uint64_t a, std::uint32_t b) {
   return difference(static_cast<std::uint32_t>(a), b);
 }
 
-/// Frames that passed their checks and broke a rule of a field or of a deadline: no handler of the MCU got them.
+/// Frames that passed their checks and broke a rule of a field or of a deadline, or are for another address: no handler
+/// of the MCU got them.
 template <class McuLink>
 std::uint32_t refused_by_rules(const McuLink& mcu) {
   const auto counters = mcu.counters();
-  return mcu.receiver().violations().rejected + counters.late + counters.held_back;
+  return mcu.receiver().violations().rejected + counters.late + counters.held_back + counters.foreign;
 }
 
 /// How many frames and bytes the accounts of both ends and what was seen from outside differ by.
@@ -31,19 +32,21 @@ std::uint64_t unaccounted(const Ledger& to_mcu, const Ledger& to_host, const wir
   std::uint64_t sum = 0;
   for (const Ledger* ledger : {&to_mcu, &to_host}) {
     const Fates& fates = ledger->fates;
-    sum += difference(fates.accepted, fates.left + fates.expired + ledger->waiting());
-    sum += difference(fates.left, fates.delivered + fates.lost_to_faults + fates.lost_intact + ledger->travelling());
+    sum += difference(fates.accepted, fates.left + fates.expired + fates.replaced + ledger->waiting());
+    sum += difference(fates.left, fates.delivered + fates.lost_to_faults + fates.lost_to_false + fates.lost_intact +
+                                      ledger->travelling());
     sum += difference(ledger->latency.total(), fates.delivered);
   }
   const auto at_host = host.outbox().account();
   sum += difference(at_host.offered, to_mcu.fates.offered) + difference(at_host.accepted, to_mcu.fates.accepted);
   sum += difference(at_host.sent, to_mcu.fates.left) + difference(at_host.queued, to_mcu.waiting());
-  sum += difference(at_host.expired, to_mcu.fates.expired) + difference(at_host.sent_bytes, to_mcu_wire.put);
+  sum += difference(at_host.expired, to_mcu.fates.expired) + difference(at_host.replaced, to_mcu.fates.replaced);
+  sum += difference(at_host.sent_bytes, to_mcu_wire.put) + at_host.aborted + at_host.overruled;
   sum += at_host.balances() ? 0 : 1;
   const auto at_mcu = mcu.send_account();
   sum += difference_32(to_host.fates.offered, at_mcu.offered) + difference_32(to_host.fates.accepted, at_mcu.accepted);
   sum += difference_32(to_host.fates.left, at_mcu.sent) + difference_32(to_host.waiting(), at_mcu.queued);
-  sum += difference_32(to_host.fates.expired, at_mcu.expired);
+  sum += difference_32(to_host.fates.expired, at_mcu.expired) + difference_32(to_host.fates.replaced, at_mcu.replaced);
   sum += at_mcu.balances() ? 0 : 1;
 
   const auto& found = host.deframer();

@@ -50,6 +50,18 @@ class CpuTime {
 
 /// `to_mcu` and `to_host` outlive it. It wakes as the engine's thread does: for bytes, and when the link says so.
 class Host {
+  /// What is done with each frame that comes.
+  auto taking(Time now) {
+    return [this, now](const wirebond::Frame& frame, wirebond::MayAct, bool) {
+      if (frame.message < 0) {
+        received_.deliver_false();
+        return;
+      }
+      received_.deliver(mix::mcu_message(frame.message), frame.payload, frame.payload_size,
+                        frame.offset + frame.wire_size, now, mix::from_mcu, to_host_);
+    };
+  }
+
  public:
   Host(wirebond::sim::Wire& to_mcu, wirebond::sim::Wire& to_host, Ledger& received, Ledger& sent)
       : to_mcu_(to_mcu),
@@ -80,13 +92,30 @@ class Host {
     sent_.fates.offered += 1;
     cpu_.around([&] {
       const wirebond::SendResult result =
-          link_.outbox().send(mix::host_index(message), sent.frame, sent.size, -1, false, now / 1000);
+          link_.outbox().send(mix::host_index(message), sent.frame, sent.size, -1, mix::host_numbers, now / 1000);
       expire();
       if (result == wirebond::SendResult::accepted) sent_.accept(now, message, sample, sent.size);
       write(now);
     });
     sample = static_cast<std::uint16_t>((sample + 1) % mix::samples);
   }
+
+  /// The adapter is pulled out: its port is gone, and with it all that it held.
+  void unplug(Time now) {
+    to_mcu_.unplug_adapter(now);
+    to_host_.unplug_adapter(now);
+    link_.port_down(now / 1000, taking(now));
+    expire();
+    is_plugged_ = false;
+  }
+  /// The port is back, and open.
+  void plug(Time now) {
+    to_mcu_.plug();
+    to_host_.plug();
+    link_.port_up(now / 1000);
+    is_plugged_ = true;
+  }
+  bool is_plugged() const { return is_plugged_; }
 
   const wirebond::HostLink& link() const { return link_; }
   bool is_in_order() const { return is_in_order_; }
@@ -95,14 +124,7 @@ class Host {
  private:
   void work(Time now) {
     const std::uint64_t now_us = now / 1000;
-    const auto take = [&](const wirebond::Frame& frame, wirebond::MayAct, bool) {
-      if (frame.message < 0) {
-        received_.fates.false_frames += 1;
-        return;
-      }
-      received_.deliver(mix::mcu_message(frame.message), frame.payload, frame.payload_size, now, mix::from_mcu,
-                        to_host_);
-    };
+    const auto take = taking(now);
     const std::size_t read = to_host_.read(now, [&](const std::uint8_t* bytes, std::size_t size) {
       link_.received(bytes, size, now_us, now_us, true, take);
     });
@@ -120,12 +142,15 @@ class Host {
       const std::uint64_t number = to_mcu_.counts().put;
       const Time end = to_mcu_.put(out.bytes, out.size, now);
       link_.written(out.size, now / 1000);
-      is_in_order_ = sent_.leave(number, out.size, end, to_mcu_) && is_in_order_;
+      if constexpr (mix::host_numbers) {
+        is_in_order_ = sent_.leave_next(number, out.size, end) && is_in_order_;
+      } else {
+        is_in_order_ = sent_.leave(number, out.size, end, to_mcu_) && is_in_order_;
+      }
     }
   }
 
   void expire() {
-    if (mix::protocol::max_age_ms == 0) return;
     const std::uint64_t expired = link_.outbox().account().expired;
     sent_.expire(expired - expired_);
     expired_ = expired;
@@ -139,6 +164,7 @@ class Host {
   wirebond::HostLink& link_ = core_.link();
   CpuTime cpu_;
   std::uint64_t expired_ = 0;
+  bool is_plugged_ = true;
   bool is_in_order_ = true;
   std::array<std::uint16_t, mix::host_messages> next_sample_{};
 };

@@ -20,13 +20,15 @@ class HostCore {
   /// `latency_us`: what the port may hold back.
   HostCore(const wirebond::Pacing& pacing, std::uint64_t latency_us, std::uint64_t now_us)
       : rows_(mix::rows_from_mcu()),
-        tables_(format_, rows_.data(), rows_.size()),
+        tables_(format_, rows_.data(), rows_.size(), wirebond::CrcMethod::automatic, mix::matches, mix::matches_late),
         source_(tables_),
         workspace_(wirebond::workspace_bytes(source_)),
         bytes_(queue_bytes),
         frames_(new wirebond::QueuedFrame[queue_frames + mix::protocol::message_count]),
         leases_(mix::protocol::message_count),
         leaving_(mix::protocol::AtHost::max_sent_bytes),
+        next_numbers_(mix::protocol::message_count),
+        scratch_(wirebond::FrameNumbers::scratch_bytes(sent_format_)),
         link_(source_, memory(), settings(pacing, latency_us), now_us) {}
 
   wirebond::HostLink& link() { return link_; }
@@ -45,6 +47,7 @@ class HostCore {
     memory.outbox.message_count = leases_.size();
     memory.outbox.leaving = leaving_.data();
     memory.outbox.leaving_capacity = leaving_.size();
+    memory.outbox.numbers = mix::host_numbers ? &numbers_ : nullptr;
     return memory;
   }
   static wirebond::HostLink::Settings settings(const wirebond::Pacing& pacing, std::uint64_t latency_us) {
@@ -64,6 +67,12 @@ class HostCore {
   std::unique_ptr<wirebond::QueuedFrame[]> frames_;
   std::vector<wirebond::Lease> leases_;
   std::vector<std::uint8_t> leaving_;
+  const wirebond::FrameFormat sent_format_ = wirebond::widened(mix::protocol::FromHost{}.format());
+  std::vector<wirebond::MessageRow> sent_rows_ = mix::rows_from_host();
+  wirebond::RuntimeTables sent_tables_{sent_format_, sent_rows_.data(), sent_rows_.size()};
+  std::vector<std::uint64_t> next_numbers_;
+  std::vector<std::uint8_t> scratch_;
+  wirebond::FrameNumbers numbers_{wirebond::RuntimeSource(sent_tables_), {next_numbers_.data(), scratch_.data()}};
   wirebond::HostLink link_;
 };
 

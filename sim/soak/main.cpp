@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "accounts.hpp"
 #include "host.hpp"
@@ -36,6 +37,7 @@ struct Options {
   Time mcu_period = 1'000'000;   ///< of each task
   WireSettings to_mcu;
   WireSettings to_host;
+  std::vector<Time> plugs;  ///< the adapter is pulled out, put in again, and so on
 };
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
@@ -47,6 +49,8 @@ class Soak {
  public:
   explicit Soak(const Options& options)
       : options_(options), to_mcu_wire_(options.to_mcu), to_host_wire_(options.to_host) {
+    to_mcu_wire_.follow();
+    to_host_wire_.follow();
     for (std::size_t i = 0; i < topics_.size(); ++i) {
       topics_[i] = options.host_period * i / topics_.size();  // programs of a host do not begin together
     }
@@ -87,7 +91,7 @@ class Soak {
 
  private:
   void step(bool offers, Time end) {
-    Time next = std::min(host_.next(now_), mcu_.next());
+    Time next = std::min({host_.next(now_), mcu_.next(), next_plug()});
     next = std::min(next, poll_at_);
     if (offers) {
       next = std::min(next, tasks_at_);
@@ -95,6 +99,10 @@ class Soak {
     }
     now_ = std::max(now_, std::min(next, end));
     if (now_ >= end) return;
+    if (next_plug() <= now_) {
+      host_.is_plugged() ? host_.unplug(now_) : host_.plug(now_);
+      ++plugs_done_;
+    }
     mcu_.run(now_);
     if (poll_at_ <= now_) {
       mcu_.poll(now_);
@@ -115,6 +123,10 @@ class Soak {
     host_due_ = host_.next(now_);
   }
 
+  Time next_plug() const {
+    return plugs_done_ < options_.plugs.size() ? options_.plugs[plugs_done_] : wirebond::sim::never;
+  }
+
   /// The share of the time in which the line carried bits.
   void measure_line_use() {
     const auto use = [this](const Wire& wire) {
@@ -127,11 +139,12 @@ class Soak {
   }
 
   /// Queue bytes at the line's rate, one run and one gap. At the host a run is what may lie in the driver; there is no
-  /// gap, but its clock counts whole microseconds.
+  /// gap, but its clock counts whole microseconds. Where `urgent` or `latest` frames overtake others there is none.
   Time host_wait_bound() const {
     return to_mcu_wire_.line_time(soak::HostCore::queue_bytes) + wirebond::Pacing::most_us * 1000 + 1000;
   }
   Time mcu_wait_bound() const {
+    if (mix::overtakes) return wirebond::sim::never;
     return to_host_wire_.line_time(soak::Mcu::send_bytes + mix::longest_run_bytes) + options_.to_host.restart_gap;
   }
 
@@ -144,14 +157,15 @@ class Soak {
   Options options_;
   Wire to_mcu_wire_;
   Wire to_host_wire_;
-  Ledger to_mcu_;
-  Ledger to_host_;
+  Ledger to_mcu_{mix::protocol::AtHost::max_sent_bytes};
+  Ledger to_host_{mix::protocol::AtMcu::max_sent_bytes};
   soak::Mcu mcu_{to_mcu_wire_, to_host_wire_, to_mcu_, to_host_};
   soak::Host host_{to_mcu_wire_, to_host_wire_, to_host_, to_mcu_};
   Time now_ = 0;
   Time poll_at_ = 0;
   Time tasks_at_ = 0;
   Time host_due_ = 0;
+  std::size_t plugs_done_ = 0;
   std::array<Time, mix::topics.size()> topics_{};
   Time ended_at_ = 0;
   double to_mcu_use_ = 0;
@@ -169,6 +183,7 @@ bool obey(Options& options, const char* word) {
   if (name == "restart_gap_ns") return options.to_host.restart_gap = value, true;
   if (name == "batch_ns") return options.to_host.batch = value, true;
   if (name == "jitter_ns") return options.to_host.jitter = value, true;
+  if (name == "plug_ns") return options.plugs.push_back(value), true;
   return wirebond::sim::set_both(options.to_mcu, options.to_host, name, value);
 }
 

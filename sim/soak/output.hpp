@@ -19,7 +19,7 @@ struct Direction {
   const Ledger& ledger;
   const wirebond::sim::WireCounts& wire;
   double line_use;
-  Time wait_bound;  ///< `never`: it is not known when a frame has left
+  Time wait_bound;  ///< `never`: it is not known when a frame has left, or others may overtake it for ever
 };
 
 inline void print_head(double line_seconds, double seconds, std::uint64_t unaccounted, double host_cpu_seconds) {
@@ -50,13 +50,17 @@ inline void print_direction(const Direction& direction, std::uint64_t no_room, s
   const wirebond::sim::WireCounts& counts = direction.wire;
   std::printf("\"line_use\": %.6f, \"offered\": %" PRIu64 ", \"accepted\": %" PRIu64
               ", \"refused_queue_full\": %" PRIu64 ", \"refused_otherwise\": %" PRIu64 ", \"sent\": %" PRIu64
-              ", \"queued\": %" PRIu64 ", \"expired\": %" PRIu64 ", \"delivered\": %" PRIu64
-              ", \"lost_to_faults\": %" PRIu64 ", \"lost_intact\": %" PRIu64 ", \"false_frames\": %" PRIu64 ", ",
+              ", \"queued\": %" PRIu64 ", \"expired\": %" PRIu64 ", \"replaced\": %" PRIu64 ", \"delivered\": %" PRIu64
+              ", \"lost_to_faults\": %" PRIu64 ", \"lost_to_false\": %" PRIu64 ", \"lost_intact\": %" PRIu64
+              ", \"false_frames\": %" PRIu64 ", ",
               direction.line_use, fates.offered, fates.accepted, no_room, other, fates.left, ledger.waiting(),
-              fates.expired, fates.delivered, fates.lost_to_faults, fates.lost_intact, fates.false_frames);
+              fates.expired, fates.replaced, fates.delivered, fates.lost_to_faults, fates.lost_to_false,
+              fates.lost_intact, fates.false_frames);
   std::printf("\"bytes\": %" PRIu64 ", \"bit_errors\": %" PRIu64 ", \"burst_bytes\": %" PRIu64
-              ", \"dropped_bytes\": %" PRIu64 ", \"inserted_bytes\": %" PRIu64 ", \"splits\": %" PRIu64 ", ",
-              counts.put, counts.bit_errors, counts.burst_bytes, counts.dropped, counts.inserted, counts.splits);
+              ", \"dropped_bytes\": %" PRIu64 ", \"inserted_bytes\": %" PRIu64 ", \"splits\": %" PRIu64
+              ", \"unplugged_bytes\": %" PRIu64 ", ",
+              counts.put, counts.bit_errors, counts.burst_bytes, counts.dropped, counts.inserted, counts.splits,
+              counts.unplugged);
   if (direction.wait_bound == wirebond::sim::never) {
     std::printf("\"longest_wait_us\": null, \"wait_bound_us\": null, ");
   } else {

@@ -17,10 +17,13 @@
 #include <thread>
 
 #include "accounts.hpp"
+#include "buffers.hpp"
 #include "host_core.hpp"
 #include "ledger.hpp"
 #include "mix.hpp"
 #include "output.hpp"
+#include "received_place.hpp"
+#include "run_reader.hpp"
 #include "wirebond/posix/port.hpp"
 #include "wirebond/posix/serial.hpp"
 #include "wirebond/sim/options.hpp"
@@ -51,6 +54,7 @@ struct Line {
 
   Time line_time(std::uint64_t) const { return 0; }  // nobody knows when a byte leaves a pty
   bool was_touched(std::uint64_t begin, std::uint64_t end) { return wire.was_touched(from, begin, end); }
+  std::uint64_t origin_of(std::uint64_t handed_over) { return wire.origin_of(from, handed_over); }
 };
 
 /// What the threads share. Whoever sends, or takes what came, holds `mutex`.
@@ -58,8 +62,8 @@ struct Common {
   explicit Common(PtyWire& wire) : to_mcu_line{wire, PtyWire::a}, to_host_line{wire, PtyWire::b} {}
 
   std::mutex mutex;
-  Ledger to_mcu;
-  Ledger to_host;
+  Ledger to_mcu{mix::protocol::AtHost::max_sent_bytes};
+  Ledger to_host{mix::protocol::AtMcu::max_sent_bytes};
   Line to_mcu_line;
   Line to_host_line;
   std::atomic<bool> offers{true};
@@ -92,7 +96,12 @@ class Port : public wirebond::posix::Port {
   bool start_transmit(const std::uint8_t* bytes, std::size_t size) {
     {
       const std::lock_guard<std::mutex> lock(common_.mutex);
-      is_in_order_ = common_.to_host.leave(bytes_, size, monotonic_ns(), common_.to_host_line) && is_in_order_;
+      if constexpr (mix::reads_runs) {
+        is_in_order_ =
+            reader_.read(bytes, size, bytes_, monotonic_ns(), common_.to_host, common_.to_host_line) && is_in_order_;
+      } else {
+        is_in_order_ = common_.to_host.leave(bytes_, size, monotonic_ns(), common_.to_host_line) && is_in_order_;
+      }
       bytes_ += size;
       runs_ += 1;
     }
@@ -104,6 +113,7 @@ class Port : public wirebond::posix::Port {
 
  private:
   Common& common_;
+  soak::RunReader reader_;
   std::uint64_t bytes_ = 0;
   std::uint64_t runs_ = 0;
   bool is_in_order_ = true;
@@ -112,8 +122,9 @@ class Port : public wirebond::posix::Port {
 /// The generated link. Its receive ring holds what comes while this machine gives its threads no turn.
 class Mcu {
  public:
-  Mcu(int fd, Common& common)
-      : common_(common), port_(fd, common), handler_(common), link_(handler_, port_, buffers_) {}
+  Mcu(int fd, Common& common) : common_(common), port_(fd, common), handler_(common), link_(handler_, port_, buffers_) {
+    handler_.place.look = [this] { return soak::place_of(link_); };
+  }
 
   bool start() { return port_.start(link_); }
   void stop() { port_.stop(); }
@@ -148,6 +159,7 @@ class Mcu {
   struct Handler : mix::Actions {
     explicit Handler(Common& shared) : common(shared) {}
     Common& common;
+    soak::ReceivedPlace place;
 
     template <class Message>
     void on(const Message& message) {
@@ -155,12 +167,12 @@ class Mcu {
       const std::size_t size = payload_bytes(message);
       const bool is_written = write_payload(message, payload);
       const std::lock_guard<std::mutex> lock(common.mutex);
-      common.to_mcu.deliver(mix::host_message(Message::Info::index), payload, is_written ? size : 0, monotonic_ns(),
-                            mix::from_host, common.to_mcu_line);
+      common.to_mcu.deliver(mix::host_message(Message::Info::index), payload, is_written ? size : 0, place(),
+                            monotonic_ns(), mix::from_host, common.to_mcu_line);
     }
     void unknown(const wirebond::Frame&) {
       const std::lock_guard<std::mutex> lock(common.mutex);
-      common.to_mcu.fates.false_frames += 1;
+      common.to_mcu.deliver_false();
     }
   };
 
@@ -169,6 +181,7 @@ class Mcu {
     const std::lock_guard<std::mutex> lock(common_.mutex);
     common_.to_host.fates.offered += 1;
     if (mix::send(link_, message, sample) == wirebond::Status::ok) {
+      if (mix::is_latest[message]) common_.to_host.replace(message);
       common_.to_host.accept(monotonic_ns(), message, sample, mix::from_mcu(message, sample).size);
     }
     sample = static_cast<std::uint16_t>((sample + 1) % mix::samples);
@@ -186,7 +199,7 @@ class Mcu {
   Common& common_;
   Port port_;
   Handler handler_;
-  mix::protocol::McuBuffers<65536, 1024> buffers_{};
+  mix::protocol::McuBuffers<65536, soak::buffer_for(mix::protocol::AtMcu::max_sent_bytes)> buffers_{};
   mix::protocol::McuLink<Handler, Port, decltype(buffers_)> link_;
   std::array<std::uint16_t, mix::mcu_messages> next_sample_{};
   std::uint32_t now_us_ = 0;
@@ -209,7 +222,9 @@ class Host {
     for (std::size_t i = 0; i < topics.size(); ++i) topics[i] = monotonic_ns() + period * i / topics.size();
     while (!common_.ends.load(std::memory_order_relaxed)) {
       const bool offers = common_.offers.load(std::memory_order_relaxed);
-      wait(offers ? *std::min_element(topics.begin(), topics.end()) : monotonic_ns() + 10'000'000);
+      Time until = monotonic_ns() + 10'000'000;
+      for (const Time at : topics) until = offers ? std::min(until, at) : until;
+      wait(until);
       read();
       const Time now = monotonic_ns();
       for (std::size_t i = 0; offers && i < topics.size(); ++i) {
@@ -243,11 +258,11 @@ class Host {
   void read() {
     const auto take = [&](const wirebond::Frame& frame, wirebond::MayAct, bool) {
       if (frame.message < 0) {
-        common_.to_host.fates.false_frames += 1;
+        common_.to_host.deliver_false();
         return;
       }
-      common_.to_host.deliver(mix::mcu_message(frame.message), frame.payload, frame.payload_size, monotonic_ns(),
-                              mix::from_mcu, common_.to_host_line);
+      common_.to_host.deliver(mix::mcu_message(frame.message), frame.payload, frame.payload_size,
+                              frame.offset + frame.wire_size, monotonic_ns(), mix::from_mcu, common_.to_host_line);
     };
     const std::uint64_t before_us = now_us();
     const ssize_t size = ::read(fd_, bytes_.data(), bytes_.size());
@@ -266,7 +281,7 @@ class Host {
     const std::lock_guard<std::mutex> lock(common_.mutex);
     common_.to_mcu.fates.offered += 1;
     const wirebond::SendResult result =
-        link_.outbox().send(mix::host_index(message), sent.frame, sent.size, -1, false, now_us());
+        link_.outbox().send(mix::host_index(message), sent.frame, sent.size, -1, mix::host_numbers, now_us());
     expire();
     if (result == wirebond::SendResult::accepted) common_.to_mcu.accept(monotonic_ns(), message, sample, sent.size);
     sample = static_cast<std::uint16_t>((sample + 1) % mix::samples);
@@ -284,7 +299,9 @@ class Host {
       if (size != 0 && left_of_frame_ == 0) {
         expire();
         is_in_order_ =
-            common_.to_mcu.leave(bytes_written_, out.size, monotonic_ns(), common_.to_mcu_line) && is_in_order_;
+            (mix::host_numbers ? common_.to_mcu.leave_next(bytes_written_, out.size, monotonic_ns())
+                               : common_.to_mcu.leave(bytes_written_, out.size, monotonic_ns(), common_.to_mcu_line)) &&
+            is_in_order_;
         bytes_written_ += out.size;
         left_of_frame_ = out.size;
       }
@@ -352,6 +369,7 @@ void wait_for_end(const Options& options, Common& common, PtyWire& wire, double 
 
 int soak_in_real_time(const Options& options) {
   PtyWire wire(options.to_mcu, options.to_host);
+  wire.follow();
   wire.wait_for_readers();  // else this machine's lateness would be the line's
   wirebond::posix::SerialError error;
   if (!wire.open()) return std::fprintf(stderr, "the system has no pty left\n"), 3;

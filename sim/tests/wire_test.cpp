@@ -172,6 +172,36 @@ TEST_CASE("a pulled cable loses what is on the line and what is put until it is 
   CHECK_FALSE(wire.was_touched(5, 6));
 }
 
+TEST_CASE("an adapter that is pulled out keeps nothing, and what it had was touched") {
+  WireSettings settings;
+  settings.baud = 1'000'000;
+  settings.batch = 1'000'000;
+  Wire wire(settings);
+  put(wire, {1, 2, 3}, 0);  // taken off the line at 10, 20 and 30 us, and not handed over yet
+  wire.unplug_adapter(25'000);
+  CHECK(wire.next_handover() == never);
+  wire.plug();
+  put(wire, {4, 5}, 2'000'000);
+  CHECK(read(wire, never - 1) == Bytes{4, 5});
+  CHECK(wire.counts().unplugged == 3);
+  CHECK(wire.counts().closes());
+  CHECK(wire.was_touched(0, 1));
+  CHECK(wire.was_touched(1, 3));
+  CHECK_FALSE(wire.was_touched(3, 5));
+}
+
+TEST_CASE("each byte that came is known by its number at the sender") {
+  Wire wire{WireSettings{}};
+  wire.follow();
+  wire.script({2, Kind::drop, 0});
+  wire.script({4, Kind::insert, 0x55});
+  wire.script({5, Kind::flip, 1});
+  put(wire, {10, 11, 12, 13, 14, 15, 16}, 0);
+  REQUIRE(read(wire, never - 1) == Bytes{10, 11, 13, 0x55, 14, 14, 16});
+  const std::uint64_t origins[] = {0, 1, 3, 3, 4, 5, 6};  // the inserted one counts to the byte before it
+  for (std::uint64_t i = 0; i < 7; ++i) CHECK(wire.origin_of(i) == origins[i]);
+}
+
 TEST_CASE("gaps have the mean of their chance, from seldom to always") {
   for (const std::uint64_t chance : {std::uint64_t{10'000'000}, std::uint64_t{1'000'000'000},
                                      std::uint64_t{100'000'000'000}, std::uint64_t{500'000'000'000}}) {

@@ -12,24 +12,13 @@ import wirebond
 from tests.shared import PROTOCOLS, codec
 from wirebond.cli.main import main
 from wirebond.errors import UsageError
-from wirebond.soak import Progress, Settings, mix_of, run
+from wirebond.soak import Progress, Settings, run
 from wirebond.soak.plots import NOT_INSTALLED
 from wirebond.soak.report import DIRECTIONS, is_good, markdown
+from wirebond.soak.unplug import At
 
 SECONDS = 1 / 60  # in minutes
 TIMES = ("seconds", "speedup", "host_cpu_seconds", "host_cpu_percent")
-
-
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture(autouse=True)
-def _compiled_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And quickly: it runs three times as long, which is no time."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
-    monkeypatch.setenv("CXXFLAGS", "-O0 -DWIREBOND_INLINE=inline -DWIREBOND_INLINE_LAMBDA=")
 
 
 def soaked(**settings: Any) -> dict[str, Any]:
@@ -81,6 +70,23 @@ def test_an_adapter_that_is_late_at_random_loses_nothing() -> None:
         assert result["unaccounted"] == 0
         assert result["to_host"]["lost_intact"] == result["to_host"]["lost_to_faults"] == 0
     assert late["to_host"]["latency_us"] != even["to_host"]["latency_us"]
+
+
+def test_a_port_that_goes_away_costs_what_waited_and_what_it_held() -> None:
+    times = (At(0.5, 0.3), At(1.2, 1.5))  # the MCU begins reception again after a second
+    result = run(codec("enterprize"), Settings(minutes=4 * SECONDS, unplugs=times))
+    assert (result["unaccounted"], result["unplugs"]) == (0, 2)
+    to_mcu, to_host = (result[name] for name, _ in DIRECTIONS)
+    assert to_mcu["expired"] > 100  # the queue, twice
+    assert to_mcu["refused_otherwise"] / to_mcu["offered"] == pytest.approx(1.8 / 4, abs=0.01)
+    assert to_mcu["line_use"] == pytest.approx(2.2 / 4, abs=0.01)
+    assert 0 < to_mcu["unplugged_bytes"] < 2 * 0.006 * 181_819  # what the driver held
+    assert to_host["unplugged_bytes"] / to_host["bytes"] == pytest.approx(1.8 / 4, abs=0.01)
+    assert 0 < to_mcu["lost_to_faults"] < 2 * 60
+    assert is_good(result)
+    assert "It was pulled out 2 times." in markdown(result)
+    again = run(codec("enterprize"), Settings(minutes=4 * SECONDS, unplugs=times))
+    assert again["to_mcu"] == to_mcu
 
 
 def test_same_seed_gives_the_same_soak() -> None:
@@ -155,9 +161,7 @@ def test_in_real_time_over_a_paced_pair_of_ptys_no_frame_is_lost_that_no_fault_t
     assert "In real time, over a pair of ptys" in markdown(result)
 
 
-def test_protocols_that_cannot_be_accounted_for_are_refused_with_the_reason() -> None:
-    with pytest.raises(UsageError, match="cannot account for every frame of this protocol: "):
-        mix_of(codec("native"))
+def test_the_load_of_the_seed_is_for_its_experiment_alone() -> None:
     with pytest.raises(UsageError, match="the load `seed` is the experiment of enterprize"):
         run(codec("diffdrive"), Settings(load=None))
 

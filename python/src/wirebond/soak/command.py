@@ -59,6 +59,8 @@ def _verify(settings: Settings) -> None:
         raise UsageError("--jitter is that of the simulated adapter of --virtual; in real time there is none")
     if settings.jitter > BATCH:
         raise UsageError(f"--jitter {settings.jitter * 1e3:g}: expected at most {BATCH * 1e3:g} ms, the adapter's turn")
+    if settings.unplugs and not settings.virtual:
+        raise UsageError("--unplug pulls the simulated adapter of --virtual; in real time there is none")
     settings.verify()
     if settings.baud is not None:
         verify_baud(settings.baud)

@@ -12,13 +12,15 @@ DIRECTIONS = (("to_mcu", "host to MCU"), ("to_host", "MCU to host"))
 _FATES = (
     ("offered", "offered"),
     ("refused_queue_full", "refused: the queue was full"),
-    ("refused_otherwise", "refused for another reason"),
+    ("refused_otherwise", "refused for another reason: the port was away"),
     ("accepted", "accepted"),
-    ("expired", "expired before their turn"),
+    ("expired", "expired: too old, or the port went away"),
+    ("replaced", "replaced by a newer one (`queue: latest`)"),
     ("queued", "still queued"),
     ("sent", "sent"),
     ("delivered", "delivered"),
     ("lost_to_faults", "lost: a fault touched them"),
+    ("lost_to_false", "lost: a false frame may lie over them"),
     ("lost_intact", "lost: no fault touched them"),
     ("false_frames", "delivered, and not sent like this"),
     ("refused_by_rules", "came, and a rule of the file kept them from the handler"),
@@ -41,6 +43,8 @@ def verdicts(result: dict[str, Any]) -> list[str]:
     ]
     for name, title in DIRECTIONS:
         found = result[name]
+        if not found["messages"]:
+            continue
         lost = f"{_count(found['lost_intact'], 'frame', 'frames')} lost that no fault touched"
         wait = ""
         if found["wait_bound_us"] is not None:
@@ -59,8 +63,8 @@ def markdown(result: dict[str, Any], plots: Sequence[str] = (), note: str = "") 
         "\n".join(f"- {line}" for line in verdicts(result)),
         "## Frames",
         _table(["", *(title for _, title in DIRECTIONS)], [[text, *_row(result, key)] for key, text in _FATES]),
-        "offered = refused + accepted; accepted = sent + queued + expired; sent = delivered + lost. All of this was "
-        "counted outside of the links and compared with their own accounts.",
+        "offered = refused + accepted; accepted = sent + queued + expired + replaced; sent = delivered + lost. All of "
+        f"this was counted outside of the links and compared with their own accounts. {_numbers(result)}",
         "## Line",
         _table(
             ["", *(title for _, title in DIRECTIONS)],
@@ -73,6 +77,7 @@ def markdown(result: dict[str, Any], plots: Sequence[str] = (), note: str = "") 
                 ["bytes dropped", *_row(result, "dropped_bytes")],
                 ["bytes inserted", *_row(result, "inserted_bytes")],
                 ["pauses", *_row(result, "splits")],
+                ["bytes lost with the adapter", *_row(result, "unplugged_bytes")],
                 ["bytes lapped in the ring", *_row(result, "lapped_bytes")],
                 *_causes(result),
             ],
@@ -87,7 +92,7 @@ def markdown(result: dict[str, Any], plots: Sequence[str] = (), note: str = "") 
                     for key in ("p50", "p90", "p99", "p99.9", "max")
                 ),
                 *(
-                    [text, *(_time(result[n][key]) for n, _ in DIRECTIONS)]
+                    [text, *("none" if result[n][key] is None else _time(result[n][key]) for n, _ in DIRECTIONS)]
                     for text, key in (
                         ("longest from accepted to gone", "longest_wait_us"),
                         ("allowed", "wait_bound_us"),
@@ -113,9 +118,19 @@ def markdown(result: dict[str, Any], plots: Sequence[str] = (), note: str = "") 
 def _line(result: dict[str, Any]) -> str:
     if not result["virtual"]:
         return "In real time, over a pair of ptys with a paced wire between them."
+    unplugged = f" It was pulled out {_count(result['unplugs'], 'time', 'times')}." if result["unplugs"] else ""
     return (
         f"Each run of the MCU's DMA costs a gap of {result['restart_gap_us']:g} us; the host's adapter hands over "
-        f"every {result['batch_us'] / 1000:g} ms."
+        f"every {result['batch_us'] / 1000:g} ms.{unplugged}"
+    )
+
+
+def _numbers(result: dict[str, Any]) -> str:
+    numbered, all_of_them = (sum(result[name][key] for name, _ in DIRECTIONS)
+                             for key in ("numbered_messages", "messages"))  # fmt: skip
+    return (
+        f"Each frame is known by its place on the line; {numbered} of {_count(all_of_them, 'message', 'messages')} "
+        "have room for a running number beside."
     )
 
 

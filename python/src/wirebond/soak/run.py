@@ -17,8 +17,11 @@ from wirebond.gen import generate_cpp
 from wirebond.protocol.model import End
 from wirebond.sim.build import cache, compile_once
 from wirebond.sim.faults import LineFaults
+from wirebond.soak.header import header
 from wirebond.soak.mcu_cost import mcu_cpu_percent
-from wirebond.soak.mix import SEED_PERIOD, Mix, header, mix_of
+from wirebond.soak.mix import SEED_PERIOD, Mix, mix_of, without_services
+from wirebond.soak.samples import are_numbered
+from wirebond.soak.unplug import Unplug, plug_times
 from wirebond.whole_file import write_whole
 
 RESTART_GAP = 3e-6  # seconds between two runs of the MCU's DMA
@@ -34,6 +37,7 @@ class Settings(LineFaults):
     baud: int | None = None  # None: the file's
     virtual: bool = True
     jitter: float = 0.0  # seconds that the adapter hands over later than its turn, at most and at random
+    unplugs: tuple[Unplug, ...] = ()  # how often and when the host's port goes away
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,8 @@ def periods(codec: Codec, mix: Mix, settings: Settings) -> dict[End, float]:
         return {End.HOST: SEED_PERIOD, End.MCU: SEED_PERIOD}
     link = codec.model.link
     line = (settings.baud or link.baud) / link.bits_per_byte  # bytes per second
-    return {end: mix.bytes_per_round(codec, end) / (settings.load * line) for end in (End.HOST, End.MCU)}
+    rounds = {end: mix.bytes_per_round(codec, end) / (settings.load * line) for end in (End.HOST, End.MCU)}
+    return {end: seconds or SEED_PERIOD for end, seconds in rounds.items()}  # where nothing is offered any will do
 
 
 def arguments(codec: Codec, mix: Mix, settings: Settings) -> list[str]:
@@ -79,7 +84,8 @@ def arguments(codec: Codec, mix: Mix, settings: Settings) -> list[str]:
     if settings.virtual:
         values |= {"restart_gap_ns": RESTART_GAP * 1e9, "batch_ns": BATCH * 1e9}
         values["jitter_ns"] = settings.jitter * 1e9
-    return [*(f"{name}={round(value)}" for name, value in values.items()), *settings.fault_arguments()]
+    plugs = [f"plug_ns={round(t * 1e9)}" for t in plug_times(settings.unplugs, settings.minutes * 60, settings.seed)]
+    return [*(f"{name}={round(value)}" for name, value in values.items()), *settings.fault_arguments(), *plugs]
 
 
 def run(
@@ -93,6 +99,7 @@ def run(
     :raises WirebondError: the program does not compile, or fails.
     """
     mix = mix_of(codec)
+    codec = without_services(codec)
     if settings.load is None and not mix.is_seed:
         raise UsageError(f"{codec.name}: the load `seed` is the experiment of enterprize; give a number, such as 1.2")
     program = build(codec, mix, settings.virtual)
@@ -130,6 +137,9 @@ def _completed(codec: Codec, mix: Mix, settings: Settings, result: dict[str, Any
         found["discarded_bytes"] = {cause: count for cause, count in counts.items() if count}
         found["offered_load"] = mix.bytes_per_round(codec, end) / every[end] / line
         found["line_use"] = round(found["line_use"], 6)
+        names = {turn.message for turn in mix.turns(end)}
+        found["messages"] = len(names)
+        found["numbered_messages"] = sum(are_numbered(codec, one, end) for one in names)
     seconds = result["virtual_seconds"] or 1.0
     result["host_cpu_percent"] = 100 * result["host_cpu_seconds"] / seconds
     told = {
@@ -139,6 +149,7 @@ def _completed(codec: Codec, mix: Mix, settings: Settings, result: dict[str, Any
         "ber": settings.ber,
         "seed": settings.seed,
         "virtual": settings.virtual,
+        "unplugs": len(plug_times(settings.unplugs, settings.minutes * 60, settings.seed)) // 2,
         "restart_gap_us": RESTART_GAP * 1e6 if settings.virtual else 0.0,
         "batch_us": BATCH * 1e6 if settings.virtual else 0.0,
     } | result

@@ -92,6 +92,15 @@ class PtyWire {
     const std::lock_guard<std::mutex> lock(mutex_);
     return wires_[from].was_touched(begin, end);
   }
+  /// See Wire::follow; before it runs.
+  void follow() {
+    for (Wire& wire : wires_) wire.follow();
+  }
+  /// See Wire::origin_of.
+  std::uint64_t origin_of(End from, std::uint64_t handed_over) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return wires_[from].origin_of(handed_over);
+  }
   /// Bytes that came out, of both directions.
   std::uint64_t handed_over() {
     const std::lock_guard<std::mutex> lock(mutex_);

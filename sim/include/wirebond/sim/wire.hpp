@@ -129,6 +129,18 @@ class Wire {
     }
   }
   void plug() { is_plugged_ = true; }
+  /// The adapter is pulled out of its computer, and the cable with it: nothing that travels comes out.
+  void unplug_adapter(Time now) {
+    unplug(now);
+    for (const Segment& segment : segments_) {
+      touch(segment.sent, segment.sent + (segment.at_once ? 1 : segment.count));
+    }
+    counts_.unplugged += counts_.travelling;
+    counts_.travelling = 0;
+    bytes_.clear();
+    head_ = 0;
+    segments_.clear();
+  }
   bool is_plugged() const { return is_plugged_; }
 
   // ---- the receiver's end
@@ -150,6 +162,7 @@ class Wire {
     while (!segments_.empty() && size < most) {
       Segment& first = segments_.front();
       const std::uint64_t taken = std::min<std::uint64_t>(arrived_of(first, until), most - size);
+      if (follows_ && taken != 0) note_origin(counts_.handed_over + size, first);
       size += static_cast<std::size_t>(taken);
       if (taken != first.count) {
         first.slot += taken;
@@ -186,6 +199,18 @@ class Wire {
     return false;
   }
 
+  /// Note from now on which byte each one that is handed over was, for `origin_of`. Memory grows with faults.
+  void follow() { follows_ = true; }
+  /// Which of the bytes that were put the one with this number, of all that were handed over, was; of an inserted one,
+  /// the byte before it. Ask in order: what lies before is forgotten.
+  std::uint64_t origin_of(std::uint64_t handed_over) {
+    while (origins_.size() > 1 && origins_[1].handed_over <= handed_over) origins_.pop_front();
+    if (origins_.empty()) return handed_over;
+    const Origin& origin = origins_.front();
+    if (origin.at_once) return origin.sent == 0 ? 0 : origin.sent - 1;
+    return origin.sent + (handed_over - origin.handed_over);
+  }
+
  private:
   enum Source : std::uint8_t { bit, burst, drop, insert, split, sources };
 
@@ -202,6 +227,22 @@ class Wire {
     std::uint64_t to;
     bool is_between;  ///< before byte `from`, which is whole
   };
+
+  /// From byte `handed_over` on, bytes follow each other as they were put from `sent` on.
+  struct Origin {
+    std::uint64_t handed_over;
+    std::uint64_t sent;
+    bool at_once;
+  };
+
+  void note_origin(std::uint64_t handed_over, const Segment& from) {
+    if (!origins_.empty()) {
+      const Origin& last = origins_.back();
+      const bool goes_on = !last.at_once && !from.at_once;
+      if (goes_on && from.sent - last.sent == handed_over - last.handed_over) return;
+    }
+    origins_.push_back({handed_over, from.sent, from.at_once});
+  }
 
   static constexpr std::uint64_t most_slots = std::uint64_t{1} << 26;  ///< of one start: products stay below 2^63
   static constexpr std::size_t compact_at = 65'536;
@@ -374,6 +415,8 @@ class Wire {
   std::size_t head_ = 0;
   std::deque<Segment> segments_;
   std::deque<Touch> touched_;
+  std::deque<Origin> origins_;
+  bool follows_ = false;
   WireCounts counts_;
 };
 

@@ -146,15 +146,31 @@ def soak(
         float | None,
         typer.Option(parser=amount, metavar="MS", help="The adapter hands over up to this much later, at random."),
     ] = None,
+    unplug: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AT:FOR|N",
+            help="Pull the host's adapter at AT seconds for FOR seconds, or N times at random. Repeat it.",
+        ),
+    ] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report in Markdown, and its plot beside it.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Offer more than the line carries at both ends, and account for every frame. Exit 1 if one is missing."""
     from wirebond.soak.command import soak_protocol
     from wirebond.soak.run import Settings
+    from wirebond.soak.unplug import unplug as unplug_of
 
     raise_from_here()
-    given = {"minutes": minutes, "baud": baud, "ber": ber, "bursts": bursts, "drops": drops, "inserts": inserts}
+    given = {
+        "unplugs": tuple(unplug_of(text) for text in unplug or ()),
+        "minutes": minutes,
+        "baud": baud,
+        "ber": ber,
+        "bursts": bursts,
+        "drops": drops,
+        "inserts": inserts,
+    }
     if minutes is None and not virtual:
         given["minutes"] = 1.0
     given |= {"splits": splits, "seed": seed, "jitter": None if jitter is None else jitter / 1000}
