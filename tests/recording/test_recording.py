@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from pyarrow import parquet
 
 import wirebond
 from tests.recording.made import WALL_NS, drive, made
@@ -24,6 +25,31 @@ from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.protocol import loads
 from wirebond.recording.closing import close_recording
 from wirebond.recording.export import export
+
+KINDS = """
+wirebond: 1
+protocol: kinds
+link: {baud: 115200}
+frame:
+  - delimiter: 0x00
+  - cobs:
+    - id: u8
+    - payload: rest
+    - check: crc-16/ibm-sdlc
+  - delimiter: 0x00
+messages:
+  all:
+    id: 1
+    sender: mcu
+    fields:
+      size: {type: u8}
+      name: {type: text, size: size, max: 20}
+      data: {type: bytes, size: 3}
+      axes: {type: i16, count: 2, scale: 0.5}
+      mode: {type: u8, enum: {idle: 0, drive: 1}}
+      bits: {type: u8, flags: {a: 0, b: 1}}
+      list: {type: u8, count: to_end, max: 8}
+"""
 
 
 @pytest.fixture
@@ -204,16 +230,43 @@ def test_export_writes_a_file_for_each_message(
     assert "expected csv, parquet, mcap" in capsys.readouterr().err
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     assert main(["export", str(path), "--to", "parquet", "-o", str(out)]) == 1
-    assert "pip install pyarrow" in capsys.readouterr().err
+    assert "pip install 'wirebond[parquet]'" in capsys.readouterr().err
 
 
-def test_parquet_has_the_columns(tmp_path: Path, diffdrive: wirebond.Codec) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet")
+def test_parquet_has_the_columns(tmp_path: Path, diffdrive: wirebond.Codec, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wirebond.recording.export._ROWS", 7)
     path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 1.0))
     assert main(["export", str(path), "--to", "parquet", "-o", str(tmp_path)]) == 0
     table = parquet.read_table(tmp_path / "odometry.parquet")
     assert table.column_names == ["t", "left_ticks", "right_ticks"]
     assert table["left_ticks"].to_pylist() == list(range(20))
+    assert table["t"].to_pylist() == recordings.open(path).columns()["odometry"].t.tolist()
+
+
+def test_parquet_takes_every_kind_of_column(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Texts, bytes, lists that are empty at first, arrays, enums and flags."""
+    monkeypatch.setattr("wirebond.recording.export._ROWS", 2)
+    file = tmp_path / "kinds.yaml"
+    file.write_text(KINDS)
+    proto = wirebond.load(file)
+    lists: list[list[int]] = [[], [], [1], [1, 2], []]
+    values = [
+        {"name": "é" * i, "data": bytes([i, 0, 255]), "axes": [i, 2], "mode": "drive", "bits": ["a"], "list": each}
+        for i, each in enumerate(lists)
+    ]
+    chunks = [Chunk(0.1 * i, 0.1 * i, "received", proto.encode("all", each)) for i, each in enumerate(values)]
+    path = made(tmp_path / "run.mcap", proto, chunks)
+    for to in ("parquet", "csv"):
+        assert main(["export", str(path), "--to", to, "-o", str(tmp_path)]) == 0
+    table = parquet.read_table(tmp_path / "all.parquet").to_pydict()
+    assert table["name"] == [each["name"] for each in values]
+    assert table["data"] == [each["data"] for each in values]
+    assert table["axes[0]"] == [0, 1, 2, 3, 4]
+    assert table["mode"] == [1] * 5
+    assert table["bits"] == [1] * 5
+    assert [json.loads(each) for each in table["list"]] == lists
+    with (path.parent / "all.csv").open() as file:
+        assert [json.loads(row["list"]) for row in csv.DictReader(file)] == lists
 
 
 def test_a_cancelled_export_leaves_nothing(tmp_path: Path, diffdrive: wirebond.Codec) -> None:

@@ -144,17 +144,31 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow.parquet  # noqa: PLC0415
     except ImportError:
         raise WirebondError(
-            "Parquet needs the package pyarrow, which is not installed; install it with `pip install pyarrow`, or "
-            "choose `--to csv`"
+            "Parquet needs the package pyarrow, which is not installed; install it with "
+            "`pip install 'wirebond[parquet]'`, or choose `--to csv`"
         ) from None
     return pyarrow, pyarrow.parquet
 
 
 def _write_parquet(file: IO[bytes], table: Table) -> Iterator[int]:
     arrow, parquet = _pyarrow()
-    columns = {}
-    for name, column in flat_columns(table).items():
-        is_plain = isinstance(column, np.ndarray) or all(isinstance(value, str | bytes) for value in column)
-        columns[name] = arrow.array(column if is_plain else [_cell(value) for value in column])
-    parquet.write_table(arrow.table(columns), file)
-    yield len(table)
+    columns = flat_columns(table)
+    schema, writer = None, None
+    for begin in range(0, len(table), _ROWS):
+        end = min(begin + _ROWS, len(table))
+        arrays = {name: arrow.array(_arrow_values(column[begin:end])) for name, column in columns.items()}
+        rows = arrow.table(arrays, schema=schema)
+        if writer is None:
+            schema = rows.schema
+            writer = parquet.ParquetWriter(file, schema)
+        writer.write_table(rows)
+        yield end - begin
+    if writer is not None:
+        writer.close()
+
+
+def _arrow_values(column: Any) -> Any:
+    """Texts and bytes as they are; lists and structs as JSON, always, so that each part of a column has one type."""
+    if isinstance(column, np.ndarray):
+        return column
+    return [value if isinstance(value, str | bytes) else _cell(value) for value in column]
