@@ -19,7 +19,7 @@ export interface Source {
 
 const isPlain = (field: Field) => field.count === null && field.max_count === null && !field.is_count;
 const isValue = (field: Field) =>
-  field.kind === "number" && isPlain(field) && (!field.is_integer || field.unit !== null);
+  field.kind === "number" && isPlain(field) && (!field.is_integer || Boolean(field.unit));
 
 export function sourcesOf(protocol: Protocol): Source[] {
   const sources: Source[] = [];
@@ -51,8 +51,7 @@ export function sourcesOf(protocol: Protocol): Source[] {
     const values = message.fields.filter(isValue);
     const named = message.fields.filter((field) => field.kind === "enum" && isPlain(field));
     const selectors = message.fields.filter(
-      (field) =>
-        field.kind === "number" && field.is_integer && isPlain(field) && field.unit === null && field.default === null,
+      (field) => field.kind === "number" && field.is_integer && isPlain(field) && !field.unit && field.default === null,
     );
     if (values.length === 0) continue;
     const has = (other: Message | null) =>

@@ -108,6 +108,12 @@ class Live {
     this.clock.page = performance.now();
   }
 
+  /** Sparklines come less often than the rows that they belong to. */
+  private merged(rows: Row[]): Row[] {
+    const before = new Map(this.rows.map((row) => [`${row.sender}:${row.name}`, row]));
+    return rows.map((row) => ({ ...row, spark: row.spark ?? before.get(`${row.sender}:${row.name}`)?.spark ?? null }));
+  }
+
   private take(view: string, message: Record<string, unknown>): void {
     switch (view) {
       case "link":
@@ -119,7 +125,7 @@ class Live {
         }
         return;
       case "messages":
-        this.rows = message.rows as Row[];
+        this.rows = this.merged(message.rows as Row[]);
         this.rowsAt = message.t as number;
         return;
       case "frames":

@@ -16,9 +16,9 @@ class PlaceState {
     });
   }
 
-  /** Shows another view; what belonged to the last one alone goes. */
+  /** Shows another view, of the same recording; what belonged to the last one alone goes. */
   open(view: ViewName, more: Partial<Place> = {}): void {
-    this.now = { view, ...more };
+    this.now = { view, recording: this.now.recording, ...more };
     history.pushState(null, "", writePlace(this.now));
   }
 
