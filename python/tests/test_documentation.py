@@ -3,6 +3,7 @@
 How a block of a page is treated, by what stands behind its fence:
 
 - ``yaml``: a whole protocol file loads; a piece of one loads together with the rest that it needs.
+- ``yaml mapping``: a mapping file of ROS 2 for diffdrive loads; ``yaml mapping wrong`` is refused with that output.
 - ``yaml wrong``: as ``yaml``, but it is refused with the problems that the ``output`` block behind it shows.
 - ``python``: the blocks of a page are run in order, as one program. It can import the module generated from diffdrive.
 - ``console``: commands behind ``$`` that show their output are run, in order; others are advice.
@@ -34,7 +35,8 @@ import pytest
 
 import wirebond
 from wirebond.gen import generate_c, generate_cpp, generate_python
-from wirebond.protocol import ProtocolFileError, loads
+from wirebond.protocol import ProtocolFileError, load, loads
+from wirebond.ros2.mapping import read_mapping
 from wirebond.sim import pty_port
 from wirebond.sim.virtual_mcu import VirtualMcu
 
@@ -42,10 +44,13 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 LINKED = [*PAGES, ROOT / "CHANGELOG.md", ROOT / "firmware" / "README.md"]
 PORT = "/dev/ttyUSB0"
+DIFFDRIVE = load(ROOT / "protocols" / "diffdrive.yaml")
 # `c client`: compiled and run by tests/server.
 LANGUAGES = {
     "yaml",
     "yaml wrong",
+    "yaml mapping",
+    "yaml mapping wrong",
     "python",
     "console",
     "cpp",
@@ -195,6 +200,20 @@ def completed(block: Block) -> str:
 @pytest.mark.parametrize("block", blocks_of("yaml"), ids=by_place)
 def test_protocol_files_load(block: Block) -> None:
     loads(completed(block), block.place)
+
+
+@pytest.mark.parametrize("block", blocks_of("yaml mapping"), ids=by_place)
+def test_mapping_of_ros_loads(block: Block) -> None:
+    read_mapping(block.text, DIFFDRIVE)
+
+
+@pytest.mark.parametrize("block", blocks_of("yaml mapping wrong"), ids=by_place)
+def test_wrong_mapping_has_the_problems_that_the_page_shows(block: Block) -> None:
+    with pytest.raises(ProtocolFileError) as raised:
+        read_mapping(block.text, DIFFDRIVE)
+    problems = [f"{p.line}:{p.column}: {p.sentence}" for p in raised.value.problems]
+    assert block.output is not None, f"{block.place} has no output behind it"
+    compare(block.place, block.output, "\n".join(problems) + "\n")
 
 
 @pytest.mark.parametrize("block", blocks_of("yaml wrong"), ids=by_place)

@@ -1,5 +1,7 @@
 // The rover as a process: its firmware and a simulated body. On stdin it takes: estop on, estop off, charge on, charge
-// off. With --lockstep it runs under virtual time, as wirebond/posix/lockstep.hpp says.
+// off, pose (reports where the body is: x, y, heading). With --lockstep it runs under virtual time, as
+// wirebond/posix/lockstep.hpp says.
+#include <cstdio>
 #include <cstring>
 #include <string>
 
@@ -32,11 +34,16 @@ class SimulatedBoard {
   Reporter& reporter_;
 };
 
-bool obey(const std::string& line, rover::Plant& plant) {
+template <class Reporter>
+bool obey(const std::string& line, rover::Plant& plant, Reporter& reporter) {
   if (line == "estop on" || line == "estop off") {
     plant.estop_pressed = line == "estop on";
   } else if (line == "charge on" || line == "charge off") {
     plant.charging = line == "charge on";
+  } else if (line == "pose") {
+    char text[100];
+    std::snprintf(text, sizeof text, "pose %.6f %.6f %.6f", plant.x_m(), plant.y_m(), plant.heading_rad());
+    reporter.report(text);
   } else {
     return false;
   }
@@ -56,7 +63,7 @@ int run_in_lockstep() {
   for (;;) {
     rover.poll(uart.now_us());
     const bool goes_on =
-        uart.wait(uart.time_us() + 1000, rover.link(), [&](const std::string& line) { obey(line, plant); });
+        uart.wait(uart.time_us() + 1000, rover.link(), [&](const std::string& line) { obey(line, plant, uart); });
     if (!goes_on) return 0;
     step(plant);
   }
@@ -74,7 +81,7 @@ int main(int argument_count, char** arguments) {
   wirebond::posix::Port uart(process.uart());
   rover::Rover<SimulatedBoard<host::Process>, wirebond::posix::Port> rover(board, uart, buffers);
   return process.run(
-      uart, rover.link(), "estop on, estop off, charge on, charge off",
-      [&](const std::string& line) { return obey(line, plant); }, [&](std::uint32_t) { step(plant); },
+      uart, rover.link(), "estop on, estop off, charge on, charge off, pose",
+      [&](const std::string& line) { return obey(line, plant, process); }, [&](std::uint32_t) { step(plant); },
       [&](std::uint32_t now_us) { rover.poll(now_us); });
 }

@@ -63,6 +63,7 @@ class Plant {
 
   double x_m() const { return x_m_; }
   double y_m() const { return y_m_; }
+  double heading_rad() const { return heading_rad_; }
 
  private:
   static constexpr double capacity_c = 2.2 * 3600;  // 2.2 Ah

@@ -13,7 +13,8 @@ from wirebond.cli.main import main
 from wirebond.diff import Change, Verdict, compare
 from wirebond.protocol import End, load, loads, protocol_hash
 
-PROTOCOLS = sorted((Path(__file__).parents[3] / "protocols").rglob("*.yaml"))
+FOLDER = Path(__file__).parents[3] / "protocols"
+PROTOCOLS = sorted([*FOLDER.glob("*.yaml"), *(FOLDER / "contrib").glob("*.yaml")])
 FRAME = "[magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-16/modbus]"
 BASE = f"""
 wirebond: 1

@@ -6,17 +6,21 @@ import math
 import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from wirebond.attach.address import make_socket_folder, socket_of
+from wirebond.attach.address import SCHEME, make_socket_folder, socket_of
 from wirebond.cli.output import errors, plain
 from wirebond.cli.shown import stats_line
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.web import show, web_address
-from wirebond.codec import load
+from wirebond.codec import Codec, load
 from wirebond.errors import UsageError
 from wirebond.link import Link, open_link
 from wirebond.server import Server
 from wirebond.server.recordings import Recordings
+
+if TYPE_CHECKING:
+    from wirebond.ros2.mapping import BridgeMapping
 
 _LOOK = 0.2  # seconds between two looks at the port and at who is in control
 
@@ -33,10 +37,13 @@ def serve_port(
     recordings: Path | None,
     web: str | None,
     open_browser: bool,
+    ros2: bool,
+    mapping: Path | None,
     seconds: float | None,
 ) -> None:
     """Until the time is over, or Ctrl-C."""
     codec = load(path)
+    topics = _topics(codec, mapping) if ros2 or mapping is not None else None
     where = socket_of(name or codec.name)
     host = _host_and_port(tcp)
     page = None if web is None else web_address(web)
@@ -60,12 +67,24 @@ def serve_port(
             console = stack.enter_context(Console(*page, token=token))
             console.show(link, server)
             show(console, open_browser)
+        if topics is not None:
+            from wirebond.ros2.serving import bridge_to  # noqa: PLC0415 without --ros2 its packages are not loaded
+
+            stack.enter_context(bridge_to(f"{SCHEME}{where.absolute()}", topics))
+            source = f"by {topics.path}" if topics.path else "as JSON"
+            errors.print(f"ROS 2 node [bold]{topics.namespace.rstrip('/')}/{topics.node}[/], {plain(source)}")
         try:
             _watch(link, server, end)
         except KeyboardInterrupt:
             errors.print("ends: what is repeated ends with its safe value")
         errors.print(stats_line(link.stats.receive))
     _finish(server.recordings)
+
+
+def _topics(codec: Codec, path: Path | None) -> BridgeMapping:
+    from wirebond.ros2.serving import mapping_for  # noqa: PLC0415 without --ros2 its packages are not loaded
+
+    return mapping_for(codec, path)
 
 
 def _finish(recordings: Recordings) -> None:

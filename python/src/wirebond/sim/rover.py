@@ -30,7 +30,8 @@ def build(folder: Path | None = None) -> Path:
 
 
 class RoverProcess(FirmwareProcess):
-    """A running rover. Its lines: ``estop on``, ``estop off``, ``charge on`` and ``charge off``."""
+    """A running rover. Its lines: ``estop on``, ``estop off``, ``charge on``, ``charge off``, and ``pose``: then it
+    reports where its body is (x, y and heading, from the speeds of the wheels and not from ticks)."""
 
     def __init__(self, program: Path) -> None:
         super().__init__(program, "the rover")

@@ -100,13 +100,23 @@ def serve(
     ] = None,
     web: Web = None,
     browser: Browser = True,
+    ros2: Annotated[
+        bool, typer.Option("--ros2", help="Be a ROS 2 node: messages are topics. It needs no ROS on this computer.")
+    ] = False,
+    mapping: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH",
+            help="Which message is which topic; implies --ros2. Default: ros2/FILE beside FILE, if there.",
+        ),
+    ] = None,
     seconds: Seconds = None,
 ) -> None:
     """Own a port, and let many programs attach: each sees every message, and one at a time is in control."""
     from wirebond.cli.serve import serve_port
 
     raise_from_here()
-    serve_port(file, port, baud, name, tcp, token, hear, record, recordings, web, browser, seconds)
+    serve_port(file, port, baud, name, tcp, token, hear, record, recordings, web, browser, ros2, mapping, seconds)
 
 
 @commands.command()

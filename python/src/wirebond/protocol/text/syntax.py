@@ -16,10 +16,10 @@ _Model = TypeVar("_Model", bound=Syntax)
 _PART: TypeAdapter[Syntax] = TypeAdapter(Part, config=ConfigDict(defer_build=True))
 
 
-def validate_syntax(root: Node, problems: Problems) -> None:
+def validate_syntax(root: Node, problems: Problems, grammar: type[Syntax] = File) -> None:
     """Report everything in the tree that the grammar does not allow."""
     try:
-        File.model_validate(plain(root))
+        grammar.model_validate(plain(root))
     except ValidationError as error:
         for line in error.errors(include_url=False):
             loc = line["loc"]

@@ -1,0 +1,146 @@
+"""What ROS asks the MCU to do: looked at, clamped or refused by the protocol's ranges, counted, sent."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from wirebond.errors import WirebondError
+from wirebond.protocol.model import Field, FieldKind, OnRange
+
+if TYPE_CHECKING:
+    from wirebond.link import Link
+
+Log = Callable[[str, str], None]  # level and text
+_SAY_EVERY = 1.0  # seconds between two lines about the same thing
+
+
+class Throttle:
+    """A log that says each thing once a second, with how often it happened since. Any thread."""
+
+    def __init__(self, log: Log, clock: Callable[[], float] = time.monotonic) -> None:
+        self._log = log
+        self._clock = clock
+        self._said: dict[str, float] = {}
+        self._more: Counter[str] = Counter()
+        self._lock = threading.Lock()
+
+    def say(self, level: str, about: str, text: str) -> None:
+        """``about`` is what counts as the same thing."""
+        now = self._clock()
+        with self._lock:
+            if now - self._said.get(about, -math.inf) < _SAY_EVERY:
+                self._more[about] += 1
+                return
+            self._said[about] = now
+            more = self._more.pop(about, 0)
+        self._log(level, f"{text} ({more} more since the last line)" if more else text)
+
+
+class RefusedError(Exception):
+    """A value that is not sent; the text says why."""
+
+
+class Commands:
+    """The way to the link for everything that comes from ROS. Any thread.
+
+    :ivar why_stopped: why what moves the robot is refused at the moment; empty: it is sent.
+    """
+
+    def __init__(self, link: Link, log: Log) -> None:
+        self.why_stopped = ""
+        self.counts: Counter[str] = Counter(sent=0, clamped=0, refused=0)
+        self._link = link
+        self._throttle = Throttle(log)
+        model = link.codec.model
+        self._fields = {m.name: {f.name: f for f in m.fields} for m in model.messages}
+        self._safe = {stop.message: dict(stop.values) for stop in model.emergency_stop}
+        self._lock = threading.Lock()
+
+    def send(
+        self,
+        message: str,
+        values: Mapping[str, Any],
+        hold: float | None = None,
+        header: Mapping[str, Any] | None = None,
+    ) -> bool:
+        """Send a message, or repeat it for ``hold`` seconds. False: it was refused, counted, and logged."""
+        try:
+            if self.why_stopped and message in self._safe:
+                raise RefusedError(self.why_stopped)
+            fitting, clamped = self._fitting(message, values)
+            if hold is None:
+                self._link.send(message, fitting, header=header)
+            else:
+                self._link.repeat(message, fitting, hold=hold, header=header)
+        except (RefusedError, WirebondError, TypeError) as error:
+            self.refuse(message, str(error))
+            return False
+        with self._lock:
+            self.counts["sent"] += 1
+            self.counts["clamped"] += bool(clamped)
+        if clamped:
+            self._throttle.say("warning", f"clamp {message}", f"{message} was clamped: {', '.join(clamped)}")
+        return True
+
+    def refuse(self, what: str, why: str) -> None:
+        """Count something that is not sent, and say why."""
+        with self._lock:
+            self.counts["refused"] += 1
+        self._throttle.say("warning", f"refuse {what}", f"{what} was not sent: {why}")
+
+    def stop(self, why: str) -> None:
+        """Send the safe values of the protocol's emergency stop once, and refuse these messages until ``resume``."""
+        self.why_stopped = why
+        for message, values in self._safe.items():
+            try:
+                self._link.stop_repeating(message)
+                self._link.send(message, values)
+            except WirebondError as error:
+                self.refuse(message, str(error))
+
+    def resume(self) -> None:
+        """Send again what ``stop`` refuses."""
+        self.why_stopped = ""
+
+    def _fitting(self, message: str, values: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+        """The values within the file's ranges, and a phrase for each that was not.
+
+        :raises RefusedError: a value is not finite, or out of a range that is not to be clamped to.
+        """
+        fields, fitting, clamped = self._fields[message], dict(values), list[str]()
+        for name, value in values.items():
+            if name in fields:
+                fitting[name] = _within(fields[name], value, name, clamped)
+        return fitting, clamped
+
+
+def _within(field: Field, value: Any, name: str, clamped: list[str]) -> Any:
+    if isinstance(value, list | tuple):
+        return [_within(field, one, name, clamped) for one in value]
+    if isinstance(value, Mapping):
+        inner = {f.name: f for f in field.fields}
+        return {
+            key: _within(inner[key], one, f"{name}.{key}", clamped) if key in inner else one
+            for key, one in value.items()
+        }
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return value
+    if not math.isfinite(value):
+        raise RefusedError(f"{name} is {value}, not a finite number")
+    low = -math.inf if field.minimum is None else field.minimum
+    high = math.inf if field.maximum is None else field.maximum
+    if not low <= value <= high:
+        unit = f" {field.unit}" if field.unit else ""
+        if field.on_range == OnRange.REJECT:
+            raise RefusedError(f"{name} = {value:g}{unit} is outside {low:g} ... {high:g}{unit}")
+        bound = min(max(value, low), high)
+        clamped.append(f"{name} = {value:g}{unit} to {bound:g}")
+        return bound
+    if isinstance(value, float) and value.is_integer() and field.kind in (FieldKind.SIGNED, FieldKind.UNSIGNED):
+        return value if field.is_scaled else int(value)
+    return value

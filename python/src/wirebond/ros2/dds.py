@@ -1,0 +1,276 @@
+"""A ROS 2 node without ROS: topics over DDS, seen by every ROS 2 program as a node among others.
+
+Names, discovery and types are those of ROS 2 Jazzy. Parameters, services and remaps are not there; a mapping file says
+what they would. ``ddspy_write`` and ``ddspy_take`` are private functions of the package cyclonedds, which is pinned for
+that: they take ready bytes, and so cost half as much as its public ones.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from cyclonedds._clayer import ddspy_take, ddspy_write
+from cyclonedds.core import DDSException, InstanceState, Policy, ReadCondition, SampleState, ViewState, WaitSet
+from cyclonedds.core import Qos as DdsQos
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+from wirebond.errors import UsageError
+from wirebond.ros2.cdr import decode, encode
+from wirebond.ros2.idl import idl_type
+from wirebond.ros2.node import LATCHED, LEVELS, Parameter, Qos
+from wirebond.ros2.types import RosType, ros_type
+
+_ANY = SampleState.Any | ViewState.Any | InstanceState.Any
+_AT_ONCE = 256  # messages that one call takes
+_LOOK_EVERY = 1.0  # seconds between two looks for subscribers and publishers with another quality of service
+_WAKE = duration(milliseconds=100)  # how long the end of the node may have to wait
+_logger = logging.getLogger("wirebond.ros2")
+
+# On this computer alone: the loopback interface has no multicast, so others are asked at its address.
+LOOPBACK = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
+<AllowMulticast>false</AllowMulticast></General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>
+<Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
+
+
+def domain_of_environment() -> int:
+    """The number in ROS_DOMAIN_ID, or 0.
+
+    :raises UsageError: it is no number of a domain.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
+    if not text.isdecimal() or int(text) > 232:
+        raise UsageError(f"ROS_DOMAIN_ID is {text!r:.40}; expected a number from 0 to 232")
+    return int(text)
+
+
+def is_local_only() -> bool:
+    """Does the environment say that ROS stays on this computer?"""
+    return os.environ.get("ROS_LOCALHOST_ONLY") == "1" or os.environ.get(
+        "ROS_AUTOMATIC_DISCOVERY_RANGE", ""
+    ).upper() in ("LOCALHOST", "OFF")
+
+
+@cache
+def _configure(number: int) -> Domain | None:
+    """A domain is configured once in a process, before its first participant."""
+    return Domain(number, LOOPBACK) if is_local_only() and "CYCLONEDDS_URI" not in os.environ else None
+
+
+@dataclass
+class _Reader:
+    entity: DataReader[Any]
+    type: RosType
+    topic: str
+    take: Callable[[dict[str, Any]], None]
+
+
+class DdsPublisher:
+    """See ``node.Publisher``."""
+
+    def __init__(self, writer: DataWriter[Any], type_: RosType, topic: str) -> None:
+        self.entity = writer
+        self.topic = topic
+        self._type = type_
+
+    def publish(self, values: Mapping[str, Any]) -> None:
+        """Send one message. Any thread.
+
+        :raises ValueError, TypeError, struct.error: a value is not of its field's type.
+        """
+        self.publish_bytes(encode(self._type, values))
+
+    def publish_bytes(self, data: bytes) -> None:
+        """Send a message that is encoded already."""
+        answer = ddspy_write(self.entity._ref, data + bytes(-len(data) % 4))
+        if answer < 0:
+            _logger.warning("%s was not published: DDS says %s", self.topic, DDSException(answer, "").msg)
+
+
+class DdsNode:
+    """See ``node.Node``. The domain is that of ROS_DOMAIN_ID."""
+
+    def __init__(self, name: str, namespace: str = "/") -> None:
+        self.name = name
+        self.namespace = namespace
+        number = domain_of_environment()
+        _configure(number)
+        self._participant = DomainParticipant(number, qos=DdsQos(Policy.Userdata(b"enclave=/;")))
+        self._topics: dict[str, Topic[Any]] = {}
+        self._readers: list[_Reader] = []
+        self._publishers: list[DdsPublisher] = []
+        self._told: dict[int, int] = {}  # mismatches by endpoint that were told
+        self.undecodable = 0  # received messages that were no message of their type
+        self._discovery = DdsPublisher(
+            DataWriter(
+                self._participant,
+                self._topic("ros_discovery_info", _known("rmw_dds_common/ParticipantEntitiesInfo"), prefix=""),
+                _dds_qos(LATCHED),
+            ),
+            _known("rmw_dds_common/ParticipantEntitiesInfo"),
+            "ros_discovery_info",
+        )
+        self._log = self.publisher("/rosout", _known("rcl_interfaces/Log"), Qos(latched=True, depth=1000))
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="ROS 2 topics", daemon=True)
+
+    def publisher(self, topic: str, type_: RosType, qos: Qos) -> DdsPublisher:
+        """See ``node.Node``."""
+        writer = DataWriter(self._participant, self._topic(topic, type_), _dds_qos(qos, type_))
+        self._publishers.append(made := DdsPublisher(writer, type_, topic))
+        return made
+
+    def subscribe(self, topic: str, type_: RosType, qos: Qos, take: Callable[[dict[str, Any]], None]) -> None:
+        """See ``node.Node``. Before ``start``."""
+        reader = DataReader(self._participant, self._topic(topic, type_), _dds_qos(qos, type_))
+        self._readers.append(_Reader(reader, type_, topic, take))
+
+    def declare(self, parameter: Parameter) -> None:
+        """There are no parameter services without ROS: the value of the mapping file holds."""
+
+    def log(self, level: str, text: str) -> None:
+        """See ``node.Node``: on /rosout, and by Python's logging."""
+        now = time.time_ns()
+        number = LEVELS[level]
+        _logger.log(number, "%s", text)
+        self._log.publish(
+            {
+                "stamp": {"sec": now // 1_000_000_000, "nanosec": now % 1_000_000_000},
+                "level": number,
+                "name": ".".join([*self.namespace.strip("/").split("/"), self.name]).lstrip("."),
+                "msg": text,
+            }
+        )
+
+    def now_ns(self) -> int:
+        """See ``node.Node``: the clock of the system."""
+        return time.time_ns()
+
+    def start(self) -> None:
+        """See ``node.Node``."""
+        self._announce()
+        self._thread.start()
+
+    def close(self) -> None:
+        """See ``node.Node``."""
+        self._closed.set()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join(5.0)
+
+    # ---- within
+
+    def _topic(self, name: str, type_: RosType, prefix: str = "rt") -> Topic[Any]:
+        if name not in self._topics:
+            self._topics[name] = Topic(self._participant, f"{prefix}{name}", idl_type(type_))
+        return self._topics[name]
+
+    def _announce(self) -> None:
+        """Say which node has which endpoints."""
+        self._discovery.publish(
+            {
+                "gid": _gid(self._participant),
+                "node_entities_info_seq": [
+                    {
+                        "node_namespace": self.namespace,
+                        "node_name": self.name,
+                        "reader_gid_seq": [_gid(reader.entity) for reader in self._readers],
+                        "writer_gid_seq": [_gid(publisher.entity) for publisher in self._publishers],
+                    }
+                ],
+            }
+        )
+
+    def _run(self) -> None:
+        waits = WaitSet(self._participant)
+        conditions = [ReadCondition(reader.entity, _ANY) for reader in self._readers]
+        for condition in conditions:
+            waits.attach(condition)
+        next_look = 0.0
+        while not self._closed.is_set():
+            waits.wait(_WAKE)
+            for reader in self._readers:
+                self._take(reader)
+            if (now := time.monotonic()) >= next_look:
+                next_look = now + _LOOK_EVERY
+                self._tell_mismatches()
+
+    def _take(self, reader: _Reader) -> None:
+        while not self._closed.is_set():
+            taken = ddspy_take(reader.entity._ref, _ANY, _AT_ONCE)
+            if isinstance(taken, int):
+                return
+            for data, info in taken:
+                if not info.valid_data:
+                    continue
+                try:
+                    values = decode(reader.type, data)
+                except ValueError:
+                    self.undecodable += 1
+                    continue
+                reader.take(values)
+            if len(taken) < _AT_ONCE:
+                return
+
+    def _tell_mismatches(self) -> None:
+        """A publisher and a subscriber with other qualities of service do not find each other, and ROS is silent."""
+        for publisher in self._publishers:
+            entity: Any = publisher.entity
+            status = entity.get_offered_incompatible_qos_status()
+            self._tell(entity, status, f"a subscriber of {publisher.topic} asks for more than is offered")
+        for reader in self._readers:
+            entity = reader.entity
+            status = entity.get_requested_incompatible_qos_status()
+            self._tell(entity, status, f"a publisher of {reader.topic} offers less than is asked for")
+
+    def _tell(self, entity: Any, status: Any, sentence: str) -> None:
+        if status is None or status.total_count <= self._told.get(entity._ref, 0):
+            return
+        self._told[entity._ref] = status.total_count
+        policy = _POLICIES.get(status.last_policy_id, f"policy {status.last_policy_id}")
+        self.log("warning", f"{sentence} ({policy}): they exchange nothing; give both the same `qos`")
+
+
+_POLICIES = {2: "durability", 4: "deadline", 5: "latency budget", 8: "liveliness", 11: "reliability"}
+
+
+def _gid(entity: Any) -> dict[str, Any]:
+    return {"data": entity.get_guid().bytes}
+
+
+def _known(name: str) -> RosType:
+    found = ros_type(name)
+    assert found is not None, f"ROS 2 has no {name}"
+    return found
+
+
+def _dds_qos(qos: Qos, type_: RosType | None = None) -> DdsQos:
+    policies: list[Any] = [
+        Policy.Reliability.Reliable(duration(milliseconds=100)) if qos.reliable else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,
+        Policy.History.KeepLast(qos.depth),
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+    ]
+    if qos.latched:
+        policies.append(
+            Policy.DurabilityService(
+                cleanup_delay=0,
+                history=Policy.History.KeepLast(qos.depth),
+                max_samples=-1,
+                max_instances=-1,
+                max_samples_per_instance=-1,
+            )
+        )
+    if type_ is not None:
+        policies.append(Policy.Userdata(f"typehash={type_.hash};".encode()))
+    return DdsQos(*policies)

@@ -1,0 +1,85 @@
+"""How the link and the robot are, as diagnostic_msgs/DiagnosticArray once a second."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from wirebond.protocol.model import Deadline, End
+from wirebond.ros2.mapping.model import FlagsMapping
+
+if TYPE_CHECKING:
+    from wirebond.link import Link
+    from wirebond.ros2.commands import Commands
+
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
+_OF_STATE = {"up": OK, "stale": WARN, "down": ERROR}
+
+
+class Diagnostics:
+    """What to say of one link. One thread at a time."""
+
+    def __init__(self, link: Link, commands: Commands, node: str, flags: tuple[FlagsMapping, ...]) -> None:
+        self._link = link
+        self._commands = commands
+        self._node = node
+        self._flags = flags
+        self._deadlines = [d for d in link.codec.model.deadlines if d.at == End.HOST]
+        self._refused = 0
+
+    def message(self, stamp: Mapping[str, int]) -> dict[str, Any]:
+        """The message for now."""
+        statuses = [self._of_link(), self._of_commands(), *map(self._of_flags, self._flags)]
+        if self._deadlines:
+            statuses.append(self._of_deadlines())
+        return {"header": {"stamp": stamp}, "status": statuses}
+
+    def _of_link(self) -> dict[str, Any]:
+        state, stats = self._link.state, self._link.stats
+        received = stats.receive
+        words = {"up": "messages come", "stale": "the port is open, and no message came for a second"}
+        facts = {
+            "port": self._link.port,
+            "received frames": received.frames,
+            "discarded bytes": sum(received.discarded_bytes.values()),
+            "sent frames": stats.send.sent,
+            "reconnects": stats.reconnects,
+        }
+        return self._status("link", _OF_STATE[state], words.get(state) or self._link.why, facts)
+
+    def _of_commands(self) -> dict[str, Any]:
+        counts = dict(self._commands.counts)
+        new, self._refused = counts["refused"] - self._refused, counts["refused"]
+        level = WARN if new or self._commands.why_stopped else OK
+        text = self._commands.why_stopped or (f"{new} refused in the last second" if new else "none refused")
+        return self._status("commands", level, text, counts)
+
+    def _of_flags(self, flags: FlagsMapping) -> dict[str, Any]:
+        name = f"{flags.message} {flags.field}"
+        latest = self._link.latest(flags.message)
+        if latest is None:
+            return self._status(name, STALE, f"no {flags.message} has come yet", {})
+        there = latest.message.fields[flags.field]
+        words = [flags.words.get(flag, f"bit {flag}") for flag in there]
+        facts = {word: str(flag in there).lower() for flag, word in flags.words.items()}
+        return self._status(name, ERROR if words else OK, ", ".join(words) or "no error", facts)
+
+    def _of_deadlines(self) -> dict[str, Any]:
+        struck = self._link.deadlines
+        late = [deadline_words(d) for d in self._deadlines if struck[d.then]]
+        facts = {d.then: "struck" if struck[d.then] else "waits" for d in self._deadlines}
+        return self._status("deadlines", WARN if late else OK, "; ".join(late) or "all messages come in time", facts)
+
+    def _status(self, what: str, level: int, text: str, facts: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            "level": level,
+            "name": f"{self._node}: {what}",
+            "message": text,
+            "hardware_id": self._link.port,
+            "values": [{"key": key, "value": str(value)} for key, value in facts.items()],
+        }
+
+
+def deadline_words(deadline: Deadline) -> str:
+    """That its message stays away."""
+    return f"no {deadline.message} for {deadline.after:g} s"

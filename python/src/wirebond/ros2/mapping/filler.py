@@ -1,0 +1,112 @@
+"""From the fields of a message to a message of ROS 2: which value goes where, worked out once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from wirebond.ros2.cdr import default_of
+from wirebond.ros2.mapping.grammar import Source
+from wirebond.ros2.mapping.model import Filler
+from wirebond.ros2.mapping.paths import Getter
+from wirebond.ros2.types import Kind, RosField, RosType
+
+_HEADER = "std_msgs/msg/Header"
+
+
+class Tree:
+    """One message type that is being filled: values by name, trees by name, and trees by name and index."""
+
+    def __init__(self, type_: RosType) -> None:
+        self.type = type_
+        self._values: dict[str, Filler | Any] = {}
+        self._trees: dict[str, Tree] = {}
+        self._lists: dict[str, dict[int, Any]] = {}
+
+    def put(self, steps: tuple[str | int, ...], value: Any) -> None:
+        """Let this function of fields and stamp give the value at this place."""
+        name, rest = str(steps[0]), steps[1:]
+        field = self.type.field(name)
+        assert field is not None, "the path was looked up"
+        if not rest:
+            self._values[name] = value
+        elif isinstance(rest[0], int):
+            items = self._lists.setdefault(name, {})
+            if len(rest) == 1:
+                items[rest[0]] = value
+            else:
+                assert field.of is not None, "the path was looked up"
+                items.setdefault(rest[0], Tree(field.of)).put(rest[1:], value)
+        else:
+            assert field.of is not None, "the path was looked up"
+            self._trees.setdefault(name, Tree(field.of)).put(rest, value)
+
+    def stamp(self, frame: str, child_frame: str) -> int:
+        """Fill every header and child_frame_id that the file does not fill itself; how many headers there are."""
+        count = 0
+        header = self.type.field("header")
+        if header is not None and header.of is not None and header.of.name == _HEADER and header.kind == Kind.ONE:
+            count += 1
+            tree = self._trees.setdefault("header", Tree(header.of))
+            tree._values.setdefault("stamp", _stamp)
+            tree._values.setdefault("frame_id", _constant(frame))
+        if child_frame and self.type.field("child_frame_id") is not None:
+            self._values.setdefault("child_frame_id", _constant(child_frame))
+        inner = [*self._trees.values(), *(t for items in self._lists.values() for t in items.values())]
+        return count + sum(tree.stamp(frame, child_frame) for tree in inner if isinstance(tree, Tree))
+
+    def filler(self) -> Filler:
+        """One function for all of it."""
+        parts = [
+            *self._values.items(),
+            *((name, tree.filler()) for name, tree in self._trees.items()),
+            *((name, self._list(name, items)) for name, items in self._lists.items()),
+        ]
+
+        def fill(fields: Mapping[str, Any], stamp: Mapping[str, int]) -> dict[str, Any]:
+            return {name: part(fields, stamp) for name, part in parts}
+
+        return fill
+
+    def _list(self, name: str, items: dict[int, Any]) -> Any:
+        field = self.type.field(name)
+        assert field is not None, "the path was looked up"
+        size = field.count if field.kind == Kind.ARRAY else max(items) + 1
+        empty = _constant(_element_default(field))
+        parts = [items.get(index, empty) for index in range(size)]
+        fillers = [part.filler() if isinstance(part, Tree) else part for part in parts]
+        return lambda fields, stamp: [part(fields, stamp) for part in fillers]
+
+
+def source_reader(source: Source, getter: Getter | None, constants: Mapping[str, Any], as_text: bool) -> Any:
+    """The function that gives a source's value."""
+    if getter is None:
+        return _constant(source.constant)
+    if source.choose:
+        chosen = {
+            key: constants.get(value, value) if isinstance(value, str) else value
+            for key, value in source.choose.items()
+        }
+        return lambda fields, _: chosen[_word(getter(fields))]
+    if source.scale != 1.0 or source.offset != 0.0:
+        scale, offset = source.scale, source.offset
+        return lambda fields, _: getter(fields) * scale + offset
+    if as_text:
+        return lambda fields, _: str(getter(fields))
+    return lambda fields, _: getter(fields)
+
+
+def _word(value: Any) -> str:
+    return ("true" if value else "false") if isinstance(value, bool) else str(value)
+
+
+def _constant(value: Any) -> Any:
+    return lambda _fields, _stamp: value
+
+
+def _stamp(_fields: Mapping[str, Any], stamp: Mapping[str, int]) -> Any:
+    return stamp
+
+
+def _element_default(field: RosField) -> Any:
+    return default_of(RosField(field.name, Kind.ONE, field.base, field.of))

@@ -1,0 +1,373 @@
+"""From a mapping file to a mapping: every name is looked up, every type compared, every mistake has its place."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable
+from typing import Any
+
+from wirebond.protocol.model import End, FieldKind, Message, Protocol
+from wirebond.protocol.problems import WHOLE_FILE, Place, Problems, nearest, suggestion
+from wirebond.protocol.text import yaml_tree
+from wirebond.protocol.text.syntax import readable, validate_syntax
+from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
+from wirebond.ros2.mapping.filler import Tree, source_reader
+from wirebond.ros2.mapping.grammar import (
+    File,
+    FlagsSyntax,
+    OdometrySyntax,
+    PublishSyntax,
+    QosSyntax,
+    Source,
+    SubscribeSyntax,
+)
+from wirebond.ros2.mapping.model import (
+    BridgeMapping,
+    FlagsMapping,
+    Incoming,
+    NavigationMapping,
+    OdometryMapping,
+    Outgoing,
+    Wheels,
+)
+from wirebond.ros2.mapping.paths import Getter, Leaf, PathError, What, misfit, ros_getter, ros_place, wire_leaf
+from wirebond.ros2.node import Qos
+from wirebond.ros2.types import RosType, ros_type, type_names
+
+
+def default_mapping(protocol: Protocol) -> BridgeMapping:
+    """What holds without a file: every message has a topic with JSON."""
+    return BridgeMapping(
+        node=protocol.name.replace("-", "_"), json_out=_sent_by(protocol, End.MCU), json_in=_sent_by(protocol, End.HOST)
+    )
+
+
+def load_mapping(path: str | os.PathLike[str], protocol: Protocol) -> BridgeMapping:
+    """Read a mapping file for this protocol.
+
+    :raises ProtocolFileError: with everything that is wrong with it.
+    """
+    return read_mapping(yaml_tree.read_text(path), protocol, str(path))
+
+
+def read_mapping(text: str, protocol: Protocol, path: str = "<text>") -> BridgeMapping:
+    """As `load_mapping`, from text; ``path`` is the name that errors give it."""
+    problems = Problems(path)
+    root = yaml_tree.parse(text, problems)
+    validate_syntax(root, problems, File)
+    file = readable(File, root)
+    if file is None or not isinstance(root, Mapping):
+        problems.raise_if_any()
+        raise AssertionError("what is wrong with the file was reported")
+    mapping = _Reader(protocol, problems).read(file, root, path)
+    problems.raise_if_any()
+    return mapping
+
+
+def _sent_by(protocol: Protocol, end: End) -> tuple[Message, ...]:
+    return tuple(m for m in protocol.messages if m.sent_by(end))
+
+
+class _Reader:
+    """One file. What is wrong is added to ``problems``, and left out of the result."""
+
+    def __init__(self, protocol: Protocol, problems: Problems) -> None:
+        self.protocol = protocol
+        self.problems = problems
+
+    def read(self, file: File, root: Mapping, path: str) -> BridgeMapping:
+        publish = [self._publish(s, n) for s, n in zip(file.publish, _items(root, "publish"), strict=True)]
+        subscribe = [self._subscribe(s, n) for s, n in zip(file.subscribe, _items(root, "subscribe"), strict=True)]
+        odometry = self._odometry(file.odometry, root.get("odometry"))
+        for name, node in zip(file.poll, _items(root, "poll"), strict=True):
+            self._polled(name, node.place)
+        flags = [self._flags(s, n) for s, n in zip(file.diagnostics, _items(root, "diagnostics"), strict=True)]
+        navigation = None
+        if file.navigation is not None:
+            navigation = NavigationMapping(file.navigation.deadline, file.navigation.topic)
+            self._deadline(navigation.deadline, _place_in(root.get("navigation"), "deadline"))
+        if file.emergency_stop is not None and not self.protocol.emergency_stop:
+            self.problems.add(
+                root.value_place("emergency_stop"),
+                f"{self.protocol.name} has no emergency_stop; add one to the protocol file, or remove this key",
+            )
+        mapped = {s.message for s in file.publish} | {s.message for s in file.subscribe}
+        mapped |= {odometry.message} if odometry else set()
+        shown = {"all": set[str](), "unmapped": mapped, "none": {m.name for m in self.protocol.messages}}[
+            file.json_topics
+        ]
+        out = [m for m in _sent_by(self.protocol, End.MCU) if m.name not in shown]
+        back = [m for m in _sent_by(self.protocol, End.HOST) if m.name not in shown]
+        return BridgeMapping(
+            node=file.node or default_mapping(self.protocol).node,
+            namespace=file.namespace,
+            json_out=tuple(out),
+            json_in=tuple(back),
+            serial=file.serial,
+            publish=tuple(p for p in publish if p is not None),
+            subscribe=tuple(s for s in subscribe if s is not None),
+            odometry=odometry,
+            poll=tuple(file.poll),
+            diagnostics=tuple(f for f in flags if f is not None),
+            navigation=navigation,
+            emergency_stop=file.emergency_stop,
+            path=path,
+        )
+
+    # ---- the sections
+
+    def _publish(self, syntax: PublishSyntax, node: Node) -> Outgoing | None:
+        message = self._message(syntax.message, End.MCU, _place_in(node, "message"))
+        type_ = self._type(syntax.type, _place_in(node, "type"))
+        if message is None or type_ is None:
+            return None
+        tree = Tree(type_)
+        fields = node.get("fields") if isinstance(node, Mapping) else None
+        for path, source in syntax.fields.items():
+            key, value = _places(fields, path)
+            try:
+                place = ros_place(type_, path)
+            except PathError as error:
+                self.problems.add(key, str(error))
+                continue
+            if place.leaf.what == What.GROUP:
+                self.problems.add(
+                    key, f"{path} is {place.field.spelled}; map its fields: {', '.join(place.leaf.choices)}"
+                )
+                continue
+            getter = self._source(source, message, place.leaf, place.owner.constants, value)
+            as_text = place.leaf.what == What.TEXT
+            tree.put(place.steps, source_reader(source, getter, place.owner.constants, as_text))
+        headers = tree.stamp(syntax.frame, syntax.child_frame)
+        if syntax.frame and not headers:
+            self.problems.add(_place_in(node, "frame"), f"{type_.short} has no header for a frame; remove this key")
+        return Outgoing(message.name, syntax.topic, type_, _qos(syntax.qos), syntax.at_most or 0.0, tree.filler())
+
+    def _subscribe(self, syntax: SubscribeSyntax, node: Node) -> Incoming | None:
+        message = self._message(syntax.message, End.HOST, _place_in(node, "message"))
+        type_ = self._type(syntax.type, _place_in(node, "type"))
+        if message is None or type_ is None:
+            return None
+        if syntax.stale is not None and message.every is None:
+            self.problems.add(
+                _place_in(node, "stale"), f"{message.name} has no `every` to repeat it at; add one to the protocol file"
+            )
+        if syntax.stale is not None and syntax.stale > 60:
+            self.problems.add(
+                _place_in(node, "stale"), "a command is repeated for 60 s at most; write less, such as 500 ms"
+            )
+        values: list[tuple[str, Getter]] = []
+        fields = node.get("fields") if isinstance(node, Mapping) else None
+        for name, source in syntax.fields.items():
+            key, value = _places(fields, name)
+            try:
+                target, _ = wire_leaf(message, name)
+                if "." in name:
+                    raise PathError(f"{name} is within a field; map whole fields of {message.name}")
+            except PathError as error:
+                self.problems.add(key, str(error))
+                continue
+            getter = self._from_ros(source, type_, target, value)
+            if getter is not None:
+                values.append((name, getter))
+        missing = [
+            f.name
+            for f in message.fields
+            if f.name not in syntax.fields
+            and f.default is None
+            and f.kind != FieldKind.PADDING
+            and not f.is_count
+            and f.kind not in (FieldKind.STRUCT, FieldKind.BITS)
+        ]
+        if missing:
+            place = _place_in(node, "fields")
+            self.problems.add(place, f"{message.name} needs {', '.join(missing)}, without a default; map it here")
+        return Incoming(syntax.topic, type_, message.name, _qos(syntax.qos), tuple(values), syntax.stale)
+
+    def _odometry(self, syntax: OdometrySyntax | None, node: Node | None) -> OdometryMapping | None:
+        if syntax is None:
+            return None
+        message = self._message(syntax.message, End.MCU, _place_in(node, "message"))
+        for key, name in (("left", syntax.left), ("right", syntax.right)) if message is not None else ():
+            try:
+                assert message is not None, "looked at before"
+                leaf, _ = wire_leaf(message, name)
+                if leaf.what not in (What.INTEGER, What.NUMBER) or leaf.is_list:
+                    raise PathError(f"{name} is {leaf.described}; expected the ticks of a wheel, a number")
+            except PathError as error:
+                self.problems.add(_place_in(node, key), str(error))
+        for key, given, amount in (
+            ("joints", syntax.joints, (0, 2)),
+            ("pose_deviation", syntax.pose_deviation, (3,)),
+            ("twist_deviation", syntax.twist_deviation, (2,)),
+        ):
+            if len(given) not in amount:
+                self.problems.add(_place_in(node, key), f"`{key}` has {len(given)} values; expected {amount[-1]}")
+        return OdometryMapping(
+            syntax.message,
+            syntax.left,
+            syntax.right,
+            Wheels(syntax.wheel_radius, syntax.wheel_separation, syntax.ticks_per_turn),
+            syntax.frame,
+            syntax.child_frame,
+            syntax.topic,
+            syntax.tf,
+            tuple(syntax.joints),
+            tuple(syntax.pose_deviation),
+            tuple(syntax.twist_deviation),
+        )
+
+    def _polled(self, name: str, place: Place) -> None:
+        message = self._message(name, End.HOST, place)
+        if message is not None and (message.every is None or message.reply is None):
+            self.problems.add(
+                place, f"{name} is no request with an `every`; give it `every` and `reply` in the protocol file"
+            )
+
+    def _flags(self, syntax: FlagsSyntax, node: Node) -> FlagsMapping | None:
+        message = self._message(syntax.message, End.MCU, _place_in(node, "message"))
+        if message is None:
+            return None
+        try:
+            leaf, _ = wire_leaf(message, syntax.field)
+            if leaf.what != What.FLAGS:
+                raise PathError(f"{syntax.field} is {leaf.described}; expected a field with `flags`")
+        except PathError as error:
+            self.problems.add(_place_in(node, "field"), str(error))
+            return None
+        words = node.get("words") if isinstance(node, Mapping) else None
+        for name in syntax.words:
+            if name not in leaf.choices:
+                advice = suggestion(name, leaf.choices)
+                self.problems.add(_places(words, name)[0], f"{syntax.field} has no flag `{name}`; {advice}")
+        return FlagsMapping(
+            message.name, syntax.field, {name: syntax.words.get(name, name.replace("_", " ")) for name in leaf.choices}
+        )
+
+    def _deadline(self, name: str, place: Place) -> None:
+        actions = [d.then for d in self.protocol.deadlines if d.at == End.HOST]
+        if name not in actions:
+            self.problems.add(place, f"the host has no deadline `{name}`; {suggestion(name, actions)}")
+
+    # ---- names and values
+
+    def _message(self, name: str, sender: End, place: Place) -> Message | None:
+        found = next((m for m in self.protocol.messages if m.name == name), None)
+        if found is not None and found.sent_by(sender):
+            return found
+        names = [m.name for m in _sent_by(self.protocol, sender)]
+        if found is not None:
+            self.problems.add(place, f"{name} is not sent by the {sender}; {suggestion(name, names)}")
+        else:
+            self.problems.add(place, f"{self.protocol.name} has no message `{name}`; {suggestion(name, names)}")
+        return None
+
+    def _type(self, name: str, place: Place) -> RosType | None:
+        found = ros_type(name)
+        if found is None:
+            near = nearest(name.replace("/msg/", "/"), type_names())
+            hint = f"did you mean {near}?" if near else "write package and name, such as geometry_msgs/Twist"
+            self.problems.add(place, f"there is no message type `{name}` in ROS 2; {hint}")
+        return found
+
+    def _source(
+        self, source: Source, message: Message, target: Leaf, constants: dict[str, Any], place: Place
+    ) -> Getter | None:
+        """How the source is read from the message; None for a constant."""
+        if not source.path:
+            self._constant(source.constant, target, place)
+            return None
+        try:
+            given, getter = wire_leaf(message, source.path)
+        except PathError as error:
+            self.problems.add(place, str(error))
+            return None
+        if source.choose:
+            self._choices(source, given, target, constants, place)
+            return getter
+        self._compare(source, given, target, place)
+        return getter
+
+    def _from_ros(self, source: Source, type_: RosType, target: Leaf, place: Place) -> Getter | None:
+        if not source.path:
+            self._constant(source.constant, target, place)
+            return lambda _: source.constant
+        try:
+            found = ros_place(type_, source.path)
+        except PathError as error:
+            self.problems.add(place, str(error))
+            return None
+        getter = ros_getter(found.steps)
+        if source.choose:
+            self.problems.add(place, "`values` is for topics that are published; remove it here")
+            return None
+        self._compare(source, found.leaf, target, place)
+        if source.scale != 1.0 or source.offset != 0.0:
+            return lambda values: getter(values) * source.scale + source.offset
+        return getter
+
+    def _compare(self, source: Source, given: Leaf, target: Leaf, place: Place) -> None:
+        is_linear = source.scale != 1.0 or source.offset != 0.0
+        if is_linear and (given.what not in (What.NUMBER, What.INTEGER) or given.is_list):
+            self.problems.add(place, f"{source.path} is {given.described}; `scale` and `offset` need a number")
+            return
+        shown = Leaf(given.path, What.NUMBER) if is_linear else given
+        fault = misfit(target, shown)
+        if fault:
+            self.problems.add(place, f"{fault}; map another field, or give a number for each value with `values`")
+
+    def _choices(self, source: Source, given: Leaf, target: Leaf, constants: dict[str, Any], place: Place) -> None:
+        possible = ("true", "false") if given.what == What.BOOL else given.choices
+        if not possible or given.is_list:
+            self.problems.add(place, f"{source.path} is {given.described}; `values` needs a flag, a bool or an enum")
+            return
+        if missing := [word for word in possible if word not in source.choose]:
+            self.problems.add(place, f"`values` says nothing of {', '.join(missing)}; write a value for each")
+        for word, value in source.choose.items():
+            if word not in possible:
+                self.problems.add(place, f"{source.path} is never `{word}`; {suggestion(word, possible)}")
+            if isinstance(value, str) and target.what != What.TEXT and value not in constants:
+                names = suggestion(value, list(constants)) if constants else "its type has none: write a number"
+                self.problems.add(place, f"there is no constant `{value}` for {target.path}; {names}")
+            else:
+                self._constant(constants.get(value, value) if isinstance(value, str) else value, target, place)
+
+    def _constant(self, value: Any, target: Leaf, place: Place) -> None:
+        fits = {
+            What.BOOL: isinstance(value, bool),
+            What.NUMBER: isinstance(value, int | float) and not isinstance(value, bool),
+            What.INTEGER: isinstance(value, int) and not isinstance(value, bool),
+            What.FLAGS: isinstance(value, int) and not isinstance(value, bool),
+            What.TEXT: isinstance(value, str),
+            What.NAME: isinstance(value, str) and value in target.choices,
+        }.get(target.what, False)
+        if target.is_list or not fits:
+            self.problems.add(place, f"{value!r:.40} is not possible for {target.path}; write {target.described}")
+        elif isinstance(value, int | float) and not math.isnan(value) and not target.minimum <= value <= target.maximum:
+            low, high = f"{target.minimum:.0f}", f"{target.maximum:.0f}"
+            self.problems.add(place, f"{value!r:.40} is out of the range of {target.path}; write {low} to {high}")
+
+
+def _qos(syntax: QosSyntax | None) -> Qos:
+    if syntax is None:
+        return Qos()
+    return Qos(syntax.reliability == "reliable", syntax.durability == "transient_local", syntax.depth)
+
+
+def _items(root: Mapping, key: str) -> Iterable[Node]:
+    node = root.get(key)
+    return node.items if isinstance(node, Sequence) else ()
+
+
+def _place_in(node: Node | None, key: str) -> Place:
+    if isinstance(node, Mapping):
+        return node.value_place(key)
+    return WHOLE_FILE if node is None else node.place
+
+
+def _places(node: Node | None, key: str) -> tuple[Place, Place]:
+    """Where a key and its value stand."""
+    if isinstance(node, Mapping):
+        return node.key_place(key), node.value_place(key)
+    return WHOLE_FILE, WHOLE_FILE

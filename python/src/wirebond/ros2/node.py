@@ -1,0 +1,99 @@
+"""What the bridge asks of ROS 2: a node that publishes, subscribes, has parameters and logs. Two adapters give it.
+
+Messages are dicts by field name, nested as their type is; a field that is left out has its default.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from wirebond.ros2.types import RosType
+
+TOPIC = re.compile(r"(/|~/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+NAMESPACE = re.compile(r"/|(/[A-Za-z_][A-Za-z0-9_]*)+")
+
+
+@dataclass(frozen=True)
+class Qos:
+    """The quality of service of one topic.
+
+    :ivar reliable: what is lost on the network is sent again.
+    :ivar latched: a subscriber that comes late gets the last messages (``transient_local``).
+    :ivar depth: how many messages are kept.
+    """
+
+    reliable: bool = True
+    latched: bool = False
+    depth: int = 10
+
+
+LATCHED = Qos(latched=True, depth=1)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the mapping that may be set while the bridge runs.
+
+    :ivar set: takes the new value.
+    """
+
+    name: str
+    value: float
+    minimum: float
+    maximum: float
+    description: str
+    set: Callable[[float], None]
+
+
+class Publisher(Protocol):
+    """One topic that the node publishes. Any thread."""
+
+    def publish(self, values: Mapping[str, Any]) -> None:
+        """Send one message. What the values cannot be is the caller's mistake."""
+        ...
+
+
+class Node(Protocol):
+    """A node of ROS 2. Functions that it calls run in one thread of its own."""
+
+    def publisher(self, topic: str, type_: RosType, qos: Qos) -> Publisher:
+        """Publish this topic, whose name is whole."""
+        ...
+
+    def subscribe(self, topic: str, type_: RosType, qos: Qos, take: Callable[[dict[str, Any]], None]) -> None:
+        """Call ``take`` with each message of this topic, whose name is whole."""
+        ...
+
+    def declare(self, parameter: Parameter) -> None:
+        """Let users of ROS 2 see this parameter, and set it where the adapter can."""
+        ...
+
+    def log(self, level: str, text: str) -> None:
+        """A line of the node's log. ``level`` is one of ``LEVELS``."""
+        ...
+
+    def now_ns(self) -> int:
+        """The time of ROS, in nanoseconds."""
+        ...
+
+    def start(self) -> None:
+        """All topics are there: be seen by others, and begin to call."""
+        ...
+
+    def close(self) -> None:
+        """Leave. Nothing is called after this. A second call does nothing."""
+        ...
+
+
+LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40}
+
+
+def whole_topic(topic: str, namespace: str, node: str) -> str:
+    """``cmd_vel`` in its namespace, ``~/status`` below the node, ``/odom`` as it is."""
+    if topic.startswith("/"):
+        return topic
+    base = namespace.rstrip("/")
+    return f"{base}/{node}/{topic[2:]}" if topic.startswith("~/") else f"{base}/{topic}"

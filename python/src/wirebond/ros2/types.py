@@ -1,0 +1,147 @@
+"""The message types of ROS 2: fields, constants, hashes. No bytes, no DDS, no protocol."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any
+
+from wirebond.errors import UsageError
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+MISSING = "ROS 2 needs the packages rosbags and cyclonedds; install them with: pip install 'wirebond[ros2]'"
+
+
+class Kind(StrEnum):
+    """How often a field's element occurs."""
+
+    ONE = "one"
+    ARRAY = "array"  # always ``count`` times
+    SEQUENCE = "sequence"
+
+
+@dataclass(frozen=True)
+class RosField:
+    """One field of a message type.
+
+    :ivar base: the primitive type of its element, such as ``float64``; empty where the element is a message.
+    :ivar of: the type of the element where it is a message.
+    :ivar limit: of a string or a sequence: the most that it holds; 0: no limit.
+    """
+
+    name: str
+    kind: Kind
+    base: str
+    of: RosType | None
+    count: int = 0
+    limit: int = 0
+
+    @property
+    def spelled(self) -> str:
+        """As a .msg file writes it: ``float64[36]``, ``geometry_msgs/Point``."""
+        element = self.base or (self.of.short if self.of is not None else "")
+        return element + {Kind.ONE: "", Kind.ARRAY: f"[{self.count}]", Kind.SEQUENCE: "[]"}[self.kind]
+
+
+@dataclass(frozen=True, eq=False)
+class RosType:
+    """A message type. ``name`` has three parts: ``geometry_msgs/msg/Twist``."""
+
+    name: str
+    fields: tuple[RosField, ...]
+    constants: dict[str, Any]
+
+    @property
+    def short(self) -> str:
+        """As people write it: ``geometry_msgs/Twist``."""
+        package, _, name = self.name.split("/")
+        return f"{package}/{name}"
+
+    @property
+    def dds_name(self) -> str:
+        """As DDS knows it: ``geometry_msgs::msg::dds_::Twist_``."""
+        package, room, name = self.name.split("/")
+        return f"{package}::{room}::dds_::{name}_"
+
+    def field(self, name: str) -> RosField | None:
+        """The field of this name."""
+        return self._by_name.get(name)
+
+    @cached_property
+    def _by_name(self) -> dict[str, RosField]:
+        return {field.name: field for field in self.fields}
+
+    @cached_property
+    def hash(self) -> str:
+        """Its RIHS01 hash, by which ROS 2 compares types."""
+        return _store().hash_rihs01(self.name)
+
+
+# Fields that a new message does not begin with zero in.
+DEFAULTS: dict[str, dict[str, Any]] = {"geometry_msgs/msg/Quaternion": {"w": 1.0}}
+RANGES: dict[str, tuple[float, float]] = {
+    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+    "char": (0, 255),
+    "byte": (0, 255),
+    **dict.fromkeys(("float32", "float64"), (-math.inf, math.inf)),
+}
+
+
+def ros_type(name: str) -> RosType | None:
+    """The type of this name, of two parts or three; None where ROS 2 has none.
+
+    :raises UsageError: the package rosbags is not installed.
+    """
+    parts = name.split("/")
+    return _type(f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name)
+
+
+def type_names() -> list[str]:
+    """Every type that is known, as people write it."""
+    return sorted(_short(name) for name in _store().fielddefs if "/msg/" in name)
+
+
+def _short(name: str) -> str:
+    package, _, last = name.split("/")
+    return f"{package}/{last}"
+
+
+@cache
+def _store() -> Typestore:
+    try:
+        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 an extra: most installations lack it
+    except ImportError:
+        raise UsageError(MISSING) from None
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@cache
+def _type(name: str) -> RosType | None:
+    definition = _store().fielddefs.get(name)
+    if definition is None:
+        return None
+    constants, fields = definition
+    return RosType(
+        name, tuple(_field(*field) for field in fields), {constant: value for constant, _, value in constants}
+    )
+
+
+def _field(name: str, described: Any) -> RosField:
+    kind, facts = described
+    if kind.name in ("ARRAY", "SEQUENCE"):
+        element, amount = facts
+        one = _field(name, element)
+        is_array = kind.name == "ARRAY"
+        shape = Kind.ARRAY if is_array else Kind.SEQUENCE
+        return RosField(name, shape, one.base, one.of, amount if is_array else 0, 0 if is_array else amount)
+    if kind.name == "NAME":
+        of = _type(facts)
+        assert of is not None, f"the types of ROS 2 use {facts}, which is not among them"
+        return RosField(name, Kind.ONE, "", of)
+    base, limit = facts
+    return RosField(name, Kind.ONE, base, None, limit=limit)

@@ -1,0 +1,111 @@
+"""Commands from ROS: within the protocol's ranges, or refused; every one counted, each thing said once a second."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from tests.shared import PROTOCOLS
+from wirebond.codec import Codec, load
+from wirebond.errors import LinkDownError
+from wirebond.ros2.commands import Commands, Throttle
+
+
+class FakeLink:
+    """Notes what is sent, as the link would encode it."""
+
+    def __init__(self) -> None:
+        self.codec: Codec = load(PROTOCOLS / "diffdrive.yaml")
+        self.sent: list[tuple[str, dict[str, Any], float | None]] = []
+        self.is_down = False
+
+    def send(self, name: str, values: dict[str, Any], *, header: Any = None) -> None:
+        if self.is_down:
+            raise LinkDownError("the port is away")
+        self.codec.encode(name, values)
+        self.sent.append((name, values, None))
+
+    def repeat(self, name: str, values: dict[str, Any], *, hold: float, header: Any = None) -> None:
+        self.codec.encode(name, values)
+        self.sent.append((name, values, hold))
+
+    def stop_repeating(self, name: str) -> None:
+        self.sent.append((f"no more {name}", {}, None))
+
+
+@pytest.fixture
+def link() -> FakeLink:
+    return FakeLink()
+
+
+@pytest.fixture
+def said() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def commands(link: FakeLink, said: list[str]) -> Commands:
+    return Commands(link, lambda level, text: said.append(f"{level}: {text}"))  # type: ignore[arg-type]
+
+
+def test_command_within_its_range_is_repeated_for_the_time_given(commands: Commands, link: FakeLink) -> None:
+    assert commands.send("velocity", {"linear": 0.5, "angular": -1.0}, hold=0.5)
+    assert link.sent == [("velocity", {"linear": 0.5, "angular": -1.0}, 0.5)]
+    assert commands.counts == {"sent": 1, "clamped": 0, "refused": 0}
+
+
+def test_command_beyond_its_range_is_clamped_counted_and_said(
+    commands: Commands, link: FakeLink, said: list[str]
+) -> None:
+    assert commands.send("velocity", {"linear": 9, "angular": -4.0}, hold=0.5)
+    assert link.sent[0][1] == {"linear": 2.0, "angular": -3.14}
+    assert commands.counts == {"sent": 1, "clamped": 1, "refused": 0}
+    assert said == ["warning: velocity was clamped: linear = 9 m/s to 2, angular = -4 rad/s to -3.14"]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_command_that_is_not_finite_is_refused(
+    commands: Commands, link: FakeLink, said: list[str], value: float
+) -> None:
+    assert not commands.send("velocity", {"linear": value}, hold=0.5)
+    assert link.sent == []
+    assert commands.counts == {"sent": 0, "clamped": 0, "refused": 1}
+    assert said == [f"warning: velocity was not sent: linear is {value}, not a finite number"]
+
+
+@pytest.mark.parametrize("values", [{"name": "max_linear", "value": 99.0}, {"name": "stop"}, {"value": 1.0}, {"up": 1}])
+def test_what_the_protocol_refuses_is_counted(commands: Commands, link: FakeLink, values: dict[str, Any]) -> None:
+    assert not commands.send("parameter", values)
+    assert (link.sent, commands.counts["refused"]) == ([], 1)
+
+
+def test_link_that_is_down_is_said_and_not_raised(commands: Commands, link: FakeLink, said: list[str]) -> None:
+    link.is_down = True
+    assert not commands.send("status_query", {})
+    assert said == ["warning: status_query was not sent: the port is away"]
+
+
+def test_stop_sends_the_safe_values_and_holds_what_moves_the_robot(commands: Commands, link: FakeLink) -> None:
+    commands.stop("no odometry")
+    assert [entry[:2] for entry in link.sent] == [("no more velocity", {}), ("velocity", {"linear": 0, "angular": 0})]
+    assert not commands.send("velocity", {"linear": 0.5}, hold=0.5)
+    assert commands.send("status_query", {})
+    commands.resume()
+    assert commands.send("velocity", {"linear": 0.5}, hold=0.5)
+
+
+def test_the_same_thing_is_said_once_a_second_with_how_often_it_happened() -> None:
+    now, said = [0.0], list[str]()
+    throttle = Throttle(lambda level, text: said.append(text), clock=lambda: now[0])
+    for step in range(25):
+        now[0] = step / 10
+        throttle.say("warning", "nan", "linear is nan")
+    throttle.say("warning", "range", "linear was clamped")
+    assert said == [
+        "linear is nan",
+        "linear is nan (9 more since the last line)",
+        "linear is nan (9 more since the last line)",
+        "linear was clamped",
+    ]

@@ -1,0 +1,303 @@
+"""`wirebond serve --ros2` as a process, the simulated rover on a pty behind it, and this process as the ROS 2 network.
+
+The DDS between them is real, on the loopback interface, in a domain of its own.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.ros2.peer import PATIENCE, Peer, message, twist
+from tests.shared import PROTOCOLS
+from wirebond.ros2.dds import LOOPBACK
+from wirebond.ros2.types import ros_type
+from wirebond.sim import rover
+
+DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
+TOPICS = {
+    "/odom": "nav_msgs/Odometry", "/tf": "tf2_msgs/TFMessage", "/joint_states": "sensor_msgs/JointState",
+    "/battery_state": "sensor_msgs/BatteryState", "/diagnostics": "diagnostic_msgs/DiagnosticArray",
+    "/serial_rx_data": "std_msgs/UInt8MultiArray", "/serial_rx_hex": "std_msgs/String",
+    "/serial_tx_hex": "std_msgs/String",
+}  # fmt: skip
+WIREBOND = str(Path(sys.executable).with_name("wirebond"))
+LATCHED = {"/estop": "std_msgs/Bool", "/navigation_ok": "std_msgs/Bool", "/rosout": "rcl_interfaces/Log"}
+
+
+class Served:
+    """A running `wirebond serve --ros2`."""
+
+    def __init__(self, port: str, name: str, *options: str) -> None:
+        command = [WIREBOND, "serve", str(DIFFDRIVE), port, "--ros2", "--name", name]
+        self._process = subprocess.Popen([*command, *options], stderr=subprocess.PIPE, text=True)
+        self._lines: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._collect, daemon=True).start()
+
+    def _collect(self) -> None:
+        assert self._process.stderr is not None
+        for line in self._process.stderr:
+            self._lines.put(line)
+
+    def wait_for(self, text: str) -> str:
+        """The next line with this text."""
+        while True:
+            line = self._lines.get(timeout=PATIENCE)
+            if text in line:
+                return line
+
+    def close(self) -> None:
+        self._process.terminate()
+        assert self._process.wait(PATIENCE) == 0
+
+
+@pytest.fixture(scope="module")
+def domain() -> Iterator[int]:
+    """A domain that no other process has, on this computer alone."""
+    number = 1 + os.getpid() % 100
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(number))
+        patch.setenv("CYCLONEDDS_URI", LOOPBACK)
+        patch.delenv("ROS_LOCALHOST_ONLY", raising=False)
+        yield number
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return rover.build(tmp_path_factory.mktemp("rover"))
+
+
+@pytest.fixture(scope="module")
+def robot(program: Path) -> Iterator[rover.RoverProcess]:
+    with rover.RoverProcess(program) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def served(domain: int, robot: rover.RoverProcess) -> Iterator[Served]:
+    process = Served(robot.port, f"ros-{os.getpid()}")
+    process.wait_for("ROS 2 node")
+    yield process
+    process.close()
+
+
+@pytest.fixture(scope="module")
+def peer(served: Served, domain: int) -> Peer:
+    made = Peer(domain)
+    for topic, type_name in TOPICS.items():
+        made.listen(topic, type_name)
+    for topic, type_name in LATCHED.items():
+        made.listen(topic, type_name, latched=True)
+    made.listen("discovery", "rmw_dds_common/ParticipantEntitiesInfo", latched=True, raw="ros_discovery_info")
+    made.advertise("/cmd_vel", "geometry_msgs/Twist")
+    made.advertise("/serial_tx_data", "std_msgs/UInt8MultiArray")
+    made.advertise("/diffdrive/parameter/send", "std_msgs/String")
+    for topic in ("/cmd_vel", "/serial_tx_data", "/diffdrive/parameter/send"):
+        made.wait(lambda topic=topic: made.is_heard(topic))
+    made.wait(lambda: made.seen["/odom"] and made.seen["/diagnostics"] and made.seen["/battery_state"])
+    return made
+
+
+@pytest.fixture
+def driving(peer: Peer) -> Peer:
+    """It has left its safe mode."""
+    peer.publish("/diffdrive/parameter/send", message("std_msgs/String", '{"name": "clear_safe_mode", "value": 0}'))
+    return peer
+
+
+def said(peer: Peer, text: str) -> list[str]:
+    return [line.msg for line in peer.seen["/rosout"] if text in line.msg]
+
+
+def heading(orientation: Any) -> float:
+    return 2 * math.atan2(orientation.z, orientation.w)
+
+
+def drive(peer: Peer, linear: float, angular: float, seconds: float) -> None:
+    """Command it as a program of ROS does, at 20 Hz."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        peer.publish("/cmd_vel", twist(linear, angular))
+        peer.look()
+        time.sleep(0.05)
+
+
+def stand_still(peer: Peer) -> Any:
+    """Wait until its wheels stand; the odometry of that moment."""
+    peer.publish("/cmd_vel", twist(0.0, 0.0))
+    peer.next("/odom")
+
+    def stands() -> bool:
+        last = [abs(o.twist.twist.linear.x) + abs(o.twist.twist.angular.z) for o in peer.seen["/odom"][-4:]]
+        return max(last) == 0
+
+    peer.next("/odom")
+    peer.wait(stands)
+    return peer.seen["/odom"][-1]
+
+
+def pose_of_body(robot: rover.RoverProcess) -> list[float]:
+    robot.events()
+    robot.tell("pose")
+    while True:
+        for line in robot.events(timeout=PATIENCE):
+            _, what, *numbers = line.split(" ")
+            if what == "pose":
+                return [float(number) for number in numbers]
+
+
+def test_ros_sees_a_node_with_its_topics_and_the_hashes_of_their_types(peer: Peer) -> None:
+    info = peer.wait(lambda: peer.seen["discovery"])[-1]
+    (node,) = info.node_entities_info_seq
+    assert (node.node_namespace, node.node_name) == ("/", "diffdrive")
+    writers = [bytes(gid.data) for gid in node.writer_gid_seq]
+    found = {}
+    for endpoint in peer.publications.take(100):
+        if bytes(endpoint.participant_key.bytes) == bytes(info.gid.data):
+            data = next((policy.data for policy in endpoint.qos if type(policy).__name__ == "Userdata"), b"")
+            found[endpoint.topic_name] = endpoint.type_name, data
+            assert endpoint.topic_name == "ros_discovery_info" or endpoint.key.bytes in writers
+    for topic, type_name in (TOPICS | LATCHED).items():
+        type_ = ros_type(type_name)
+        assert type_ is not None
+        assert found[f"rt{topic}"] == (type_.dds_name, f"typehash={type_.hash};".encode())
+
+
+def test_commands_drive_the_rover_and_their_silence_stops_it(driving: Peer, robot: rover.RoverProcess) -> None:
+    before = driving.next("/odom")
+    drive(driving, 0.5, 0.0, 0.7)
+    moving = driving.next("/odom")
+    assert moving.twist.twist.linear.x == pytest.approx(0.5, rel=0.1)
+    robot.events()
+    # No command any more: after 500 ms the bridge sends the stop. The rover's own deadline would strike after 1 s.
+    driving.wait(lambda: driving.seen["/odom"][-1].twist.twist.linear.x < 0.1)
+    assert not [event for event in robot.events() if event.endswith(" stop")]
+    assert stand_still(driving).pose.pose.position.x > before.pose.pose.position.x
+    assert any("aa 55 01 f4 01" in line.data for line in driving.seen["/serial_tx_hex"])
+
+
+def test_what_the_rover_says_becomes_topics(peer: Peer) -> None:
+    battery = peer.seen["/battery_state"][-1]
+    assert 9 < battery.voltage < 13
+    assert (battery.header.frame_id, battery.power_supply_status) == ("base_link", 2)
+    assert math.isnan(battery.current)
+    odometry, joints = peer.next("/odom"), peer.seen["/joint_states"][-1]
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+    assert abs(odometry.header.stamp.sec - time.time()) < 5
+    assert joints.name == ["left_wheel_joint", "right_wheel_joint"]
+    assert peer.seen["/tf"][-1].transforms[0].child_frame_id == "base_link"
+    received = peer.seen["/serial_rx_data"][-1].data
+    assert (len(received), bytes(received[:2]).hex()) == (11, "aa55")
+    assert peer.seen["/serial_rx_hex"][-1].data.startswith("RX: aa 55 8")
+
+
+def test_e_stop_is_latched_and_errors_have_words(peer: Peer, robot: rover.RoverProcess) -> None:
+    robot.tell("estop on")
+    peer.wait(lambda: peer.seen["/estop"] and peer.seen["/estop"][-1].data)
+    late = Peer(1 + os.getpid() % 100)
+    late.listen("/estop", "std_msgs/Bool", latched=True)
+    assert late.wait(lambda: late.seen["/estop"])[0].data
+    robot.tell("estop off")
+    peer.wait(lambda: not peer.seen["/estop"][-1].data)
+
+    def errors() -> list[str]:
+        statuses = peer.seen["/diagnostics"][-1].status
+        return [s.message for s in statuses if s.name == "diffdrive: status errors" and s.level == 2]
+
+    assert peer.wait(errors) == ["no command in time"]  # no /cmd_vel came for more than a second
+
+
+def test_commands_that_cannot_be_are_clamped_or_refused_and_counted(driving: Peer) -> None:
+    for _ in range(5):
+        driving.publish("/cmd_vel", twist(math.nan, 0.0))
+        driving.publish("/cmd_vel", twist(0.0, 40.0))
+    driving.wait(lambda: said(driving, "linear is nan, not a finite number"))
+    driving.wait(lambda: said(driving, "angular = 40 rad/s to 3.14"))
+    driving.publish("/cmd_vel", twist(0.0, 0.0))
+
+    def counts() -> dict[str, str]:
+        statuses = driving.seen["/diagnostics"][-1].status
+        values = next(s.values for s in statuses if s.name == "diffdrive: commands")
+        return {pair.key: pair.value for pair in values}
+
+    assert driving.wait(lambda: int(counts()["refused"]) >= 5 and int(counts()["clamped"]) >= 5)
+    assert len(said(driving, "linear is nan")) == 1
+
+
+def test_frames_of_a_topic_are_sent_under_the_same_rules(driving: Peer) -> None:
+    layout = message("std_msgs/MultiArrayLayout", [], 0)
+
+    def send(frame: str) -> None:
+        data = np.frombuffer(bytes.fromhex(frame), dtype=np.uint8)
+        driving.publish("/serial_tx_data", message("std_msgs/UInt8MultiArray", layout, data))
+
+    send("aa 55 01 f4 01 00 00 00 00 0b 0d")
+    driving.wait(lambda: driving.seen["/odom"][-1].twist.twist.linear.x > 0.2)
+    send("aa 55 01 f4 01 00 00 00 00 ff 0d")  # of the specification's examples, whose check is wrong
+    driving.wait(lambda: said(driving, "11 of its 11 bytes are no frame of diffdrive"))
+    stand_still(driving)
+
+
+def test_other_quality_of_service_is_told(peer: Peer, domain: int) -> None:
+    other = Peer(domain)
+    other.advertise("/cmd_vel", "geometry_msgs/Twist", reliable=False)
+    assert "reliability" in peer.wait(lambda: said(peer, "a publisher of /cmd_vel offers less than is asked for"))[0]
+
+
+def test_square_driven_by_topic_has_the_pose_of_the_body(driving: Peer, robot: rover.RoverProcess) -> None:
+    first, body = stand_still(driving).pose.pose, pose_of_body(robot)
+    path = 0.0
+    for _ in range(4):
+        for linear, angular, seconds in ((0.8, 0.0, 0.75), (0.0, math.pi / 2, 1.0)):
+            drive(driving, linear, angular, seconds)
+            path += linear * seconds
+    last, moved = stand_still(driving).pose.pose, pose_of_body(robot)
+    assert path > 2
+    # Both began at their own zero; the bridge's began later. Compare in the frame of the start.
+    told = seen_from((first.position.x, first.position.y, heading(first.orientation)), last)
+    true = seen_from((body[0], body[1], body[2]), moved)
+    assert math.dist(told[:2], true[:2]) < 0.01 * path
+    assert abs(math.remainder(told[2] - true[2], 2 * math.pi)) < math.radians(1)
+
+
+def seen_from(start: tuple[float, float, float], end: Any) -> tuple[float, float, float]:
+    """Where something is, from where it began."""
+    if not isinstance(end, list):
+        end = [end.position.x, end.position.y, heading(end.orientation)]
+    x, y = end[0] - start[0], end[1] - start[1]
+    c, s = math.cos(start[2]), math.sin(start[2])
+    return c * x + s * y, c * y - s * x, end[2] - start[2]
+
+
+def test_bridge_waits_for_its_port(domain: int, program: Path, tmp_path: Path) -> None:
+    port = tmp_path / "tty"
+    served = Served(str(port), f"ros-late-{os.getpid()}", "--mapping", str(named(tmp_path, "late")))
+    served.wait_for("Waiting for it")
+    peer = Peer(domain)
+    peer.listen("/late/odom", "nav_msgs/Odometry")
+    peer.listen("/late/navigation_ok", "std_msgs/Bool", latched=True)
+    assert not peer.wait(lambda: peer.seen["/late/navigation_ok"])[-1].data
+    with rover.RoverProcess(program) as robot:
+        port.symlink_to(robot.port)
+        peer.wait(lambda: peer.seen["/late/odom"])
+        peer.wait(lambda: peer.seen["/late/navigation_ok"][-1].data)
+    served.close()
+
+
+def named(folder: Path, name: str) -> Path:
+    """The shipped mapping in a namespace of its own."""
+    text = (PROTOCOLS / "ros2" / "diffdrive.yaml").read_text()
+    file = folder / f"{name}.yaml"
+    file.write_text(text.replace("node: diffdrive", f"node: diffdrive\nnamespace: /{name}"))
+    return file
