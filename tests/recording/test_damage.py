@@ -107,6 +107,36 @@ def test_a_damaged_chunk_is_left_out_and_told(tmp_path: Path, diffdrive: wirebon
     assert 0 < len(after.raw("received")) < len(before)
 
 
+YEARS = 5e8  # seconds
+
+
+def test_a_damaged_time_moves_nothing_else(tmp_path: Path, diffdrive: wirebond.Codec) -> None:
+    pieces = [p for p in drive(diffdrive, 2.0) if isinstance(p, Chunk)]
+    whole = recordings.open(made(tmp_path / "whole.mcap", diffdrive, pieces))
+    for far in (Chunk(YEARS, YEARS, "", b""), Chunk(0.0, 0.0, "", b"")):
+        for at in (0, 20, 21, -1):
+            damaged = list(pieces)
+            t = far.t or -1e6
+            damaged[at] = Chunk(t, t if at >= 0 else damaged[at].before, damaged[at].direction, damaged[at].bytes)
+            path = made(tmp_path / "damaged.mcap", diffdrive, damaged)
+            found = recordings.open(path)
+            assert found.duration == pytest.approx(whole.duration, abs=0.001)
+            for was, now in zip(whole.messages(), found.messages(), strict=True):
+                assert now.t == pytest.approx(was.t, abs=0.06)
+            path.unlink()
+
+
+def test_a_last_piece_that_is_years_away_ends_in_time(
+    tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pieces = [*drive(diffdrive, 1.0), Chunk(YEARS, YEARS, "received", diffdrive.encode("status_query"))]
+    path = made(tmp_path / "run.mcap", diffdrive, pieces)
+    assert main(["monitor", str(PROTOCOLS / "diffdrive.yaml"), f"replay:{path}?speed=max", "--json"]) == 0
+    assert capsys.readouterr().out.count('"odometry"') == 20
+    assert main(["replay", str(path), "--into", sys.executable]) == 2
+    assert "lasts 500000000 s, and at most 86400 s go into a firmware" in " ".join(capsys.readouterr().err.split())
+
+
 def test_info_repairs_a_file_cut_short(
     tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str]
 ) -> None:

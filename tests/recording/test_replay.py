@@ -229,6 +229,14 @@ def test_a_recording_of_a_real_link_gives_the_same_bytes_twice(tmp_path: Path, p
     assert once.differs_at is not None  # a virtual MCU made up other values
 
 
+def test_a_time_between_two_microseconds_holds_nothing_up(tmp_path: Path, program: Path) -> None:
+    with RecordedFirmware(program) as firmware:
+        firmware.advance_to(0.010_000_4)
+        assert firmware.now == 0.01
+        firmware.advance_to(0.010_000_6)
+        assert firmware.now == 0.010_001
+
+
 def test_a_firmware_that_ends_has_its_sentence(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ends = tmp_path / "ends"
     ends.write_text("#!/bin/sh\nexit 0\n")

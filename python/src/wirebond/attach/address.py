@@ -79,10 +79,16 @@ def socket_folder() -> Path:
 def make_socket_folder() -> Path:
     """Make it where it is not there, for its owner alone.
 
-    :raises UsageError: it belongs to somebody else.
+    :raises UsageError: it cannot be made, or others can write to it.
     """
     folder = socket_folder()
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(
+            f"cannot make the folder {folder} for the server's socket: {error.strerror or error}; set "
+            "XDG_RUNTIME_DIR to a folder of yours"
+        ) from None
     found = folder.lstat()
     if found.st_uid != os.getuid() or not stat.S_ISDIR(found.st_mode) or found.st_mode & 0o022:
         raise UsageError(

@@ -41,5 +41,5 @@ def _main(path: Path) -> int:
 
 if __name__ == "__main__":
     with contextlib.suppress(OSError):
-        os.nice(10)
+        os.nice(5)
     sys.exit(_main(Path(sys.argv[1])))

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from wirebond.codec import Codec
+from wirebond.errors import UsageError
 from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.protocol.model import End
 from wirebond.recording.recording import Recording
@@ -19,7 +20,7 @@ from wirebond.recording.writer import RecordingWriter
 from wirebond.sim.lockstep import LockstepFirmware
 
 _STEP = 0.001  # seconds between two looks at what the firmware sent
-_NOTHING = 1e-9  # seconds: less than a microsecond
+_LONGEST = 86_400.0  # seconds of a recording; a damaged time may be years away
 Progress = Callable[[int, int], object]
 
 
@@ -94,10 +95,10 @@ class RecordedFirmware:
         return self.advance_to(self.now + seconds)
 
     def advance_to(self, until: float) -> bytes:
-        """The same, up to this time."""
+        """The same, up to this time. The firmware counts whole microseconds."""
         came = bytearray()
-        while (left := until - self.now) > _NOTHING:
-            part = self._firmware.advance(min(_STEP, left))
+        while (left_us := round((until - self.now) * 1e6)) > 0:
+            part = self._firmware.advance(min(_STEP, left_us / 1e6))
             for event in self._firmware.events:
                 self.events.append(LinkEvent(event.t, "firmware", {"text": event.text}))
                 self._note(self.events[-1])
@@ -143,12 +144,18 @@ def replay_into_firmware(
 
     :param out: record this run, as the host saw it.
     :param section: a part; its speed does not matter.
+    :raises UsageError: it lasts more than a day.
     :raises WirebondError: the program ended.
     :raises OSError: it cannot be run, or ``out`` cannot be written.
     """
     section = section or Section()
     host, mcu = recording._direction_of(End.HOST), recording._direction_of(End.MCU)
     length = section.length(recording)
+    if length > _LONGEST:
+        raise UsageError(
+            f"{recording.path.name} lasts {length:.0f} s, and at most {_LONGEST:.0f} s go into a firmware at once; "
+            "choose a part with --from and --to"
+        )
     steps: list[Chunk | LinkEvent] = list(section.chunks(recording, host))
     for event in recording.events:
         t = event.t - section.start

@@ -20,6 +20,8 @@ Progress = Callable[[int, int], object]
 KINDS = ("received", "sent", "event")
 _TOPICS = {layout.RECEIVED: 0, layout.SENT: 1, layout.EVENTS: 2}
 _NONE = 255
+_NEWEST = 2  # in the list of latest times
+_FAR = 60.0  # seconds; a piece so far from both its neighbours, which are close to each other, has a damaged time
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ class PieceFile:
         self.contents: Contents = scan.contents
         found: list[LinkEvent] = []
         for run in scan.runs(progress):
-            pieces = self._pieces(run, [0.0, 0.0])
+            pieces = self._pieces(run, [0.0, 0.0, 0.0])
             self._look(pieces, found)
         self.events = tuple(found)
 
@@ -122,7 +124,7 @@ class PieceFile:
 
         :param progress: called as ``progress(done, size)``, in bytes of the file.
         """
-        scan, latest = Scan(self._source), [0.0, 0.0]
+        scan, latest = Scan(self._source), [0.0, 0.0, 0.0]
         scan.contents.channels.update(self.contents.channels)
         for run in scan.runs(progress):
             pieces = self._pieces(run, latest)
@@ -151,7 +153,8 @@ class PieceFile:
         return Direction(b"".join(data), ends, np.concatenate(before), sorted(set(breaks)))
 
     def _pieces(self, run: Run, latest: list[float]) -> Pieces:
-        """``latest``: of each direction when its last piece before this run began."""
+        """``latest``: of each direction when its last piece before this run began, and when the last one of all was
+        done."""
         table = np.full(1 << 16, _NONE, np.uint8)
         for number, channel in self.contents.channels.items():
             table[number] = _TOPICS.get(channel.topic, _NONE)
@@ -161,6 +164,8 @@ class PieceFile:
         if not self.start_ns and len(rows):
             self.start_ns = self._start(int(run.logged[rows[0]]))
         times, before = self._seconds(run.logged[rows]), self._seconds(run.published[rows])
+        times, before = _plausible(times, before, latest[_NEWEST])
+        latest[_NEWEST] = float(times[-1]) if len(times) else latest[_NEWEST]
         for kind in (0, 1):
             mine = kinds == kind
             if mine.any():
@@ -177,3 +182,18 @@ class PieceFile:
         start = np.uint64(min(self.start_ns, (1 << 64) - 1))
         later = np.where(nanoseconds > start, nanoseconds - start, np.uint64(0))
         return np.minimum(later, np.uint64(10**18)).astype(np.float64) / 1e9
+
+
+def _plausible(
+    times: NDArray[np.float64], begun: NDArray[np.float64], previous: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """One wrong time must not move all that follow. ``previous``: of the piece before these."""
+    if not len(times):
+        return times, begun
+    before, after = np.concatenate([[previous], times[:-1]]), np.concatenate([times[1:], times[-1:]])
+    alone = np.minimum(np.abs(times - before), np.abs(times - after)) > _FAR
+    times = np.where(alone & (np.abs(after - before) < _FAR), before, times)
+    before = np.concatenate([[previous], times[:-1]])
+    apart = np.abs(times - begun) > _FAR  # a read takes no minute: one of the two is wrong
+    times = np.where(apart & (np.abs(begun - before) < np.abs(times - before)), begun, times)
+    return times, np.where(apart, times, begun)

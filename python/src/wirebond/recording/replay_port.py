@@ -3,6 +3,7 @@ gives the same messages at the same times, however fast it goes and however busy
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from wirebond.recording.recording import Recording
 from wirebond.recording.replay import Pace, Section
 
 _TICK = 0.01  # seconds of the recording between two looks at deadlines and silences
+_LONG = 600.0  # seconds of silence, behind which it looks less and less often: a damaged time may be years away
 _LONGEST_READ = 0.01  # seconds
 
 
@@ -46,6 +48,7 @@ class ReplayPort:
         self._pace = Pace(section)
         self._fastest = section.is_fastest
         self._tick = _TICK
+        self._heard = 0.0  # when the last bytes came
         self._ends = threading.Event()
 
     def read(self) -> tuple[bytes, float]:
@@ -58,10 +61,11 @@ class ReplayPort:
             raise ReplayEndedError
         self._clock.go_to(due)
         if chunk is None or self._tick <= chunk.before:
-            self._tick += _TICK
+            self._tick += _TICK if self._tick - self._heard < _LONG else max(_TICK, (self._tick - self._heard) / 100)
             return b"", self._clock.seconds(due)
-        while self._tick <= chunk.t:
-            self._tick += _TICK
+        if self._tick <= chunk.t:
+            self._tick += _TICK * (math.floor((chunk.t - self._tick) / _TICK) + 1)
+        self._heard = chunk.t
         self._clock.go_to(chunk.t)
         self._next = next(self._chunks, None)
         return chunk.bytes, self._clock.seconds(chunk.before)

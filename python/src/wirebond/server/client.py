@@ -39,7 +39,7 @@ class Client(asyncio.Protocol):
         self.leases: dict[tuple[int, int], float] = {}  # until when, by message and address
         self.sent: set[tuple[int, int]] = set()  # what moves, that it sent by message and address
         self.questions: dict[int, Any] = {}  # by the number of the request
-        self.taps: dict[int, Any] = {}
+        self.taps: dict[int, int] = {}  # by number, how many bytes may wait in each
         self.waiting_for_disk = 0  # requests
 
     def welcome(self, number: int, request: words.Attach) -> None:

@@ -37,6 +37,7 @@ _MOST_QUESTIONS = 1024  # of one client that wait for replies
 _MOST_FOR_DISK = 16  # of one client that wait for the disk
 _MOST_TAPS = 4  # of one client
 _MOST_TAP_BYTES = 4 * TAP_BYTES
+_MOST_TAP_BYTES_IN_ALL = 64 * TAP_BYTES  # that clients may leave waiting
 _ERRORS: list[tuple[type[WirebondError], str]] = [
     (StoppedError, "stopped"),
     (QueueFullError, "full"),
@@ -274,8 +275,14 @@ class Commands:
                     raise UsageError(f"a client records at most {_MOST_TAPS} times at once; close a recording")
                 if not 1024 <= request.capacity <= _MOST_TAP_BYTES:
                     raise UsageError(f"the capacity is {request.capacity}; expected 1024 to {_MOST_TAP_BYTES} bytes")
+                held = sum(sum(each.taps.values()) for each in self._server.clients.values())
+                if held + request.capacity > _MOST_TAP_BYTES_IN_ALL:
+                    raise UsageError(
+                        f"recordings of all clients hold {held} bytes already, of {_MOST_TAP_BYTES_IN_ALL} at most; "
+                        "close one of them"
+                    )
                 tap = engine.open_tap(request.capacity)
-                client.taps[tap] = tap
+                client.taps[tap] = request.capacity
                 return tap
             case words.TakeTap():
                 return engine.take_tap(self._tap(client, request.tap))
