@@ -19,7 +19,7 @@ help: ## show this list
 setup: build/setup.stamp ## virtual environment in .venv with the `wirebond` command in it
 
 .PHONY: demo
-demo: build/setup.stamp ## a simulated rover on a tty, driven in the terminal until Ctrl-C (ARGS="--seconds 10" ends by itself)
+demo: build/setup.stamp build/page.stamp ## a simulated rover on a tty, shown in the console until Ctrl-C (ARGS="--terminal": here)
 	@exec $(VENV)/bin/wirebond demo $(ARGS)
 
 .PHONY: page

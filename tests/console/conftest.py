@@ -33,11 +33,11 @@ class Desk:
     pty: PtyPort
     link: wirebond.Link
     server: Server
-    console: Console
+    port: int  # of the console
 
     @property
     def host(self) -> str:
-        return f"127.0.0.1:{self.console.port}"
+        return f"127.0.0.1:{self.port}"
 
     @contextmanager
     def web(self, path: str, origin: Any = None) -> Iterator[ClientConnection]:
@@ -50,7 +50,7 @@ class Desk:
         self, path: str, body: Any = None, headers: dict[str, str] | None = None, method: str | None = None
     ) -> tuple[int, Any]:
         """Status and answer of an HTTP request."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.console.port, timeout=PATIENCE)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
         data = None if body is None else body if isinstance(body, bytes) else json.dumps(body).encode()
         connection.request(method or ("GET" if data is None else "POST"), path, data, headers or {})
         answer = connection.getresponse()
@@ -109,7 +109,7 @@ def make_desk(folder: Path, **options: Any) -> Iterator[Desk]:
         Console(port=0, **options) as console,
     ):
         console.show(link, server)
-        yield Desk(proto, pty, link, server, console)
+        yield Desk(proto, pty, link, server, console.port)
     pty.close()
 
 

@@ -14,6 +14,7 @@ from websockets.exceptions import ConnectionClosed
 import wirebond
 from tests.console.conftest import PATIENCE, Desk, hear, say
 from wirebond.attach import words
+from wirebond.console import attach_socket
 
 SAFE = {"linear": 0.0, "angular": 0.0}
 
@@ -91,7 +92,8 @@ def test_what_is_no_request_ends_the_connection_with_a_sentence(desk: Desk) -> N
     assert desk.server.client_count == 0
 
 
-def test_a_client_that_says_nothing_is_told_and_closed(desk: Desk) -> None:
+def test_a_client_that_says_nothing_is_told_and_closed(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(attach_socket, "_FIRST_WITHIN", 0.05)
     with desk.web("/attach") as socket:
         assert json.loads(socket.recv(timeout=PATIENCE))["error"] == "silent"
 

@@ -3,32 +3,19 @@
 from __future__ import annotations
 
 import stat
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 from wirebond.cli.output import errors, plain
-from wirebond.codec import Codec
 from wirebond.errors import UsageError
 from wirebond.identify.command import formats_with
 from wirebond.identify.lines import Heard, Line, best_of, lines_for, search
 from wirebond.identify.view import show, show_json
-from wirebond.link import open_link
+from wirebond.link.raw import listen_at
 from wirebond.ports.port_name import port_name
-from wirebond.protocol.loader import loads
 
 DEFAULT_SECONDS = 2.0  # at each setting
-_LOOK = 0.05  # seconds between two looks at what has come
-
-# A link needs a protocol. This one only keeps the bytes: nothing is sent, and what is found does not matter.
-_LISTENER = """
-wirebond: 1
-protocol: listener
-frame: [magic: 0x55 0xAA 0x55 0xAA, payload: 1, check: crc-16/modbus]
-messages: {heard: {sender: mcu, fields: {what: {type: u8}}}}
-"""
 
 
 def is_port(source: str) -> bool:
@@ -55,13 +42,7 @@ def identify_port(port: str, baud: int | None, seconds: float | None, also: Sequ
     heard: list[Heard] = []
 
     def listen(line: Line) -> Iterator[bytes]:
-        codec = Codec(replace(loads(_LISTENER), link=line.settings()))
-        with open_link(codec, port, hold_back=False, listen="all", hello=False, clock_sync=False) as link:
-            end = time.monotonic() + each
-            while (left := end - time.monotonic()) > 0:
-                link.receive(min(_LOOK, left))
-                if link.stats.receive.bytes:
-                    yield link.dump().received
+        return listen_at(port, line.settings(), each)
 
     told = 0
     try:

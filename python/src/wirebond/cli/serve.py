@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,40 +22,49 @@ from wirebond.server import Server
 from wirebond.server.recordings import Recordings
 
 if TYPE_CHECKING:
+    from wirebond.console import Console
     from wirebond.ros2.mapping import BridgeMapping
 
 _LOOK = 0.2  # seconds between two looks at the port and at who is in control
 
 
-def serve_port(
-    path: Path,
-    port: str,
-    baud: int | None,
-    name: str | None,
-    tcp: str | None,
-    token: str | None,
-    listen: str,
-    record: Path | None,
-    recordings: Path | None,
-    web: str | None,
-    open_browser: bool,
-    ros2: bool,
-    mapping: Path | None,
-    seconds: float | None,
-) -> None:
+@dataclass(frozen=True)
+class Serving:
+    """What ``wirebond serve`` was given. ``path`` and ``port`` None: the page of the console chooses them."""
+
+    path: Path | None
+    port: str | None
+    baud: int | None
+    name: str | None
+    tcp: str | None
+    token: str | None
+    listen: str
+    record: Path | None
+    recordings: Path | None
+    web: str | None
+    opens_browser: bool
+    ros2: bool
+    mapping: Path | None
+    seconds: float | None
+
+
+def serve_port(given: Serving) -> None:
     """Until the time is over, or Ctrl-C."""
-    codec = load(path)
-    topics = _topics(codec, mapping) if ros2 or mapping is not None else None
-    where = socket_of(name or codec.name)
-    host = _host_and_port(tcp)
-    page = None if web is None else web_address(web)
+    if given.path is None or given.port is None:
+        _serve_page_alone(given)
+        return
+    codec = load(given.path)
+    topics = _topics(codec, given.mapping) if given.ros2 or given.mapping is not None else None
+    where = socket_of(given.name or codec.name)
+    host = _host_and_port(given.tcp)
+    web = None if given.web is None else web_address(given.web)
     make_socket_folder()
-    end = math.inf if seconds is None else time.monotonic() + seconds
+    end = math.inf if given.seconds is None else time.monotonic() + given.seconds
     with ended_by_signals(), ExitStack() as stack:
-        link = stack.enter_context(open_link(codec, port, baud, listen=listen, wait_for_port=True))
-        if record is not None:
-            stack.enter_context(link.record(record))
-        server = stack.enter_context(Server(link, where, tcp=host, token=token, recordings=recordings))
+        link = stack.enter_context(open_link(codec, given.port, given.baud, listen=given.listen, wait_for_port=True))
+        if given.record is not None:
+            stack.enter_context(link.record(given.record))
+        server = stack.enter_context(Server(link, where, tcp=host, token=given.token, recordings=given.recordings))
         errors.print(
             f"{codec.name} on {plain(link.port)}. Attach with [bold]wirebond://{where.stem}[/]", soft_wrap=True
         )
@@ -61,12 +72,12 @@ def serve_port(
             address = f"wirebond://{_shown(host[0])}:{server.port}"
             query = "" if server.token is None else f"?token={server.token}"
             errors.print(f"From other programs by TCP: [bold]{address}{query}[/]", soft_wrap=True)
-        if page is not None:
-            from wirebond.console import Console  # noqa: PLC0415 without --web its packages are not loaded
-
-            console = stack.enter_context(Console(*page, token=token))
+        now: Callable[[], tuple[Link, Server] | None] = lambda: (link, server)  # noqa: E731
+        if web is not None:
+            console = stack.enter_context(_console(web, given))
             console.show(link, server)
-            show(console, open_browser)
+            show(console, given.opens_browser)
+            now = lambda: _served(console)  # noqa: E731
         if topics is not None:
             from wirebond.ros2.serving import bridge_to  # noqa: PLC0415 without --ros2 its packages are not loaded
 
@@ -74,7 +85,7 @@ def serve_port(
             source = f"by {topics.path}" if topics.path else "as JSON"
             errors.print(f"ROS 2 node [bold]{topics.namespace.rstrip('/')}/{topics.node}[/], {plain(source)}")
         try:
-            _watch(link, server, end)
+            _watch(now, end)
         except KeyboardInterrupt:
             errors.print("ends: what is repeated ends with its safe value")
         errors.print(stats_line(link.stats.receive))
@@ -87,6 +98,29 @@ def _topics(codec: Codec, path: Path | None) -> BridgeMapping:
     return mapping_for(codec, path)
 
 
+def _serve_page_alone(given: Serving) -> None:
+    """The page chooses the port and the protocol."""
+    if given.web is None or given.path is not None or given.tcp is not None or given.record is not None or given.ros2:
+        raise UsageError("give FILE and PORT; without both, only --web is possible, where the page chooses them")
+    end = math.inf if given.seconds is None else time.monotonic() + given.seconds
+    with ended_by_signals(), _console(web_address(given.web), given) as console:
+        show(console, given.opens_browser)
+        with suppress(KeyboardInterrupt):
+            _watch(lambda: _served(console), end)
+
+
+def _console(address: tuple[str, int], given: Serving) -> Console:
+    from wirebond.console import Console, Options  # noqa: PLC0415 without --web its packages are not loaded
+
+    options = Options(given.name, given.recordings, given.listen, may_connect=True, may_save=given.path)
+    return Console(*address, token=given.token, options=options)
+
+
+def _served(console: Console) -> tuple[Link, Server] | None:
+    served = console.station.served
+    return None if served is None else (served.link, served.server)
+
+
 def _finish(recordings: Recordings) -> None:
     """Wait until the recordings are compressed."""
     if not recordings.is_closing:
@@ -96,17 +130,30 @@ def _finish(recordings: Recordings) -> None:
         recordings.wait()
 
 
-def _watch(link: Link, server: Server, end: float) -> None:
-    """Say what changes."""
+def _watch(now: Callable[[], tuple[Link, Server] | None], end: float) -> None:
+    """Say what changes. ``now``: what is served at that moment."""
+    known: Link | None = None
+    is_other = False  # not the one that the command line named
     was_away, holder, clients = False, None, 0
     while (left := end - time.monotonic()) > 0:
+        found = now()
+        if found is None:
+            known, is_other = None, True
+            time.sleep(min(_LOOK, left))
+            continue
+        link, server = found
+        is_other = is_other or known not in (None, link)
+        if is_other and known is not link:
+            was_away, holder, clients = False, None, 0
+            errors.print(f"{link.codec.name} on {plain(link.port)}")
+        known = link
         is_away = link.state == "down"
         if is_away != was_away:
             errors.print(f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there")
             was_away = is_away
-        if (now := server.holder) != holder:
-            errors.print("no program is in control" if now is None else f"{plain(now)} is in control")
-            holder = now
+        if (name := server.holder) != holder:
+            errors.print("no program is in control" if name is None else f"{plain(name)} is in control")
+            holder = name
         if (count := server.client_count) != clients:
             errors.print(f"{count} client{'' if count == 1 else 's'}")
             clients = count

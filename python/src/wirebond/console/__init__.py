@@ -1,5 +1,6 @@
 """The console: a web server for the page and for programs that want what the page has. docs/console.md."""
 
+from wirebond.console.connector import Options
 from wirebond.console.console import DEFAULT_PORT, Console
 
-__all__ = ["DEFAULT_PORT", "Console"]
+__all__ = ["DEFAULT_PORT", "Console", "Options"]

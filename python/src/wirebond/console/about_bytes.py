@@ -1,4 +1,4 @@
-"""HTTP requests about bytes: what they mean, under the protocol in force, under another file, or under any."""
+"""HTTP requests about bytes: what they mean, under the protocol in force, or under another file."""
 
 from __future__ import annotations
 
@@ -12,22 +12,19 @@ from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
 from wirebond.codec import Codec
-from wirebond.console.about_protocol import EDITED
 from wirebond.console.answers import RefusedError, body_of, guarded, served_by, worked
+from wirebond.console.connector import EDITED
 from wirebond.console.library import Library
 from wirebond.console.station import Station
 from wirebond.console.tables import message_dict
 from wirebond.explain import explain
 from wirebond.explain.data import explanation_dict
 from wirebond.history.source import ENDS, Source
-from wirebond.identify.formats import known_formats
-from wirebond.identify.ranking import rank
 from wirebond.protocol import loads
 from wirebond.protocol.model import End
 from wirebond.recording.recording import Reads, Recording
 
 _ROWS = 50
-_MOST_IDENTIFIED = 1 << 16  # bytes: more makes no format likelier, and takes longer
 _HEX = re.compile(r"(?:[0-9a-fA-F]{2})*")
 _SEPARATORS = re.compile(r"0[xX]|[\s,:;]")
 
@@ -44,25 +41,19 @@ class _Decode(msgspec.Struct):
     live: float | None = None
 
 
-class _Identify(msgspec.Struct):
-    bytes: str | None = None
-    live: float | None = None
-
-
 class ByteRequests:
     """What takes long waits for its turn: one at a time, so that the link has the rest of the computer."""
 
-    def __init__(self, station: Station, library: Library) -> None:
+    def __init__(self, station: Station, library: Library, turn: asyncio.Lock) -> None:
         self._station = station
         self._library = library
-        self._turn: asyncio.Lock | None = None
+        self._turn = turn
 
     def routes(self) -> list[BaseRoute]:
         """All of them."""
         return [
             Route("/api/explain", guarded(self._explain), methods=["POST"]),
             Route("/api/decode", guarded(self._decode), methods=["POST"]),
-            Route("/api/identify", guarded(self._identify), methods=["POST"]),
         ]
 
     async def _explain(self, request: Request) -> Response:
@@ -72,30 +63,15 @@ class ByteRequests:
             raise RefusedError(422, "no_bytes", "there are no bytes to explain; give some, as `AA 55 01`")
         model = served_by(self._station).link.codec.model if asked.text is None else loads(asked.text, EDITED)
         sender = None if asked.sender is None else End(asked.sender)
-        async with self._alone():
+        async with self._turn:
             return await worked(lambda: explanation_dict(explain(model, data, sender)))
 
     async def _decode(self, request: Request) -> Response:
         asked = await body_of(request, _Decode)
         if (asked.recording is None) == (asked.live is None):
             raise RefusedError(422, "no_bytes", "give `recording` or `live`, the seconds that are looked at")
-        async with self._alone():
+        async with self._turn:
             return await worked(lambda: self._decoded(asked))
-
-    async def _identify(self, request: Request) -> Response:
-        asked = await body_of(request, _Identify)
-        if asked.bytes is not None:
-            data = bytes_of(asked.bytes)
-        else:
-            served = served_by(self._station)
-            data = served.source.kept(End.MCU, asked.live or 10.0).data
-        async with self._alone():
-            return await worked(lambda: identified(data[-_MOST_IDENTIFIED:]))
-
-    def _alone(self) -> asyncio.Lock:
-        if self._turn is None:
-            self._turn = asyncio.Lock()
-        return self._turn
 
     def _decoded(self, asked: _Decode) -> dict[str, Any]:
         edited = Codec(loads(asked.text, EDITED))
@@ -140,25 +116,6 @@ def _account(source: Source) -> dict[str, Any]:
                 if count:
                     out[key][name] = out[key].get(name, 0) + count
     return out
-
-
-def identified(data: bytes) -> dict[str, Any]:
-    """Which known formats these bytes are of, the best first."""
-    known = known_formats()
-    fitting = [one for one in rank(data, known.formats) if one.fits]
-    matches = [
-        {
-            "name": one.format.name,
-            "path": one.format.model.path,
-            "share": one.frame_share,
-            "frames": one.frames,
-            "text": one.format.model.text,
-            "evidence_bits": round(one.evidence, 1),
-            "messages": one.messages,
-        }
-        for one in fitting[:8]
-    ]
-    return {"bytes": len(data), "formats_tried": len(known.formats), "matches": matches}
 
 
 def bytes_of(text: str) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -12,14 +13,15 @@ from starlette.routing import BaseRoute, Route
 from wirebond import paths
 from wirebond.check import Places, lint
 from wirebond.codec import Codec
-from wirebond.console.answers import answer, body_of, guarded, problems_of, served_by, worked
+from wirebond.console.answers import RefusedError, answer, body_of, guarded, problems_of, served_by, worked
+from wirebond.console.connector import EDITED
 from wirebond.console.protocol_form import protocol_form
 from wirebond.console.station import Station
 from wirebond.doc import markdown
 from wirebond.errors import ProtocolFileError
+from wirebond.link.raw import is_raw
 from wirebond.protocol import loads
-
-EDITED = "the edited file"
+from wirebond.whole_file import write_whole
 
 
 class _Check(msgspec.Struct):
@@ -27,10 +29,13 @@ class _Check(msgspec.Struct):
 
 
 class ProtocolRequests:
-    """:param station: whose protocol it is."""
+    """:param station: whose protocol it is.
+    :param may_save: the file that may be written; None: none.
+    """
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: Station, may_save: Path | None) -> None:
         self._station = station
+        self._may_save = may_save
 
     def routes(self) -> list[BaseRoute]:
         """All of them."""
@@ -40,11 +45,14 @@ class ProtocolRequests:
             Route("/api/lint", guarded(self._lint)),
             Route("/api/schema", guarded(self._schema)),
             Route("/api/check", guarded(self._check), methods=["POST"]),
+            Route("/api/save", guarded(self._save), methods=["POST"]),
         ]
 
     async def _protocol(self, _: Request) -> Response:
         served = served_by(self._station)
         link = served.link
+        if is_raw(link.codec):
+            raise RefusedError(404, "no_protocol", "the console has no protocol yet: it shows raw bytes")
         path = link.codec.model.path
         return answer(protocol_form(link.codec, served.source.history, path, link.port, link.baud))
 
@@ -59,6 +67,22 @@ class ProtocolRequests:
     async def _schema(self, _: Request) -> Response:
         schema = (paths.protocols() / "wirebond.schema.json").read_bytes()
         return Response(schema, media_type="application/schema+json")
+
+    async def _save(self, request: Request) -> Response:
+        """The file that the console was started with is written; what is in force stays until the port is connected."""
+        text = (await body_of(request, _Check)).text
+        path = self._may_save
+        if path is None:
+            raise RefusedError(
+                422, "no_file", "the console was started without a protocol file; download the text instead"
+            )
+        loads(text, str(path))
+
+        def work() -> dict[str, Any]:
+            write_whole(path, text)
+            return {"ok": None, "path": str(path)}
+
+        return await worked(work)
 
     async def _check(self, request: Request) -> Response:
         text = (await body_of(request, _Check)).text

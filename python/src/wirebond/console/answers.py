@@ -11,8 +11,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from wirebond.console.as_json import encode, plain
+from wirebond.console.connector import HeldError
 from wirebond.console.station import Served, Station
-from wirebond.errors import ProtocolFileError, UsageError, WirebondError
+from wirebond.errors import ProtocolFileError, WirebondError
 
 MOST_BODY = 4 << 20  # bytes
 _Body = TypeVar("_Body", bound=msgspec.Struct)
@@ -55,7 +56,9 @@ def guarded(handler: Handler) -> Handler:
             return answer({"error": error.error, "text": str(error)}, error.status)
         except ProtocolFileError as error:
             return answer({"error": "protocol", "text": str(error), "problems": problems_of(error)}, 422)
-        except (UsageError, WirebondError) as error:
+        except HeldError as error:
+            return answer({"error": "not_in_control", "text": str(error)}, 409)
+        except WirebondError as error:
             return answer({"error": "refused", "text": str(error)}, 422)
         except OSError as error:
             return answer({"error": "refused", "text": f"{error.strerror or error}: {error.filename}"}, 422)

@@ -14,6 +14,7 @@ import uvicorn
 
 from wirebond.console.api import routes
 from wirebond.console.app import application
+from wirebond.console.connector import Connector, Options
 from wirebond.console.guard import Guard
 from wirebond.console.library import Library
 from wirebond.console.station import Station
@@ -32,12 +33,14 @@ _PATIENCE = 5.0  # seconds that the thread has to begin and to end
 
 
 class Console:
-    """Serves the page, and what it shows. Starts at once; ends with ``close``, or a ``with`` block. It closes no link.
+    """Serves the page, and what it shows. Starts at once; ends with ``close``, or a ``with`` block. It closes the links
+    that it opened itself, and no other.
 
     :param host: address to listen at.
     :param port: 0: any that is free.
     :param token: what clients must say. None: needed, and made, where the host is reached by other computers.
     :param page: the folder of the built page.
+    :param options: how links are opened that the page asks for; None: it may ask for none.
     :raises PortError: it cannot listen there.
     :raises UsageError: no such host; or the token has other characters than letters, digits, and ``-._~``.
     """
@@ -49,6 +52,7 @@ class Console:
         *,
         token: str | None = None,
         page: Path = PAGE,
+        options: Options | None = None,
     ) -> None:
         if token is not None and not _TOKEN.fullmatch(token):
             raise UsageError(
@@ -59,11 +63,13 @@ class Console:
             token = secrets.token_urlsafe(16)
         self._socket = tcp_socket(host, port)
         self._host = host
+        self._is_closing = False
         self._guard = Guard(self._socket.getsockname()[1], token)
         self.station = Station()
         self.page_is_built = (page / "index.html").is_file()
+        connector = Connector(self.station, options or Options())
         library = Library(self.station)
-        app = application(lambda: self._guard, self.station, library, page, routes(self.station, library))
+        app = application(lambda: self._guard, self.station, library, page, routes(self.station, library, connector))
         config = uvicorn.Config(
             app,
             log_config=None,
@@ -103,15 +109,22 @@ class Console:
         return f"http://{shown}:{self.port}/{fragment}"
 
     def show(self, link: Link, server: Server) -> None:
-        """Show this link, which the server serves, from now on.
+        """Show this link, which the server serves, from now on. Where the page connects another one, both are closed.
 
         :param link: the link.
         :param server: its server.
         """
-        self.station.put(link, server)
+
+        def close() -> None:
+            if not self._is_closing:
+                server.close()
+                link.close()
+
+        self.station.put(link, server, close)
 
     def close(self) -> None:
         """End every connection. A second call does nothing."""
+        self._is_closing = True
         self._server.should_exit = True
         self._thread.join(_PATIENCE)
         self.station.clear()

@@ -10,6 +10,7 @@ import msgspec
 
 from wirebond.console.as_json import plain
 from wirebond.console.station import Served
+from wirebond.link.raw import is_raw
 
 
 def short_state(served: Served) -> tuple[Any, ...]:
@@ -32,7 +33,7 @@ def link_state(served: Served) -> dict[str, Any]:
         "connected": True,
         "state": link.state,
         "why": link.why,
-        "protocol": link.codec.name,
+        "protocol": None if is_raw(link.codec) else link.codec.name,
         "hash": f"{link.codec.hash:016x}",
         "port": link.port,
         "baud": link.baud,

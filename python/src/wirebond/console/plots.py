@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from wirebond.console.wants import Plot
-from wirebond.errors import UsageError
 from wirebond.history.history import History
 from wirebond.history.pixels import Pixels
 
@@ -98,15 +97,3 @@ def packed(
         data = np.ascontiguousarray(array).tobytes()
         parts += [data, bytes(-len(data) % _ALIGNED)]
     return b"".join(parts)
-
-
-def check_fields(plots: tuple[Plot, ...], history: History) -> list[str]:
-    """A sentence for each field that cannot be plotted."""
-    wrong = []
-    for plot in plots:
-        for name in plot.fields:
-            try:
-                history.find(name)
-            except UsageError as error:
-                wrong.append(str(error))
-    return wrong

@@ -10,6 +10,7 @@ from wirebond.codec import Message
 from wirebond.console.as_json import plain
 from wirebond.history.source import Newest, Source
 from wirebond.history.stream import Entry
+from wirebond.link.raw import is_raw
 from wirebond.protocol.model import End, Field, FieldKind
 
 SPARK_SECONDS, SPARK_POINTS = 20.0, 40
@@ -22,6 +23,8 @@ def message_rows(source: Source, now: float, *, at: float | None, with_sparks: b
 
     :param at: of a recording: the time that is shown.
     """
+    if is_raw(source.codec):
+        return []
     return [_row(source, end, name, now, at, with_sparks) for end, name in source.history.tracks()]
 
 
@@ -97,4 +100,6 @@ def _entry(source: Source, end: End, entry: Entry, message: Message | None) -> d
     if entry.name:
         out |= {"kind": "frame", "message": entry.name}
         return out if message is None else out | message_dict(message)
+    if is_raw(source.codec):
+        return out | {"kind": "bytes"}
     return out | {"kind": "fill" if source.streams[end].is_fill(entry) else "discarded"}

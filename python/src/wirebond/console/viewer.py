@@ -5,14 +5,16 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import msgspec
+
 from wirebond.console.as_json import encode
 from wirebond.console.library import Library, Replay
 from wirebond.console.link_state import link_state, no_link, short_state
-from wirebond.console.plots import PlotFeed, check_fields
+from wirebond.console.plots import PlotFeed
 from wirebond.console.station import Served, Station
 from wirebond.console.tables import frame_entries, message_rows
 from wirebond.console.wants import OfRecording, Plot, Views
-from wirebond.errors import WirebondError
+from wirebond.errors import UsageError, WirebondError
 from wirebond.history.source import Source
 
 LINK_EVERY = 0.5  # seconds
@@ -48,14 +50,11 @@ class Viewer:
             self._shown.pop("events", None)
         if not views.link:
             self._due.pop("link", None)
-        feeds = self._plots
-        self._plots = {
-            p.id: feeds[p.id] if p.id in feeds and feeds[p.id].plot == p else PlotFeed(p) for p in views.plots
-        }
-        source = self._source()
-        if source is not None:
-            for sentence in check_fields(views.plots, source.history):
-                self._tell_error("field", sentence)
+        before_plots = {plot.id: plot for plot in before.plots}
+        feeds, self._plots = self._plots, {}
+        for plot in views.plots:
+            is_same = plot.id in feeds and before_plots.get(plot.id) == plot
+            self._plots[plot.id] = feeds[plot.id] if is_same else self._feed(plot)
 
     def round(self) -> list[str | bytes]:
         """What the client lacks now: messages, in their order."""
@@ -118,12 +117,23 @@ class Viewer:
         self._tell({"view": "events", "replace": known is None, "events": source.happenings.since(known or 0, at)})
 
     def _plot(self, feed: PlotFeed, source: Source, now: float) -> None:
-        known = [name for name in feed.plot.fields if not check_fields((Plot("", (name,)),), source.history)]
-        if len(known) != len(feed.plot.fields):
-            feed.plot.fields = tuple(known)
         batch = feed.batch(source.history, now)
         if batch is not None:
             self._out.append(batch)
+
+    def _feed(self, plot: Plot) -> PlotFeed:
+        """Of the fields that there are; the others are told."""
+        source = self._source()
+        known = []
+        for name in plot.fields:
+            if source is None:
+                break
+            try:
+                source.history.find(name)
+                known.append(name)
+            except UsageError as error:
+                self._tell_error("field", str(error))
+        return PlotFeed(msgspec.structs.replace(plot, fields=tuple(known)))
 
     # ---- inside
 
@@ -150,7 +160,7 @@ class Viewer:
 
     def _forget(self) -> None:
         """Another source: all is new."""
-        self._plots = {feed.plot.id: PlotFeed(feed.plot) for feed in self._plots.values()}
+        self._plots = {plot.id: self._feed(plot) for plot in self._wants.plots}
         self._due.clear()
         self._shown.clear()
 

@@ -31,7 +31,6 @@ class History:
         self._whole: dict[tuple[End, str], list[tuple[str, str, int]]] = {}  # column, its field, the element or -1
         self._whose: dict[str, list[End]] = {}
         self._breaks: list[float] = []
-        self._chunks = 0
         messages = {m.name: m for m in model.messages}
         for end, of_end in tables.items():
             for name, table in of_end.items():
@@ -71,7 +70,6 @@ class History:
     def add(self, end: End, tables: Mapping[str, Any]) -> None:
         """Rows of one end that are newer than all of that end."""
         with self._lock:
-            chunks = self._chunks
             for name, table in tables.items():
                 track = self._tracks.get((end, name))
                 if track is None:
@@ -81,9 +79,8 @@ class History:
                     column: fields[source] if element < 0 else fields[source][:, element]
                     for column, source, element in self._whole[end, name]
                 }
-                self._chunks += track.append(table["t"], columns)
-            if self._chunks != chunks:
-                self._make_room()
+                track.append(table["t"], columns)
+            self._make_room()
 
     def add_break(self, t: float) -> None:
         """The line went away at this time."""
@@ -97,7 +94,6 @@ class History:
             if not droppable:
                 return
             min(droppable, key=lambda track: track.first or 0.0).drop_oldest()
-            self._chunks -= 1
 
     # ---- out
 

@@ -15,6 +15,7 @@ from wirebond.history.history import MOST_BYTES, History
 from wirebond.history.round_trips import RoundTrips
 from wirebond.history.stream import KEPT_BYTES, Entry, Stream
 from wirebond.link.log_lines import LineLimit, log_names
+from wirebond.link.raw import is_raw
 from wirebond.link.tap import LinkEvent
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import told_by_request
@@ -177,6 +178,9 @@ class Source:
     ) -> list[tuple[End, Entry, Message | None]]:
         """The last frames, and what lies between frames, of both ends in the order of time."""
         with self._lock:
+            if is_raw(self.codec):
+                reads = [(end, entry) for end in ENDS for entry in self.streams[end].reads(most)]
+                return [(end, entry, None) for end, entry in sorted(reads, key=lambda one: one[1].t)[-most:]]
             found = [
                 (end, entry) for end in ENDS for entry in self.streams[end].newest(most, name, with_discards, until)
             ]

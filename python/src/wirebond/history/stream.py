@@ -159,6 +159,15 @@ class Stream:
         found = [*decoder.feed(raw, t), *decoder.finish()]
         return found[0] if found else None
 
+    def reads(self, most: int) -> list[Entry]:
+        """The bytes of the last reads, as they came, oldest first."""
+        found = []
+        for i in range(max(0, len(self._read_ends) - most), len(self._read_ends)):
+            begin = self._begin if i == 0 else self._read_ends[i - 1]
+            size = self._read_ends[i] - begin
+            found.append(Entry(self._read_times[i], begin, size, "", self.raw(begin, min(size, _MOST_DISCARD))))
+        return found
+
     def newest(self, most: int, name: str | None, with_discards: bool, until: float | None = None) -> list[Entry]:
         """The last entries, oldest first.
 

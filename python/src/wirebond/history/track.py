@@ -16,18 +16,22 @@ Array = NDArray[Any]
 
 
 class Chunk:
-    """Rows that are dropped together. It grows up to `ROWS`; whole, it knows the extremes of its blocks."""
+    """Rows that are dropped together. It grows up to `ROWS`; whole, it knows the extremes of its blocks.
+
+    :ivar rows: how many there are.
+    :ivar bytes: of memory that it takes.
+    """
 
     def __init__(self, types: Mapping[str, np.dtype[Any]]) -> None:
         self.rows = 0
         self._t: NDArray[np.float64] = np.empty(_FIRST_ROWS)
         self._columns: dict[str, Array] = {name: np.empty(_FIRST_ROWS, of) for name, of in types.items()}
         self._extremes: dict[str, tuple[Array, Array]] = {}
+        self._measure()
 
-    @property
-    def bytes(self) -> int:
+    def _measure(self) -> None:
         held = self._t.nbytes + sum(column.nbytes for column in self._columns.values())
-        return held + sum(low.nbytes + high.nbytes for low, high in self._extremes.values())
+        self.bytes = held + sum(low.nbytes + high.nbytes for low, high in self._extremes.values())
 
     @property
     def is_whole(self) -> bool:
@@ -51,6 +55,7 @@ class Chunk:
         self.rows += count
         if self.is_whole:
             self._extremes = {name: _extremes_of(column) for name, column in self._columns.items()}
+            self._measure()
         return begin + count
 
     def _reserve(self, rows: int) -> None:
@@ -61,6 +66,7 @@ class Chunk:
             size *= 2
         self._t = _longer(self._t, size)
         self._columns = {name: _longer(column, size) for name, column in self._columns.items()}
+        self._measure()
 
     def least_and_greatest(self, name: str, edges: NDArray[np.intp]) -> tuple[Array, Array]:
         """Of the rows between each two neighbours of ``edges``, which rise. NaN counts only where there is no other."""
@@ -132,16 +138,14 @@ class Track:
         """The time of the newest row."""
         return float(self.chunks[-1].t[-1]) if self.chunks else None
 
-    def append(self, t: NDArray[np.float64], columns: Mapping[str, Array]) -> int:
-        """Take rows, whose times do not fall. How many chunks were begun."""
+    def append(self, t: NDArray[np.float64], columns: Mapping[str, Array]) -> None:
+        """Take rows, whose times do not fall."""
         self.count += len(t)
-        at = begun = 0
+        at = 0
         while at < len(t):
             if not self.chunks or self.chunks[-1].is_whole:
                 self.chunks.append(Chunk(self.types))
-                begun += 1
             at = self.chunks[-1].append(t, columns, at)
-        return begun
 
     def chunks_from(self, begin: float) -> list[Chunk]:
         """The chunks that may hold rows from ``begin`` on, oldest first."""

@@ -23,9 +23,17 @@ def write_template(path: Path, template: str) -> None:
     :raises UsageError: no such template, or something lies there already.
     :raises OSError: the file cannot be written.
     """
+    write_new(path, template_text(template, protocol_name(path)))
+
+
+def template_text(template: str, name: str) -> str:
+    """The template as a file of the protocol ``name``.
+
+    :raises UsageError: no such template.
+    """
     if template not in TEMPLATES:
         raise UsageError(f"there is no template '{template}'; there are {', '.join(TEMPLATES)}")
-    write_new(path, _renamed(_source(template).read_text(encoding="utf-8"), protocol_name(path)))
+    return _renamed(_source(template).read_text(encoding="utf-8"), name)
 
 
 def _source(template: str) -> Path:

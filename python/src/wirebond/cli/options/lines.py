@@ -75,8 +75,12 @@ def listen(
 
 @commands.command()
 def serve(
-    file: ProtocolFile,
-    port: Port,
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="Protocol file (YAML). With --web the page can choose it.")
+    ] = None,
+    port: Annotated[
+        str | None, typer.Argument(metavar="PORT", help="As for `monitor`. With --web the page can choose it.")
+    ] = None,
     baud: Baud = None,
     name: Annotated[
         str | None, typer.Option(help="Programs attach to wirebond://NAME. Default: the protocol's name.")
@@ -113,10 +117,12 @@ def serve(
     seconds: Seconds = None,
 ) -> None:
     """Own a port, and let many programs attach: each sees every message, and one at a time is in control."""
-    from wirebond.cli.serve import serve_port
+    from wirebond.cli.serve import Serving, serve_port
 
     raise_from_here()
-    serve_port(file, port, baud, name, tcp, token, hear, record, recordings, web, browser, ros2, mapping, seconds)
+    serve_port(
+        Serving(file, port, baud, name, tcp, token, hear, record, recordings, web, browser, ros2, mapping, seconds)
+    )
 
 
 @commands.command()
