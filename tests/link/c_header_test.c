@@ -52,7 +52,8 @@ static bool reaches(void* context, const void* bytes, size_t size) {
 
 static const wirebond_port_t port = {NULL,           start_receive, receiving, receive_position,
                                      start_transmit, stop_transmit, pend,      reaches,
-                                     NULL,           false,         NULL,      NULL};
+                                     NULL,           false,         NULL,      NULL,
+                                     NULL,           NULL,          NULL};
 
 // ---- handlers
 

@@ -31,6 +31,8 @@ struct wire {
   bool refuses_transmit;
   bool is_reachable;
   bool pended;
+  bool is_away;
+  size_t read;
   wirebond_line_errors_t errors;
 };
 
@@ -76,10 +78,14 @@ static wirebond_line_errors_t take_line_errors(void* context) {
   return errors;
 }
 
+static bool connected(void* context) { return !((struct wire*)context)->is_away; }
+static void stop_receive(void* context) { ((struct wire*)context)->is_receiving = false; }
+static void read_to(void* context, size_t place) { ((struct wire*)context)->read = place; }
+
 static wirebond_port_t port_over(struct wire* wire) {
-  const wirebond_port_t port = {wire,           start_receive, receiving, receive_position,
-                                start_transmit, stop_transmit, pend,      reaches,
-                                NULL,           false,         check,     take_line_errors};
+  const wirebond_port_t port = {
+      wire, start_receive, receiving, receive_position, start_transmit, stop_transmit, pend,   reaches,
+      NULL, false,         check,     take_line_errors, connected,      stop_receive,  read_to};
   memset(wire, 0, sizeof *wire);
   wire->is_reachable = true;
   return port;
@@ -271,6 +277,24 @@ static void drive(void) {
     expect(counters.noise_errors == 1 && counters.overruns == 1 && counters.parity_errors == 1, "errors by kind");
     expect(wire.receive_starts == starts, "line errors end reception");
   }
+  expect(diffdrive_link_next_due_us(link, now_us) - now_us <= 100 * ms, "the link sleeps too long");
+  diffdrive_link_stop(link);
+  diffdrive_link_poll(link, now_us += ms);
+  diffdrive_link_on_pended(link);
+  expect(diffdrive_link_state(link) == WIREBOND_STATE_DOWN && !wire.is_receiving, "a stopped link is not down");
+  expect(diffdrive_link_why(link) == WIREBOND_WHY_NOT_CONNECTED, "it does not say why");
+  expect(diffdrive_link_send_account(link).queued == 0, "what waits does not expire");
+  diffdrive_link_start(link);
+  wire.is_away = true;
+  diffdrive_link_poll(link, now_us += ms);
+  diffdrive_link_on_pended(link);
+  expect(diffdrive_link_state(link) == WIREBOND_STATE_DOWN, "a link is up though nobody reads");
+  wire.is_away = false;
+  diffdrive_link_poll(link, now_us += ms);
+  expect(diffdrive_link_state(link) == WIREBOND_STATE_STALE && wire.is_receiving, "a link does not come back");
+  arrive(&wire, (const uint8_t*)"abc", 3);
+  diffdrive_link_poll(link, now_us += ms);
+  expect(wire.read == 3, "the port is not told what was read");
   {
     const wirebond_send_account_t account = diffdrive_link_send_account(link);
     uint32_t refused = 0;

@@ -35,6 +35,8 @@ size_t wirebond_stm32_hal_receive_position(void* uart) {
   return position == size ? 0 : position;  // the counter may be read at 0, before it starts the next round
 }
 
+void wirebond_stm32_hal_stop_receive(void* uart) { (void)HAL_UART_AbortReceive(handle_of(uart)); }
+
 bool wirebond_stm32_hal_start_transmit(void* uart, const uint8_t* bytes, size_t size) {
   UART_HandleTypeDef* const handle = handle_of(uart);
   if (handle->hdmatx == NULL) return false;

@@ -51,7 +51,7 @@ typedef struct wirebond_stm32_hal {
     .receive_position = wirebond_stm32_hal_receive_position, .start_transmit = wirebond_stm32_hal_start_transmit,     \
     .stop_transmit = wirebond_stm32_hal_stop_transmit, .pend = wirebond_stm32_hal_pend,                               \
     .reaches = wirebond_stm32_hal_reaches, .now_us = (clock), .check = wirebond_stm32_hal_check,                      \
-    .take_line_errors = wirebond_stm32_hal_take_line_errors                                                           \
+    .take_line_errors = wirebond_stm32_hal_take_line_errors, .stop_receive = wirebond_stm32_hal_stop_receive          \
   }
 
 // The functions of wirebond_port_t, whose contexts and answers are there.
@@ -60,6 +60,7 @@ typedef struct wirebond_stm32_hal {
 bool wirebond_stm32_hal_start_receive(void* uart, uint8_t* ring, size_t size);
 bool wirebond_stm32_hal_receiving(void* uart);
 size_t wirebond_stm32_hal_receive_position(void* uart);
+void wirebond_stm32_hal_stop_receive(void* uart);
 bool wirebond_stm32_hal_start_transmit(void* uart, const uint8_t* bytes, size_t size);
 void wirebond_stm32_hal_stop_transmit(void* uart);
 void wirebond_stm32_hal_pend(void* uart);

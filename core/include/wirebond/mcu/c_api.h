@@ -149,7 +149,7 @@ typedef struct wirebond_port {
   /// Can the UART's DMA reach all of bytes[0 .. size)? The link stays down where it cannot. From its poll.
   bool (*reaches)(void* context, const void* bytes, size_t size);
 
-  // These four may be left out.
+  // These may be left out.
 
   /// The clock that the poll is given, in microseconds. With it, received bytes are as old as the receive event before
   /// them; where it is NULL, as the poll before the one that found them. The interrupt.
@@ -162,11 +162,18 @@ typedef struct wirebond_port {
   wirebond_why_t (*check)(void* context, uint32_t baud);
   /// Where line errors do not end reception: what the UART's status says of them, which it forgets. The interrupt.
   wirebond_line_errors_t (*take_line_errors)(void* context);
+  /// Does anybody read? False: no program has the port open (USB), a cable is off. Then the link is down, what waits
+  /// expires, and ..._send_... answers WIREBOND_LINK_DOWN. The poll.
+  bool (*connected)(void* context);
+  /// End reception, because the link is down. The interrupt.
+  void (*stop_receive)(void* context);
+  /// All before this place of the ring is read: for a port that can make its sender wait. The poll.
+  void (*read_to)(void* context, size_t place);
 } wirebond_port_t;
 
 /// How a link stands.
 typedef enum wirebond_link_state {
-  WIREBOND_STATE_DOWN,   ///< not polled yet, or its port does not work: nothing is sent or received
+  WIREBOND_STATE_DOWN,   ///< not polled yet, stopped, or its port does not work: nothing is sent or received
   WIREBOND_STATE_STALE,  ///< it runs, and no valid frame came for a second
   WIREBOND_STATE_UP      ///< valid frames come
 } wirebond_link_state_t;

@@ -66,8 +66,16 @@ class Port {
     const wirebond_line_errors_t errors = table_.take_line_errors(table_.context);
     return {errors.framing, errors.noise, errors.overrun, errors.parity};
   }
+  bool connected() const { return runs && (table_.connected == nullptr || table_.connected(table_.context)); }
+  void stop_receive() {
+    if (table_.stop_receive != nullptr) table_.stop_receive(table_.context);
+  }
+  void read_to(std::size_t place) {
+    if (table_.read_to != nullptr) table_.read_to(table_.context, place);
+  }
 
   const bool tells_every_lap;
+  bool runs = true;  ///< false: the program has stopped the link
 
  private:
   const wirebond_port_t& table_;

@@ -54,6 +54,7 @@ enum class Line : std::uint8_t {
 /// | `ask_abort`: the run takes too long | sending, not begun | + abort | pends the interrupt |
 /// | `note`: `poll` has seen that a run began | + begun | - begun | measures its time from now on |
 /// | `note`: and that the line is silent | any | + restart | pends the interrupt |
+/// | `halt`: the link is down, and what waited has expired | any | idle, no mark | |
 /// | `remind`: `poll` pends the interrupt | any | + reminded | counts if it is there already: nobody served the last
 /// one | | `take`, `complete`, `rest`, `ask_restart`, `restarted`: the interrupt runs | | - reminded | |
 ///
@@ -144,6 +145,9 @@ class Handshake {
   }
 
   void restarted() { change(restart_bit | reminded_bit, 0); }
+
+  /// The link is down, and nothing waits any more.
+  void halt() { change(~std::uint32_t{0}, idle); }
 
   // ---- poll; the first also the UART's interrupt
 

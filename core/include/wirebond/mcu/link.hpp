@@ -12,6 +12,7 @@
 #include "wirebond/mcu/asked_addresses.hpp"
 #include "wirebond/mcu/atomics.hpp"
 #include "wirebond/mcu/buffers.hpp"
+#include "wirebond/mcu/connection.hpp"
 #include "wirebond/mcu/handshake.hpp"
 #include "wirebond/mcu/line_errors.hpp"
 #include "wirebond/mcu/outbox.hpp"
@@ -32,7 +33,7 @@ namespace wirebond {
 
 /// How a link stands.
 enum class LinkState : std::uint8_t {
-  down,   ///< not started, or its buffers are out of the DMA's reach: nothing is sent or received
+  down,   ///< not started, its buffers are out of reach, or its port says that nobody reads: nothing moves
   stale,  ///< it runs, and no valid frame came for `timeout_us`
   up,     ///< valid frames come
 };
@@ -208,7 +209,9 @@ class Link : private SendPause<Protocol::pause_us>,
     const std::uint32_t before_us = is_timed_ ? now() : now_us;
     now_us_.store(now_us, std::memory_order_relaxed);
     if (shortest_deadline_us != 0 && now_us - before_us > shortest_deadline_us / 2) slow_polls_ += 1;
-    if (state() == LinkState::down) {
+    if (!detail::connected(port_)) {
+      if constexpr (may_leave) leave(now_us);
+    } else if (state() == LinkState::down) {
       start(now_us);
     } else {
       receive(before_us, now_us);
@@ -288,6 +291,30 @@ class Link : private SendPause<Protocol::pause_us>,
   SequenceCounts<std::uint32_t> sequence() const { return receiver_.sequence(); }
   SendAccount send_account() const { return outbox_.account(); }
 
+  /// When `poll` has work that no interrupt tells of, for firmware that sleeps until then: 0 to 100 ms after `now_us`,
+  /// which was read before the call. Poll also after each of the UART's interrupts; a `send` needs none. Deadlines,
+  /// schedule and time-outs are then as punctual as with a poll every millisecond. Where the port has no clock it is at
+  /// most half of the time in which the line fills the receive ring, because a later poll would drop what came.
+  /// The context of `poll`; it takes flash only where it is called.
+  std::uint32_t next_due_us(std::uint32_t now_us) const {
+    constexpr std::uint32_t longest_sleep_us = 100'000;
+    constexpr std::uint32_t retry_us = 1'000;
+    std::uint32_t left_us = schedule_.template time_left<Handler, Link>(now_us, longest_sleep_us);
+    const auto within = [&](std::uint32_t limit_us) { left_us = limit_us < left_us ? limit_us : left_us; };
+    within(deadlines_.time_left(now_us));
+    const bool sees_stalls = (Age::is_stamped && detail::clock_runs(port_, 0)) || detail::tells_every_lap(port_, 0);
+    if (!sees_stalls) within(fill_us / 2);  // a later poll would drop what came
+    if (state() == LinkState::down || keeps_pause) within(retry_us);
+    const auto line = handshake_.look();
+    if (line.asks() || line.begun()) within(retry_us);  // asked again, or measured from then on
+    if (!detail::MayWait<Port>::value && line.line() == Line::sending)
+      within(time_left(begun_us_, transmit_timeout_us, now_us));
+    if (receiver_.pending() != 0) within(Receives::idle_us / 2);
+    within(time_left(line_moved_us_, timeout_us, now_us));
+    if (state() == LinkState::up) within(time_left(heard_us_, timeout_us, now_us));
+    return now_us + left_us;
+  }
+
   /// What keeps the link from working, as far as it can tell: it asks the port how it is set up, and looks at what
   /// happened so far. `text_of` makes a sentence of it. The context of `poll`; it takes flash only where it is called.
   Why why() const {
@@ -295,6 +322,7 @@ class Link : private SendPause<Protocol::pause_us>,
     if (!reaches_buffers()) return Why::buffers_unreachable;
     const Why setup = detail::check_port(port_, Protocol::baud, 0);
     if (setup != Why::nothing && setup != Why::tick_below_uart) return setup;
+    if (!detail::connected(port_)) return Why::not_connected;
     if (state() == LinkState::down) return Why::port_refuses;
     if (unserved_in_row_ >= 2) return Why::pends_unserved;
     if (reception_stops_ || (!port_.receiving() && !handshake_.look().restart())) return Why::reception_stops;
@@ -346,7 +374,10 @@ class Link : private SendPause<Protocol::pause_us>,
   /// What `Port::pend` asked for.
   void on_pended() {
     const Event event(in_event_);
-    if (state() == LinkState::down) return;
+    if (state() == LinkState::down) {
+      if constexpr (may_leave) clear_line();
+      return;
+    }
     look_for_errors();
     if (handshake_.look().restart()) restart_reception();
     switch (handshake_.take()) {
@@ -378,6 +409,9 @@ class Link : private SendPause<Protocol::pause_us>,
   /// early.
   static constexpr std::uint16_t max_age_units =
       static_cast<std::uint16_t>((Protocol::max_age_ms * std::uint32_t{1000} + 1023) / 1024);
+
+  /// Can the port say that nobody reads?
+  static constexpr bool may_leave = detail::TellsConnection<Port>::value;
 
   /// Does silence end a frame? Then a run is one frame, and the next one waits for the pause.
   static constexpr bool keeps_pause = Protocol::pause_us != 0;
@@ -484,6 +518,10 @@ class Link : private SendPause<Protocol::pause_us>,
     return Status::out_of_range;
   }
 
+  static std::uint32_t time_left(std::uint32_t since_us, std::uint32_t limit_us, std::uint32_t now_us) {
+    return now_us - since_us < limit_us ? since_us + limit_us - now_us : 0;
+  }
+
   std::uint16_t stamp() const { return static_cast<std::uint16_t>(now() >> 10); }  ///< see max_age_units
   std::uint32_t now() const { return now_us_.load(std::memory_order_relaxed); }
   /// A port's clock is asked for the clock service alone.
@@ -509,6 +547,10 @@ class Link : private SendPause<Protocol::pause_us>,
       schedule_.start(now_us);
     }
     if (!reaches_buffers()) return;
+    if constexpr (may_leave) {
+      if (waits_.load(std::memory_order_acquire)) return port_.pend();  // pairs with `clear_line`
+      ring_.begin_again();
+    }
     handshake_.restarted();  // by errors from before; one from now on counts
     if (!port_.start_receive(memory_.receive.data(), memory_.receive.size())) return;
     heard_us_ = line_moved_us_ = now_us;
@@ -517,6 +559,23 @@ class Link : private SendPause<Protocol::pause_us>,
     if constexpr (!std::is_same_v<typename Protocol::Hello::Message, NoService>) {
       static_cast<void>(send(detail::hello<Protocol>()));
     }
+  }
+
+  /// Nobody reads. What waits shall expire, also what a sender finishes from now on.
+  void leave(std::uint32_t now_us) {
+    if (!is_timed_) {
+      is_timed_ = true;
+      deadlines_.start(now_us);
+      schedule_.start(now_us);
+    }
+    if (state() != LinkState::down) {
+      Inbox inbox{*this};
+      receiver_.give_up(now_us, inbox, deadlines_);
+      peer_ = Peer::unknown;
+      change(LinkState::down);
+    }
+    waits_.store(true, std::memory_order_release);  // pairs with `clear_line`
+    port_.pend();
   }
 
   void receive(std::uint32_t before_us, std::uint32_t now_us) {
@@ -549,6 +608,7 @@ class Link : private SendPause<Protocol::pause_us>,
       ring_.consumed(bytes.size);
     }
     if (ring_.position() != read) line_moved_us_ = now_us;
+    detail::read_to(port_, ring_.place(), 0);
     if (heard_frames() != frames) {
       heard_us_ = now_us;
       change(LinkState::up);
@@ -581,7 +641,7 @@ class Link : private SendPause<Protocol::pause_us>,
     }
     count_unserved(line.asks() && line.reminded());
     if (is_silent || line.begun()) handshake_.note(is_silent);
-    if (line.begun() || line.line() != Line::sending) {
+    if (detail::MayWait<Port>::value || line.begun() || line.line() != Line::sending) {
       begun_us_ = now_us;
     } else if (now_us - begun_us_ >= transmit_timeout_us) {
       begun_us_ = now_us;
@@ -634,6 +694,17 @@ class Link : private SendPause<Protocol::pause_us>,
       handshake_.restarted();
     }
     ring_.end_restart();
+  }
+
+  /// The link is down: a run that is under way is broken off, and the rest expires.
+  void clear_line() {
+    if (!waits_.load(std::memory_order_acquire)) return;  // pairs with `leave`
+    if (handshake_.look().line() == Line::sending) port_.stop_transmit();
+    outbox_.aborted();
+    outbox_.expire_all();
+    handshake_.halt();
+    detail::stop_receive(port_, 0);
+    waits_.store(false, std::memory_order_release);  // pairs with `start`
   }
 
   /// The line is looking, so no event of the old run changes it any more.
@@ -703,6 +774,7 @@ class Link : private SendPause<Protocol::pause_us>,
   std::uint32_t begun_us_ = 0;          ///< about when the run with the port was begun
   LoadStore<std::uint32_t> now_us_{0};  ///< of the last poll
   LoadStore<bool> in_event_{false};     ///< the UART's interrupt is at work
+  LoadStore<bool> waits_{false};        ///< frames wait that shall expire, for the link went down; by both
   LoadStore<LinkState> state_{LinkState::down};
   Peer peer_ = Peer::unknown;
   bool is_timed_ = false;

@@ -122,6 +122,14 @@ class ReceiveRing {
     pass(static_cast<Count>(count));
   }
 
+  /// DMA begins at the ring's front, and no interrupt calls this ring until it has: what was not read is dropped.
+  void begin_again() {
+    dropped_ += seen_ - read_so_far();
+    written_.store(seen_, std::memory_order_relaxed);
+    read_.store(seen_, std::memory_order_relaxed);
+    origin_.store(seen_, std::memory_order_relaxed);
+  }
+
   /// All that `look` saw is given up: whole rings may have come uncounted.
   void drop_unread() {
     for (Span span = next(); span.size != 0; span = next()) {

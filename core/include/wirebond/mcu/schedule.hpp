@@ -34,7 +34,25 @@ class Schedule<MessageList<Messages...>> {
     (offer<Messages>(due_us_[place++], now_us, handler, sender), ...);
   }
 
+  /// How long until the next of them is due, seen from `now_us`; at most `most_us`.
+  template <class Handler, class Sender>
+  std::uint32_t time_left(std::uint32_t now_us, std::uint32_t most_us) const {
+    std::uint32_t least_us = most_us;
+    [[maybe_unused]] std::size_t place = 0;
+    const auto look = [&](bool is_offered, std::uint32_t due_us) {
+      const std::uint32_t left_us = static_cast<std::int32_t>(due_us - now_us) > 0 ? due_us - now_us : 0;
+      if (is_offered && left_us < least_us) least_us = left_us;
+    };
+    (look(is_offered<Messages, Handler, Sender>, due_us_[place++]), ...);
+    return least_us;
+  }
+
  private:
+  template <class Message, class Handler, class Sender>
+  static constexpr bool is_offered =
+      Sender::template fills<Message> || detail::HasFill<Handler, Message>::value ||
+      detail::HasFillWithHeader<Handler, Message, HeaderOf<typename Message::Info>>::value;
+
   template <class Message, class Handler, class Sender>
   static void offer([[maybe_unused]] std::uint32_t& due_us, [[maybe_unused]] std::uint32_t now_us,
                     [[maybe_unused]] Handler& handler, [[maybe_unused]] Sender& sender) {
@@ -42,7 +60,7 @@ class Schedule<MessageList<Messages...>> {
     static_assert(detail::RightFill<Handler, Message, Header>::value);
     constexpr bool with_header = detail::HasFillWithHeader<Handler, Message, Header>::value;
     constexpr bool by_sender = Sender::template fills<Message>;
-    if constexpr (by_sender || with_header || detail::HasFill<Handler, Message>::value) {
+    if constexpr (is_offered<Message, Handler, Sender>) {
       Periodic<> rhythm(Message::Info::every_us, due_us);
       if (!rhythm.due(now_us)) return;
       due_us = rhythm.next_us();

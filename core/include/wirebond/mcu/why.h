@@ -18,6 +18,7 @@ typedef enum wirebond_why {
   WIREBOND_WHY_RECEIVE_DMA_NOT_CIRCULAR,  ///< by the port: DMA stops at the end of the ring
   WIREBOND_WHY_BAUD_DIFFERS,              ///< by the port: another baud rate than the file's
   WIREBOND_WHY_INTERRUPT_OFF,             ///< by the port: the UART's interrupt is not enabled
+  WIREBOND_WHY_NOT_CONNECTED,             ///< the port says that nobody reads, or it is stopped
   WIREBOND_WHY_PORT_REFUSES,              ///< the port does not start reception
   WIREBOND_WHY_PENDS_UNSERVED,            ///< the interrupt was pended, and nobody called `on_pended`
   WIREBOND_WHY_RECEPTION_STOPS,           ///< reception ends without an error event
@@ -47,6 +48,8 @@ static inline const char* wirebond_why_text(wirebond_why_t why) {
     case WIREBOND_WHY_BAUD_DIFFERS:
       return "the UART has another baud rate than `link: baud` of the protocol file: make them equal";
     case WIREBOND_WHY_INTERRUPT_OFF: return "the UART's interrupt is off: enable its global interrupt in the NVIC";
+    case WIREBOND_WHY_NOT_CONNECTED:
+      return "the other end is not there: no program has the port open (DTR), the cable is off, or the port is stopped";
     case WIREBOND_WHY_PORT_REFUSES:
       return "the port does not start reception: is the UART initialised, and used by nothing else?";
     case WIREBOND_WHY_PENDS_UNSERVED:

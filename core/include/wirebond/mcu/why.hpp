@@ -20,6 +20,7 @@ enum class Why : std::uint8_t {
   receive_dma_not_circular = WIREBOND_WHY_RECEIVE_DMA_NOT_CIRCULAR,
   baud_differs = WIREBOND_WHY_BAUD_DIFFERS,
   interrupt_off = WIREBOND_WHY_INTERRUPT_OFF,
+  not_connected = WIREBOND_WHY_NOT_CONNECTED,
   port_refuses = WIREBOND_WHY_PORT_REFUSES,
   pends_unserved = WIREBOND_WHY_PENDS_UNSERVED,
   reception_stops = WIREBOND_WHY_RECEPTION_STOPS,

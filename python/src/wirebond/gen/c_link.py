@@ -15,7 +15,8 @@ from wirebond.protocol.plan import plan_for
 _POLL_SECONDS = 0.005  # the least frequent poll that the default receive ring is meant for
 _FUNCTIONS = (
     "open", "poll", "log", "recover", "struck", "on_received", "on_transmitted", "on_error", "on_pended", "state",
-    "peer", "why", "counters", "send_account", "receive_account", "account", "violations",
+    "peer", "why", "stop", "start", "next_due_us",
+    "counters", "send_account", "receive_account", "account", "violations",
 )  # fmt: skip
 _ADDRESS_FUNCTIONS = ("set_address", "address", "listen_to_all", "addressee")
 

@@ -82,6 +82,9 @@ class Uart {
     return position == size ? 0 : position;  // the counter may be read at 0, before it starts the next round
   }
 
+  /// Where a link is stopped.
+  void stop_receive() { static_cast<void>(HAL_UART_AbortReceive(&handle_)); }
+
   bool start_transmit(const std::uint8_t* bytes, std::size_t size) {
     if (handle_.hdmatx == nullptr) return false;
     auto* mutable_bytes = const_cast<std::uint8_t*>(bytes);  // older HALs lack the const, and do not write either
