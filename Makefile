@@ -25,6 +25,10 @@ demo: build/setup.stamp build/page.stamp ## a simulated rover on a tty, shown in
 .PHONY: page
 page: build/page.stamp ## the console's page, into the Python package; needs Node 20.19 or newer
 
+.PHONY: screenshots
+screenshots: build/setup-test.stamp ## pictures of the console into docs/images (ARGS="--all FOLDER": of every view, to look at)
+	@$(PYTHON) -m tests.console.screenshots $(ARGS)
+
 .PHONY: test
 test: build/setup-test.stamp lint ## everything that must hold, in under ten minutes
 	@$(PYTHON) -m pytest -n 2 --dist worksteal -m "not long"

@@ -9,6 +9,7 @@ export interface LayoutFile {
   wirebond_layout: 1;
   protocol: string;
   seconds: number;
+  table?: boolean;
   plots: { fields: string[] }[];
 }
 const DEFAULT_SECONDS = 10;
@@ -19,6 +20,7 @@ const FIRST_FIELDS = 6; // of the plots that are there before the reader made on
 export class Layout {
   plots = $state<PlotLayout[]>([]);
   seconds = $state(DEFAULT_SECONDS);
+  hasTable = $state(false);
   private protocol = "";
   private next = 1;
 
@@ -80,9 +82,14 @@ export class Layout {
     this.save();
   }
 
+  showTable(isShown: boolean): void {
+    this.hasTable = isShown;
+    this.save();
+  }
+
   file(): LayoutFile {
     const plots = this.plots.map(({ fields }) => ({ fields: [...fields] }));
-    return { wirebond_layout: 1, protocol: this.protocol, seconds: this.seconds, plots };
+    return { wirebond_layout: 1, protocol: this.protocol, seconds: this.seconds, table: this.hasTable, plots };
   }
 
   /** Takes a layout over. Returns the fields that this protocol does not have. Throws with what is wrong with it. */
@@ -96,6 +103,7 @@ export class Layout {
       missing.push(...fields.filter((field) => !known.has(field)));
       return { id: this.newId(), fields: fields.filter((field) => known.has(field)) };
     });
+    this.hasTable = layout.table === true;
     if (typeof layout.seconds === "number" && layout.seconds > 0) this.seconds = layout.seconds;
     return missing;
   }

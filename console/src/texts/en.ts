@@ -224,6 +224,7 @@ export const en = {
     pick: "Message",
   },
   plots: {
+    table: "Table",
     add: "New plot",
     drop: "Drag fields here, or choose them.",
     choose: "Add a field",
@@ -364,12 +365,12 @@ export const en = {
     before: "file in force",
     after: "edited file",
     noData: "No bytes were kept yet.",
-    download: "Save the edited file",
+    download: "Download the edited file",
     revert: "Back to the file in force",
-    notSaved:
-      "The server keeps the file in force; save the edited one and start it with `wirebond serve`, or connect with it.",
+    notSaved: "The file in force stays until you connect with the edited one.",
     connectWith: "Connect with the edited file",
     completions: "Completions",
+    saved: "The file is written. What is in force stays until you connect with it.",
     loading: "Waiting for the document.",
     messagesDecoded: "messages",
     discardedBytes: "discarded bytes",
