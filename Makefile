@@ -50,8 +50,8 @@ wheel: build/requirements.stamp build/page.stamp ## the Python package for this 
 
 .PHONY: lint
 lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
-	@$(VENV)/bin/ruff format --check --quiet python tests bench
-	@$(VENV)/bin/ruff check --quiet python tests bench
+	@$(VENV)/bin/ruff format --check --quiet python ros2 tests bench
+	@$(VENV)/bin/ruff check --quiet python ros2 tests bench
 	@clang-format-14 --dry-run --Werror $(CPP_SOURCES)
 	@$(VENV)/bin/mypy
 	@$(PYTHON) tests/architecture/dependency_rules.py
@@ -60,8 +60,8 @@ lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
 
 .PHONY: format
 format: build/setup-test.stamp ## write the format that lint checks
-	@$(VENV)/bin/ruff format --quiet python tests bench
-	@$(VENV)/bin/ruff check --quiet --fix python tests bench
+	@$(VENV)/bin/ruff format --quiet python ros2 tests bench
+	@$(VENV)/bin/ruff check --quiet --fix python ros2 tests bench
 	@clang-format-14 -i $(CPP_SOURCES)
 	@if [ -e build/page.stamp ]; then cd console && npm run --silent format; fi
 

@@ -116,7 +116,8 @@ class Bridge:
             if outgoing.every:
                 if message.t < next_t:
                     return
-                next_t = max(next_t + outgoing.every, message.t)
+                is_steady = message.t - next_t < outgoing.every
+                next_t = (next_t if is_steady else message.t) + outgoing.every
             self._publish(publisher, outgoing.topic, lambda: outgoing.fill(message.fields, stamp))
 
         self._takers.setdefault(outgoing.message, []).append(take)

@@ -42,7 +42,11 @@ class Throttle:
 
 
 class RefusedError(Exception):
-    """A value that is not sent; the text says why."""
+    """A value that is not sent; the text says why. ``kind`` is what counts as the same reason."""
+
+    def __init__(self, kind: str, why: str) -> None:
+        super().__init__(why)
+        self.kind = kind
 
 
 class Commands:
@@ -71,14 +75,14 @@ class Commands:
         """Send a message, or repeat it for ``hold`` seconds. False: it was refused, counted, and logged."""
         try:
             if self.why_stopped and message in self._safe:
-                raise RefusedError(self.why_stopped)
+                raise RefusedError(self.why_stopped, self.why_stopped)
             fitting, clamped = self._fitting(message, values)
             if hold is None:
                 self._link.send(message, fitting, header=header)
             else:
                 self._link.repeat(message, fitting, hold=hold, header=header)
         except (RefusedError, WirebondError, TypeError) as error:
-            self.refuse(message, str(error))
+            self.refuse(message, str(error), getattr(error, "kind", type(error).__name__))
             return False
         with self._lock:
             self.counts["sent"] += 1
@@ -87,11 +91,11 @@ class Commands:
             self._throttle.say("warning", f"clamp {message}", f"{message} was clamped: {', '.join(clamped)}")
         return True
 
-    def refuse(self, what: str, why: str) -> None:
-        """Count something that is not sent, and say why."""
+    def refuse(self, what: str, why: str, kind: str = "") -> None:
+        """Count something that is not sent, and say why. ``kind``: what counts as the same reason."""
         with self._lock:
             self.counts["refused"] += 1
-        self._throttle.say("warning", f"refuse {what}", f"{what} was not sent: {why}")
+        self._throttle.say("warning", f"refuse {what} {kind}", f"{what} was not sent: {why}")
 
     def stop(self, why: str) -> None:
         """Send the safe values of the protocol's emergency stop once, and refuse these messages until ``resume``."""
@@ -131,13 +135,13 @@ def _within(field: Field, value: Any, name: str, clamped: list[str]) -> Any:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
     if not math.isfinite(value):
-        raise RefusedError(f"{name} is {value}, not a finite number")
+        raise RefusedError("not finite", f"{name} is {value}, not a finite number")
     low = -math.inf if field.minimum is None else field.minimum
     high = math.inf if field.maximum is None else field.maximum
     if not low <= value <= high:
         unit = f" {field.unit}" if field.unit else ""
         if field.on_range == OnRange.REJECT:
-            raise RefusedError(f"{name} = {value:g}{unit} is outside {low:g} ... {high:g}{unit}")
+            raise RefusedError("range", f"{name} = {value:g}{unit} is outside {low:g} ... {high:g}{unit}")
         bound = min(max(value, low), high)
         clamped.append(f"{name} = {value:g}{unit} to {bound:g}")
         return bound

@@ -1,0 +1,1 @@
+"""Wirebond's bridge as a node of rclpy."""

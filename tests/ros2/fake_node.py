@@ -1,0 +1,71 @@
+"""A node in memory: what is published is kept, and what subscribers would get is given by hand."""
+
+from __future__ import annotations
+
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from wirebond.ros2.cdr import decode, encode
+from wirebond.ros2.node import Parameter, Qos
+from wirebond.ros2.types import RosType
+
+
+class FakePublisher:
+    def __init__(self, node: FakeNode, topic: str, type_: RosType) -> None:
+        self._node = node
+        self._topic = topic
+        self._type = type_
+
+    def publish(self, values: Mapping[str, Any]) -> None:
+        """As a subscriber gets it: through its bytes."""
+        received = decode(self._type, encode(self._type, values))
+        with self._node.changed:
+            self._node.published[self._topic].append(received)
+            self._node.changed.notify_all()
+
+
+class FakeNode:
+    """See ``node.Node``."""
+
+    def __init__(self) -> None:
+        self.published: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
+        self.qos: dict[str, Qos] = {}
+        self.types: dict[str, str] = {}
+        self.take: dict[str, Callable[[dict[str, Any]], None]] = {}
+        self.parameters: dict[str, Parameter] = {}
+        self.lines: list[tuple[str, str]] = []
+        self.changed = threading.Condition()
+        self.is_started = threading.Event()
+
+    def publisher(self, topic: str, type_: RosType, qos: Qos) -> FakePublisher:
+        self.qos[topic], self.types[topic] = qos, type_.short
+        return FakePublisher(self, topic, type_)
+
+    def subscribe(self, topic: str, type_: RosType, qos: Qos, take: Callable[[dict[str, Any]], None]) -> None:
+        self.qos[topic], self.types[topic], self.take[topic] = qos, type_.short, take
+
+    def declare(self, parameter: Parameter) -> None:
+        self.parameters[parameter.name] = parameter
+
+    def log(self, level: str, text: str) -> None:
+        with self.changed:
+            self.lines.append((level, text))
+            self.changed.notify_all()
+
+    def now_ns(self) -> int:
+        return 1_000_000_000_000
+
+    def start(self) -> None:
+        self.is_started.set()
+
+    def close(self) -> None:
+        pass
+
+    def wait(self, what: Callable[[], Any]) -> Any:
+        """Until this is true; what it gave."""
+        with self.changed:
+            found = self.changed.wait_for(what, timeout=20.0)  # a bound for slow machines, not an expectation
+        assert found, ({topic: len(messages) for topic, messages in self.published.items()}, self.lines)
+        return found

@@ -1,0 +1,196 @@
+"""The bridge between a link and a node in memory: topics with JSON, deadlines, stops, parameters."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wirebond
+from tests.ros2.fake_node import FakeNode
+from tests.shared import PROTOCOLS
+from wirebond.protocol import loads
+from wirebond.ros2.bridge import Bridge
+from wirebond.ros2.mapping import BridgeMapping, default_mapping, read_mapping
+from wirebond.sim.pty_port import PtyPort
+
+# The rover's deadlines ten times as fast: a test waits for them.
+FAST = (PROTOCOLS / "diffdrive.yaml").read_text().replace("after: 3 s, then: warn", "after: 300 ms, then: warn")
+FAST = FAST.replace("after: 5 s, then: stop_navigation", "after: 500 ms, then: stop_navigation")
+ROVER = wirebond.Codec(loads(FAST))
+MAPPING = read_mapping((PROTOCOLS / "ros2" / "diffdrive.yaml").read_text(), ROVER.model)
+
+
+class Bench:
+    """A bridge that runs, with the MCU's end of its line."""
+
+    def __init__(self, mapping: BridgeMapping) -> None:
+        self.line = PtyPort()
+        self.link = wirebond.open(ROVER, self.line.path)
+        self.node = FakeNode()
+        self.bridge = Bridge(self.link, self.node, mapping)
+        self._heard = ROVER.decoder(sender="host")
+        self._came: list[wirebond.Message] = []
+        self._thread = threading.Thread(target=self.bridge.run, daemon=True)
+        self._thread.start()
+        self.node.is_started.wait(20)
+
+    def mcu_sends(self, message: str, **fields: Any) -> None:
+        self.line.write(ROVER.encode(message, fields))
+
+    def mcu_hears(self, message: str) -> dict[str, Any]:
+        """The next such message that the host sent."""
+        end = time.monotonic() + 20.0  # a bound for slow machines, not an expectation
+        while time.monotonic() < end:
+            while self._came:
+                heard = self._came.pop(0)
+                if heard.name == message:
+                    return dict(heard.fields)
+            self._came += self._heard.feed(self.line.read(0.05), t=0.0)
+        raise AssertionError(f"the MCU heard no {message}")
+
+    def newest(self, topic: str) -> Any:
+        return self.node.published[topic][-1]["data"] if self.node.published[topic] else None
+
+    def close(self) -> None:
+        self.bridge.close()
+        self._thread.join(20)
+        self.link.close()
+        self.line.close()
+
+
+@pytest.fixture
+def rover() -> Iterator[Bench]:
+    bench = Bench(MAPPING)
+    yield bench
+    bench.close()
+
+
+@pytest.fixture
+def plain() -> Iterator[Bench]:
+    bench = Bench(default_mapping(ROVER.model))
+    yield bench
+    bench.close()
+
+
+def test_without_a_mapping_messages_are_json_both_ways(plain: Bench) -> None:
+    plain.mcu_sends("status", battery=12.1, errors=["encoder"], state=[])
+    plain.node.wait(lambda: plain.node.published["/diffdrive/status"])
+    assert json.loads(plain.newest("/diffdrive/status")) == {"battery": 12.1, "errors": ["encoder"], "state": []}
+    plain.node.take["/diffdrive/velocity/send"]({"data": '{"linear": 0.5, "angular": 9}'})
+    assert plain.mcu_hears("velocity") == {"linear": 0.5, "angular": 3.14}
+    assert plain.node.types["/diffdrive/status"] == plain.node.types["/diffdrive/velocity/send"] == "std_msgs/String"
+
+
+@pytest.mark.parametrize("text", ["", "[1]", '{"linear": "fast"}', '{"up": 1}', "{" * 10_000, '{"linear": NaN}'])
+def test_json_that_is_no_message_is_refused_and_said(plain: Bench, text: str) -> None:
+    plain.node.take["/diffdrive/velocity/send"]({"data": text})
+    ((level, line),) = plain.node.lines
+    assert (level, line.startswith("velocity was not sent: ")) == ("warning", True)
+    assert plain.bridge.commands.counts["refused"] == 1
+
+
+def test_odometry_that_stays_away_stops_navigation_until_it_is_back(rover: Bench) -> None:
+    node = rover.node
+    command = {"linear": {"x": 0.5}, "angular": {"z": 0.0}}
+    assert rover.newest("/navigation_ok") is False  # before the first odometry
+    node.take["/cmd_vel"](command)
+    assert rover.bridge.commands.counts["refused"] == 1
+    rover.mcu_sends("odometry", left_ticks=10, right_ticks=10)
+    node.wait(lambda: rover.newest("/navigation_ok"))
+    node.take["/cmd_vel"](command)
+    assert rover.mcu_hears("velocity")["linear"] == 0.5
+    node.wait(lambda: not rover.newest("/navigation_ok"))
+    while rover.mcu_hears("velocity")["linear"] != 0.0:
+        pass
+    assert ("warning", "stop_navigation: no odometry for 0.5 s") in node.lines
+    node.take["/cmd_vel"](command)
+    assert any("navigation is stopped, because there was no odometry for 0.5 s" in text for _, text in node.lines)
+    rover.mcu_sends("odometry", left_ticks=10, right_ticks=10)
+    node.wait(lambda: rover.newest("/navigation_ok"))
+    assert node.qos["/navigation_ok"].latched
+
+
+def test_status_that_stays_away_is_a_warning_and_is_asked_for(rover: Bench) -> None:
+    assert rover.mcu_hears("status_query") == {}
+    rover.node.wait(lambda: ("warning", "warn: no status for 0.3 s") in rover.node.lines)
+    rover.mcu_sends("status", battery=12.1, errors=[], state=["estop"])
+    rover.node.wait(lambda: ("info", "warn: over") in rover.node.lines)
+    assert rover.newest("/estop") is True
+
+
+def test_emergency_stop_is_a_topic(rover: Bench) -> None:
+    rover.mcu_sends("odometry", left_ticks=0, right_ticks=0)
+    rover.node.wait(lambda: rover.newest("/navigation_ok"))
+    rover.node.take["/emergency_stop"]({"data": True})
+    assert rover.mcu_hears("velocity") == {"linear": 0.0, "angular": 0.0}
+    assert rover.link.stopped
+    rover.node.take["/emergency_stop"]({"data": False})
+    assert not rover.link.stopped
+
+
+def test_diagnostics_name_the_flags_and_the_deadlines(rover: Bench) -> None:
+    rover.mcu_sends("status", battery=9.9, errors=["left_motor", "low_battery"], state=[])
+
+    def worst() -> dict[str, str]:
+        statuses = [s for message in rover.node.published["/diagnostics"][-1:] for s in message["status"]]
+        return {s["name"]: s["message"] for s in statuses if s["level"]}
+
+    wanted = ("diffdrive: status errors", "left motor fault, battery voltage too low")
+    rover.node.wait(lambda: wanted in worst().items())
+    rover.node.wait(lambda: "no odometry for 0.5 s" in worst().get("diffdrive: deadlines", ""))
+
+
+def test_wheels_are_parameters(rover: Bench) -> None:
+    radius = rover.node.parameters["odometry.radius"]
+    assert (radius.value, radius.maximum) == (0.0325, 10.0)
+    radius.set(0.065)
+    rover.mcu_sends("odometry", left_ticks=1024, right_ticks=1024)
+    rover.node.wait(lambda: rover.node.published["/odom"])
+    assert rover.node.published["/odom"][0]["pose"]["pose"]["position"]["x"] == pytest.approx(0.4084, abs=1e-4)
+    radius.set(0.0325)
+
+
+def test_topics_lie_in_the_namespace() -> None:
+    bench = Bench(replace(MAPPING, namespace="/robot1", node="base"))
+    bench.close()
+    assert {"/robot1/cmd_vel", "/robot1/base/parameter/send"} <= bench.node.take.keys()
+    assert {"/robot1/odom", "/tf", "/diagnostics"} <= bench.node.types.keys()
+
+
+def test_rate_of_a_topic_is_bounded() -> None:
+    mapping = read_mapping(
+        """
+wirebond_ros2: 1
+publish:
+  - {message: odometry, topic: left, type: std_msgs/Int16, fields: {data: left_ticks}}
+  - {message: odometry, topic: slow, type: std_msgs/Int16, fields: {data: left_ticks}, at_most: 60 s}
+""",
+        ROVER.model,
+    )
+    bench = Bench(mapping)
+    for number in range(3):
+        bench.mcu_sends("odometry", left_ticks=number, right_ticks=0)
+        bench.node.wait(lambda number=number: bench.newest("/left") == number)
+    bench.close()
+    assert [one["data"] for one in bench.node.published["/slow"]] == [0]
+
+
+def test_missing_port_is_in_the_diagnostics(tmp_path: Path) -> None:
+    node = FakeNode()
+    with wirebond.open(ROVER, os.fspath(tmp_path / "tty"), wait_for_port=True) as link:
+        bridge = Bridge(link, node, MAPPING)
+        thread = threading.Thread(target=bridge.run, daemon=True)
+        thread.start()
+        node.wait(lambda: node.published["/diagnostics"])
+        bridge.close()
+        thread.join(20)
+    status = node.published["/diagnostics"][0]["status"][0]
+    assert (status["level"], "there is no port" in status["message"]) == (2, True)
