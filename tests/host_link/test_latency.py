@@ -8,7 +8,7 @@ import time
 import pytest
 
 import wirebond
-from tests.host_link.mcu import Mcu, linked
+from tests.host_link.mcu import PATIENCE, Mcu, linked
 from tests.shared import codec
 from wirebond import MessageError, UsageError
 from wirebond.latency import Measurement, measure, probe_for
@@ -96,15 +96,33 @@ def test_one_way_times_add_up_within_their_bound() -> None:
 
 
 def test_a_port_that_goes_away_in_the_middle_costs_what_was_asked_meanwhile() -> None:
-    mcu = Mcu(NATIVE, lambda m: pong(m["number"]) if m.name == "ping" else b"")
+    enough = threading.Event()
+
+    def answer(message: wirebond.Message) -> bytes:
+        if message.name != "ping":
+            return b""
+        if message["number"] == 10:
+            enough.set()
+        return pong(message["number"])
+
+    mcu = Mcu(NATIVE, answer)
+
+    def go_away() -> None:
+        enough.wait(PATIENCE)
+        mcu.close()
+
+    into = Measurement()
+    probe = probe_for(NATIVE, None, {})
+    until = time.monotonic() + PATIENCE
+    going = threading.Thread(target=go_away)
     with wirebond.open(NATIVE, mcu.path) as link:
-        threading.Timer(0.3, mcu.close).start()
-        into = Measurement()
-        probe = probe_for(NATIVE, None, {})
-        measure(link, probe, into, count=None, rate=200.0, end=time.monotonic() + 0.8, timeout=0.1, header={})
-    assert into.round_trips
+        going.start()
+        while not ("is away" in into.advice or "went away" in into.advice or mcu.path in into.advice):
+            assert time.monotonic() < until
+            measure(link, probe, into, count=into.asked + 5, rate=200.0, end=until, timeout=0.1, header={})
+    going.join()
+    assert len(into.round_trips) >= 10
     assert into.lost
-    assert "is away" in into.advice or "went away" in into.advice or mcu.path in into.advice
     assert into.asked == len(into.round_trips) + into.lost
 
 

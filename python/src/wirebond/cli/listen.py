@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.text import Text
 
 from wirebond.cli.live import one_line
-from wirebond.cli.output import ReaderGone, console, errors, plain, write
+from wirebond.cli.output import ReaderGone, console, errors, plain, warn, write
 from wirebond.cli.shown import message_dict, stats_line
 from wirebond.cli.values import to_json
 from wirebond.link.listen import Listener, listen
@@ -19,19 +19,33 @@ _LOOK = 0.1  # seconds between two looks at the ports
 
 
 def listen_to_both(
-    path: Path, host_port: str, mcu_port: str, baud: int | None, seconds: float | None, as_json: bool, waits: bool
+    path: Path,
+    host_port: str | None,
+    mcu_port: str | None,
+    port: str | None,
+    baud: int | None,
+    seconds: float | None,
+    as_json: bool,
+    waits: bool,
 ) -> None:
     """Until the time is over, or Ctrl-C."""
-    with listen(path, host_port=host_port, mcu_port=mcu_port, baud=baud, wait_for_port=waits) as listener:
+    with listen(path, host_port=host_port, mcu_port=mcu_port, port=port, baud=baud, wait_for_port=waits) as listener:
+        for sentence in listener.untold:
+            warn(sentence)
         end = math.inf if seconds is None else time.monotonic() + seconds
         with suppress(KeyboardInterrupt, ReaderGone):
             _print(listener, end, as_json)
+        if (shared := listener.shared) is not None:
+            frames = ", ".join(f"{count} of {sender}" for sender, count in shared.frames.items())
+            errors.print(f"line: {shared.bytes} bytes; frames: {frames}; {shared.other_bytes} bytes in none")
+            return
         for sender, link in listener.links.items():
             errors.print(f"{sender}: {stats_line(link.stats.receive)}")
 
 
 def _print(listener: Listener, end: float, as_json: bool) -> None:
     away: set[str] = set()
+    width = 4 if listener.shared is None else 6  # of "either"
     while (left := end - time.monotonic()) > 0:
         for sender, link in listener.links.items():
             is_away = link.state == "down"
@@ -42,4 +56,6 @@ def _print(listener: Listener, end: float, as_json: bool) -> None:
             if as_json:
                 write(to_json({"from": sender, **message_dict(message, listener.codec)}) + "\n")
             else:
-                console.print(Text(f"{sender:<4} ").append_text(one_line(message, listener.codec)), soft_wrap=True)
+                console.print(
+                    Text(f"{sender:<{width}} ").append_text(one_line(message, listener.codec)), soft_wrap=True
+                )

@@ -1,4 +1,4 @@
-"""Listening to both directions of a line, with a receive-only port on each: who sent what, and in which order."""
+"""Listening to both directions of a line, with ports that only receive: who sent what, and in which order."""
 
 from __future__ import annotations
 
@@ -11,16 +11,21 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from wirebond.codec import Codec, Message, load
-from wirebond.errors import LinkDownError
+from wirebond.errors import LinkDownError, UsageError
 from wirebond.link.link import Link, open_link
+from wirebond.link.shared_line import Sender, SharedLine, SharedStats
+from wirebond.link.tap import Chunk
 
 _WAIT = 0.25  # seconds between two looks whether it was closed
+_LOOK = 0.005  # seconds between two looks at a shared line
+_HELD_BACK = 0.02  # seconds that an adapter may hold bytes back
+_LINE = "line"  # the link of a shared line
 
 
 class Heard(NamedTuple):
     """A message, and the end that sent it.
 
-    :ivar sender: ``"host"`` or ``"mcu"``.
+    :ivar sender: ``"host"`` or ``"mcu"``; ``"either"`` where one port hears both ends and the protocol does not tell.
     :ivar message: what it sent.
     """
 
@@ -29,42 +34,48 @@ class Heard(NamedTuple):
 
 
 class Listener:
-    """Two ports that only receive; ``wirebond.listen`` makes one. One thread takes what comes.
+    """Ports that only receive: one for each direction, or one that hears both; ``wirebond.listen`` makes one. One
+    thread takes what comes.
 
-    :ivar links: the two links by the end that they hear, for ``state``, ``why``, ``stats``, ``rates`` and ``dump``.
+    :ivar links: the links, for ``state``, ``why``, ``stats``, ``rates`` and ``dump``: by the end that they hear, or
+        one, ``"line"``, that hears both.
     """
 
-    def __init__(
-        self,
-        codec: Codec,
-        host_port: str | os.PathLike[str],
-        mcu_port: str | os.PathLike[str],
-        baud: int | None,
-        wait_for_port: bool,
-    ) -> None:
+    def __init__(self, codec: Codec, ports: dict[str, str | os.PathLike[str]], baud: int | None, wait: bool) -> None:
         self.codec = codec
         self._came = threading.Event()
         with ExitStack() as opened:
             links: dict[str, Link] = {}
-            # Whoever plays the one end hears the other.
-            for sender, role, port in (("host", "mcu", host_port), ("mcu", "host", mcu_port)):
+            for sender, port in ports.items():
                 link = open_link(
                     codec,
                     port,
                     baud,
                     hold_back=False,
                     listen="all",
-                    wait_for_port=wait_for_port,
+                    wait_for_port=wait,
                     hello=False,
                     clock_sync=False,
-                    role=role,
+                    role="mcu" if sender == "host" else "host",  # whoever plays the one end hears the other
                 )
                 links[sender] = opened.enter_context(link)
             self._opened = opened.pop_all()
         self.links = links
+        shared = links.get(_LINE)
+        self._shared = None if shared is None else _SharedPort(shared)
         for link in links.values():
             link._inbox.listen(self._came.set)
             link._start_reading()
+
+    @property
+    def shared(self) -> SharedStats | None:
+        """Of one port that hears both ends: where its bytes went. None: each end has its port."""
+        return None if self._shared is None else self._shared.line.stats
+
+    @property
+    def untold(self) -> list[str]:
+        """Of one port that hears both ends: which messages nothing tells apart, a sentence each."""
+        return [] if self._shared is None else list(self._shared.line.untold)
 
     def receive(self, timeout: float = 0.0) -> list[Heard]:
         """What came since the last call, waiting up to ``timeout`` seconds for the first. Signals are heard meanwhile.
@@ -73,6 +84,8 @@ class Listener:
         :returns: messages of both ends by the times at which they came; none when the time is over.
         :raises LinkDownError: it is closed, and all that had come was taken.
         """
+        if self._shared is not None:
+            return self._shared.receive(timeout)
         until = time.monotonic() + timeout
         while True:
             self._came.clear()
@@ -118,25 +131,68 @@ class Listener:
         self.close()
 
 
+class _SharedPort:
+    """The port of a line that both ends send on. One thread."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._tap = link.tap()
+        self._looked = time.monotonic()
+        self.line = SharedLine(link.codec)
+
+    def receive(self, timeout: float) -> list[Heard]:
+        until = time.monotonic() + timeout
+        while True:
+            now = time.monotonic()
+            is_closed = self._link._engine.is_closed()
+            found: list[tuple[Sender, Message]] = []
+            pieces = [piece for piece in self._tap.take().pieces if isinstance(piece, Chunk)]
+            for piece in pieces:
+                found += self.line.feed(piece.bytes, piece.before)
+            if not pieces:
+                found += self.line.finish() if is_closed else self.line.idle(self._looked)
+            self._looked = max(self._looked, now - _HELD_BACK)  # what came until then has been read at the next look
+            self._link._inbox.take_rest([])  # what the link itself makes of the bytes is half of it
+            left = until - time.monotonic()
+            if found or left <= 0:
+                return [Heard(str(sender), message) for sender, message in found]
+            if is_closed:
+                raise LinkDownError(f"{self._link.port} is closed; no message will come")
+            time.sleep(min(left, _LOOK))
+
+
 def listen(
     protocol: str | os.PathLike[str] | Codec,
     *,
-    host_port: str | os.PathLike[str],
-    mcu_port: str | os.PathLike[str],
+    host_port: str | os.PathLike[str] | None = None,
+    mcu_port: str | os.PathLike[str] | None = None,
+    port: str | os.PathLike[str] | None = None,
     baud: int | None = None,
     wait_for_port: bool = False,
 ) -> Listener:
-    """Listen to both directions of a line between a host and an MCU, and send nothing. Each direction needs a port of
-    its own, whose receiving wire is joined to it: two USB adapters, for example.
+    """Listen to both directions of a line between a host and an MCU, and send nothing: with two ports, one whose
+    receiving wire is joined to each direction, or with one where both ends send on one line, as on RS-485.
+
+    On one line a frame is the end's whose messages it fits, by its id, its magic or ``match``; else the end's that its
+    address names; else a reply, where the frame before asked for it, or a request. ``Listener.untold`` says which
+    messages even that does not tell apart.
 
     :param protocol: a protocol file's path, or a ``Codec``.
     :param host_port: the port that hears what the host sends; any that ``open`` takes.
     :param mcu_port: the port that hears what the MCU sends.
+    :param port: in place of these two, the one that hears both.
     :param baud: bits per second; default: the file's.
     :param wait_for_port: a port that cannot be opened at first is no error.
     :returns: a listener; close it, or use it in a ``with`` block.
+    :raises UsageError: neither two ports are given, nor one.
     :raises ProtocolFileError: the file cannot be used.
     :raises PortError: a port cannot be opened.
     """
+    if port is not None and host_port is None and mcu_port is None:
+        ports = {_LINE: port}
+    elif port is None and host_port is not None and mcu_port is not None:
+        ports = {"host": host_port, "mcu": mcu_port}
+    else:
+        raise UsageError("give host_port and mcu_port, where each direction has its port, or port, which hears both")
     codec = protocol if isinstance(protocol, Codec) else load(protocol)
-    return Listener(codec, host_port, mcu_port, baud, wait_for_port)
+    return Listener(codec, ports, baud, wait_for_port)

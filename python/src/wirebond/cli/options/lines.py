@@ -10,6 +10,7 @@ import typer
 from wirebond.cli.interrupts import raise_from_here
 from wirebond.cli.numbers import amount, whole
 from wirebond.cli.options.shared import AsJson, Baud, Browser, Header, Port, ProtocolFile, Role, Seconds, Timeout, Web
+from wirebond.errors import UsageError
 
 commands = typer.Typer()
 
@@ -57,8 +58,15 @@ def dump(
 @commands.command()
 def listen(
     file: ProtocolFile,
-    host_port: Annotated[str, typer.Option(metavar="PORT", help="The port that hears what the host sends.")],
-    mcu_port: Annotated[str, typer.Option(metavar="PORT", help="The port that hears what the MCU sends.")],
+    host_port: Annotated[
+        str | None, typer.Option(metavar="PORT", help="The port that hears what the host sends.")
+    ] = None,
+    mcu_port: Annotated[
+        str | None, typer.Option(metavar="PORT", help="The port that hears what the MCU sends.")
+    ] = None,
+    port: Annotated[
+        str | None, typer.Option(metavar="PORT", help="In place of these two: one that hears both, as on RS-485.")
+    ] = None,
     baud: Baud = None,
     seconds: Seconds = None,
     as_json: AsJson = False,
@@ -66,11 +74,14 @@ def listen(
         bool, typer.Option("--wait", help="Begin without the ports, and wait until they are there.")
     ] = False,
 ) -> None:
-    """Show both directions of a line, with two ports that only receive: each message, and who sent it."""
+    """Show both directions of a line, with ports that only receive: each message, and who sent it."""
     from wirebond.cli.listen import listen_to_both
 
     raise_from_here()
-    listen_to_both(file, host_port, mcu_port, baud, seconds, as_json, wait)
+    given = (port,) if host_port is None and mcu_port is None else (host_port, mcu_port, port)
+    if None in given[:2] or (len(given) == 3 and port is not None):
+        raise UsageError("listen: give --host-port and --mcu-port, or --port for a line that both ends send on")
+    listen_to_both(file, host_port, mcu_port, port, baud, seconds, as_json, wait)
 
 
 @commands.command()
