@@ -27,6 +27,19 @@ NUMBERS = ("u8", "u8", "u16", "u16be", "u24", "u24le", "u32", "u32be")
 ROOM = 40  # most payload bytes of a message
 
 
+_PLAIN = re.compile(r"(?<![^ ])(\w+): \{type: u(?:24|32|64)(?:le|be)?(?:, default: \d+)?(?=\})")
+
+
+def _stamped(fields: str) -> str:
+    """With the first plain wide number of the message itself as a time stamp, which changes nothing on the wire."""
+    for found in _PLAIN.finditer(fields):
+        before, name = fields[: found.start()], found[1]
+        is_nested = before.count("{") != before.count("}")
+        if not is_nested and len(re.findall(rf"\b{name}\b", fields)) == 1:  # else it counts something
+            return f"{fields[: found.end()]}, unit: us, clock: mcu{fields[found.end() :]}"
+    return fields
+
+
 @dataclass
 class Part:
     """One part: its key and value, and what stands beside them."""
@@ -640,6 +653,8 @@ class _FormatSource:
             text, most = fields.message(room, only_text_to_end=trims)
             if most % self._unit:
                 text += f", end: {{type: padding, size: {-most % self._unit}}}"
+            if sender == "mcu":
+                text = _stamped(text)
             lines.append(f"  m{number}: {{{', '.join(head)}{f', fields: {{{text}}}' if text else ''}}}")
         return lines + self._told_apart(trims)
 

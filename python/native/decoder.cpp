@@ -117,10 +117,20 @@ nb::dict Message::header() const {
   return header_dict(*batch_->format, event_.form, batch_->headers.data() + event_.header_at);
 }
 
-nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events) {
+nb::object Message::stamped(std::size_t place) {
+  if (!stamp_.is_valid()) {
+    if (!stamper_.is_valid() || stamper_.is_none()) return nb::none();
+    nb::object found = stamper_(nb::find(this));
+    if (found.is_none()) return found;  // the MCU's clock may be known later
+    stamp_ = std::move(found);
+  }
+  return stamp_[place];
+}
+
+nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events, const nb::object& stamper) {
   nb::list out;
   const std::shared_ptr<const Batch> shared = batch;
-  for (const Event& event : events) out.append(nb::cast(Message(shared, event)));
+  for (const Event& event : events) out.append(nb::cast(Message(shared, event, stamper)));
   return out;
 }
 
@@ -207,7 +217,7 @@ nb::list Decoder::collect(double time, Step step) {
     if (addressing_.is_foreign(frame)) return foreign_.add(frame);
     events.push_back(record(frame, time, *batch));
   });
-  return to_list(batch, events);
+  return to_list(batch, events, stamper_);
 }
 
 nb::list Decoder::feed(nb::handle bytes, nb::handle t) {
@@ -253,7 +263,7 @@ nb::tuple Decoder::feed_reads(nb::handle buffer, nb::handle places, nb::handle s
     deframer_.idle(now, sink);
     deframer_.feed(view.data() + place, size, now, sink);
   }
-  return nb::make_tuple(to_list(batch, events),
+  return nb::make_tuple(to_list(batch, events, stamper_),
                         nb::bytes(reinterpret_cast<const char*>(reads.data()), reads.size() * sizeof(std::uint32_t)));
 }
 

@@ -44,7 +44,9 @@ Event record(const Frame& frame, double time, Batch& batch);
 /// What Python sees of one message. Fields are decoded when they are first asked for.
 class Message {
  public:
-  Message(std::shared_ptr<const Batch> batch, const Event& event) : batch_(std::move(batch)), event_(event) {}
+  /// `stamper`: a function that gives the host's time of a message's time stamp; empty or None: there is none.
+  Message(std::shared_ptr<const Batch> batch, const Event& event, nb::object stamper)
+      : batch_(std::move(batch)), event_(event), stamper_(std::move(stamper)) {}
 
   nb::object name() const;
   nb::object sender() const;
@@ -54,6 +56,8 @@ class Message {
   nb::object field(nb::str name);
   nb::list violations() const;
   nb::dict header() const;
+  nb::object stamp() { return stamped(0); }
+  nb::object stamp_error() { return stamped(1); }
   std::uint32_t id() const { return event_.id; }
   std::uint64_t offset() const { return event_.offset; }
   double time() const { return event_.time; }
@@ -61,7 +65,13 @@ class Message {
   const Event& event() const { return event_; }
   const Batch& batch() const { return *batch_; }
 
-  nb::object& cached_fields() { return fields_; }
+  /// Called with each Python object that it keeps.
+  template <class Visit>
+  void visit(Visit&& visit) {
+    visit(fields_);
+    visit(stamper_);
+    visit(stamp_);
+  }
 
  private:
   const MessageTable* table() const {
@@ -69,13 +79,17 @@ class Message {
   }
   const std::uint8_t* payload_bytes() const { return batch_->bytes.data() + event_.payload_at; }
 
+  nb::object stamped(std::size_t place);
+
   std::shared_ptr<const Batch> batch_;
   Event event_;
   nb::object fields_;
+  nb::object stamper_;
+  nb::object stamp_;  ///< time and error, once they are known
 };
 
 /// Messages of a batch as a Python list. Needs the GIL.
-nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events);
+nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events, const nb::object& stamper);
 
 /// Frames of these that are for another address: counted, and given to nobody.
 struct ForeignCounts {
@@ -111,6 +125,8 @@ class Decoder {
   void expect(std::int16_t message, int place, std::optional<std::uint64_t> address);
   nb::list idle(nb::handle time);
   nb::list finish();
+  /// For the messages from here on; see Message.
+  void set_stamper(nb::object stamper) { stamper_ = std::move(stamper); }
   nb::dict stats() const {
     const HostAccount& account = deframer_.account();
     return account_dict(account, account.unlisted.found(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_,
@@ -132,6 +148,7 @@ class Decoder {
   HostAddressing addressing_;
   ForeignCounts foreign_;
   double latest_ = 0;
+  nb::object stamper_;
 };
 
 /// Read-only view of a bytes-like object, released with this object. Bytes that do not lie together are copied.

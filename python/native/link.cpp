@@ -241,7 +241,7 @@ nb::list Link::receive(double timeout) {
     if (PyErr_CheckSignals() != 0) throw nb::python_error();
   }
   nb::list out;
-  for (const Arrivals& arrivals : taken) out.extend(to_list(arrivals.batch, arrivals.events));
+  for (const Arrivals& arrivals : taken) out.extend(to_list(arrivals.batch, arrivals.events, core_.stamper));
   return out;
 }
 
@@ -586,6 +586,7 @@ void bind_link(nb::module_& m) {
       .def("is_stopped", [](LinkHandle& self) { return (*self).is_stopped(); })
       .def(
           "receive", [](LinkHandle& self, double timeout) { return (*self).receive(timeout); }, nb::arg("timeout"))
+      .def("set_stamper", [](LinkHandle& self, nb::object stamper) { (*self).set_stamper(std::move(stamper)); })
       .def("changes", [](LinkHandle& self) { return (*self).changes(); })
       .def("line", [](LinkHandle& self) { return to_dict((*self).line()); })
       .def("stats", [](LinkHandle& self) { return (*self).stats(); })

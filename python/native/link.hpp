@@ -65,6 +65,8 @@ class Link {
   /// What the driver made of the line's settings when the port was opened last; none: it has none, or was never open.
   std::optional<LineReport> line();
   bool is_closed() const { return is_closed_.load(); }
+  /// Of received messages; see Message. Before any of them is taken.
+  void set_stamper(nb::object stamper) { core_.stamper = std::move(stamper); }
   std::vector<std::uint8_t> struck_deadlines();
   void recover_deadline(std::uint8_t action);
 

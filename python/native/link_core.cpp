@@ -523,11 +523,13 @@ void bind_link_core(nb::module_& m) {
           "next_due", [](LinkCore& self, std::uint64_t now) { return self.link().next_due(now); }, nb::arg("now"))
       .def("has_arrivals", &LinkCore::has_arrivals)
       .def("has_news", &LinkCore::has_news)
+      .def("set_stamper", [](LinkCore& self, nb::object stamper) { self.stamper = std::move(stamper); })
       .def("changes", [](LinkCore& self) { return to_list(self.take_changes()); })
       .def("receive",
            [](LinkCore& self) {
              nb::list out;
-             for (const Arrivals& arrivals : self.take()) out.extend(to_list(arrivals.batch, arrivals.events));
+             for (const Arrivals& arrivals : self.take())
+               out.extend(to_list(arrivals.batch, arrivals.events, self.stamper));
              return out;
            })
       .def("recent", [](LinkCore& self) { return to_tuple(self.recent().copy()); })

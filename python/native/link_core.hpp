@@ -89,6 +89,9 @@ class LinkCore {
   static constexpr std::size_t max_waiting_messages = 65536;
   static constexpr std::size_t max_waiting_changes = 1024;  ///< then the oldest are dropped
 
+  /// Of received messages; see Message. For who has the GIL.
+  nb::object stamper;
+
   LinkCore(LinkSetup setup, std::uint64_t now_us);
   LinkCore(const LinkCore&) = delete;
   LinkCore& operator=(const LinkCore&) = delete;

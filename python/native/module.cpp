@@ -27,12 +27,15 @@ int traverse_message(PyObject* self, visitproc visit, void* arg) {
   Py_VISIT(Py_TYPE(self));
 #endif
   if (!nb::inst_ready(self)) return 0;
-  Py_VISIT(nb::inst_ptr<Message>(self)->cached_fields().ptr());
-  return 0;
+  int found = 0;
+  nb::inst_ptr<Message>(self)->visit([&](const nb::object& kept) {
+    if (found == 0 && kept.is_valid()) found = visit(kept.ptr(), arg);
+  });
+  return found;
 }
 
 int clear_message(PyObject* self) {
-  nb::inst_ptr<Message>(self)->cached_fields().reset();
+  nb::inst_ptr<Message>(self)->visit([](nb::object& kept) { kept.reset(); });
   return 0;
 }
 
@@ -80,6 +83,8 @@ NB_MODULE(_engine, m) {
       .def_prop_ro("payload", &Message::payload, "The payload's bytes.")
       .def_prop_ro("id", &Message::id, "The id on the wire.")
       .def_prop_ro("t", &Message::time, "Time of the feed that completed it, in seconds.")
+      .def_prop_ro("stamp", &Message::stamp, "The host's time of the MCU's time stamp, in seconds; or None.")
+      .def_prop_ro("stamp_error", &Message::stamp_error, "Seconds by which it is wrong at most; or None.")
       .def_prop_ro("offset", &Message::offset, "Of its first byte in the stream.")
       .def("__getitem__", &Message::field, "name"_a, "The value of this field. KeyError where it has none.")
       .def(
@@ -109,12 +114,14 @@ NB_MODULE(_engine, m) {
       .def("expect", &Decoder::expect, "message"_a, "place"_a = -1, "address"_a = nb::none())
       .def("idle", &Decoder::idle, "t"_a.none())
       .def("finish", &Decoder::finish)
+      .def("set_stamper", &Decoder::set_stamper, "stamper"_a.none())
       .def("stats", &Decoder::stats);
 
   m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "header"_a, "form"_a = -1);
   m.def("header_bits", &header_bits, "format"_a, "header"_a);
   m.def("pack_messages", &pack_messages, "messages"_a);
-  m.def("unpack_messages", &unpack_messages, "protocol"_a, "format"_a, "records"_a, "shift"_a = 0.0);
+  m.def("unpack_messages", &unpack_messages, "protocol"_a, "format"_a, "records"_a, "shift"_a = 0.0,
+        "stamper"_a = nb::none());
   m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
         "progress"_a.none());
   m.def("decode_timed_columns", &decode_timed_columns, "protocol"_a, "format"_a, "capture"_a, "reads"_a,

@@ -102,7 +102,7 @@ nb::bytes pack_messages(nb::list messages) {
 }
 
 nb::list unpack_messages(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
-                         nb::handle records, double shift) {
+                         nb::handle records, double shift, nb::object stamper) {
   const BufferView view(records);
   const auto batch = std::make_shared<Batch>();
   std::vector<Event> events;
@@ -131,7 +131,7 @@ nb::list unpack_messages(std::shared_ptr<const ProtocolTable> protocol, std::sha
   }
   batch->protocol = std::move(protocol);
   batch->format = std::move(format);
-  return to_list(batch, events);
+  return to_list(batch, events, stamper);
 }
 
 }  // namespace wirebond::engine

@@ -143,6 +143,12 @@ def test_the_clock_of_a_firmware_is_followed_within_its_bound(firmware: Firmware
             assert abs(answer.t - now) <= answer.error < 0.1
         assert link.clock is not None
         assert link.clock.restarts == 0
+        states = [m for m in link.receive(0.1) if m.name == "state" and m.stamp is not None]
+        assert states
+        for state in states:
+            assert state.stamp is not None and state.stamp_error is not None
+            apart = (round(state.stamp * 1e6) - state["measured"] + 2**31) % 2**32 - 2**31
+            assert abs(apart) <= state.stamp_error * 1e6 + 1
         assert "clock_reply" not in {m.name for m in link.receive(0.1)}  # the exchanges are the link's own
 
 

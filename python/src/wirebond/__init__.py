@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from wirebond.link import Dump, DumpEntry, LatencyTimer, Line, Link, LinkStats, LowLatency, Rates, SendStats
     from wirebond.link import open_link as open
     from wirebond.link.aio import Aio
-    from wirebond.link.clock_sync import ClockReading, HostTime
+    from wirebond.link.clock_line import HostTime
+    from wirebond.link.clock_sync import ClockReading
     from wirebond.link.handlers import DeadlineEvent
     from wirebond.link.inbox import Latest
     from wirebond.link.listen import Heard, Listener, listen
@@ -117,7 +118,8 @@ _HOMES = {
         "counters": ("McuCounters",),
         "diagnosis": ("Diagnosis", "diagnose"),
         "errors": tuple(name for name in __all__ if name.endswith("Error")),
-        "link.clock_sync": ("ClockReading", "HostTime"),
+        "link.clock_line": ("HostTime",),
+        "link.clock_sync": ("ClockReading",),
         "link.handlers": ("DeadlineEvent",),
         "link.inbox": ("Latest",),
         "link.listen": ("Heard", "Listener", "listen"),

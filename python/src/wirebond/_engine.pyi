@@ -50,6 +50,13 @@ class Message:
     def t(self) -> float:
         """When it was completed, in seconds: the time of that ``feed``; for a ``Link`` on ``time.monotonic()``."""
     @property
+    def stamp(self) -> float | None:
+        """When the MCU measured the message's values, in the host's time: seconds on the clock of ``t``. None: the
+        message has no field with ``clock``, or the MCU's clock is not known (yet)."""
+    @property
+    def stamp_error(self) -> float | None:
+        """Seconds by which ``stamp`` is wrong at most; or None."""
+    @property
     def offset(self) -> int:
         """Of its first byte in the stream, in bytes."""
     def keys(self) -> KeysView[str]:
@@ -70,6 +77,8 @@ class Decoder:
 
     def __init__(self, protocol: ProtocolTable, format: FormatTable, idle_seconds: float) -> None:
         """:param idle_seconds: how long a line is silent before an incomplete frame is given up."""
+    def set_stamper(self, stamper: Callable[[Message], tuple[float, float] | None] | None) -> None:
+        """:param stamper: gives stamp and error of the messages from here on."""
     def feed(self, bytes: bytes | bytearray | memoryview, t: float) -> list[Message]:
         """:param t: when the bytes were read, in seconds.
         :raises TypeError: no buffer, or no number.
@@ -124,6 +133,8 @@ class LinkCore:
 
     def __init__(self, protocol: ProtocolTable, receive: FormatTable, settings: dict[str, Any], now: int) -> None:
         """``settings`` is what ``wirebond.link.engine_settings`` gives."""
+    def set_stamper(self, stamper: Callable[[Message], tuple[float, float] | None] | None) -> None:
+        """:param stamper: gives stamp and error of the messages that are taken from here on. It keeps no link."""
     def send(
         self, message: int, frame: bytes, reply: int, now: int, takes_number: bool = True, address: int = 0
     ) -> int:
@@ -227,6 +238,8 @@ class Link:
         ``root``, where the system's ``sys`` is, for a tty; ``resolve``, called without arguments, for one whose path
         may change.
         ``settings`` is what ``wirebond.link.engine_settings`` gives."""
+    def set_stamper(self, stamper: Callable[[Message], tuple[float, float] | None] | None) -> None:
+        """:param stamper: gives stamp and error of the messages that are taken from here on. It keeps no link."""
     def send(self, message: int, frame: bytes, reply: int, takes_number: bool, address: int) -> int:
         """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""
     def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool, address: int) -> int:
@@ -325,9 +338,13 @@ def pack_messages(messages: list[Message]) -> bytes:
     """Received messages as bytes for another process; docs/server.md has the layout of a record."""
 
 def unpack_messages(
-    protocol: ProtocolTable, format: FormatTable, records: bytes | memoryview, shift: float = 0.0
+    protocol: ProtocolTable,
+    format: FormatTable,
+    records: bytes | memoryview,
+    shift: float = 0.0,
+    stamper: Callable[[Message], tuple[float, float] | None] | None = None,
 ) -> list[Message]:
-    """The messages of such bytes, with ``shift`` seconds added to their times.
+    """The messages of such bytes, with ``shift`` seconds added to their times, and with this stamper.
 
     :raises ValueError: no engine with this protocol can have written them.
     """

@@ -230,11 +230,16 @@ class Table:
     :ivar offset: of each row's first byte in the capture, in bytes; uint64 of shape (rows,).
     :ivar fields: the columns by name.
     :ivar t: of a recording: when each row came, in seconds since its start; None: a capture has no times.
+    :ivar stamp: of a recording, of a message that has a field with ``clock``: when the MCU measured each row's values,
+        on the clock of ``t``; NaN where that is not known. None: there is no such field.
+    :ivar stamp_error: seconds by which ``stamp`` is wrong at most, likewise.
     """
 
     offset: NDArray[np.uint64]
     fields: dict[str, Column] = field(repr=False)
     t: NDArray[np.float64] | None = field(default=None, repr=False)
+    stamp: NDArray[np.float64] | None = field(default=None, repr=False)
+    stamp_error: NDArray[np.float64] | None = field(default=None, repr=False)
 
     def __getitem__(self, name: str) -> Column:
         try:

@@ -319,6 +319,41 @@ MEANING = [
     ("{message: drive, speed: 0, mode: idle}", "@[]", "`emergency_stop` has too few entries (0); it needs at least 1"),
     ("{message: drive, speed: 0, mode: idle}", "[@drive]", "cannot stand for a message of `emergency_stop`"),
     ("{message: drive, speed: 0, mode: idle}", "[@{speed: 0}]", "needs `message`"),
+    # time stamps
+    ("faults: {type: u8,", "t: {type: i32, unit: us, @clock: mcu}\n      faults: {type: u8,", "one unsigned number"),
+    (
+        "faults: {type: u8,",
+        "t: {type: u32, @clock: mcu}\n      faults: {type: u8,",
+        "and here it is none; add `unit: us`",
+    ),
+    (
+        "faults: {type: u8,",
+        "t: {type: u32, unit: us, @clock: mcu, scale: 0.1}\n      faults: {type: u8,",
+        "a whole number",
+    ),
+    ("faults: {type: u8,", "t: {type: u32, unit: us, @clock: mcu, offset: 1}\n      faults: {type: u8,", "no `offset`"),
+    (
+        "faults: {type: u8,",
+        "t: {type: u16, unit: us, @clock: mcu}\n      faults: {type: u8,",
+        "after 0.0655 s, too soon",
+    ),
+    ("faults: {type: u8,", "t: {type: u16, unit: ms, @clock: mcu}\n      faults: {type: u8,", "means several times"),
+    ("faults: {type: u8,", "t: {type: u32, unit: us, clock: @host}\n      faults: {type: u8,", "the only one: mcu"),
+    (
+        "faults: {type: u8,",
+        "t: {type: u32, unit: us, clock: mcu}\n      @u: {type: u32, unit: us, clock: mcu}\n      faults: {type: u8,",
+        "`t` says already when `state` was measured",
+    ),
+    (
+        "faults: {type: u8,",
+        "@t: {type: u32, unit: us, clock: mcu}\n      x: {type: u8, count: t, max: 3}\n      faults: {type: u8,",
+        "`t` counts elements, so it is no time",
+    ),
+    (
+        "faults: {type: u8,",
+        "@s: {struct: {t: {type: u32, unit: us, clock: mcu}}}\n      faults: {type: u8,",
+        "`clock` is for a field that stands in the message itself",
+    ),
     # services
     (
         "deadlines:",

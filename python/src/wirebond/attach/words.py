@@ -176,9 +176,9 @@ class SetAddress(_Request, tag="set_address"):
 class Ask(_Request, tag="ask"):
     """How the link is."""
 
-    what: Literal["state", "why", "stats", "stopped", "struck", "recent", "peer", "clock", "line", "recording"] = (
-        "state"
-    )
+    what: Literal[
+        "state", "why", "stats", "stopped", "struck", "recent", "peer", "clock", "clock_line", "line", "recording"
+    ] = "state"
 
 
 class HostTimeOf(_Request, tag="host_time"):

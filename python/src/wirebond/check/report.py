@@ -14,6 +14,7 @@ from wirebond.check import (
     line_budget,
     noise,
     schedule,
+    stamps,
     stuffing,
 )
 from wirebond.check import urgent_wait as urgent
@@ -109,6 +110,7 @@ def lint(
         *urgent.assess(model, waits, where),
         *schedule.assess_deadlines(model, where),
         *schedule.assess_safety(model, where),
+        *stamps.assess(model, where),
         *identity.assess_ids(model, where),
         *identity.assess_magic(model, where),
     ]

@@ -30,12 +30,14 @@ from wirebond.link import Link, open_link
 from wirebond.link.line import Line
 from wirebond.link.peer import Peer
 from wirebond.link.rates import LONGEST_WINDOW
+from wirebond.link.stamps import has_stamps
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
 from wirebond.sim.pty_port import PtyPort, run, symlinked
 from wirebond.sim.script import Behaviour
 from wirebond.sim.virtual_mcu import VirtualMcu
 
+_MOST_DRIFT = 20_000  # parts per million, of a virtual MCU's clock: a poor RC oscillator
 _REFRESH = 0.1  # seconds between two pictures
 _REPLY_WAIT = 1.0  # seconds
 _HELLO_WAIT = 0.3  # seconds for the MCU to say which protocol it has
@@ -63,16 +65,18 @@ def monitor_port(
     dump_on_exit: Path | None = None,
     is_verbose: bool = False,
 ) -> None:
-    # A viewer shows everything: what is late, held back, or for others.
+    # A viewer shows everything: what is late, held back, or for others. It asks for the MCU's clock only where messages
+    # have times of it.
+    codec = load(path)
     with open_link(
-        path,
+        codec,
         port,
         baud,
         hold_back=False,
         listen="all",
         wait_for_port=waits,
         hello=role == End.HOST,
-        clock_sync=False,
+        clock_sync=role == End.HOST and has_stamps(codec),
         role=role,
     ) as link:
         end = _end(seconds)
@@ -297,11 +301,16 @@ def simulate(
     addresses: list[str],
     script: Path | None = None,
     with_stats: bool = False,
+    clock_drift: float = 0.0,
 ) -> None:
+    if not abs(clock_drift) <= _MOST_DRIFT:
+        raise UsageError(
+            f"--clock-drift is {clock_drift:g}; expected {-_MOST_DRIFT} to {_MOST_DRIFT} parts per million"
+        )
     codec = load(path)
     behaviour = None if script is None else Behaviour(codec, script)
     played = parse_addresses(codec.model, addresses)
-    mcu = VirtualMcu(codec, time.monotonic(), addresses=played, behaviour=behaviour)
+    mcu = VirtualMcu(codec, time.monotonic(), addresses=played, behaviour=behaviour, clock_drift=clock_drift)
     port = PtyPort()
     with symlinked(port.path, link) as name:
         console.print(name, soft_wrap=True)

@@ -38,6 +38,10 @@ def message_dict(message: Message, codec: Codec) -> dict[str, Any]:
         "fields": message.fields,
         "raw": hex_of(message.raw),
     }
+    stamp = message.stamp
+    if stamp is not None:
+        out["stamp"] = round(stamp, 6)
+        out["stamp_error"] = round(message.stamp_error or 0.0, 6)
     header = message.header
     if header:
         out["header"] = header

@@ -376,6 +376,9 @@ def value_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
         effects = [Effect(s.flow, bool(a.unit and b.unit), told) for s in where.routes]
         sentence = f"unit {a.unit or 'none'} became {b.unit or 'none'}"
         yield changed(where.path, sentence, effects, place=where.place)
+    if a.clock != b.clock:
+        sentence = "is now read as a time of the MCU's clock" if b.clock else "is not read as a time any more"
+        yield harmless(where.path, sentence, place=where.place)
     if a.enum != b.enum:
         yield from _enum_changes(a, b, where)
     if a.flags != b.flags:

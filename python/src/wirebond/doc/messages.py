@@ -117,6 +117,9 @@ def _rows(fields: tuple[Field, ...], at: int | None, level: int) -> tuple[list[t
         size = "" if least == most == 0 else str(least) if least == most else f"{least} to {most}"
         name = "- " * level + field.name
         meaning = field.description or ("sent as 0, ignored" if field.kind == FieldKind.PADDING else "")
+        if field.clock is not None:
+            stamp = "when these values were measured, on the MCU's clock"
+            meaning = f"{stamp}; {field.description}" if field.description else stamp
         value = value_of(field)
         if field.constant is not None:
             meaning = field.description or "a frame with another value is no frame"

@@ -327,10 +327,12 @@ def _whole(field: Field, wire: int) -> _Number:
             return name, f"{name} ({wire})", ""
         unnamed = f" is {wire}, which has no name"
         return (_scaled(field, wire) if field.is_scaled else wire), str(wire), unnamed
+    of_clock = " on the MCU's clock" if field.clock is not None else ""
     if not field.is_scaled:
-        return wire, _with_unit(str(wire), field), _range_fault(field, wire)
+        return wire, _with_unit(str(wire), field) + of_clock, _range_fault(field, wire)
     value = _scaled(field, wire)
-    return value, f"{_with_unit(_decimal(value), field)} ({_working(field, str(wire))})", _range_fault(field, value)
+    shown = f"{_with_unit(_decimal(value), field)}{of_clock} ({_working(field, str(wire))})"
+    return value, shown, _range_fault(field, value)
 
 
 def _flags(field: Field, wire: int) -> _Number:

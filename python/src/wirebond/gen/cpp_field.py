@@ -105,6 +105,8 @@ def hex_literal(value: int, size: int) -> str:
 def member_comment(spec: Field, bits: str = "") -> str:
     """What a member's line says behind it; ``bits``: the struct of its flags."""
     facts = [spec.unit] if spec.unit else []
+    if spec.clock is not None:
+        facts.append("when its values were measured, on the MCU's clock")
     if spec.minimum is not None or spec.maximum is not None:
         low = "" if spec.minimum is None else f"{spec.minimum:g}"
         high = "" if spec.maximum is None else f"{spec.maximum:g}"

@@ -17,6 +17,7 @@ from wirebond.gen.names import Scope, code_name, python_identifier, type_name
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import Default, Field, FieldKind, HeaderField, Protocol
+from wirebond.protocol.stamps import stamp_of
 
 # Names of the module itself, and of each class. A message or field of the same name gets a suffix.
 _MODULE = frozenset({
@@ -28,6 +29,8 @@ _CLASS = frozenset({"bytes", "dict", "encode", "float", "from_values", "int", "b
 # The same where frames have fields of their own.
 _MODULE_OF_HEADER = frozenset({"Header", "Literal", "TypedDict"})
 _CLASS_OF_HEADER = frozenset({"header"})
+# The same of a message that has a time stamp.
+_CLASS_OF_STAMP = frozenset({"stamp", "stamp_error"})
 
 _LINE = 100  # longest text of a line within a method
 
@@ -58,7 +61,15 @@ def python_module(protocol: Protocol, out: Path) -> str:
     header = header_fields(protocol.format.parts)
     writer = _Writer(has_header=bool(header))
     claimed = [writer.claim(type_name(m.name), "Message") for m in protocol.messages]  # before types of fields
-    messages = [writer.struct(name, m.fields) for name, m in zip(claimed, protocol.messages, strict=True)]
+    messages = [
+        writer.struct(name, m.fields, _CLASS_OF_STAMP if stamp_of(m) is not None else frozenset())
+        for name, m in zip(claimed, protocol.messages, strict=True)
+    ]
+    stamped = {
+        struct.name
+        for message, struct in zip(protocol.messages, messages, strict=True)
+        if stamp_of(message) is not None
+    }
     return render(
         "python.py.j2",
         header=[(_string(field.name), _header_type(field.value), _header_comment(field)) for field in header],
@@ -67,6 +78,7 @@ def python_module(protocol: Protocol, out: Path) -> str:
         description=_docstring(comment_text(protocol.description)),
         protocol=protocol,
         hash=f"0x{protocol_hash(protocol):016X}",
+        stamped=stamped,
         blocks=writer.blocks,
         typing=["Any", "ClassVar", *["Literal"] * any(f.value.enum for f in header), "TypeAlias"]
         + ["TypedDict"] * bool(header),
@@ -169,9 +181,9 @@ class _Writer:
     def claim(self, name: str, suffix: str) -> str:
         return self._scope.claim(name, suffix)
 
-    def struct(self, name: str, fields: tuple[Field, ...]) -> StructBlock:
-        """The class ``name``, which was claimed, behind those that it needs."""
-        scope = Scope(self._taken)
+    def struct(self, name: str, fields: tuple[Field, ...], taken: frozenset[str] = frozenset()) -> StructBlock:
+        """The class ``name``, which was claimed, behind those that it needs. ``taken``: names of its own."""
+        scope = Scope(self._taken | taken)
         block = StructBlock(
             name,
             [

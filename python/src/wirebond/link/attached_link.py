@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Literal
 
 import msgspec
@@ -33,6 +33,7 @@ from wirebond.errors import (
     WirebondError,
 )
 from wirebond.link.attached_requests import TAKEN, AttachedRequests
+from wirebond.link.clock_line import ClockLine
 from wirebond.link.ends import other
 from wirebond.protocol.loader import loads
 from wirebond.protocol.model import End
@@ -81,6 +82,7 @@ class AttachedLink:
         self._last_taken: dict[int, Any] = {}  # the same of its taps
         self._tick = 0
         self._shift = 0.0  # seconds from the server's clock to this one
+        self._stamper: Callable[[Message], tuple[float, float] | None] | None = None
         self._control = Control()
         self._lost_control = False
         self._socket: socket.socket | None = None
@@ -257,6 +259,14 @@ class AttachedLink:
         """As JSON; None: it is not known."""
         found: dict[str, Any] | None = self._ask("clock", None)
         return found
+
+    def set_stamper(self, stamper: Callable[[Message], tuple[float, float] | None] | None) -> None:
+        self._stamper = stamper
+
+    def clock_line(self) -> tuple[ClockLine | None, float]:
+        """What the server knows of the clock, and the seconds from its clock to this one."""
+        found = self._ask("clock_line", None)
+        return None if found is None else msgspec.convert(found, ClockLine), self._shift
 
     def host_time(self, mcu_us: int, near: float) -> tuple[float, float]:
         answer = self._exchange(words.HostTimeOf(mcu_us=mcu_us, near=near - self._shift))
@@ -521,7 +531,7 @@ class AttachedLink:
 
     def _take(self, kind: int, body: bytes) -> None:
         if kind == words.FRAMES:
-            messages = _engine.unpack_messages(self._codec._table, self._format, body, self._shift)
+            messages = _engine.unpack_messages(self._codec._table, self._format, body, self._shift, self._stamper)
             with self._lock:
                 self._messages.extend(messages)
                 while len(self._messages) > _MOST_WAITING:

@@ -12,10 +12,12 @@ import msgspec
 
 from wirebond.codec import Codec, Message
 from wirebond.link.attached_link import AttachedLink
-from wirebond.link.clock_sync import ClockReading, HostTime
+from wirebond.link.clock_line import HostTime
+from wirebond.link.clock_sync import ClockReading
 from wirebond.link.inbox import Inbox
 from wirebond.link.log_lines import LineLimit, log_names, say_line, say_missed
 from wirebond.link.peer import Peer
+from wirebond.link.stamps import ServersClock, Stamper, has_stamps
 
 
 class AttachedServices:
@@ -26,6 +28,8 @@ class AttachedServices:
         self._engine = engine
         self._place = place
         self._limit = LineLimit()
+        if has_stamps(codec):
+            engine.set_stamper(Stamper(codec, ServersClock(engine.clock_line)))
         self._heard: SimpleQueue[Message | None] = SimpleQueue()
         names = log_names(codec)
         for name in names:

@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
 
 from wirebond.errors import UsageError
+from wirebond.link.clock_line import LEAST_SLEW, ClockLine, HostTime, Sample, Segment
 
 WINDOW = 64  # exchanges that the line goes through
 LEAST_APART = 0.5  # seconds: of the exchanges in such a time only the best counts
@@ -26,7 +26,6 @@ MAX_DRIFT = 0.02  # of any MCU's clock, as long as it is not measured: a poor RC
 LIKELY_DRIFT = 1e-3  # of most clocks: exchanges that lie close together say nothing of the drift, and this rules
 WANDER = 10e-6  # by how much a measured drift may change within the window
 STAMP_ERROR = 50e-6  # seconds by which an MCU may stamp too early: it takes the time before it looks
-_LEAST_SLEW = 1.0  # seconds in which a better line is approached
 _SEGMENTS = 64  # of the answer that are remembered, for stamps that come late
 
 
@@ -37,17 +36,6 @@ class Verdict(Enum):
     OUTLIER = "outlier"  #: its round trip is too long, beside others; or it contradicts them
     RESTARTED = "restarted"  #: the MCU's clock began again, and everything with it
     NONSENSE = "nonsense"  #: the MCU had it for longer than the round trip took
-
-
-class HostTime(NamedTuple):
-    """A time of the MCU on the host's clock.
-
-    :ivar t: seconds, on ``time.monotonic()``.
-    :ivar error: seconds by which it is wrong at most.
-    """
-
-    t: float
-    error: float
 
 
 @dataclass(frozen=True)
@@ -73,34 +61,6 @@ class ClockReading:
     restarts: int
 
 
-@dataclass(frozen=True)
-class _Sample:
-    mcu: float  # seconds, in the middle between its two times; counted on when it wraps
-    host: float  # in the middle between the host's two times
-    half: float  # the truth is at most this far from `host`
-
-
-@dataclass(frozen=True)
-class _Segment:
-    """The answer from `start` on: the line, and what is left of the way to it."""
-
-    start: float  # of the MCU's clock
-    mcu: float  # a point of the line
-    host: float
-    slope: float
-    behind: float = 0.0  # how far the line lies after the answer, at `start`
-    slew: float = _LEAST_SLEW  # seconds until the answer is on the line
-
-    def line(self, mcu: float) -> float:
-        return self.host + (mcu - self.mcu) * self.slope
-
-    def left(self, mcu: float) -> float:
-        return self.behind * min(max(1.0 - (mcu - self.start) / self.slew, 0.0), 1.0)
-
-    def at(self, mcu: float) -> float:
-        return self.line(mcu) - self.left(mcu)
-
-
 class ClockSync:
     """One MCU's clock. One thread at a time.
 
@@ -115,20 +75,31 @@ class ClockSync:
                 f"least {LEAST_BITS}"
             )
         self._modulus = 1 << min(bits, MOST_BITS)
-        self._samples: deque[_Sample] = deque(maxlen=WINDOW)
-        self._best: list[_Sample] = []
-        self._suspect: _Sample | None = None
-        self._segments: deque[_Segment] = deque(maxlen=_SEGMENTS)
+        self._samples: deque[Sample] = deque(maxlen=WINDOW)
+        self._best: list[Sample] = []
+        self._suspect: Sample | None = None
+        self._segments: deque[Segment] = deque(maxlen=_SEGMENTS)
         self._newest = float("-inf")  # the latest time of the MCU that was asked for
         self._drift_error = MAX_DRIFT
+        self._began = 0.0
+        self._line: ClockLine | None = None  # what is known; None: nothing, or it has changed
         self.exchanges = 0
         self.outliers = 0
         self.restarts = 0
 
     @property
-    def is_known(self) -> bool:
-        """Is there an answer?"""
-        return bool(self._segments)
+    def line(self) -> ClockLine | None:
+        """What is known now; None: nothing yet."""
+        if self._line is None and self._segments:
+            self._line = ClockLine(
+                self._modulus,
+                self._began,
+                self._samples[-1],
+                tuple(self._best),
+                tuple(self._segments),
+                self._drift_error,
+            )
+        return self._line
 
     def feed(self, sent: float, received_us: int, sent_us: int, back: float) -> Verdict:
         """One exchange.
@@ -146,9 +117,10 @@ class ClockSync:
             self.outliers += 1
             return Verdict.NONSENSE
         host = (sent + back) / 2
-        count = self._counted_on(received_us, host - taken / 2)
-        sample = _Sample(count * 1e-6 + taken / 2, host, max(half, 0.0) + STAMP_ERROR)
-        if self._segments and self._contradicts(sample):
+        line = self.line
+        count = received_us % self._modulus if line is None else line.counted_on(received_us, host - taken / 2)
+        sample = Sample(count * 1e-6 + taken / 2, host, max(half, 0.0) + STAMP_ERROR)
+        if line is not None and self._contradicts(sample, line):
             return self._settle_suspect(sample)
         self._suspect = None
         return self._take(sample)
@@ -158,55 +130,47 @@ class ClockSync:
         if self._segments:
             self._forget()
 
-    def to_host(self, mcu_us: int, near: float) -> HostTime:
+    def to_host(self, mcu_us: int, near: float, wrap_us: int = 1 << MOST_BITS) -> HostTime:
         """The host's time of a time of the MCU. For later times of the MCU it gives later ones.
 
         :param mcu_us: microseconds of the MCU's clock, as they stand in a message.
         :param near: a host's time that is at most half the wrap away, such as that of the message.
+        :param wrap_us: after which they wrap, where that is sooner than the clock.
         :returns: the time, with its bound.
         :raises UsageError: no exchange was answered yet.
         """
-        if not self._segments:
+        line = self.line
+        if line is None:
             raise UsageError("the MCU's clock is not known yet; wait until `link.clock` has a reading")
-        mcu = self._counted_on(mcu_us, near) * 1e-6
+        mcu = line.counted_on(mcu_us, near, wrap_us) * 1e-6
         self._newest = max(self._newest, mcu)
-        segment = next((s for s in reversed(self._segments) if s.start <= mcu), self._segments[0])
-        return HostTime(segment.at(mcu), self._error(mcu) + abs(segment.at(mcu) - self._segments[-1].line(mcu)))
+        return line.at(mcu)
 
     def reading(self) -> ClockReading | None:
         """What is known; None: nothing yet."""
-        if not self._segments:
+        line = self.line
+        if line is None:
             return None
-        segment, mcu = self._segments[-1], self._samples[-1].mcu
+        segment, mcu = line.segments[-1], line.last.mcu
         return ClockReading(
             offset=segment.at(mcu) - mcu,
             drift=(1.0 / segment.slope - 1.0) * 1e6,
-            error=self._error(mcu) + abs(segment.left(mcu)),
+            error=line.error(mcu) + abs(segment.left(mcu)),
             round_trip=2 * (min(s.half for s in self._samples) - STAMP_ERROR),
             exchanges=self.exchanges,
             outliers=self.outliers,
             restarts=self.restarts,
         )
 
-    # ---- the MCU's count
-
-    def _counted_on(self, raw: int, host: float) -> int:
-        """The count that these bits mean, at about this time of the host: the nearest to what is expected."""
-        if not self._segments:
-            return raw % self._modulus
-        last = self._samples[-1]
-        expected = round((last.mcu + (host - last.host) / self._segments[-1].slope) * 1e6)
-        half = self._modulus // 2
-        return expected + (raw - expected + half) % self._modulus - half
-
     # ---- the line
 
-    def _contradicts(self, sample: _Sample) -> bool:
+    @staticmethod
+    def _contradicts(sample: Sample, line: ClockLine) -> bool:
         """Can this exchange not be true, if the line is?"""
-        apart = abs(sample.host - self._segments[-1].line(sample.mcu))
-        return apart > sample.half + self._error(sample.mcu)
+        apart = abs(sample.host - line.segments[-1].line(sample.mcu))
+        return apart > sample.half + line.error(sample.mcu)
 
-    def _settle_suspect(self, sample: _Sample) -> Verdict:
+    def _settle_suspect(self, sample: Sample) -> Verdict:
         """One that contradicts is wrong; two that agree are right, and the clock began again."""
         before, self._suspect = self._suspect, sample
         self.outliers += 1
@@ -222,6 +186,7 @@ class ClockSync:
 
     def _forget(self) -> None:
         self.restarts += 1
+        self._line = None
         self._samples.clear()
         self._segments.clear()
         self._best = []
@@ -229,12 +194,14 @@ class ClockSync:
         self._newest = float("-inf")
         self._drift_error = MAX_DRIFT
 
-    def _take(self, sample: _Sample) -> Verdict:
+    def _take(self, sample: Sample) -> Verdict:
         if self._samples and sample.mcu // LEAST_APART == self._samples[-1].mcu // LEAST_APART:
             if sample.half >= self._samples[-1].half:
                 self.outliers += 1
                 return Verdict.OUTLIER
             self._samples.pop()
+        if not self._samples:
+            self._began = sample.host - sample.half
         self._samples.append(sample)
         shortest = min(s.half for s in self._samples)
         self._best = [s for s in self._samples if s.half <= 1.5 * shortest]
@@ -269,18 +236,14 @@ class ClockSync:
         unsure = sum(s.half + abs(s.host - host - (s.mcu - mcu) * slope) for s in (first, last))
         return min(unsure / (last.mcu - first.mcu) + WANDER, MAX_DRIFT + abs(slope - 1.0))
 
-    def _error(self, mcu: float) -> float:
-        """By how much the line is wrong at most, at this time of the MCU."""
-        line = self._segments[-1]
-        return min(abs(s.host - line.line(s.mcu)) + s.half + self._drift_error * abs(mcu - s.mcu) for s in self._best)
-
     def _follow(self, mcu: float, host: float, slope: float, now: float) -> None:
         """A better line: the answer goes on from where it is, and approaches it."""
+        self._line = None
         if not self._segments:
-            self._segments.append(_Segment(now, mcu, host, slope))
+            self._segments.append(Segment(now, mcu, host, slope))
             return
         start = max(now, self._newest)
-        line = _Segment(start, mcu, host, slope)
+        line = Segment(start, mcu, host, slope)
         behind = line.line(start) - self._segments[-1].at(start)
-        slew = max(_LEAST_SLEW, 2 * abs(behind))
-        self._segments.append(_Segment(start, mcu, host, slope, behind, slew))
+        slew = max(LEAST_SLEW, 2 * abs(behind))
+        self._segments.append(Segment(start, mcu, host, slope, behind, slew))

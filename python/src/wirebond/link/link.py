@@ -22,7 +22,8 @@ from wirebond.link.attached_link import AttachedLink, codec_of_server
 from wirebond.link.attached_recordings import ServerRecordings
 from wirebond.link.attached_requests import AttachedRequests
 from wirebond.link.attached_services import AttachedServices
-from wirebond.link.clock_sync import ClockReading, HostTime
+from wirebond.link.clock_line import HostTime
+from wirebond.link.clock_sync import ClockReading
 from wirebond.link.dump import Dump, Piece
 from wirebond.link.ends import Receiver, actions_at, other, own_address_field
 from wirebond.link.inbox import Inbox

@@ -165,6 +165,10 @@ class PythonLink:
         with self._owned():
             return None if self._line is None else dict(self._line)
 
+    def set_stamper(self, stamper: Callable[[Message], tuple[float, float] | None] | None) -> None:
+        with self._owned():
+            self._core.set_stamper(stamper)
+
     def stats(self) -> dict[str, Any]:
         with self._owned():
             return self._core.stats()

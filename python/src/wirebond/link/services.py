@@ -20,12 +20,14 @@ from typing import TYPE_CHECKING
 
 from wirebond.codec import Codec, Message
 from wirebond.errors import UsageError, WirebondError
-from wirebond.link.clock_sync import ClockReading, ClockSync, HostTime
+from wirebond.link.clock_line import ClockLine, HostTime
+from wirebond.link.clock_sync import ClockReading, ClockSync
 from wirebond.link.inbox import Inbox
 from wirebond.link.log_lines import LineLimit, log_names, say_line, say_missed
 from wirebond.link.peer import HELLO_VERSION, Peer, PeerBook
 from wirebond.link.requests import Question
 from wirebond.link.service_values import filled
+from wirebond.link.stamps import LiveClock, Stamper, has_stamps
 from wirebond.protocol.model import End, Service
 from wirebond.protocol.plan import plan_for
 
@@ -76,6 +78,8 @@ class Services:
         self._opened: deque[float] = deque()  # when the port was, since the last look
         self._clock = _ClockExchanges(codec, inbox) if syncs_clock else None
         self._restarts = 0  # of the peer, that the clock knows of
+        if self._clock is not None and self._clock.sync is not None and has_stamps(codec):
+            engine.set_stamper(Stamper(codec, LiveClock(self._clock.sync, self._lock)))
         self._limit = LineLimit()
         names = log_names(codec)
         for name in names:
@@ -98,6 +102,12 @@ class Services:
         """What is known of the MCU's clock."""
         with self._lock:
             return None if self._clock is None or self._clock.sync is None else self._clock.sync.reading()
+
+    @property
+    def clock_line(self) -> ClockLine | None:
+        """The same, as times are worked out from it."""
+        with self._lock:
+            return None if self._clock is None or self._clock.sync is None else self._clock.sync.line
 
     def host_time(self, mcu_us: int, near: float) -> HostTime:
         """See ``Link``."""

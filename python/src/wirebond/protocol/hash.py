@@ -8,8 +8,8 @@ the same of the fields in them); which messages serve as which service.
 
 Not in it, for it does not change what bytes mean: the protocol's name, descriptions, units (a matter of
 display), the order of the file's keys, names of parts, of check algorithms, of types and of padding, line
-settings, `max_payload`, `unknown`, `idle`, ranges, defaults, schedule, replies, `asked_by`, log lines, deadlines,
-emergency stop.
+settings, `max_payload`, `unknown`, `idle`, ranges, defaults, schedule, replies, `asked_by`, `clock`, log lines,
+deadlines, emergency stop.
 """
 
 from __future__ import annotations

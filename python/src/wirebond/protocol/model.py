@@ -118,6 +118,7 @@ class Field:
     is_count: bool = False  # it counts others: its value follows from theirs, and is not given
     ends_with: int | None = None  # of a string: the byte behind it
     type_name: str = ""  # of kind STRUCT: the type of the file that it is; empty for one of its own
+    clock: End | None = None  # it is a time of this end's clock: when the values of its message were measured
     constant: int | None = None  # of kind PADDING: the number that its ``width`` bits must be; None: any
 
     @property

@@ -74,8 +74,9 @@ def _tables(recording: Recording, message: str | None) -> Iterator[tuple[str, Ta
 
 
 def flat_columns(table: Table) -> dict[str, Any]:
-    """Time and fields; an array of fixed size gives a column for each element, lists are JSON."""
-    found: dict[str, Any] = {} if table.t is None else {"t": table.t}
+    """Times and fields; an array of fixed size gives a column for each element, lists are JSON."""
+    times = {"t": table.t, "stamp.t": table.stamp, "stamp.error": table.stamp_error}  # no field has a dot
+    found: dict[str, Any] = {name: column for name, column in times.items() if column is not None}
     for name, column in table.items():
         if isinstance(column, np.ndarray) and column.ndim == 2:
             found |= {f"{name}[{i}]": column[:, i] for i in range(column.shape[1])}
@@ -125,8 +126,8 @@ def _write_csv(file: IO[bytes], table: Table) -> Iterator[int]:
             part = column[begin:end]
             if not isinstance(part, np.ndarray):
                 part = [_cell(value) for value in part]
-            elif name == "t":
-                part = np.round(part, 6).tolist()
+            elif name in ("t", "stamp.t", "stamp.error"):
+                part = ["" if np.isnan(value) else value for value in np.round(part, 6).tolist()]
             else:
                 part = part.tolist()
             parts.append(part)

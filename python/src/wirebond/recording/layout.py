@@ -78,12 +78,15 @@ def _schema_of(field: Field) -> dict[str, Any]:
 
 
 def message_json(message: Message, has_header: bool) -> bytes:
-    """A decoded message as its channel has it: its fields; ``header`` where its frame has fields."""
+    """A decoded message as its channel has it: its fields; ``header`` where its frame has fields; ``stamp.t`` and
+    ``stamp.error`` where the MCU's time stamp is known in the recording's time."""
     values: Mapping[str, Any] = message.fields
     if message.name == "unknown":
         values = {"id": message.id, "payload": message.payload}
     if has_header and (header := message.header):
         values = {**values, "header": header}
+    if (stamp := message.stamp) is not None:
+        values = {**values, "stamp.t": stamp, "stamp.error": message.stamp_error}
     return to_json(values)
 
 

@@ -16,6 +16,7 @@ from wirebond import _engine
 from wirebond.codec import Codec, Columns, Decoder, Message, Stats, Table, load, stats_from
 from wirebond.errors import ProtocolFileError, UsageError, WirebondError
 from wirebond.link.ends import other
+from wirebond.link.stamps import Stamper, has_stamps
 from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.protocol import loads
 from wirebond.protocol.model import End
@@ -24,6 +25,7 @@ from wirebond.recording import layout
 from wirebond.recording.notes import Note, notes_from
 from wirebond.recording.pieces import KINDS, PieceFile
 from wirebond.recording.reading import SENDERS, Reading
+from wirebond.recording.stamps import RecordedClock
 
 if TYPE_CHECKING:
     import threading
@@ -92,6 +94,7 @@ class Recording:
             )
         self.protocol_text = contents.attachments.get(layout.PROTOCOL_FILE, b"").decode(errors="replace")
         self.codec = self._codec(protocol)
+        self._clock = RecordedClock(self.codec, self._decoded) if has_stamps(self.codec) else None
         self._start_ns = self._pieces.start_ns or self._pieces._start(0)
         self.events: tuple[LinkEvent, ...] = self._pieces.events
 
@@ -238,9 +241,14 @@ class Recording:
 
         :param sender: whose: ``"mcu"`` or ``"host"``.
         :param progress: called as ``progress(done, size)`` in bytes.
-        :returns: a table for each message that occurred.
+        :returns: a table for each message that occurred. Where it has a field with ``clock``, and the recording has
+            exchanges of the clock service, it has ``stamp`` and ``stamp_error``.
         :raises UsageError: another sender.
         """
+        found = self._decoded(sender, progress)
+        return found if self._clock is None or sender != End.MCU else self._clock.stamped(found)
+
+    def _decoded(self, sender: str, progress: Progress | None = None) -> Columns:
         of = self.reads(sender)
         reads: dict[str, Any] = {
             "ends": of.ends,
@@ -346,7 +354,10 @@ class Recording:
 
     def _decoder(self, sender: End) -> Decoder:
         codec = self.codec
-        return Decoder(_engine.Decoder(codec._table, codec._format_for(sender), self.idle), codec, sender)
+        engine = _engine.Decoder(codec._table, codec._format_for(sender), self.idle)
+        if self._clock is not None and sender == End.MCU:
+            engine.set_stamper(Stamper(codec, self._clock))
+        return Decoder(engine, codec, sender)
 
     def __repr__(self) -> str:
         return f"<wirebond.Recording {self.path.name} of {self.codec.name}: {self.duration:.1f} s>"

@@ -24,6 +24,7 @@ from wirebond.errors import (
     UsageError,
     WirebondError,
 )
+from wirebond.link.services import Services
 from wirebond.link.settings import reply_index
 from wirebond.link.tap import TAP_BYTES
 from wirebond.protocol.model import End
@@ -316,6 +317,8 @@ class Commands:
                 return asdict(link.peer)
             case "recording":
                 return self._server.recordings.current
+            case "clock_line":
+                return link._services.clock_line if isinstance(link._services, Services) else None
             case _:
                 reading = link.clock
                 return None if reading is None else asdict(reading)

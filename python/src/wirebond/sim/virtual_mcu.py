@@ -2,8 +2,8 @@
 
 It sends every MCU message that has ``every`` with moving values, answers requests (a field of the reply that has the
 request's name and kind carries its value back, and a list has as many elements as the request asks for with the field
-that ``asked_by`` names) from the address that was asked, serves hello, clock and parameters, says its own counters, and
-keeps the deadlines at ``mcu``, of each address by itself.
+that ``asked_by`` names) from the address that was asked, serves hello, clock and parameters, says its own counters,
+stamps messages with a clock of its own, and keeps the deadlines at ``mcu``, of each address by itself.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Re
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import plan_for
 from wirebond.protocol.replies import carried_back
+from wirebond.protocol.stamps import count_us, stamp_of
 from wirebond.sim.script import Behaviour
 
 _WAVE_HZ = 0.2  # of the made-up values
@@ -64,6 +65,7 @@ class VirtualMcu:
     start: float
     addresses: tuple[int | str, ...] = ()  # of the devices that it plays; empty: any that is asked
     behaviour: Behaviour | None = None  # what a user's script adds
+    clock_drift: float = 0.0  # parts per million by which its clock is fast
     events: list[str] = field(default_factory=list)  # sentences for the operator; the caller empties it
     foreign: int = 0  # frames for an address that it does not play
     held_back: int = 0  # messages that did not act, because a deadline with `recover: explicit` had struck
@@ -225,7 +227,7 @@ class VirtualMcu:
     def _service_values(self, message: Message, t: float) -> dict[str, Any]:
         clock = self.codec.model.service("clock")
         if clock is not None and message.name == clock.message("request"):
-            now = round((t - self.start) * 1e6) & 0xFFFFFFFF
+            now = self._clock_us(t)
             return {"received_us": now, "sent_us": now}
         parameter = self.codec.model.service("parameter")
         if parameter is not None and message.name in (parameter.message("read"), parameter.message("set")):
@@ -251,6 +253,10 @@ class VirtualMcu:
                 self._parameters[index] = message.fields["value"]
                 self.events.append(f"parameter {given} is now {decimal_text(message.fields['value'], 6)}")
         return {"value": self._parameters.get(index, initial), "result": result}
+
+    def _clock_us(self, t: float) -> int:
+        """Its own clock, which begins at 0 and has 32 bits."""
+        return round((t - self.start) * (1e6 + self.clock_drift)) & 0xFFFFFFFF
 
     @property
     def counters(self) -> dict[str, int]:
@@ -295,7 +301,11 @@ class VirtualMcu:
 
     def _made_up(self, message: MessageModel, t: float, amounts: Mapping[str, int] | None = None) -> dict[str, Any]:
         """``amounts``: how many elements a request asked for, of lists that have no more than their ``max``."""
-        return fitted_values(message, self._struct(message.fields, 0, t, amounts or {}))
+        values = self._struct(message.fields, 0, t, amounts or {})
+        if (stamp := stamp_of(message)) is not None:
+            count = self._clock_us(t) // count_us(stamp) & ((1 << stamp.width) - 1)
+            values[stamp.name] = float(count * stamp.scale) if stamp.is_scaled else count
+        return fitted_values(message, values)
 
     def _struct(
         self, fields: tuple[Field, ...], phase: int, t: float, amounts: Mapping[str, int] | None = None

@@ -53,12 +53,15 @@ def sim(
     with_stats: Annotated[
         bool, typer.Option("--stats", help="At the end print as JSON what the MCU received and refused.")
     ] = False,
+    clock_drift: Annotated[
+        float, typer.Option(metavar="PPM", help="Its clock is fast by so many parts per million; negative: slow.")
+    ] = 0.0,
 ) -> None:
     """Run a virtual MCU that speaks this protocol, on a pty; print the pty's path."""
     from wirebond.cli.live import simulate
 
     raise_from_here()
-    simulate(file, link, seconds, address or [], script, with_stats)
+    simulate(file, link, seconds, address or [], script, with_stats, clock_drift)
 
 
 @commands.command()

@@ -21,8 +21,9 @@ from wirebond.protocol.meaning.field_values import (
     value_limits,
     wire_limits,
 )
-from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, OnRange
+from wirebond.protocol.model import BitOrder, ByteOrder, End, Field, FieldKind, OnRange
 from wirebond.protocol.problems import Place, Problems
+from wirebond.protocol.stamps import stamp_fault
 from wirebond.protocol.text.field_grammar import (
     TO_END,
     BitFieldSyntax,
@@ -67,6 +68,7 @@ _OPTIONS: tuple[tuple[str, tuple[FieldKind, ...], str], ...] = (
 # What a field that has one value only cannot have, too.
 _NOT_CONSTANT = (
     "count", "packed", "max", "ends_with", "scale", "offset", "unit", "range", "on_range", "default", "enum", "flags",
+    "clock",
 )  # fmt: skip
 
 
@@ -330,7 +332,11 @@ class _PlainReader(ValueReader):
             max_count=0 if is_string or count.fixed is not None else syntax.max or 0,
             **(size if is_string else count).options(),
             ends_with=None if syntax.ends_with is None else syntax.ends_with[0],
+            clock=None if syntax.clock is None else End(syntax.clock),
         )
+        if field.clock is not None and (fault := stamp_fault(field)):
+            self._wrong(self._node.key_place("clock"), fault)
+            return None
         return self._constant(field) if is_constant else self._validated(field)
 
     def _validate_size(self, syntax: PlainSyntax) -> None:

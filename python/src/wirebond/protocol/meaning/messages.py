@@ -130,6 +130,7 @@ def _validate_replies(messages: Messages, problems: Problems) -> None:
     for entry in messages.values():
         if entry.message is not None:
             _validate_asked(entry, entry.message, messages, problems)
+            _validate_stamps(entry, entry.message, problems)
 
 
 def _validate_asked(entry: Entry, message: Message, messages: Messages, problems: Problems) -> None:
@@ -164,6 +165,29 @@ def _validate_asked(entry: Entry, message: Message, messages: Messages, problems
                     f"`{request.name}`, which asks for this reply, has no whole number `{one.asked_by}`; add it there: "
                     f"`{one.asked_by}: {{type: u16}}`",
                 )
+
+
+def _validate_stamps(entry: Entry, message: Message, problems: Problems) -> None:
+    """A message says once when its values were measured, and the MCU says it."""
+    fields = entry.node.get("fields")
+    if not isinstance(fields, Mapping):
+        return
+    found = ""
+    for one in message.fields:
+        place = fields.key_place(one.name)
+        if any(inner.clock for inner in _within(one)):
+            problems.add(place, "`clock` is for a field that stands in the message itself; remove it here")
+        if one.clock is None:
+            continue
+        if message.sender != End.MCU:
+            problems.add(
+                place, f"the MCU alone stamps its messages; remove `clock`, or write `sender: mcu` in `{message.name}`"
+            )
+        if one.is_count:
+            problems.add(place, f"`{one.name}` counts elements, so it is no time; remove `clock`")
+        if found:
+            problems.add(place, f"`{found}` says already when `{message.name}` was measured; keep one `clock`")
+        found = found or one.name
 
 
 def _within(field: Field) -> Iterator[Field]:

@@ -181,9 +181,16 @@ class PlainSyntax(ValueSyntax):
         examples=["0x00"],
     )
 
+    clock: Annotated[str | None, one_word("mcu")] = Field(
+        None,
+        description="The value is a time of this end's clock: when the message's values were measured. The host gives "
+        "it in its own time (`message.stamp`).",
+        examples=["mcu"],
+    )
+
     @classmethod
     def known_keys(cls) -> list[str]:
-        first = ("type", "count", "packed", "size", "max", "ends_with")
+        first = ("type", "count", "packed", "size", "max", "ends_with", "clock")
         return [*first, *(key for key in cls.model_fields if key not in first), "bits", "struct", "group"]
 
     @classmethod
