@@ -6,6 +6,7 @@ import json
 import os
 import random
 import select
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,10 +15,14 @@ from typing import Any
 
 import pytest
 
+import wirebond
+from tests.host_link.mcu import wait_until
+from tests.shared import codec
 from wirebond.cli.main import main
 from wirebond.diagnosis.uart import misread
 from wirebond.errors import UsageError
 from wirebond.protocol.model import Parity
+from wirebond.sim.virtual_mcu import VirtualMcu
 from wirebond.wire import LineShape, WireProcess, WireSettings
 from wirebond.wire.command import line_shape
 from wirebond.wire.process import DIRECTIONS
@@ -240,3 +245,43 @@ def test_options_out_of_range_are_refused(
 ) -> None:
     assert main(["wire", str(tmp_path / "a"), str(tmp_path / "b"), *options]) == 2
     assert sentence in " ".join(capsys.readouterr().err.split())
+
+
+class _FarEnd:
+    """A virtual MCU's port at one end of a wire."""
+
+    def __init__(self, end: int) -> None:
+        self._end = end
+
+    def read(self, timeout: float) -> bytes:
+        return os.read(self._end, 4096) if select.select([self._end], [], [], timeout)[0] else b""
+
+    def write(self, data: bytes) -> None:
+        os.write(self._end, data)
+
+
+def test_a_clock_is_not_moved_by_a_reply_that_is_longer_than_its_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 9600 baud the bytes of request and reply take 17 and 26 ms: half of the difference would be 4 ms."""
+    axis = codec("linear_axis")
+    monkeypatch.setattr("wirebond.link.services.byte_seconds", lambda _: 10 / 9600)  # a pty does not tell
+    with WireProcess(WireSettings(baud=9600)) as wire, opened(wire.b) as (end,):
+        over, mcu = threading.Event(), VirtualMcu(axis, time.monotonic())
+        mcu._due.clear()  # it only answers
+        far = _FarEnd(end)
+
+        def answer() -> None:
+            while not over.is_set():
+                t = time.monotonic()
+                far.write(mcu.feed(far.read(0.0005), t))
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        try:
+            with wirebond.open(axis, wire.a, 9600) as link:
+                wait_until(lambda: link.clock is not None and link.clock.exchanges >= 5, "five exchanges")
+                assert (found := link.clock) is not None
+        finally:
+            over.set()
+            thread.join()
+    assert abs(found.offset - mcu.start) <= found.error
+    assert found.error < 0.015  # with the bytes in it more than 21 ms

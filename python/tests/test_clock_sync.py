@@ -188,3 +188,36 @@ def test_later_stamps_have_later_times_whatever_the_line_does(seed: int) -> None
             before = unmoved
     assert sync.restarts == 0
     assert moved < -0.1  # else this would show nothing
+
+
+@pytest.mark.parametrize("drift", [0.0, 300e-6])
+def test_the_times_of_bytes_on_the_line_are_no_part_of_the_doubt(drift: float) -> None:
+    """A line of 9600 baud: a request of 16 bytes, a reply of 40, and 1 ms for all the rest."""
+    to_mcu, to_host = 16 * 10 / 9600, 40 * 10 / 9600
+    wire = Wire(drift, delay=0.0002, jitter=0.0002)
+    plain, sync = ClockSync(), ClockSync()
+    errors: dict[ClockSync, float] = {plain: 0.0, sync: 0.0}
+    for second in range(100):
+        there = second + to_mcu + wire.one_way()
+        gone = there + 0.0003
+        back = gone + to_host + wire.one_way()
+        times = (float(second), wire.mcu_us(there), wire.mcu_us(gone), back)
+        assert plain.feed(*times) is not Verdict.NONSENSE
+        assert sync.feed(*times, to_mcu, to_host) is not Verdict.NONSENSE
+        if second > 30:
+            errors = {one: max(worst, wire.error(one, second + 0.5)) for one, worst in errors.items()}
+    bounds = {one: reading.error for one in errors if (reading := one.reading()) is not None}
+    assert errors[plain] > (to_host - to_mcu) / 2 - 0.001  # half of what the reply is longer
+    assert errors[sync] < 0.001
+    assert bounds[plain] > (to_mcu + to_host) / 2
+    assert bounds[sync] < 0.05 * (to_mcu + to_host) + 0.001
+
+
+def test_a_port_that_is_faster_than_its_baud_rate_has_no_line() -> None:
+    wire, sync = Wire(delay=0.0005), ClockSync()
+    for second in range(20):
+        there = second + wire.one_way()
+        times = (float(second), wire.mcu_us(there), wire.mcu_us(there), there + wire.one_way())
+        assert sync.feed(*times, 0.02, 0.03) is not Verdict.NONSENSE
+        wire.error(sync, second + 0.5)  # within its bound
+    assert (sync.restarts, sync.exchanges) == (0, 20)

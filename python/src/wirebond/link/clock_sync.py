@@ -2,8 +2,10 @@
 
 An exchange has four times: the host sends the request, the MCU receives it, the MCU sends its reply, the host has it.
 What the line and both programs took is the round trip. The MCU's times lie somewhere between the host's two, so an
-exchange tells the host's time of the MCU's clock to half its round trip, whatever happened on the way. Exchanges with a
-short round trip tell most. A line through the best ones of the last minute gives offset and drift.
+exchange tells the host's time of the MCU's clock to half its round trip, whatever happened on the way. What the bytes
+of request and reply take on the line is known, and is no part of that doubt: neither message is faster than its bytes.
+So a reply that is longer than its request moves nothing. Exchanges with a short round trip tell most. A line through
+the best ones of the last minute gives offset and drift.
 
 The answer never jumps back: a better line is approached within a second or more. Only a restart of the MCU, which
 begins its clock again, begins a new one.
@@ -25,6 +27,7 @@ MOST_BITS = 32  # that are looked at: a firmware counts 32 bits, however wide th
 MAX_DRIFT = 0.02  # of any MCU's clock, as long as it is not measured: a poor RC oscillator
 LIKELY_DRIFT = 1e-3  # of most clocks: exchanges that lie close together say nothing of the drift, and this rules
 WANDER = 10e-6  # by how much a measured drift may change within the window
+BAUD_ERROR = 0.05  # by which the other end may be faster than the line's rate: more, and it would not be understood
 STAMP_ERROR = 50e-6  # seconds by which an MCU may stamp too early: it takes the time before it looks
 _SEGMENTS = 64  # of the answer that are remembered, for stamps that come late
 
@@ -82,6 +85,7 @@ class ClockSync:
         self._newest = float("-inf")  # the latest time of the MCU that was asked for
         self._drift_error = MAX_DRIFT
         self._began = 0.0
+        self._has_line = True  # nothing speaks against the times of bytes on the line
         self._line: ClockLine | None = None  # what is known; None: nothing, or it has changed
         self.exchanges = 0
         self.outliers = 0
@@ -101,17 +105,28 @@ class ClockSync:
             )
         return self._line
 
-    def feed(self, sent: float, received_us: int, sent_us: int, back: float) -> Verdict:
+    def feed(
+        self, sent: float, received_us: int, sent_us: int, back: float, to_mcu: float = 0.0, to_host: float = 0.0
+    ) -> Verdict:
         """One exchange.
 
         :param sent: when the host sent the request, in seconds.
         :param received_us: the MCU's clock when it had the request, as it stands in the reply.
         :param sent_us: the MCU's clock when it sent the reply.
         :param back: when the host had the reply.
+        :param to_mcu: what the bytes of the request take on the line, in seconds; 0: that is not known.
+        :param to_host: the same of the reply.
         :returns: what became of it.
         """
         self.exchanges += 1
         taken = (sent_us - received_us) % self._modulus * 1e-6
+        fastest = (to_mcu + to_host) * (1 - BAUD_ERROR) - 2 * STAMP_ERROR
+        if self._has_line and -2 * STAMP_ERROR <= back - sent - taken < fastest:
+            self._has_line = False  # faster than bytes can be: what was taken for a line is none, and says nothing
+            self._clear()
+        if self._has_line:
+            sent += to_mcu * (1 - BAUD_ERROR)
+            back -= to_host * (1 - BAUD_ERROR)
         half = (back - sent - taken) / 2
         if half < -STAMP_ERROR:
             self.outliers += 1
@@ -186,6 +201,9 @@ class ClockSync:
 
     def _forget(self) -> None:
         self.restarts += 1
+        self._clear()
+
+    def _clear(self) -> None:
         self._line = None
         self._samples.clear()
         self._segments.clear()

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
+import os
 import threading
 import time
 import weakref
@@ -19,7 +20,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from wirebond.codec import Codec, Message
-from wirebond.errors import UsageError, WirebondError
+from wirebond.errors import PortError, UsageError, WirebondError
 from wirebond.link.clock_line import ClockLine, HostTime
 from wirebond.link.clock_sync import ClockReading, ClockSync
 from wirebond.link.inbox import Inbox
@@ -28,6 +29,7 @@ from wirebond.link.peer import HELLO_VERSION, Peer, PeerBook
 from wirebond.link.requests import Question
 from wirebond.link.service_values import filled
 from wirebond.link.stamps import LiveClock, Stamper, has_stamps
+from wirebond.ports.port_name import PortName
 from wirebond.protocol.model import End, Service
 from wirebond.protocol.plan import plan_for
 
@@ -39,6 +41,7 @@ _CLOCK_EVERY = 1.0  # seconds between two exchanges of the clock
 _CLOCK_SOON = 5  # exchanges at the beginning that follow each other at once
 _CLOCK_RETRY = 0.1  # seconds after an exchange that could not begin
 _CLOCK_TIMEOUT = 1.0  # seconds for the MCU's answer
+_WITHOUT_LINE = ("/pts/", "ttyACM", "ttyGS", "rfcomm")  # ttys whose baud rate is a number without a meaning
 _MOST_HEARD = 1024  # messages that wait for the thread; then the oldest are dropped
 
 _log = logging.getLogger("wirebond")
@@ -236,6 +239,8 @@ class _ClockExchanges:
         self._next = 0.0
         self._soon = _CLOCK_SOON
         self._host_us = 0  # as it stands in the last request
+        self._request_bytes = 0  # of its frame
+        self._byte_seconds = 0.0  # that a byte takes on the line; 0: that is not known
         self.sync: ClockSync | None = None
         self.why = f"{codec.name} maps no `clock` service, so the MCU's clock cannot be known"
         if self._service is None:
@@ -262,6 +267,8 @@ class _ClockExchanges:
         assert request is not None
         self._host_us = round(now * 1e6) & self._mask
         values = filled(link.codec.model.message(request), {"host_us": self._host_us})
+        self._request_bytes = len(link.codec.encode(request, values))
+        self._byte_seconds = byte_seconds(link)
 
         def answered(outcome: Message | Exception) -> None:  # in the thread that receives
             if isinstance(outcome, Message):
@@ -290,7 +297,14 @@ class _ClockExchanges:
             fields = reply.fields
             assert self.sync is not None
             if self._asked is not None and fields["host_us"] == self._host_us:  # else it answers another request
-                self.sync.feed(self._asked.since, fields["received_us"], fields["sent_us"], reply.t)
+                self.sync.feed(
+                    self._asked.since,
+                    fields["received_us"],
+                    fields["sent_us"],
+                    reply.t,
+                    self._request_bytes * self._byte_seconds,
+                    len(reply.raw) * self._byte_seconds,
+                )
             self._asked = None
 
     def restart(self) -> None:
@@ -305,3 +319,16 @@ def may_ask(codec: Codec, listens_to_all: bool) -> bool:
     model = codec.model
     has_addresses = plan_for(model, End.HOST).address is not None
     return model.fixed != End.BOTH and not (listens_to_all and has_addresses)
+
+
+def byte_seconds(link: Link) -> float:
+    """What a byte takes on the link's line; 0 where the port has none, or none that runs at its baud rate."""
+    line = link.line
+    if line is None:
+        return 0.0
+    try:
+        device = os.path.realpath(PortName(link.port).path())
+    except PortError:  # it went away
+        return 0.0
+    is_without = any(name in device for name in _WITHOUT_LINE)
+    return 0.0 if is_without else link.codec.model.link.bits_per_byte / line.baud
