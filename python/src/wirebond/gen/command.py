@@ -24,6 +24,7 @@ from wirebond.gen import (
     write_files,
 )
 from wirebond.gen.amalgamate import amalgamated
+from wirebond.gen.arduino import library_files
 from wirebond.gen.cpp_field import comment_text
 from wirebond.gen.current import Staleness
 from wirebond.gen.folder import core_headers
@@ -73,6 +74,8 @@ def generate(
     files = (AMALGAMATED if amalgamate else LANGUAGES)[language](model, out)
     for port in ports:
         files |= _port_files(port, language, amalgamate)
+    if "arduino" in ports:
+        files |= library_files(model, f"{model.name}.hpp" if amalgamate else f"{model.name}_link.hpp")
     if only_check:
         return _check(out, files, path)
     try:
