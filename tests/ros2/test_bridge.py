@@ -31,9 +31,9 @@ MAPPING = read_mapping((PROTOCOLS / "ros2" / "diffdrive.yaml").read_text(), ROVE
 class Bench:
     """A bridge that runs, with the MCU's end of its line."""
 
-    def __init__(self, mapping: BridgeMapping) -> None:
+    def __init__(self, mapping: BridgeMapping, codec: wirebond.Codec = ROVER) -> None:
         self.line = PtyPort()
-        self.link = wirebond.open(ROVER, self.line.path)
+        self.link = wirebond.open(codec, self.line.path)
         self.node = FakeNode()
         self.bridge = Bridge(self.link, self.node, mapping)
         self._heard = ROVER.decoder(sender="host")
@@ -87,6 +87,14 @@ def test_without_a_mapping_messages_are_json_both_ways(plain: Bench) -> None:
     plain.node.take["/diffdrive/velocity/send"]({"data": '{"linear": 0.5, "angular": 9}'})
     assert plain.mcu_hears("velocity") == {"linear": 0.5, "angular": 3.14}
     assert plain.node.types["/diffdrive/status"] == plain.node.types["/diffdrive/velocity/send"] == "std_msgs/String"
+
+
+def test_protocol_without_deadlines_has_its_topics() -> None:
+    codec = wirebond.load(PROTOCOLS / "enterprize.yaml")
+    bench = Bench(default_mapping(codec.model), codec)
+    bench.line.write(codec.encode("chassis_msg", x_vel=0.5, y_vel=0, w_vel=0))
+    bench.node.wait(lambda: bench.node.published["/enterprize/chassis_msg"])
+    bench.close()
 
 
 @pytest.mark.parametrize("text", ["", "[1]", '{"linear": "fast"}', '{"up": 1}', "{" * 10_000, '{"linear": NaN}'])

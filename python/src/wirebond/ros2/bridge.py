@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from wirebond.errors import LinkDownError, WirebondError
+from wirebond.protocol.model import End
 from wirebond.ros2.commands import Commands, Throttle
 from wirebond.ros2.diagnostics import Diagnostics, deadline_words
 from wirebond.ros2.json_text import from_json, to_json
@@ -45,7 +46,7 @@ class Bridge:
         self._takers: dict[str, list[Taker]] = {}
         self._closed = threading.Event()
         self._model = link.codec.model
-        self._deadlines = {d.then: d for d in self._model.deadlines}
+        self._deadlines = {d.then: d for d in self._model.deadlines if d.at == End.HOST}
         for outgoing in mapping.publish:
             self._add_outgoing(outgoing)
         for incoming in mapping.subscribe:
@@ -65,7 +66,8 @@ class Bridge:
 
     def run(self) -> None:
         """Until ``close``, or until the link is closed. One thread."""
-        self.link.on_deadline()(self._on_deadline)
+        if self._deadlines:
+            self.link.on_deadline()(self._on_deadline)
         self._set_navigation()
         self.node.start()
         next_poll = next_diagnosis = 0.0
@@ -85,7 +87,8 @@ class Bridge:
         except LinkDownError:
             self.node.log("info", "the link is closed; the bridge ends")
         finally:
-            self.link.off(self._on_deadline)
+            if self._deadlines:
+                self.link.off(self._on_deadline)
 
     def close(self) -> None:
         """Let ``run`` return. Any thread."""
