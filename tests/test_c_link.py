@@ -153,3 +153,26 @@ def test_an_answer_that_nobody_looks_at_is_told(compiler: str, call: str, genera
     assert ("unused-result" in said(f"(void){call};")) == (compiler == "gcc")
     good = "WIREBOND_OK" if "decode" not in call else "true"
     assert "unused-result" not in said(f"if ({call} != {good}) {{ /* why */ }}")
+
+
+COUNTED = """
+wirebond: 1
+protocol: counted
+frame: [magic: 0xAA, id: u8, payload: by_id, check: xor8]
+messages:
+  counts: {id: 1, sender: mcu, every: 100 ms, fields: {no_start: {type: u8}, sent: {type: u8}, own: {type: u8}}}
+  go: {id: 2, sender: host}
+services: {counters: {message: counts}}
+"""
+
+
+def test_a_link_in_c_sends_its_counters_with_and_without_a_handler(tmp_path: Path) -> None:
+    generate_c(loads(COUNTED), tmp_path)
+    objects = []
+    for name in ("counted", "counted_link"):
+        objects.append(str(tmp_path / f"{name}.o"))
+        run(["g++", *CPP, *QUICK, f"-I{tmp_path}", "-c", str(tmp_path / f"{name}.cpp"), "-o", objects[-1]])
+    program, built = PROGRAM.with_name("c_counters_test.c"), str(tmp_path / "program")
+    run(["gcc", "-std=c99", *STRICT, f"-I{tmp_path}", str(program), *objects, "-o", built])
+    # Every 100 ms; the noise came at 50 ms. From 250 ms on a handler has a field of its own, and at 400 ms it says no.
+    assert run([built]).split("\n") == ["0 0 0", "3 1 0", "3 2 0", "3 3 7", ""]
