@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import subprocess
 import sys
@@ -147,6 +148,17 @@ def test_monitor_ends_with_the_recording(run: Path, capsys: pytest.CaptureFixtur
     assert [m["message"] for m in messages if "message" in m].count("odometry") == 60
     assert "63 frames" in told.err
     assert "Waiting" not in told.err
+
+
+def test_a_loop_over_messages_ends_with_the_recording(run: Path) -> None:
+    with wirebond.open(PROTOCOLS / "diffdrive.yaml", f"replay:{run}?speed=max") as link:
+        assert [m.name for m in link].count("odometry") == 60
+
+    async def looped() -> int:
+        async with wirebond.open(PROTOCOLS / "diffdrive.yaml", f"replay:{run}?speed=max").aio as aio:
+            return [m.name async for m in aio].count("odometry")
+
+    assert asyncio.run(looped()) == 60
 
 
 def test_wrong_options_have_their_sentence(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -78,14 +78,19 @@ class Aio:
             raise
 
     def __aiter__(self) -> Self:
-        """Messages as they come, until the link is closed."""
+        """Messages as they come, until the link is closed, or until a replay has ended."""
         return self
 
     async def __anext__(self) -> Message:
-        try:
-            return await self.receive()
-        except LinkDownError:
-            raise StopAsyncIteration from None
+        while True:
+            has_ended = self._link._has_ended()
+            try:
+                return await self.receive(self._link._longest_wait)
+            except TimeoutError:
+                if has_ended:
+                    raise StopAsyncIteration from None
+            except LinkDownError:
+                raise StopAsyncIteration from None
 
     def _listen(self) -> None:
         if self._is_listening:

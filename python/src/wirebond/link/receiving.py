@@ -31,6 +31,7 @@ _Reply = TypeVar("_Reply")
 _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], object])
 _LogHandler = TypeVar("_LogHandler", bound=Callable[[LogEvent], object])
 _DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], object])
+_REPLAY_WAIT = 0.05  # seconds between two looks whether a replay has ended
 _ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are heard meanwhile
 _PATIENCE = 1.0  # seconds that the end of a link waits for handlers
 
@@ -91,11 +92,14 @@ class Receiving:
             raise
 
     def __iter__(self) -> Iterator[Message]:
-        """Messages as they come, until ``close``. Those that are left when a loop ends are for the next one."""
+        """Messages as they come, until ``close``, or until a replay has ended. Those that are left when a loop ends are
+        for the next one."""
+        wait = self._longest_wait or _ITERATION_WAIT
         while True:
             taken: list[Message] = []
+            has_ended = self._has_ended()
             try:
-                self._inbox.take(_ITERATION_WAIT, taken)
+                self._inbox.take(wait, taken)
             except LinkDownError:
                 if not self._engine.is_closed():
                     raise
@@ -105,6 +109,17 @@ class Receiving:
                 raise
             if taken:
                 yield taken[0]
+            elif has_ended:
+                return
+
+    @property
+    def _longest_wait(self) -> float | None:
+        """Seconds for which a loop may wait before it asks `_has_ended`; None: it need not."""
+        return _REPLAY_WAIT if self.port.startswith("replay:") else None
+
+    def _has_ended(self) -> bool:
+        """A replay that is over: no message will come any more, but for those that have come."""
+        return self._longest_wait is not None and self._engine.state() == "down"
 
     # ---- the newest
 
