@@ -39,9 +39,9 @@ class Schedule<MessageList<Messages...>> {
   std::uint32_t time_left(std::uint32_t now_us, std::uint32_t most_us) const {
     std::uint32_t least_us = most_us;
     [[maybe_unused]] std::size_t place = 0;
-    const auto look = [&](bool is_offered, std::uint32_t due_us) {
+    const auto look = [&](bool counts, std::uint32_t due_us) {
       const std::uint32_t left_us = static_cast<std::int32_t>(due_us - now_us) > 0 ? due_us - now_us : 0;
-      if (is_offered && left_us < least_us) least_us = left_us;
+      if (counts && left_us < least_us) least_us = left_us;
     };
     (look(is_offered<Messages, Handler, Sender>, due_us_[place++]), ...);
     return least_us;
