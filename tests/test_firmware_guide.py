@@ -139,6 +139,11 @@ def test_it_compiles_against_the_vendors_hal(family: str, callbacks: str, projec
     flags = ["-std=c++17", "-Os", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti", *TARGET]
     folder = ["-Igenerated", "-isystem", "Core/Inc", f"-D{FAMILIES[family]}", *vendor]
     run("arm-none-eabi-g++", *flags, *folder, "-c", source, "-o", "rover_link.o", cwd=project)
+    if callbacks == "0U":
+        write_c_project(project)
+        for part in ("Core/Src/rover_link.c", "generated/wirebond_stm32_hal.c"):
+            c = ["-std=c99", "-Os", *STRICT, *TARGET]
+            run("arm-none-eabi-gcc", *c, *folder, "-c", part, "-o", "part.o", cwd=project)
 
 
 DRIVES = """\
