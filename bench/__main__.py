@@ -9,6 +9,7 @@ from collections.abc import Callable
 from bench import (
     collateral,
     columns,
+    console,
     frame_cost,
     host_cpu,
     loaded_round_trip,
@@ -32,6 +33,10 @@ BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
     "clean_loss": (
         "Frames lost on a perfect line, at every chunk size from 1 to 4096",
         collateral.measure_clean,
+    ),
+    "console": (
+        "What the console's server costs while a page looks on, and how long a look at an hour takes",
+        console.measure,
     ),
     "frame_cost": ("What a frame of 48 or 45 bytes costs the run-time engine (enterprize)", frame_cost.measure),
     "columns": ("From bytes to values in Python (the nine enterprize messages in equal shares)", columns.measure),
