@@ -36,10 +36,10 @@ class Schedule<MessageList<Messages...>> {
 
   /// How long until the next of them is due, seen from `now_us`; at most `most_us`.
   template <class Handler, class Sender>
-  std::uint32_t time_left(std::uint32_t now_us, std::uint32_t most_us) const {
+  std::uint32_t time_left([[maybe_unused]] std::uint32_t now_us, std::uint32_t most_us) const {
     std::uint32_t least_us = most_us;
     [[maybe_unused]] std::size_t place = 0;
-    const auto look = [&](bool counts, std::uint32_t due_us) {
+    [[maybe_unused]] const auto look = [&](bool counts, std::uint32_t due_us) {
       const std::uint32_t left_us = static_cast<std::int32_t>(due_us - now_us) > 0 ? due_us - now_us : 0;
       if (counts && left_us < least_us) least_us = left_us;
     };
