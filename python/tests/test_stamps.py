@@ -105,7 +105,7 @@ def test_nothing_is_said_before_the_clock_is_known_nor_of_times_that_cannot_be_t
     assert (good.stamp, good.stamp_error) == (None, None)  # a decoder follows no clock
 
 
-def test_an_exchange_of_a_restarted_clock_begins_anew_and_old_messages_have_no_stamp(tmp_path: Path) -> None:
+def test_a_restarted_clock_begins_again_and_old_messages_have_no_stamp(tmp_path: Path) -> None:
     codec = codec_with(tmp_path, "type: u32, unit: us")
     sync = followed(110.0)
     stamper = Stamper(codec, LiveClock(sync, threading.Lock()))
