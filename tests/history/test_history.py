@@ -11,6 +11,7 @@ import pytest
 
 import wirebond
 from tests.shared import codec
+from wirebond.console.tables import message_rows
 from wirebond.errors import UsageError
 from wirebond.history import track
 from wirebond.history.recorded import recorded_source
@@ -113,6 +114,18 @@ def test_the_line_s_absence_is_a_gap_and_an_event() -> None:
     assert np.isnan(found.low).tolist() == [False, False, False, True, False, False]
     (event,) = source.happenings.since(0)
     assert event["text"] == "the port is away: unplugged" and event["why"] == "unplugged"
+
+
+def test_a_rate_is_right_from_the_first_second_on() -> None:
+    source, proto = source_of("diffdrive"), codec("diffdrive")
+    frame = proto.encode("odometry", left_ticks=1, right_ticks=2)
+    for n in range(200):
+        source.feed(End.MCU, [frame], [10 + n * 0.05])
+        rows = {row["name"]: row for row in message_rows(source, 10 + n * 0.05, at=None, with_sparks=False)}
+        if n >= 20:
+            assert rows["odometry"]["rate"] == pytest.approx(20, rel=0.06)
+    late = {row["name"]: row for row in message_rows(source, 40.0, at=None, with_sparks=False)}
+    assert late["odometry"]["rate"] == 0 and late["odometry"]["due"] == 20
 
 
 def test_round_trips_are_from_a_request_to_its_reply() -> None:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 DEFAULT_PORT = 8765
 _MOST_MESSAGE = 1 << 20  # bytes of one message of a client
+_MOST_CONNECTIONS = 512  # more get HTTP's 503
 _TOKEN = re.compile(r"[A-Za-z0-9._~-]+")
 _PATIENCE = 5.0  # seconds that the thread has to begin and to end
 
@@ -80,6 +81,7 @@ class Console:
             ws_per_message_deflate=False,
             ws_ping_interval=None,  # control has a heartbeat of its own, and views need none
             server_header=False,
+            limit_concurrency=_MOST_CONNECTIONS,
             timeout_graceful_shutdown=1,
         )
         self._server = uvicorn.Server(config)

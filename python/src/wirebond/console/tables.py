@@ -15,6 +15,7 @@ from wirebond.protocol.model import End, Field, FieldKind
 
 SPARK_SECONDS, SPARK_POINTS = 20.0, 40
 _LEAST_WINDOW = 2.0  # seconds in which a rate is counted
+_SHORTEST_WINDOW = 0.25  # of a message that has just begun to come
 _WINDOW_INTERVALS = 5.0
 
 
@@ -32,6 +33,9 @@ def _row(source: Source, end: End, name: str, now: float, at: float | None, with
     history = source.history
     interval = history.interval(end, name)
     window = max(_LEAST_WINDOW, _WINDOW_INTERVALS * (interval or 0.0))
+    first = history.first(end, name)
+    if first is not None:  # it began within the window: what is counted is of this time alone
+        window = min(window, max(now - first, interval or 0.0, _SHORTEST_WINDOW))
     newest = source.newest(end, name) if at is None else source.newest_until(end, name, at)
     came = history.count_between(end, name, now - window, np.inf if at is None else np.nextafter(at, np.inf))
     row: dict[str, Any] = {

@@ -135,6 +135,11 @@ class History:
         with self._lock:
             return self._tracks[end, name].count_between(begin, end_time)
 
+    def first(self, end: End, name: str) -> float | None:
+        """When the oldest came that is kept; None: there is none."""
+        with self._lock:
+            return self._tracks[end, name].first
+
     def interval(self, end: End, name: str) -> float | None:
         """Seconds between two of them, where the file says so."""
         return self._tracks[end, name].interval
