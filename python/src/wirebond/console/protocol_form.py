@@ -68,19 +68,16 @@ def _message(model: Protocol, history: History, message: Message) -> dict[str, A
 
 
 def _fields(fields: tuple[Field, ...], columns: set[str], prefix: str, within: str) -> list[dict[str, Any]]:
-    """``within``: the names of the structs around them. Fields of bits stand among those of the message."""
+    """``within``: the names of the structs around them. A number whose bits are shared is a struct, too."""
     out = []
     for field in fields:
         if field.kind == FieldKind.PADDING:
-            continue
-        if field.kind == FieldKind.BITS:
-            out += _fields(field.fields, columns, prefix, within)
             continue
         form = field_form(field)
         name = f"{within}{field.name}"
         own = [name, *(f"{name}[{i}]" for i in range(field.count or 0))]
         form["columns"] = [prefix + column for column in own if column in columns]
-        if field.kind == FieldKind.STRUCT:
+        if field.fields:
             form["fields"] = _fields(field.fields, columns, prefix, f"{name}.")
         out.append(form)
     return out
@@ -114,6 +111,8 @@ def _kind(field: Field) -> str:
         return "enum"
     if field.flags:
         return "flags"
+    if field.fields:
+        return "struct"
     return "number" if field.kind in _NUMBERS else field.kind.value
 
 

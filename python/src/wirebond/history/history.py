@@ -205,7 +205,5 @@ def _narrow(fields: tuple[Field, ...], prefix: str) -> Iterable[str]:
     for field in fields:
         if field.fields:
             yield from _narrow(field.fields, f"{prefix}{field.name}.")
-            if field.kind == FieldKind.BITS:
-                yield from _narrow(field.fields, prefix)
         elif field.is_scaled and field.kind != FieldKind.FLOAT and field.width <= _NARROW:
             yield f"{prefix}{field.name}"
