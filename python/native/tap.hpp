@@ -1,6 +1,7 @@
 // What a link hands out while somebody records it: reads, writes and events with their times. Bounded; knows no frame.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <utility>
@@ -45,7 +46,8 @@ struct TapCopy {
 };
 
 /// One thread at a time: the link's lock guards it. `note` costs a copy of the bytes, and allocates until the memory
-/// has reached its size for the first time. What does not fit is dropped and counted: what was kept stays whole.
+/// has reached its size for the first time. What does not fit is dropped and counted: what was kept stays whole. Times
+/// never fall: who waited for the lock may bring one that is older than the last.
 class Tap {
  public:
   static constexpr std::size_t max_pieces = 65536;
@@ -55,6 +57,7 @@ class Tap {
   int number() const { return number_; }
 
   void note(TapKind kind, const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t t_us) {
+    latest_us_ = std::max(latest_us_, t_us);
     if (held_.pieces.size() == max_pieces || size > capacity_ - held_.bytes.size()) {
       held_.loss.pieces += 1;
       if (kind == TapKind::received) held_.loss.received_bytes += size;
@@ -62,7 +65,7 @@ class Tap {
       return;
     }
     held_.bytes.insert(held_.bytes.end(), bytes, bytes + size);
-    held_.pieces.push_back({t_us, before_us, static_cast<std::uint32_t>(size), kind});
+    held_.pieces.push_back({latest_us_, std::min(before_us, latest_us_), static_cast<std::uint32_t>(size), kind});
   }
 
   /// O(1).
@@ -72,6 +75,7 @@ class Tap {
   int number_;
   std::size_t capacity_;
   TapCopy held_;
+  std::uint64_t latest_us_ = 0;
 };
 
 }  // namespace wirebond::engine

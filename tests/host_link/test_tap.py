@@ -75,6 +75,19 @@ def test_what_does_not_fit_is_counted_and_the_link_goes_on() -> None:
     assert core.stats()["bytes"] == 2002
 
 
+def test_times_of_a_tap_never_fall() -> None:
+    """A thread that found nothing may have waited for the lock since, and tells a deadline by when it looked."""
+    core = core_of(manipulator())
+    core.port_up(0)
+    tap = core.open_tap(4096, 0)
+    core.note("{}", 900_000)
+    core.idle(800_000)
+    core.poll(800_000)
+    kinds, times = zip(*[(kind, t) for kind, _, t, _ in core.take_tap(tap)[0]], strict=True)
+    assert "deadline_struck" in kinds[kinds.index("noted") :]
+    assert sorted(times) == list(times)
+
+
 def test_many_small_reads_are_bounded_too() -> None:
     core = core_of(manipulator())
     tap = core.open_tap(1 << 20, 0)
@@ -153,7 +166,8 @@ def test_a_link_is_tapped_while_it_runs() -> None:
 
         def take() -> bool:
             found.extend(tap.take().pieces)
-            return any(isinstance(p, Chunk) and p.direction == "received" for p in found)
+            # Both: an emergency stop passes what has not left yet.
+            return {p.direction for p in found if isinstance(p, Chunk)} == {"received", "sent"}
 
         link.send("lamp", level=7)
         far.write(codec.encode("pose", x=3))
