@@ -20,7 +20,10 @@ class FakePublisher:
 
     def publish(self, values: Mapping[str, Any]) -> None:
         """As a subscriber gets it: through its bytes."""
-        received = decode(self._type, encode(self._type, values))
+        self.publish_bytes(encode(self._type, values))
+
+    def publish_bytes(self, data: bytes) -> None:
+        received = decode(self._type, data)
         with self._node.changed:
             self._node.published[self._topic].append(received)
             self._node.changed.notify_all()

@@ -77,7 +77,7 @@ class Node:
         kept = self.published.setdefault(topic, [])
 
         def publish(message: Any) -> None:
-            assert type(message) is class_
+            assert type(message) in (class_, bytes)
             kept.append(message)
 
         return SimpleNamespace(publish=publish)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from wirebond.ros2.cdr import decode, encode
+from wirebond.ros2.cdr import decode, encode, packer
 from wirebond.ros2.types import Kind, RosField, RosType, ros_type, type_names
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -103,6 +103,39 @@ def test_damaged_bytes_are_refused_or_read_and_never_more(name: str) -> None:
             data[draw.randrange(len(data))] = draw.choice((0, 0x7F, 0xFF))
         with suppress(ValueError):
             decode(type_, bytes(data[: draw.randrange(len(data) + 1)]))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_packed_messages_are_those_that_encode_gives(name: str) -> None:
+    type_, draw = known(name), random.Random(name)
+    values = drawn(type_, draw)
+    places = {steps: draw.randrange(2) for steps in numbers(type_, values, ())}
+    pack = packer(type_, values, list(places))
+    assert pack is not None
+    for steps, value in places.items():
+        put(values, steps, value)
+    assert pack(list(places.values())) == encode(type_, values)
+    assert packer(type_, values, [("no", "such", "place")]) is None
+
+
+def numbers(type_: RosType, values: dict[str, Any], path: tuple[Any, ...]) -> list[tuple[Any, ...]]:
+    """Where the message has numbers."""
+    found = []
+    for field in type_.fields:
+        value, steps = values[field.name], (*path, field.name)
+        ones = [(steps, value)] if field.kind == Kind.ONE else [((*steps, i), one) for i, one in enumerate(value)]
+        for place, one in ones:
+            if field.of is not None:
+                found += numbers(field.of, one, place)
+            elif field.base != "string":
+                found.append(place)
+    return found
+
+
+def put(values: Any, steps: tuple[Any, ...], value: Any) -> None:
+    for step in steps[:-1]:
+        values = values[step]
+    values[steps[-1]] = value
 
 
 def test_array_of_another_size_is_refused() -> None:

@@ -33,6 +33,10 @@ class RclpyPublisher:
         """Send one message. Any thread."""
         self._publisher.publish(to_message(self._type, values))
 
+    def publish_bytes(self, data: bytes) -> None:
+        """See ``wirebond.ros2.node.Publisher``: rclpy takes a message that is serialized already. Any thread."""
+        self._publisher.publish(data)
+
 
 class RclpyNode:
     """See ``wirebond.ros2.node.Node``. Who makes it spins ``node``."""

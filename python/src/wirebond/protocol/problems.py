@@ -31,6 +31,9 @@ class Problems:
         self.path = path
         self._found: list[Problem] = []
 
+    def __len__(self) -> int:
+        return len(self._found)
+
     def add(self, place: Place, sentence: str) -> None:
         self._found.append(Problem(self.path, place.line, place.column, sentence))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -121,16 +122,16 @@ class Bridge:
                     return
                 is_steady = message.t - next_t < outgoing.every
                 next_t = (next_t if is_steady else message.t) + outgoing.every
-            self._publish(publisher, outgoing.topic, lambda: outgoing.fill(message.fields, stamp))
+            try:
+                if outgoing.pack is not None:
+                    publisher.publish_bytes(outgoing.pack(message.fields, stamp))
+                else:
+                    publisher.publish(outgoing.fill(message.fields, stamp))
+            except (ValueError, TypeError, ArithmeticError, LookupError, struct.error) as error:
+                topic = outgoing.topic
+                self._throttle.say("warning", f"publish {topic}", f"{topic} was not published: {error!r}")
 
         self._takers.setdefault(outgoing.message, []).append(take)
-
-    def _publish(self, publisher: Publisher, topic: str, values: Callable[[], dict[str, Any]]) -> None:
-        """A value that the type cannot hold is said, and the others go on."""
-        try:
-            publisher.publish(values())
-        except (ValueError, TypeError, ArithmeticError, LookupError) as error:
-            self._throttle.say("warning", f"publish {topic}", f"{topic} was not published: {error!r}")
 
     def _add_json(self) -> None:
         for message in self.mapping.json_out:

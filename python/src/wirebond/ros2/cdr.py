@@ -6,7 +6,7 @@ Bytes come from any program of the network: `decode` believes no length.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -46,6 +46,70 @@ def decode(type_: RosType, data: bytes) -> dict[str, Any]:
         raise ValueError(f"the bytes are no {type_.short}: {error}") from None
     found: dict[str, Any] = values
     return found
+
+
+# ---- messages of which only some values change
+
+Steps = tuple[str | int, ...]
+
+
+def packer(type_: RosType, values: Mapping[str, Any], changing: Sequence[Steps]) -> Callable[[list[Any]], bytes] | None:
+    """A function from the values at these places to the message's bytes, where all others stay as in ``values``. It
+    costs a fifth of `encode`. None where a changing value has no fixed size."""
+    places: dict[Steps, tuple[int, str]] = {}
+    _place(type_, values, 0, (), places)
+    if any(steps not in places for steps in changing):
+        return None
+    data = encode(type_, values)
+    order = sorted(range(len(changing)), key=lambda index: places[changing[index]][0])
+    form, at = "<", 0
+    arguments: list[Any] = []
+    slots = [0] * len(changing)
+    for index in order:
+        offset, code = places[changing[index]]
+        begin = len(_LITTLE) + offset
+        form += f"{begin - at}s{code}"
+        slots[index] = len(arguments) + 1
+        arguments += [data[at:begin], None]
+        at = begin + struct.calcsize(f"<{code}")
+    pack = struct.Struct(f"{form}{len(data) - at}s").pack
+    arguments.append(data[at:])
+
+    def packed(changed: list[Any]) -> bytes:
+        filled = arguments.copy()
+        for slot, value in zip(slots, changed, strict=True):
+            filled[slot] = value
+        return pack(*filled)
+
+    return packed
+
+
+def _place(
+    type_: RosType, values: Mapping[str, Any], at: int, path: Steps, places: dict[Steps, tuple[int, str]]
+) -> int:
+    """Note where each number of this message lies, and how it is packed; the place behind the message."""
+    for field in type_.fields:
+        value = values.get(field.name, DEFAULTS.get(type_.name, {}).get(field.name, default_of(field)))
+        steps = (*path, field.name)
+        if field.kind == Kind.ONE:
+            at = _place_one(field, value, at, steps, places)
+            continue
+        if field.kind == Kind.SEQUENCE:
+            at += -at % 4 + 4
+        for index, one in enumerate(value):
+            at = _place_one(field, one, at, (*steps, index), places)
+    return at
+
+
+def _place_one(field: RosField, value: Any, at: int, steps: Steps, places: dict[Steps, tuple[int, str]]) -> int:
+    if field.of is not None:
+        return _place(field.of, value, at, steps, places)
+    if field.base == "string":
+        return at + -at % 4 + 4 + len(value.encode()) + 1
+    size = struct.calcsize(f"<{_CODES[field.base]}")
+    at += -at % size
+    places[steps] = at, _CODES[field.base]
+    return at + size
 
 
 # ---- to bytes

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from wirebond.errors import WirebondError
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from wirebond.link import Link
 
 Log = Callable[[str, str], None]  # level and text
+_MOST = sys.float_info.max
+_NUMBERS = {float, int, bool}
 _SAY_EVERY = 1.0  # seconds between two lines about the same thing
 
 
@@ -62,6 +65,7 @@ class Commands:
         self._throttle = Throttle(log)
         model = link.codec.model
         self._fields = {m.name: {f.name: f for f in m.fields} for m in model.messages}
+        self._bounds = {name: _bounds(fields.values()) for name, fields in self._fields.items()}
         self._safe = {stop.message: dict(stop.values) for stop in model.emergency_stop}
         self._lock = threading.Lock()
 
@@ -111,16 +115,33 @@ class Commands:
         """Send again what ``stop`` refuses."""
         self.why_stopped = ""
 
-    def _fitting(self, message: str, values: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    def _fitting(self, message: str, values: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[str]]:
         """The values within the file's ranges, and a phrase for each that was not.
 
         :raises RefusedError: a value is not finite, or out of a range that is not to be clamped to.
         """
+        bounds = self._bounds[message]
+        for name, value in values.items():
+            if type(value) not in _NUMBERS or name not in bounds or not bounds[name][0] <= value <= bounds[name][1]:
+                break
+        else:
+            return values, []
         fields, fitting, clamped = self._fields[message], dict(values), list[str]()
         for name, value in values.items():
             if name in fields:
                 fitting[name] = _within(fields[name], value, name, clamped)
         return fitting, clamped
+
+
+def _bounds(fields: Iterable[Field]) -> dict[str, tuple[float, float]]:
+    """The finite values of each plain number. Most commands need no other look; the engine refuses what a type cannot
+    hold."""
+    numbers = (FieldKind.FLOAT, FieldKind.SIGNED, FieldKind.UNSIGNED, FieldKind.BOOL)
+    return {
+        f.name: (-_MOST if f.minimum is None else f.minimum, _MOST if f.maximum is None else f.maximum)
+        for f in fields
+        if f.kind in numbers and f.count is None and not f.is_list
+    }
 
 
 def _within(field: Field, value: Any, name: str, clamped: list[str]) -> Any:
@@ -145,6 +166,4 @@ def _within(field: Field, value: Any, name: str, clamped: list[str]) -> Any:
         bound = min(max(value, low), high)
         clamped.append(f"{name} = {value:g}{unit} to {bound:g}")
         return bound
-    if isinstance(value, float) and value.is_integer() and field.kind in (FieldKind.SIGNED, FieldKind.UNSIGNED):
-        return value if field.is_scaled else int(value)
     return value

@@ -55,6 +55,10 @@ class Publisher(Protocol):
         """Send one message. What the values cannot be is the caller's mistake."""
         ...
 
+    def publish_bytes(self, data: bytes) -> None:
+        """Send a message that `cdr` has encoded."""
+        ...
+
 
 class Node(Protocol):
     """A node of ROS 2. Functions that it calls run in one thread of its own."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
+from wirebond.ros2 import cdr
 from wirebond.ros2.cdr import default_of
 from wirebond.ros2.mapping.grammar import Source
-from wirebond.ros2.mapping.model import Filler
+from wirebond.ros2.mapping.model import Filler, Packer
 from wirebond.ros2.mapping.paths import Getter
 from wirebond.ros2.types import Kind, RosField, RosType
 
@@ -49,11 +51,55 @@ class Tree:
             count += 1
             tree = self._trees.setdefault("header", Tree(header.of))
             tree._values.setdefault("stamp", _stamp)
-            tree._values.setdefault("frame_id", _constant(frame))
+            tree._values.setdefault("frame_id", Constant(frame))
         if child_frame and self.type.field("child_frame_id") is not None:
-            self._values.setdefault("child_frame_id", _constant(child_frame))
+            self._values.setdefault("child_frame_id", Constant(child_frame))
         inner = [*self._trees.values(), *(t for items in self._lists.values() for t in items.values())]
         return count + sum(tree.stamp(frame, child_frame) for tree in inner if isinstance(tree, Tree))
+
+    def packer(self) -> Packer | None:
+        """As `filler`, straight to bytes; None where a value that changes has no fixed size."""
+        readers = dict(self._readers(()))
+        if None in readers.values():
+            return None
+        empty = {steps: read(None, {}) if isinstance(read, Constant) else 0 for steps, read in readers.items()}
+        changing = {steps: read for steps, read in readers.items() if not isinstance(read, Constant)}
+        pack = cdr.packer(self.type, self._with(empty), list(changing))
+        reads = list(changing.values())
+        return None if pack is None else lambda fields, stamp: pack([read(fields, stamp) for read in reads])
+
+    def _readers(self, path: cdr.Steps) -> Iterator[tuple[cdr.Steps, Any]]:
+        """Each place that is filled, with what gives its value; None: it has no fixed size."""
+        for name, value in self._values.items():
+            if value is _stamp:
+                yield (*path, name, "sec"), _seconds
+                yield (*path, name, "nanosec"), _nanoseconds
+            else:
+                yield (*path, name), self._if_fixed(name, value, in_list=False)
+        for name, tree in self._trees.items():
+            yield from tree._readers((*path, name))
+        for name, items in self._lists.items():
+            for index, item in items.items():
+                place = (*path, name, index)
+                yield from (
+                    item._readers(place)
+                    if isinstance(item, Tree)
+                    else ((place, self._if_fixed(name, item, in_list=True)),)
+                )
+
+    def _if_fixed(self, name: str, reader: Any, *, in_list: bool) -> Any:
+        """The reader; None where it gives values of several sizes."""
+        field = self.type.field(name)
+        assert field is not None, "the path was looked up"
+        is_number = field.base not in ("", "string", "wstring") and (in_list or field.kind == Kind.ONE)
+        return reader if is_number or isinstance(reader, Constant) else None
+
+    def _with(self, values: Mapping[cdr.Steps, Any]) -> dict[str, Any]:
+        """The message with these values."""
+        copy = Tree(self.type)
+        for steps, value in values.items():
+            copy.put(steps, Constant(value))
+        return copy.filler()({}, {})
 
     def filler(self) -> Filler:
         """One function for all of it."""
@@ -72,7 +118,7 @@ class Tree:
         field = self.type.field(name)
         assert field is not None, "the path was looked up"
         size = field.count if field.kind == Kind.ARRAY else max(items) + 1
-        empty = _constant(_element_default(field))
+        empty = Constant(_element_default(field))
         parts = [items.get(index, empty) for index in range(size)]
         fillers = [part.filler() if isinstance(part, Tree) else part for part in parts]
         return lambda fields, stamp: [part(fields, stamp) for part in fillers]
@@ -81,7 +127,7 @@ class Tree:
 def source_reader(source: Source, getter: Getter | None, constants: Mapping[str, Any], as_text: bool) -> Any:
     """The function that gives a source's value."""
     if getter is None:
-        return _constant(source.constant)
+        return Constant(source.constant)
     if source.choose:
         chosen = {
             key: constants.get(value, value) if isinstance(value, str) else value
@@ -100,8 +146,22 @@ def _word(value: Any) -> str:
     return ("true" if value else "false") if isinstance(value, bool) else str(value)
 
 
-def _constant(value: Any) -> Any:
-    return lambda _fields, _stamp: value
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """Gives the same value for every message."""
+
+    value: Any
+
+    def __call__(self, _fields: Any, _stamp: Any) -> Any:
+        return self.value
+
+
+def _seconds(_fields: Any, stamp: Mapping[str, int]) -> int:
+    return stamp["sec"]
+
+
+def _nanoseconds(_fields: Any, stamp: Mapping[str, int]) -> int:
+    return stamp["nanosec"]
 
 
 def _stamp(_fields: Mapping[str, Any], stamp: Mapping[str, int]) -> Any:

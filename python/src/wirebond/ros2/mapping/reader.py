@@ -122,7 +122,7 @@ class _Reader:
         type_ = self._type(syntax.type, _place_in(node, "type"))
         if message is None or type_ is None:
             return None
-        tree = Tree(type_)
+        tree, before = Tree(type_), len(self.problems)
         fields = node.get("fields") if isinstance(node, Mapping) else None
         for path, source in syntax.fields.items():
             key, value = _places(fields, path)
@@ -139,10 +139,19 @@ class _Reader:
             getter = self._source(source, message, place.leaf, place.owner.constants, value)
             as_text = place.leaf.what == What.TEXT
             tree.put(place.steps, source_reader(source, getter, place.owner.constants, as_text))
+        has_all = len(self.problems) == before
         headers = tree.stamp(syntax.frame, syntax.child_frame)
         if syntax.frame and not headers:
             self.problems.add(_place_in(node, "frame"), f"{type_.short} has no header for a frame; remove this key")
-        return Outgoing(message.name, syntax.topic, type_, _qos(syntax.qos), syntax.at_most or 0.0, tree.filler())
+        return Outgoing(
+            message.name,
+            syntax.topic,
+            type_,
+            _qos(syntax.qos),
+            syntax.at_most or 0.0,
+            tree.filler(),
+            tree.packer() if has_all else None,
+        )
 
     def _subscribe(self, syntax: SubscribeSyntax, node: Node) -> Incoming | None:
         message = self._message(syntax.message, End.HOST, _place_in(node, "message"))

@@ -1,0 +1,157 @@
+"""What the bridge to ROS 2 costs: its processor time, what it loses, and how much later a topic is than its message.
+
+A process writes 8 000 `chassis_msg` a second to a pty, and counts the commands that come back. The bridge owns the
+other side, as `wirebond serve --ros2` and `wirebond_ros` run it. A third process is the ROS 2 network: it takes the topic and
+publishes five commands 1 600 times a second each. The latency of a message is the time from its stamp, which is that of
+the read that completed it, to the program that takes the topic.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from contextlib import ExitStack
+from pathlib import Path
+
+from bench.figures import Figure
+from bench.serve import line, process, processor_time, say
+
+PROTOCOL = Path(__file__).resolve().parents[1] / "protocols" / "enterprize.yaml"
+SECONDS = 8.0
+PER_MS = 8
+COMMAND = "make bench ONLY=ros2"
+DOMAIN = 97
+
+FEEDER = """
+import sys, time, wirebond
+from wirebond.sim.pty_port import PtyPort
+path, seconds, per_ms = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
+port, proto = PtyPort(), wirebond.load(sys.argv[1])
+heard = proto.decoder("host")
+print(port.path, flush=True)
+sys.stdin.readline()
+number, began = 0, time.monotonic()
+frames = [proto.encode("chassis_msg", x_vel=n, y_vel=0.5, w_vel=0.25) for n in range(1000)]
+while (now := time.monotonic()) - began < seconds:
+    due = int((now - began) * 1000) * per_ms
+    if number < due:
+        port.write(b"".join(frames[n % 1000] for n in range(number, due)))
+        number = due
+    heard.feed(port.read(0.0005))
+end = time.monotonic() + 2
+while time.monotonic() < end:
+    heard.feed(port.read(0.05))
+print(number, port.lost_bytes, heard.stats.frames, flush=True)
+"""
+
+BRIDGE = """
+import sys, threading, wirebond
+from wirebond.ros2.bridge import Bridge
+from wirebond.ros2.dds import DdsNode
+from wirebond.ros2.mapping import load_mapping
+with wirebond.open(sys.argv[1], sys.argv[2]) as link:
+    node = DdsNode("bench")
+    bridge = Bridge(link, node, load_mapping(sys.argv[3], link.codec.model))
+    thread = threading.Thread(target=bridge.run)
+    thread.start()
+    print("ready", flush=True)
+    sys.stdin.readline()
+    bridge.close()
+    thread.join()
+    send = link.stats.send
+    print(bridge.commands.counts["sent"], bridge.commands.counts["refused"], send.sent, flush=True)
+    node.close()
+"""
+
+NETWORK = """
+import sys, time
+from cyclonedds._clayer import ddspy_take, ddspy_write
+from wirebond.ros2.cdr import decode, encode
+from wirebond.ros2.dds import DdsNode
+from wirebond.ros2.node import Qos
+from wirebond.ros2.types import ros_type
+seconds, per_ms, topics = float(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
+node, late = DdsNode("network"), []
+twist, vector = ros_type("geometry_msgs/TwistStamped"), ros_type("geometry_msgs/Vector3")
+node.subscribe("/chassis", twist, Qos(depth=10000), None)
+reader = node._readers.pop().entity
+writers = [node.publisher(f"/{topic}", vector, Qos(depth=10000)) for topic in topics]
+data = encode(vector, {"x": 0.5, "y": 0.25, "z": 1.0})
+while not (reader.get_matched_publications() and all(w.entity.get_matched_subscriptions() for w in writers)):
+    time.sleep(0.05)
+time.sleep(1)  # the other side has found these, too
+print("ready", flush=True)
+sys.stdin.readline()
+number, began = 0, time.monotonic()
+while (now := time.monotonic()) - began < seconds + 1:
+    due = min(int((now - began) * 1000), int(1000 * seconds)) * per_ms
+    while number < due:
+        writers[number % len(writers)].publish_bytes(data)
+        number += 1
+    for sample, _ in ddspy_take(reader._ref, 0x7F, 1000):
+        stamp = int.from_bytes(sample[4:8], "little") + int.from_bytes(sample[8:12], "little") * 1e-9
+        late.append(time.time() - stamp)
+    time.sleep(0.0003)
+late.sort()
+print(len(late), late[len(late) // 2], late[len(late) * 99 // 100], number, flush=True)
+"""
+
+MAPPING = """
+wirebond_ros2: 1
+json_topics: none
+publish:
+  - message: chassis_msg
+    topic: chassis
+    type: geometry_msgs/TwistStamped
+    frame: base_link
+    qos: {{depth: 10000}}
+    fields: {{twist.linear.x: x_vel, twist.linear.y: y_vel, twist.angular.z: w_vel}}
+subscribe:
+{commands}
+"""
+FIELDS = {
+    "gimbal_cmd": "target_pitch: x, target_yaw: y, shoot_mode: 1",
+    "chassis_cmd": "x_vel: x, y_vel: y, w_vel: z",
+    "action_cmd": "scan: true, spin_vel: x, cv_enable: true",
+    "sentry_gimbal_cmd": "l_target_pitch: x, l_target_yaw: y, l_shoot_mode: 1, r_target_pitch: x, r_target_yaw: y, "
+    "r_shoot_mode: 1, main_target_pitch: x, main_target_yaw: z",
+    "sentry_cv_cmd": "target_pitch: x, target_yaw: y, shoot_mode: 1, main_yaw_target: z",
+}
+
+
+def measure() -> list[Figure]:
+    spent, lost, late = run(SECONDS)
+    return [
+        Figure("ros2_lost", lost, "messages", 0, COMMAND),
+        Figure("ros2_cpu", 100 * spent, "% of a core", 50, COMMAND),
+        Figure("ros2_latency_p99_ms", 1e3 * late, "ms", 5, COMMAND),
+    ]
+
+
+def run(seconds: float) -> tuple[float, int, float]:
+    """The share of a core that the bridge spent, how many messages both directions lost, and the 99th percentile of
+    the latency in seconds."""
+    command = "  - {{topic: {0}, type: geometry_msgs/Vector3, message: {0}, qos: {{depth: 10000}}, fields: {{{1}}}}}"
+    commands = "\n".join(command.format(name, fields) for name, fields in FIELDS.items())
+    os.environ.update(ROS_DOMAIN_ID=str(DOMAIN), ROS_LOCALHOST_ONLY="1")
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        mapping = Path(folder) / "mapping.yaml"
+        mapping.write_text(MAPPING.format(commands=commands))
+        numbers = [str(seconds), str(PER_MS)]
+        feed = stack.enter_context(process([sys.executable, "-c", FEEDER, str(PROTOCOL), *numbers]))
+        port = line(feed)
+        bridge = stack.enter_context(process([sys.executable, "-c", BRIDGE, str(PROTOCOL), port, str(mapping)]))
+        line(bridge)
+        network = stack.enter_context(process([sys.executable, "-c", NETWORK, *numbers, *FIELDS]))
+        line(network)
+        before = processor_time(bridge.pid)
+        say(network)
+        say(feed)
+        taken, _, late, published = line(network).split()
+        spent = processor_time(bridge.pid) - before
+        fed, lost_bytes, heard = map(int, line(feed).split())
+        if lost_bytes:
+            raise RuntimeError("the bridge did not read the pty in time")
+        say(bridge)
+        return spent / seconds, fed - int(taken) + int(published) - heard, float(late)
