@@ -53,7 +53,7 @@ def test_memory_does_not_grow_with_the_recording(
     monkeypatch.setattr("wirebond.recording.scan._WINDOW", 1 << 14)
     monkeypatch.setattr("wirebond.recording.closing.CHUNK", 1 << 14)
     peaks = []
-    for number, seconds in enumerate((50.0, 400.0)):
+    for number, seconds in enumerate((40.0, 200.0)):
         path = made(tmp_path / f"{number}.mcap", diffdrive, drive(diffdrive, seconds))
         recordings.open(path).stats()
         tracemalloc.start()

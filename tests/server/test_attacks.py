@@ -42,6 +42,7 @@ def attached(served: Served) -> socket.socket:
     return found
 
 
+@pytest.mark.long  # its short form is in test_clients.py: an attached link comes back when the server does
 def test_a_server_that_is_killed_and_started_again_has_its_clients_back(place: Path) -> None:
     command = [str(WIREBOND), "serve", DIFFDRIVE, "sim:", "--recordings", str(place / "kept")]
     server = subprocess.Popen(command, stderr=subprocess.DEVNULL)

@@ -97,9 +97,13 @@ def test_any_client_starts_stops_marks_lists_and_annotates(server: Server) -> No
 
 def test_notes_stay_in_the_file_and_public_tools_read_them(server: Server, tmp_path: Path) -> None:
     began = server.recordings.start()
-    server.recordings.stop()
-    server.close()
+    wait_until(lambda: (server.recordings.current or began).messages > 2)
+    server.close()  # which ends the recording in order
     server.recordings.wait()
+    (listed,) = server.recordings.list()
+    assert listed.state == "closed"
+    assert [path.name for path in (tmp_path / "kept").iterdir()] == [began.name]
+    assert recordings.open(began.path).stats().messages["odometry"] > 2
     for number in range(3):
         server.recordings.annotate(began.name, f"note {number}")
     path = server.recordings.path(began.name)
@@ -172,16 +176,3 @@ def test_requests_that_wait_for_the_disk_are_bounded(server: Server) -> None:
     assert any("ok" in answer for answer in answers)
     assert {answer["error"] for answer in answers if "error" in answer} <= {"full"}
     watcher.close()
-
-
-def test_a_recording_that_runs_when_the_server_ends_is_whole(tmp_path: Path) -> None:
-    with wirebond.open(DIFFDRIVE, "sim:") as link:
-        server = Server(link, tmp_path / "socket", recordings=tmp_path / "kept")
-        began = server.recordings.start()
-        wait_until(lambda: (server.recordings.current or began).messages > 2)
-        server.close()
-        server.recordings.wait()
-        (listed,) = server.recordings.list()
-        assert listed.state == "closed"
-        assert [path.name for path in (tmp_path / "kept").iterdir()] == [began.name]
-        assert recordings.open(began.path).stats().messages["odometry"] > 2

@@ -79,9 +79,10 @@ class Recordings:
         :raises UsageError: nothing is being recorded.
         """
         with self._lock:
-            if self._recorder is None:
-                raise UsageError("nothing is being recorded; start that first")
-            return self._end()
+            ended = self._end()
+        if ended is None:
+            raise UsageError("nothing is being recorded; start that first")
+        return ended
 
     @property
     def current(self) -> StoredRecording | None:
@@ -190,10 +191,11 @@ class Recordings:
             )
         return self.folder
 
-    def _end(self) -> StoredRecording:
+    def _end(self) -> StoredRecording | None:
+        """None: nothing was being recorded."""
         recorder, self._recorder = self._recorder, None
         if recorder is None:
-            return StoredRecording("", "", "unclosed")
+            return None
         recorder.close(compact=False)
         if recorder.error:
             self._errors[recorder.path.name] = recorder.error
