@@ -1,9 +1,9 @@
 """What the bridge to ROS 2 costs: its processor time, what it loses, and how much later a topic is than its message.
 
 A process writes 8 000 `chassis_msg` a second to a pty, and counts the commands that come back. The bridge owns the
-other side, as `wirebond serve --ros2` and `wirebond_ros` run it. A third process is the ROS 2 network: it takes the topic and
-publishes five commands 1 600 times a second each. The latency of a message is the time from its stamp, which is that of
-the read that completed it, to the program that takes the topic.
+other side, as `wirebond serve --ros2` and `wirebond_ros` run it. A third process is the ROS 2 network: it takes the
+topic and publishes five commands 1 600 times a second each. The latency of a message is the time from its stamp, which
+is that of the read that completed it, to the program that takes the topic.
 """
 
 from __future__ import annotations
