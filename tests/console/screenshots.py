@@ -52,7 +52,6 @@ def drive(made: Desk) -> Page:
 def for_readme(made: Desk, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     take(made, "messages?message=mcu:odometry", folder / "console-messages.png", color_scheme="light")
-    take(made, "plots", folder / "console-plots.png", color_scheme="dark")
     driver = made.browser.contexts[0].pages[0]
     driver.screenshot(path=folder / "console-control.png")
 

@@ -245,17 +245,16 @@ def test_a_page_without_the_token_says_so_and_shows_nothing(rover: Desk) -> None
         assert "to-k_en" not in page.url
 
 
-def test_a_page_that_hangs_without_closing_leaves_no_robot_driving(tmp_path: Path, rover: Desk) -> None:
+@pytest.mark.long
+def test_a_page_that_hangs_without_closing_leaves_no_robot_driving(rover: Desk) -> None:
     """All its processes are stopped, as by a laptop that is shut: no heartbeat, and no end of the connection."""
-    profile = tmp_path / "profile"
-    context = rover.browser.browser_type.launch_persistent_context(
-        str(profile), executable_path=str(CHROMIUM), args=["--no-sandbox"]
-    )
-    with contextlib.closing(context):
-        page = context.pages[0]
+    word = f"--user-agent-product={time.monotonic_ns()}"
+    other = rover.browser.browser_type.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", word])
+    with contextlib.closing(other):
+        page = other.new_page()
         page.goto(f"{rover.console.address}#/control")
         drive(page, rover, time.monotonic())
-        hung = processes(str(profile))
+        hung = processes(word)
         stopped_at = time.monotonic()
         for pid in hung:
             os.kill(pid, signal.SIGSTOP)
@@ -269,13 +268,17 @@ def test_a_page_that_hangs_without_closing_leaves_no_robot_driving(tmp_path: Pat
         expect(page.get_by_text("You are in control")).not_to_be_visible()
 
 
-def processes(word: str) -> list[int]:
-    """Those whose command line has this word."""
-    found = []
+def processes(word: str) -> set[int]:
+    """Those whose command line has this word, and their descendants."""
+    parents: dict[int, int] = {}
+    found: set[int] = set()
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
+            parents[int(folder.name)] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
             if word.encode() in (folder / "cmdline").read_bytes():
-                found.append(int(folder.name))
+                found.add(int(folder.name))
+    while more := {pid for pid, parent in parents.items() if parent in found} - found:
+        found |= more
     return found
 
 
