@@ -87,9 +87,11 @@ def robot(program: Path) -> Iterator[rover.RoverProcess]:
 @pytest.fixture(scope="module")
 def served(domain: int, robot: rover.RoverProcess) -> Iterator[Served]:
     process = Served(robot.port, f"ros-{os.getpid()}")
-    process.wait_for("ROS 2 node")
-    yield process
-    process.close()
+    try:
+        process.wait_for("ROS 2 node")
+        yield process
+    finally:
+        process.close()
 
 
 @pytest.fixture(scope="module")
@@ -286,16 +288,18 @@ def seen_from(start: tuple[float, float, float], end: Any) -> tuple[float, float
 def test_bridge_waits_for_its_port(domain: int, program: Path, tmp_path: Path) -> None:
     port = tmp_path / "tty"
     served = Served(str(port), f"ros-late-{os.getpid()}", "--mapping", str(named(tmp_path, "late")))
-    served.wait_for("Waiting for it")
-    peer = Peer(domain)
-    peer.listen("/late/odom", "nav_msgs/Odometry")
-    peer.listen("/late/navigation_ok", "std_msgs/Bool", latched=True)
-    assert not peer.wait(lambda: peer.seen["/late/navigation_ok"])[-1].data
-    with rover.RoverProcess(program) as robot:
-        port.symlink_to(robot.port)
-        peer.wait(lambda: peer.seen["/late/odom"])
-        peer.wait(lambda: peer.seen["/late/navigation_ok"][-1].data)
-    served.close()
+    try:
+        served.wait_for("Waiting for it")
+        peer = Peer(domain)
+        peer.listen("/late/odom", "nav_msgs/Odometry")
+        peer.listen("/late/navigation_ok", "std_msgs/Bool", latched=True)
+        assert not peer.wait(lambda: peer.seen["/late/navigation_ok"])[-1].data
+        with rover.RoverProcess(program) as robot:
+            port.symlink_to(robot.port)
+            peer.wait(lambda: peer.seen["/late/odom"])
+            peer.wait(lambda: peer.seen["/late/navigation_ok"][-1].data)
+    finally:
+        served.close()
 
 
 def named(folder: Path, name: str) -> Path:
