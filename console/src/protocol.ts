@@ -164,6 +164,15 @@ export function ageText(seconds: number): string {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
+/** A time of day, of seconds since 1970: 14:05:09.120. */
+export function clockText(wall: number, digits = 3): string {
+  const unit = 10 ** digits;
+  const at = new Date(Math.round((Math.round(wall * unit) / unit) * 1000));
+  const [hours, minutes, seconds] = [at.getHours(), at.getMinutes(), at.getSeconds()].map((n) => `${n}`.padStart(2, "0"));
+  const part = digits === 0 ? "" : `.${`${at.getMilliseconds()}`.padStart(3, "0").slice(0, digits)}`;
+  return `${hours}:${minutes}:${seconds}${part}`;
+}
+
 export function sizeText(bytes: number): string {
   if (bytes < 1000) return `${bytes} B`;
   if (bytes < 1e6) return `${(bytes / 1e3).toFixed(1)} kB`;

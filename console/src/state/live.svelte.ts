@@ -1,7 +1,7 @@
 // What the server shows: link, table, frames, events, batches of plots; live or of a recording. Views say what they want
 // to see while they are there, and read it here.
 import { address, get } from "../http";
-import type { Protocol } from "../protocol";
+import { clockText, type Protocol } from "../protocol";
 import {
   Views,
   type Batch,
@@ -33,6 +33,7 @@ class Live {
   private isDue = false;
   private protocolHash: string | null = null;
   private readonly onBatch = new Set<(batch: Batch) => void>();
+  private wallAhead = $state(0); // of the server's clock: its seconds since 1970 less its seconds of `t`
   private readonly clock = { server: 0, page: 0 };
   private readonly views = new Views(
     address("views", "ws"),
@@ -55,6 +56,11 @@ class Live {
   /** The server's time now, as well as this page knows it. */
   now(): number {
     return this.clock.server === 0 ? 0 : this.clock.server + (performance.now() - this.clock.page) / 1000;
+  }
+
+  /** A time of what is shown, in words: of day; in a recording seconds since its start. */
+  timeText(t: number, digits = 3): string {
+    return this.recording === null ? clockText(t + this.wallAhead, Math.min(3, digits)) : t.toFixed(digits);
   }
 
   /** Is the newest that was shown older than it should be? Then nothing on the page is the present. */
@@ -119,6 +125,7 @@ class Live {
       case "link":
         this.link = message as unknown as LinkView;
         this.note(message.t);
+        this.wallAhead = (message.wall as number) - (message.t as number);
         if (this.link.connected && this.link.hash !== this.protocolHash) {
           this.protocolHash = this.link.hash;
           void this.loadProtocol();

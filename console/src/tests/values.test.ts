@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { clamp, drivable, valueAt } from "../drive";
 import { asPython, bytesOf } from "../frame";
-import { ageText, digitsOf, initialFields, numberText, type Field, type Message, type Protocol } from "../protocol";
+import { ageText, clockText, digitsOf, initialFields, numberText, type Field, type Message, type Protocol } from "../protocol";
 import { readBatch } from "../views";
 
 const field = (more: Partial<Field>): Field => ({
@@ -36,6 +36,16 @@ test("a number has the digits of its step on the wire, so that columns do not ju
 
 test("an age is short", () => {
   expect([0.0123, 0.9999, 12.34, 600].map(ageText)).toEqual(["12 ms", "1.0 s", "12.3 s", "10 min"]);
+});
+
+test("a time of day is rounded, not cut", () => {
+  const noon = new Date(2026, 10, 22, 12, 0, 0).getTime() / 1000;
+  expect([clockText(noon), clockText(noon + 59.9996), clockText(noon + 0.25, 1), clockText(noon - 0.4, 0)]).toEqual([
+    "12:00:00.000",
+    "12:01:00.000",
+    "12:00:00.3",
+    "12:00:00",
+  ]);
 });
 
 test("a form begins at the default, else at what is nearest to zero", () => {

@@ -1,0 +1,47 @@
+"""The drive of ``wirebond demo`` beside the console: it gives way to a person, but not to a busy computer."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import cast
+
+import wirebond
+from tests.console.conftest import PATIENCE, Desk
+from wirebond.cli.demo_console import drive
+from wirebond.sim.rover import RoverProcess
+
+
+class NoRover:
+    """What the drive tells the rover's process."""
+
+    def tell(self, line: str) -> None:
+        pass
+
+    def events(self) -> list[str]:
+        return []
+
+
+def test_the_drive_goes_on_after_a_silence_and_ends_where_a_person_takes_control(desk: Desk) -> None:
+    heard = desk.codec.decoder("host")
+
+    def wait_for_speed(linear: float) -> None:
+        end = time.monotonic() + PATIENCE
+        while not any(m.name == "velocity" and m["linear"] == linear for m in heard.feed(desk.pty.read(0.05))):
+            assert time.monotonic() < end, linear
+
+    address = f"wirebond://{desk.server.path}"
+    with wirebond.open(desk.codec, address) as link, wirebond.open(desk.codec, address) as person:
+        rover = cast(RoverProcess, NoRover())
+        driving = threading.Thread(target=drive, args=(link, rover, time.monotonic() + 2 * PATIENCE))
+        driving.start()
+        wait_for_speed(0.8)
+        owner = desk.server._owner
+        owner.loop.call_soon_threadsafe(owner.end_control, "silent")
+        wait_for_speed(0.0)
+        wait_for_speed(0.8)
+        person.take_control(over=True)
+        wait_for_speed(0.0)
+        driving.join(PATIENCE)
+        assert not driving.is_alive()
+        assert person.control.is_own
