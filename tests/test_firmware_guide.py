@@ -97,7 +97,7 @@ def test_makefile_lines_build_it(page: str, level: str, project: Path) -> None:
     run("make", f"OPT={level}", "build/robot.elf", cwd=project)
 
 
-@pytest.mark.parametrize("page", ["firmware", "c"])
+@pytest.mark.parametrize("page", ["firmware", pytest.param("c", marks=pytest.mark.long)])
 def test_cmake_lines_build_it(page: str, project: Path) -> None:
     if page == "c":
         write_c_project(project)

@@ -1,4 +1,6 @@
-"""The compiled engine once more with address and undefined-behaviour sanitizers: the tests that exercise it most."""
+"""The compiled engine once more with address and undefined-behaviour sanitizers: the tests that exercise it most.
+
+It takes more than a minute to build. `make test` has the core under the same sanitizers: tests/fuzz."""
 
 from __future__ import annotations
 
@@ -26,8 +28,9 @@ TESTS = [
     "tests/host_link/test_behaviour.py",
     "python/tests/test_codec.py",
     "python/tests/test_packing.py",
+    "tests/test_against_reference.py",
+    "tests/test_explain_against_engine.py",
 ]
-LONG_TESTS = [*TESTS, "tests/test_against_reference.py", "tests/test_explain_against_engine.py"]
 # Two are too large for the sanitizers, one forks, others run a program of their own.
 NOT_WITH_SANITIZERS = "ten_megabytes or progress_of_a_large or permission or generated_code"
 
@@ -50,8 +53,8 @@ def build() -> Path:
     return site
 
 
-@pytest.mark.parametrize("tests", [TESTS, pytest.param(LONG_TESTS, marks=pytest.mark.long)], ids=["short", "long"])
-def test_engine_is_clean_under_the_sanitizers(tests: list[str]) -> None:
+@pytest.mark.long
+def test_engine_is_clean_under_the_sanitizers() -> None:
     site = build()
     runtime = f"-print-file-name=libclang_rt.asan-{platform.machine()}.so"
     found = subprocess.run([COMPILER, runtime], capture_output=True, text=True, check=True)
@@ -82,7 +85,7 @@ def test_engine_is_clean_under_the_sanitizers(tests: list[str]) -> None:
     assert str(site) in found.stdout
     for old in BUILD.glob(f"{REPORT.name}.*"):
         old.unlink()
-    result = subprocess.run([*command, *tests], capture_output=True, text=True, env=environment, cwd=ROOT, check=False)
+    result = subprocess.run([*command, *TESTS], capture_output=True, text=True, env=environment, cwd=ROOT, check=False)
     reports = "".join(path.read_text()[:3000] for path in BUILD.glob(f"{REPORT.name}.*"))
     assert result.returncode == 0, result.stdout[-3000:] + result.stderr[-3000:] + reports
     assert not reports

@@ -168,7 +168,9 @@ export function ageText(seconds: number): string {
 export function clockText(wall: number, digits = 3): string {
   const unit = 10 ** digits;
   const at = new Date(Math.round((Math.round(wall * unit) / unit) * 1000));
-  const [hours, minutes, seconds] = [at.getHours(), at.getMinutes(), at.getSeconds()].map((n) => `${n}`.padStart(2, "0"));
+  const [hours, minutes, seconds] = [at.getHours(), at.getMinutes(), at.getSeconds()].map((n) =>
+    `${n}`.padStart(2, "0"),
+  );
   const part = digits === 0 ? "" : `.${`${at.getMilliseconds()}`.padStart(3, "0").slice(0, digits)}`;
   return `${hours}:${minutes}:${seconds}${part}`;
 }

@@ -245,6 +245,7 @@ def test_a_page_without_the_token_says_so_and_shows_nothing(rover: Desk) -> None
         assert "to-k_en" not in page.url
 
 
+@pytest.mark.long
 def test_a_page_that_hangs_without_closing_leaves_no_robot_driving(rover: Desk) -> None:
     """All its processes are stopped, as by a laptop that is shut: no heartbeat, and no end of the connection."""
     word = f"--user-agent-product={time.monotonic_ns()}"

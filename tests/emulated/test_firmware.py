@@ -60,7 +60,13 @@ def test_a_board_with_a_mistake_says_what_it_is() -> None:
 # The emulated UART has no baud rate: bytes come as fast as they are taken, and what the ring cannot hold is lost where
 # the processor is busy. Without optimisation it is; then no more are sent at once than the ring holds.
 @pytest.mark.parametrize(
-    ("optimise", "at_once"), [("-O0", 10), ("-Og", 200), ("-O1", 200), ("-Os", 200), ("-O2", 200), ("-O3", 200)]
+    ("optimise", "at_once"),
+    [
+        ("-O0", 10),
+        ("-Os", 200),
+        ("-O2", 200),
+        *(pytest.param(level, 200, marks=pytest.mark.long) for level in ("-Og", "-O1", "-O3")),
+    ],
 )
 def test_echo_sends_back_what_came_on_two_links_at_once(optimise: str, at_once: int) -> None:
     commands = [{"x_vel": float(n), "y_vel": 0.5 * n, "w_vel": -1.0 * n} for n in range(200)]

@@ -163,7 +163,14 @@ def test_a_closed_stderr_is_not_replaced_by_the_port() -> None:
     os.close(follower)
 
 
-@pytest.mark.parametrize("setting", ["COLUMNS=1", "LANG=C LC_ALL=C", "PYTHONIOENCODING=ascii", "TERM=dumb", "HOME="])
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "COLUMNS=1",
+        "LANG=C LC_ALL=C",
+        *(pytest.param(s, marks=pytest.mark.long) for s in ("PYTHONIOENCODING=ascii", "TERM=dumb", "HOME=")),
+    ],
+)
 def test_odd_surroundings_change_nothing(setting: str) -> None:
     check = '"$WIREBOND" check "$FILE" && ' if setting == "COLUMNS=1" else ""  # it measures, which takes a while
     result = shell(

@@ -83,7 +83,9 @@ def ticks(messages: list[wirebond.Message]) -> list[int]:
     return [m.fields["left_ticks"] for m in messages if m.name == "odometry"]
 
 
-@pytest.mark.parametrize("loss", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
+@pytest.mark.parametrize(
+    "loss", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.long)], ids=["killed", "stopped"]
+)
 def test_rover_that_loses_its_host_stops_after_1_s_and_is_safe_after_3_s(
     process: rover.RoverProcess, loss: signal.Signals
 ) -> None:

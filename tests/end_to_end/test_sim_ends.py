@@ -18,7 +18,10 @@ COMMAND = [sys.executable, "-m", "wirebond.cli.main", "sim", "protocols/native.y
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+@pytest.mark.parametrize(
+    "number",
+    [signal.SIGTERM, *(pytest.param(number, marks=pytest.mark.long) for number in (signal.SIGHUP, signal.SIGINT))],
+)
 def test_a_signal_ends_it_and_its_link_is_gone(tmp_path: Path, number: signal.Signals) -> None:
     link = tmp_path / "mcu"
     process = subprocess.Popen([*COMMAND, "--link", str(link)], stdout=subprocess.PIPE, cwd=ROOT)

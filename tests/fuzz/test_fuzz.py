@@ -63,6 +63,7 @@ def test_a_short_run_finds_nothing(target: str, tmp_path: Path) -> None:
     print(f"{target}: {outcome.edges} edges reached in {outcome.runs} runs")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("target", "file", "good", "bad"), FAULTS)
 def test_a_planted_fault_is_found(target: str, file: str, good: str, bad: str, tmp_path: Path) -> None:
     is_package = target == "loader"

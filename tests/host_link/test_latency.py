@@ -54,7 +54,7 @@ def test_replies_that_stay_away_are_lost_and_the_advice_says_what_to_look_at() -
 
 def test_a_reply_with_another_number_is_wrong_and_no_round_trip() -> None:
     with linked(NATIVE, lambda m: pong(m["number"] + 7) if m.name == "ping" else b"") as (link, _):
-        into = measured(link, 2)
+        into = measured(link, 2, timeout=0.5)
     assert (into.asked, into.round_trips, into.lost, into.wrong) == (2, [], 2, 2)
     assert "pong came back with number 8, and 1 was asked" in into.advice
 

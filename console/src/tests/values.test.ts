@@ -1,7 +1,16 @@
 import { expect, test } from "vitest";
 import { clamp, drivable, valueAt } from "../drive";
 import { asPython, bytesOf } from "../frame";
-import { ageText, clockText, digitsOf, initialFields, numberText, type Field, type Message, type Protocol } from "../protocol";
+import {
+  ageText,
+  clockText,
+  digitsOf,
+  initialFields,
+  numberText,
+  type Field,
+  type Message,
+  type Protocol,
+} from "../protocol";
 import { readBatch } from "../views";
 
 const field = (more: Partial<Field>): Field => ({

@@ -69,7 +69,10 @@ def test_it_changes_no_byte() -> None:
     assert protocol_hash(loads(TEXT)) == protocol_hash(loads(TEXT.replace("link:", "fixed: mcu\nlink:")))
 
 
-@pytest.mark.parametrize("path", CONTRIB, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, id=path.stem, marks=[pytest.mark.long] if n % 4 else []) for n, path in enumerate(CONTRIB)],
+)
 def test_no_public_format_is_asked_to_change(path: Path) -> None:
     codec = load(path)
     if codec.model.fixed is None:
