@@ -105,7 +105,7 @@ test("after a lost connection it attaches again, without control, and what waite
   expect(last().sent.map((message) => message.do)).toEqual(["attach"]);
 });
 
-test("a refused token ends the attempts, and is told in the server's words", () => {
+test("a refused token ends the attempts, with the server's own sentence", () => {
   last().onclose?.({ reason: "" });
   vi.advanceTimersByTime(250);
   last().onopen?.();

@@ -6,7 +6,7 @@ test("an address and the place it names are the same both ways", () => {
   expect(readPlace(writePlace(place))).toEqual(place);
 });
 
-test("an address that nobody wrote shows the messages", () => {
+test("an address without a view shows the messages", () => {
   expect(readPlace("#/nowhere?from=x&to=3")).toEqual({ view: "messages" });
   expect(readPlace("")).toEqual({ view: "messages" });
 });

@@ -80,7 +80,7 @@ test("a pad's position is a part of the range that the reader allows, in steps o
   expect(valueAt(axis, 7, 1)).toBe(2);
 });
 
-test("what a pad drives is told by the file: a message that moves, with a range around zero", () => {
+test("a pad drives a message that moves, with a range around zero", () => {
   const message = (name: string, is_controlled: boolean, fields: Field[]) =>
     ({ name, is_controlled, fields, sender: "host" }) as unknown as Message;
   const protocol = {

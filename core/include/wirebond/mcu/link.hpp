@@ -33,7 +33,7 @@ namespace wirebond {
 
 /// How a link stands.
 enum class LinkState : std::uint8_t {
-  down,   ///< not started, its buffers are out of reach, or its port says that nobody reads: nothing moves
+  down,   ///< not started, its buffers are out of reach, or its port says that no program reads: nothing moves
   stale,  ///< it runs, and no valid frame came for `timeout_us`
   up,     ///< valid frames come
 };
@@ -410,7 +410,7 @@ class Link : private SendPause<Protocol::pause_us>,
   static constexpr std::uint16_t max_age_units =
       static_cast<std::uint16_t>((Protocol::max_age_ms * std::uint32_t{1000} + 1023) / 1024);
 
-  /// Can the port say that nobody reads?
+  /// Can the port say that no program reads?
   static constexpr bool may_leave = detail::TellsConnection<Port>::value;
 
   /// Does silence end a frame? Then a run is one frame, and the next one waits for the pause.
@@ -561,7 +561,7 @@ class Link : private SendPause<Protocol::pause_us>,
     }
   }
 
-  /// Nobody reads. What waits shall expire, also what a sender finishes from now on.
+  /// No program reads. What waits expires, and so does what a sender finishes from now on.
   void leave(std::uint32_t now_us) {
     if (!is_timed_) {
       is_timed_ = true;
