@@ -41,7 +41,12 @@ def test_the_table_has_every_message_of_both_ends_with_what_it_says(desk: Desk) 
     with desk.look(messages={"every": 0.05}) as socket:
         odometry(desk, 3, 7)
         desk.link.send("velocity", linear=0.5, angular=0.0)
-        said = view(socket, "messages", lambda said: row_of(said, "velocity")["t"] and row_of(said, "odometry")["t"])
+
+        def is_all_there(said: dict[str, Any]) -> bool:
+            came = row_of(said, "odometry")
+            return bool(row_of(said, "velocity")["t"] and came["count"] >= 3 and came["rate"] > 0)
+
+        said = view(socket, "messages", is_all_there)
         came = row_of(said, "odometry")
         assert came["fields"] == {"left_ticks": 9, "right_ticks": -9} and came["sender"] == "mcu"
         assert bytes.fromhex(came["bytes"]) == desk.codec.encode("odometry", left_ticks=9, right_ticks=-9)

@@ -18,7 +18,7 @@ typedef enum wirebond_why {
   WIREBOND_WHY_RECEIVE_DMA_NOT_CIRCULAR,  ///< by the port: DMA stops at the end of the ring
   WIREBOND_WHY_BAUD_DIFFERS,              ///< by the port: another baud rate than the file's
   WIREBOND_WHY_INTERRUPT_OFF,             ///< by the port: the UART's interrupt is not enabled
-  WIREBOND_WHY_NOT_CONNECTED,             ///< the port says that nobody reads, or it is stopped
+  WIREBOND_WHY_NOT_CONNECTED,             ///< the port says that no program reads, or it is stopped
   WIREBOND_WHY_PORT_REFUSES,              ///< the port does not start reception
   WIREBOND_WHY_PENDS_UNSERVED,            ///< the interrupt was pended, and nobody called `on_pended`
   WIREBOND_WHY_RECEPTION_STOPS,           ///< reception ends without an error event

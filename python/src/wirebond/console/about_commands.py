@@ -10,8 +10,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
+from wirebond.as_json import plain
 from wirebond.console.answers import answer, guarded, served_by
-from wirebond.console.as_json import plain
 from wirebond.console.station import Served, Station
 from wirebond.server.command_log import Command
 

@@ -10,7 +10,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from wirebond.console.as_json import encode, plain
+from wirebond.as_json import encode, plain
 from wirebond.console.connector import HeldError
 from wirebond.console.station import Served, Station
 from wirebond.errors import ProtocolFileError, WirebondError

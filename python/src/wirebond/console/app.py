@@ -14,7 +14,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from wirebond.console.as_json import encode
+from wirebond.as_json import encode
 from wirebond.console.attach_socket import attach
 from wirebond.console.guard import Guard
 from wirebond.console.library import Library

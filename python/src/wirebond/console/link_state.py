@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from wirebond.console.as_json import plain
+from wirebond.as_json import plain
 from wirebond.console.station import Served
 from wirebond.link.raw import is_raw
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from wirebond.as_json import plain
 from wirebond.attach.words import is_controlled
 from wirebond.codec import Codec
-from wirebond.console.as_json import plain
 from wirebond.history.history import History
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import End, Field, FieldKind, HeaderField, Message, Protocol, Service

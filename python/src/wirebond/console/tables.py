@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from wirebond.as_json import plain
 from wirebond.codec import Message
-from wirebond.console.as_json import plain
 from wirebond.history.source import Newest, Source
 from wirebond.history.stream import Entry
 from wirebond.link.raw import is_raw

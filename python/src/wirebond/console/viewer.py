@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from wirebond.console.as_json import encode
+from wirebond.as_json import encode
 from wirebond.console.library import Library, Replay
 from wirebond.console.link_state import link_state, no_link, short_state
 from wirebond.console.plots import PlotFeed

@@ -8,7 +8,7 @@ import time
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from wirebond.console.as_json import encode
+from wirebond.as_json import encode
 from wirebond.console.attach_socket import first_message, refuse
 from wirebond.console.guard import Guard
 from wirebond.console.library import Library

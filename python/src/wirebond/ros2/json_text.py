@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
+from wirebond.as_json import plain
 from wirebond.codec import Message
 from wirebond.protocol.model import Field, FieldKind
 from wirebond.protocol.model import Message as MessageModel
@@ -17,7 +17,7 @@ def to_json(message: Message) -> str:
     values = dict(message.fields)
     if message.header and "header" not in values:
         values["header"] = dict(message.header)
-    return json.dumps(_plain(values), ensure_ascii=False)
+    return json.dumps(plain(values), ensure_ascii=False)
 
 
 def from_json(text: str, message: MessageModel) -> tuple[dict[str, Any], dict[str, Any] | None]:
@@ -50,15 +50,3 @@ def _from_plain(field: Field | None, value: Any) -> Any:
         inner = {one.name: one for one in field.fields}
         return {name: _from_plain(inner.get(name), one) for name, one in value.items()}
     return [_from_plain(field, one) for one in value] if isinstance(value, list) else value
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, bytes):
-        return value.hex()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

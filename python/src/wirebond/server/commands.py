@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from wirebond import _engine
+from wirebond.as_json import plain
 from wirebond.attach import words
 from wirebond.codec import Message
 from wirebond.errors import (
@@ -259,8 +260,8 @@ class Commands:
                 if question is None:
                     return None
                 return {
-                    "carried": None if question.carried is None else _plain(question.carried),
-                    "others": None if question.others is None else _plain(question.others),
+                    "carried": None if question.carried is None else plain(question.carried),
+                    "others": None if question.others is None else plain(question.others),
                     "was_sent": question.since != 0.0,
                 }
             case words.Recover():
@@ -407,28 +408,16 @@ def message_event(message: Message) -> dict[str, Any]:
         "t": message.t,
         "offset": message.offset,
         "name": message.name,
-        "fields": _plain(message.fields),
+        "fields": plain(message.fields),
     }
     if message.header:
-        out["header"] = _plain(message.header)
+        out["header"] = plain(message.header)
     if message.violations:
         out["violations"] = message.violations
     if message.name == "unknown":
         out["id"] = message.id
         out["payload"] = message.payload.hex()
     return out
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, bytes):
-        return value.hex()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def _note(text: str) -> str:
