@@ -67,7 +67,7 @@ def project(tmp_path: Path) -> Path:
     for folder in ("Core/Src", "Core/Inc"):
         (tmp_path / folder).mkdir(parents=True)
     generate_cpp(load(PROTOCOLS / "diffdrive.yaml"), tmp_path / "generated")
-    write_files(tmp_path / "generated", port_headers("stm32_hal"))
+    write_files(tmp_path / "generated", port_headers("stm32_hal") | port_headers("stm32_ll"))
     (tmp_path / "Core/Src/rover_link.cpp").write_text(blocks("cpp")[0], encoding="utf-8")
     main = "void rover_link_poll(unsigned long);\nint main(void) {\n  for (;;) rover_link_poll(0);\n}\n"
     (tmp_path / "Core/Src/main.c").write_text(main, encoding="utf-8")
@@ -88,7 +88,10 @@ def write_c_project(project: Path, source: str = "rover_link.c") -> None:
     (project / "Core/Src" / source).write_text(text, encoding="utf-8")
 
 
-@pytest.mark.parametrize(("page", "level"), [("firmware", "-O0"), ("firmware", "-Os"), ("c", "-O0")])
+@pytest.mark.parametrize(
+    ("page", "level"),
+    [("firmware", "-O0"), ("firmware", "-Os"), ("c", "-O0"), pytest.param("c", "-Os", marks=pytest.mark.long)],
+)
 def test_makefile_lines_build_it(page: str, level: str, project: Path) -> None:
     if page == "c":
         write_c_project(project)
@@ -111,6 +114,19 @@ def test_cmake_lines_build_it(page: str, project: Path) -> None:
 
 HAL = Path(os.environ.get("STM32_HAL_PATH", "/nonexistent"))
 FAMILIES = {"f4": "STM32F407xx", "g4": "STM32G473xx"}
+
+
+def blocks_for_stm32() -> list[str]:
+    """The page's other blocks for the HAL's port and for the one without the HAL, which need nothing else."""
+    ports = ("wirebond/stm32_hal/", "wirebond/stm32_ll/")
+    found = [text for text in blocks("cpp")[1:] if any(port in text for port in ports)]
+    return [text for text in found if "freertos" not in text]
+
+
+def with_channels(text: str) -> str:
+    """Of the port without the HAL, what the page says of a G4."""
+    channels = "{USART3, DMA1, DMA1_Channel1, 1, DMA1_Channel2, 2, USART3_IRQn}"
+    return re.sub(r"\{USART3, DMA1, .*?\}", channels, text).replace("stm32f4xx.h", "stm32g4xx.h")
 
 
 @pytest.mark.skipif(not HAL.is_dir(), reason="STM32_HAL_PATH names no folder with the vendor's HAL")
@@ -140,6 +156,9 @@ def test_it_compiles_against_the_vendors_hal(family: str, callbacks: str, projec
     folder = ["-Igenerated", "-isystem", "Core/Inc", f"-D{FAMILIES[family]}", *vendor]
     run("arm-none-eabi-g++", *flags, *folder, "-c", source, "-o", "rover_link.o", cwd=project)
     if callbacks == "0U":
+        for text in blocks_for_stm32():
+            source.write_text(text if family == "f4" else with_channels(text), encoding="utf-8")
+            run("arm-none-eabi-g++", *flags, *folder, "-c", source, "-o", "block.o", cwd=project)
         write_c_project(project)
         for part in ("Core/Src/rover_link.c", "generated/wirebond_stm32_hal.c"):
             c = ["-std=c99", "-Os", *STRICT, *TARGET]

@@ -15,7 +15,7 @@ from tests.shared import ROOT
 
 BUILD = ROOT / "build" / "ports"
 HAL = Path(os.environ.get("STM32_HAL_PATH", "/nonexistent"))
-PORTS = ["fake", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "stm32_hal_registered"]
+PORTS = ["fake", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "stm32_hal_registered", "stm32_ll"]
 
 
 @pytest.fixture(scope="module")

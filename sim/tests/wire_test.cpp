@@ -172,6 +172,18 @@ TEST_CASE("a pulled cable loses what is on the line and what is put until it is 
   CHECK_FALSE(wire.was_touched(5, 6));
 }
 
+TEST_CASE("a byte that meets two runs of another end becomes another byte, once") {
+  Wire wire(two_megabaud());
+  put(wire, {1, 2, 3, 4}, 0);  // they end at 5.5, 11, 16.5 and 22 microseconds
+  wire.collide(1'000, 7'000);
+  wire.collide(7'000, 12'000);
+  const std::uint8_t collision = 0x5A;
+  CHECK(read(wire, never - 1) == Bytes{1 ^ collision, 2 ^ collision, 3 ^ collision, 4});
+  CHECK(wire.counts().collided == 3);
+  CHECK(wire.was_touched(0, 3));
+  CHECK_FALSE(wire.was_touched(3, 4));
+}
+
 TEST_CASE("an adapter that is pulled out keeps nothing, and what it had was touched") {
   WireSettings settings;
   settings.baud = 1'000'000;

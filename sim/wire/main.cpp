@@ -28,10 +28,10 @@ void print(const char* name, PtyWire& wire, PtyWire::End from) {
   std::printf("\"%s\": {\"line_use\": %.6f, \"is_misheard\": %s, \"bytes\": %" PRIu64 ", \"handed_over\": %" PRIu64
               ", \"not_read\": %" PRIu64 ", \"travelling\": %" PRIu64 ", \"unplugged\": %" PRIu64
               ", \"bit_errors\": %" PRIu64 ", \"burst_bytes\": %" PRIu64 ", \"dropped_bytes\": %" PRIu64
-              ", \"inserted_bytes\": %" PRIu64 ", \"splits\": %" PRIu64 "}",
+              ", \"inserted_bytes\": %" PRIu64 ", \"splits\": %" PRIu64 ", \"collided_bytes\": %" PRIu64 "}",
               name, wire.line_use(from), is_misheard ? "true" : "false", counts.put, came_out - wire.overrun(from),
               wire.overrun(from), counts.travelling, counts.unplugged, counts.bit_errors, counts.burst_bytes,
-              counts.dropped, counts.inserted, counts.splits);
+              counts.dropped, counts.inserted, counts.splits, counts.collided);
 }
 
 /// One setting of one end.
@@ -75,6 +75,7 @@ int main(int argument_count, char** arguments) {
   Time length = wirebond::sim::never;
   Time unplug_at = wirebond::sim::never;
   Time unplug_for = 0;
+  bool is_joined = false;
   for (int i = 1; i < argument_count; ++i) {
     std::string_view name;
     std::uint64_t value = 0;
@@ -82,6 +83,8 @@ int main(int argument_count, char** arguments) {
     bool is_known = wirebond::sim::split_option(arguments[i], name, value);
     if (is_known && name == "length_ns") {
       length = value;
+    } else if (is_known && name == "echo") {
+      is_joined = value != 0;
     } else if (is_known && name == "batch_ns") {
       a_to_b.batch = b_to_a.batch = value;
     } else if (is_known && name == "jitter_ns") {
@@ -105,6 +108,7 @@ int main(int argument_count, char** arguments) {
   }
   PtyWire wire(a_to_b, b_to_a);
   wire.set_shapes(shapes[0], shapes[1]);
+  if (is_joined) wire.join_directions();
   for (int i = 1; i < argument_count; ++i) set_script(wire, arguments[i]);
   if (unplug_at != wirebond::sim::never) wire.script_unplug(unplug_at, unplug_for);
   if (!wire.open()) {

@@ -55,6 +55,7 @@ def test_every_kept_input_holds(target: str) -> None:
     assert report == ""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("target", campaign.TARGETS)
 def test_a_short_run_finds_nothing(target: str, tmp_path: Path) -> None:
     outcome = campaign.fuzz(target, tmp_path, runs=RUNS[target] // 2)

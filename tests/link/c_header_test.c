@@ -50,10 +50,14 @@ static bool reaches(void* context, const void* bytes, size_t size) {
   return bytes != NULL && size != 0;
 }
 
-static const wirebond_port_t port = {NULL,           start_receive, receiving, receive_position,
-                                     start_transmit, stop_transmit, pend,      reaches,
-                                     NULL,           false,         NULL,      NULL,
-                                     NULL,           NULL,          NULL};
+static const wirebond_port_t port = {.context = NULL,
+                                     .start_receive = start_receive,
+                                     .receiving = receiving,
+                                     .receive_position = receive_position,
+                                     .start_transmit = start_transmit,
+                                     .stop_transmit = stop_transmit,
+                                     .pend = pend,
+                                     .reaches = reaches};
 
 // ---- handlers
 

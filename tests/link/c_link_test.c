@@ -27,6 +27,7 @@ struct wire {
   int clock_looks;
   int receive_starts;
   int transmit_stops;
+  int line_frees;
   bool is_receiving;
   bool refuses_transmit;
   bool is_reachable;
@@ -82,10 +83,12 @@ static bool connected(void* context) { return !((struct wire*)context)->is_away;
 static void stop_receive(void* context) { ((struct wire*)context)->is_receiving = false; }
 static void read_to(void* context, size_t place) { ((struct wire*)context)->read = place; }
 
+static void line_free(void* context) { ++((struct wire*)context)->line_frees; }
+
 static wirebond_port_t port_over(struct wire* wire) {
   const wirebond_port_t port = {
-      wire, start_receive, receiving, receive_position, start_transmit, stop_transmit, pend,   reaches,
-      NULL, false,         check,     take_line_errors, connected,      stop_receive,  read_to};
+      wire, start_receive, receiving, receive_position, start_transmit, stop_transmit, pend,    reaches,
+      NULL, false,         check,     take_line_errors, connected,      stop_receive,  read_to, line_free};
   memset(wire, 0, sizeof *wire);
   wire->is_reachable = true;
   return port;
@@ -139,6 +142,7 @@ static void drive(void) {
   diffdrive_link_t* link;
   int i;
   int starts;
+  int frees;
 
   port = port_over(&wire);
   handlers.context = &rover;
@@ -228,8 +232,10 @@ static void drive(void) {
     expect(wire.run_size == size && memcmp(wire.run, wanted, size) == 0, "odometry is not what was filled in");
   }
   rover.has_odometry = false;
+  frees = wire.line_frees;
   diffdrive_link_on_transmitted(link);
   expect(diffdrive_link_send_account(link).sent == 1, "a frame that left is not counted");
+  expect(wire.line_frees == frees + 1, "a port is not told that nothing follows");
 
   // A poll that comes too late.
   arrive(&wire, frame, size);

@@ -23,6 +23,7 @@ class Print {
   size_t write(const char* bytes, size_t size) { return write(reinterpret_cast<const uint8_t*>(bytes), size); }
 #endif
   virtual int availableForWrite() { return 0; }
+  virtual void flush() {}
 };
 
 class Stream : public Print {
@@ -54,7 +55,10 @@ class HardwareSerial : public Stream {
   int availableForWrite() override { return room; }
 #endif
 
+  void flush() override { ++flushes; }
+
   unsigned long rate = 0;
+  int flushes = 0;
   int room = 32;
   std::deque<uint8_t> come, gone;
 };

@@ -18,7 +18,10 @@ class Board {
   Board(const Board&) = delete;
   Board& operator=(const Board&) = delete;
 
+  /// Whether a line error interrupts is what the port left in the USART's control register.
   void run(wirebond::fake::Time until);
+  /// How often the data register was read while reception ran and the line was not idle.
+  std::uint64_t taken_bytes() const;
   /// The channel does not stop when it is told to.
   void hang(dma_channel_enum channel);
 
@@ -27,4 +30,7 @@ class Board {
   void on_transmitted();
   void on_error();
   void on_pended();
+
+ private:
+  void show_errors();
 };

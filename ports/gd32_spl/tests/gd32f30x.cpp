@@ -22,8 +22,10 @@ struct Registers {
   std::uint8_t* memory = nullptr;
   std::array<Channel, 8> channels{};
   std::uint32_t control_2 = 0;
-  std::uint32_t status = 0;  ///< a bit for each usart_interrupt_flag_enum
+  std::uint32_t status = 0;
   bool idle_enabled = false;
+  std::uint64_t written = 0;      ///< bytes in memory when an interrupt last ran
+  std::uint64_t taken_bytes = 0;  ///< reads of the data register while a byte may come
 };
 
 Registers registers;
@@ -39,18 +41,35 @@ Board::Board(Uart& uart, std::uint8_t* memory) {
 
 Board::~Board() { registers = {}; }
 
-void Board::run(wirebond::fake::Time until) { registers.uart->run(until, *this); }
+void Board::run(wirebond::fake::Time until) {
+  using wirebond::fake::OnLineError;
+  const bool tells = (registers.control_2 & USART_CTL2_ERRIE) != 0;
+  registers.uart->behaviour.on_line_error = tells ? OnLineError::tell : OnLineError::flag;
+  registers.uart->run(until, *this);
+}
+
+std::uint64_t Board::taken_bytes() const { return registers.taken_bytes; }
+
+/// In the status they stay until it was read and DMA has read a byte after that: it is read in each interrupt.
+void Board::show_errors() {
+  if (registers.uart->counts().written != registers.written) registers.status &= USART_STAT0_IDLEF;
+  registers.written = registers.uart->counts().written;
+  const wirebond::LineErrors errors = registers.uart->take_line_errors();
+  registers.status |= (errors.framing ? USART_STAT0_FERR : 0) | (errors.noise ? USART_STAT0_NERR : 0) |
+                      (errors.overrun ? USART_STAT0_ORERR : 0);
+}
 
 void Board::hang(dma_channel_enum channel) { of(channel).hangs = true; }
 
 void Board::on_received() {
+  show_errors();
   const std::size_t place = registers.uart->receive_position();
   const std::uint32_t size = of(DMA_CH4).number;
   if (place == 0 || place == size / 2) {
     of(DMA_CH4).flags |= place == 0 ? DMA_INTF_FTFIF : DMA_INTF_HTFIF;
     if ((of(DMA_CH4).control & of(DMA_CH4).flags) != 0) DMA0_Channel4_IRQHandler();
   } else if (registers.idle_enabled) {
-    registers.status |= 1u << USART_INT_FLAG_IDLE;
+    registers.status |= USART_STAT0_IDLEF;
     USART0_IRQHandler();
   }
 }
@@ -61,14 +80,18 @@ void Board::on_transmitted() {
 }
 
 void Board::on_error() {
-  registers.status |= 1u << USART_INT_FLAG_ERR_FERR;
+  registers.status |= USART_STAT0_FERR;
   if ((registers.control_2 & USART_CTL2_ERRIE) != 0) USART0_IRQHandler();
 }
 
-void Board::on_pended() { USART0_IRQHandler(); }
+void Board::on_pended() {
+  show_errors();
+  USART0_IRQHandler();
+}
 
 std::uint32_t& DMA_CHCTL(std::uint32_t, dma_channel_enum channel) { return of(channel).control; }
 std::uint32_t& USART_CTL2(std::uint32_t) { return registers.control_2; }
+std::uint32_t& USART_STAT0(std::uint32_t) { return registers.status; }
 
 void dma_channel_enable(std::uint32_t, dma_channel_enum channel) {
   Channel& it = of(channel);
@@ -119,14 +142,15 @@ void dma_interrupt_flag_clear(std::uint32_t, dma_channel_enum channel, std::uint
 }
 
 std::uint16_t usart_data_receive(std::uint32_t) {
+  if ((registers.status & USART_STAT0_IDLEF) == 0 && registers.uart->receiving()) registers.taken_bytes += 1;
   registers.status = 0;  // the status was read before
   return 0;
 }
 
 void usart_interrupt_enable(std::uint32_t, usart_interrupt_enum) { registers.idle_enabled = true; }
 
-FlagStatus usart_interrupt_flag_get(std::uint32_t, usart_interrupt_flag_enum flag) {
-  return (registers.status >> flag & 1) != 0 ? SET : RESET;
+FlagStatus usart_interrupt_flag_get(std::uint32_t, usart_interrupt_flag_enum) {
+  return (registers.status & USART_STAT0_IDLEF) != 0 ? SET : RESET;
 }
 
 void NVIC_SetPendingIRQ(IRQn_Type interrupt) {

@@ -15,6 +15,11 @@
 #define DMA_CHXCTL_FTFIE 2u
 #define DMA_CHXCTL_HTFIE 4u
 #define DMA_CHXCTL_CMEN 32u
+#define USART_STAT0_PERR 1u
+#define USART_STAT0_FERR 2u
+#define USART_STAT0_NERR 4u
+#define USART_STAT0_ORERR 8u
+#define USART_STAT0_IDLEF 16u
 #define USART_CTL2_ERRIE 1u
 #define USART_CTL2_DENR 64u
 #define USART_CTL2_DENT 128u
@@ -23,15 +28,11 @@ enum IRQn_Type { USART0_IRQn = 37 };
 enum FlagStatus { RESET, SET };
 enum dma_channel_enum { DMA_CH3 = 3, DMA_CH4 };
 enum usart_interrupt_enum { USART_INT_IDLE };
-enum usart_interrupt_flag_enum {
-  USART_INT_FLAG_IDLE,
-  USART_INT_FLAG_ERR_ORERR,
-  USART_INT_FLAG_ERR_NERR,
-  USART_INT_FLAG_ERR_FERR,
-};
+enum usart_interrupt_flag_enum { USART_INT_FLAG_IDLE };
 
 std::uint32_t& DMA_CHCTL(std::uint32_t dma, dma_channel_enum channel);  // registers, macros in the vendor's
 std::uint32_t& USART_CTL2(std::uint32_t usart);
+std::uint32_t& USART_STAT0(std::uint32_t usart);
 
 void dma_channel_enable(std::uint32_t dma, dma_channel_enum channel);
 void dma_channel_disable(std::uint32_t dma, dma_channel_enum channel);

@@ -3,6 +3,11 @@
 
 #include "wirebond/stm32_hal/reach.h"
 
+static void drive(void* uart, bool on) {
+  const wirebond_stm32_hal_t* const port = uart;
+  if (port->drive != NULL) port->drive(on);
+}
+
 static UART_HandleTypeDef* handle_of(void* uart) { return ((wirebond_stm32_hal_t*)uart)->handle; }
 
 /// Also where an interrupt may change the register in between; older HALs lack the macro, and do not care.
@@ -40,8 +45,14 @@ void wirebond_stm32_hal_stop_receive(void* uart) { (void)HAL_UART_AbortReceive(h
 bool wirebond_stm32_hal_start_transmit(void* uart, const uint8_t* bytes, size_t size) {
   UART_HandleTypeDef* const handle = handle_of(uart);
   if (handle->hdmatx == NULL) return false;
-  return HAL_UART_Transmit_DMA(handle, (uint8_t*)(uintptr_t)bytes, (uint16_t)size) == HAL_OK;  // older HALs: no const
+  drive(uart, true);
+  if (HAL_UART_Transmit_DMA(handle, (uint8_t*)(uintptr_t)bytes, (uint16_t)size) == HAL_OK)
+    return true;  // older HALs: no const
+  drive(uart, false);
+  return false;
 }
+
+void wirebond_stm32_hal_line_free(void* uart) { drive(uart, false); }
 
 void wirebond_stm32_hal_stop_transmit(void* uart) { (void)HAL_UART_AbortTransmit(handle_of(uart)); }
 

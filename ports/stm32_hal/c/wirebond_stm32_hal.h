@@ -30,6 +30,7 @@ extern "C" {
 typedef struct wirebond_stm32_hal {
   UART_HandleTypeDef* handle;
   IRQn_Type interrupt;      ///< the UART's own
+  void (*drive)(bool on);   ///< RS-485: switches the transceiver's driver by a pin; NULL: there is none
   uint32_t status_at_look;  ///< this and the next one are the port's
   uint32_t left_at_look;
 } wirebond_stm32_hal_t;
@@ -51,7 +52,8 @@ typedef struct wirebond_stm32_hal {
     .receive_position = wirebond_stm32_hal_receive_position, .start_transmit = wirebond_stm32_hal_start_transmit,     \
     .stop_transmit = wirebond_stm32_hal_stop_transmit, .pend = wirebond_stm32_hal_pend,                               \
     .reaches = wirebond_stm32_hal_reaches, .now_us = (clock), .check = wirebond_stm32_hal_check,                      \
-    .take_line_errors = wirebond_stm32_hal_take_line_errors, .stop_receive = wirebond_stm32_hal_stop_receive          \
+    .take_line_errors = wirebond_stm32_hal_take_line_errors, .stop_receive = wirebond_stm32_hal_stop_receive,         \
+    .line_free = wirebond_stm32_hal_line_free                                                                         \
   }
 
 // The functions of wirebond_port_t, whose contexts and answers are there.
@@ -63,6 +65,8 @@ size_t wirebond_stm32_hal_receive_position(void* uart);
 void wirebond_stm32_hal_stop_receive(void* uart);
 bool wirebond_stm32_hal_start_transmit(void* uart, const uint8_t* bytes, size_t size);
 void wirebond_stm32_hal_stop_transmit(void* uart);
+/// The HAL tells of a run's end when its last stop bit has left, so the driver is switched off then.
+void wirebond_stm32_hal_line_free(void* uart);
 void wirebond_stm32_hal_pend(void* uart);
 /// The HAL counts bytes in 16 bits, and DMA does not reach all memory.
 bool wirebond_stm32_hal_reaches(void* uart, const void* bytes, size_t size);

@@ -16,6 +16,7 @@ Uart& uart_of(UART_HandleTypeDef* handle) { return *static_cast<Uart*>(handle->u
 
 UART_HandleTypeDef huart3{};
 NVIC_Type nvic_registers{};
+GPIO_TypeDef gpio_b_registers{};
 uint32_t uwTickPrio = 0;
 
 Board::Board(Uart& uart) : uart_(uart) {
@@ -124,6 +125,10 @@ HAL_StatusTypeDef HAL_UART_AbortTransmit(UART_HandleTypeDef* huart) {
 uint32_t __HAL_DMA_GET_COUNTER(const DMA_HandleTypeDef* hdma) {
   const auto left = hdma->Parent->RxXferSize - uart_of(hdma->Parent).receive_position();
   return static_cast<uint32_t>(left);
+}
+
+void HAL_GPIO_WritePin(GPIO_TypeDef* GPIOx, uint16_t GPIO_Pin, GPIO_PinState PinState) {
+  GPIOx->ODR = PinState == GPIO_PIN_SET ? GPIOx->ODR | GPIO_Pin : GPIOx->ODR & ~static_cast<uint32_t>(GPIO_Pin);
 }
 
 void NVIC_SetPendingIRQ(IRQn_Type IRQn) {

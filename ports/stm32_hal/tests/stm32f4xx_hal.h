@@ -37,6 +37,14 @@ typedef struct {
   uint32_t ISER[8];
 } NVIC_Type;
 
+typedef enum { GPIO_PIN_RESET = 0, GPIO_PIN_SET } GPIO_PinState;
+typedef struct {
+  volatile uint32_t ODR;
+} GPIO_TypeDef;
+extern GPIO_TypeDef gpio_b_registers;
+#define GPIOB (&gpio_b_registers)
+#define GPIO_PIN_14 ((uint16_t)0x4000)
+
 #define USART_CR1_PEIE 0x100U
 #define USART_CR3_EIE 0x1U
 #define UART_FLAG_PE 0x1U
@@ -73,6 +81,7 @@ HAL_StatusTypeDef HAL_UART_Transmit_DMA(UART_HandleTypeDef* huart, const uint8_t
 HAL_StatusTypeDef HAL_UART_AbortReceive(UART_HandleTypeDef* huart);
 HAL_StatusTypeDef HAL_UART_AbortTransmit(UART_HandleTypeDef* huart);
 uint32_t __HAL_DMA_GET_COUNTER(const DMA_HandleTypeDef* hdma); /* a macro in the vendor's */
+void HAL_GPIO_WritePin(GPIO_TypeDef* GPIOx, uint16_t GPIO_Pin, GPIO_PinState PinState);
 void NVIC_SetPendingIRQ(IRQn_Type IRQn);
 uint32_t NVIC_GetPriority(IRQn_Type IRQn);
 extern NVIC_Type nvic_registers;

@@ -23,8 +23,9 @@ def made(
     rest: str = "",
     baud: int = 115200,
     max_run: str = "1 ms",
+    echo: bool = False,
 ) -> Codec:
-    link = f"{{baud: {baud}, max_run: {max_run}}}"
+    link = f"{{baud: {baud}, max_run: {max_run}, echo: {str(echo).lower()}}}"
     return Codec(loads(f"wirebond: 1\nprotocol: made\nlink: {link}\nframe: {frame}\nmessages: {messages}\n{rest}\n"))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from python.tests.check.files import DEFAULT_FRAME, made, rules, shipped
 
-from wirebond.check import cut_frames, identity, line_budget, schedule, stuffing, urgent_wait
+from wirebond.check import cut_frames, identity, line_budget, schedule, shared_line, stuffing, urgent_wait
 from wirebond.check.findings import Finding, Severity
 from wirebond.check.places import Places
 from wirebond.check.wording import percent
@@ -162,3 +162,39 @@ def test_frames_that_a_delimiter_within_cuts_are_a_warning() -> None:
     assert "of frames with random values hold a delimiter, and no receiver finds them" in finding.sentence
     stuffed = "[delimiter: 0x00, cobs: [id: u8, payload: rest, check: crc-16/xmodem], delimiter: 0x00]"
     assert cut_frames.assess(made(stuffed), 1, NOWHERE) == []
+
+
+# ---- a line that echoes
+
+
+def shared(messages: str, rest: str = "", *, baud: int = 115200, echo: bool = True) -> list[Finding]:
+    model = made(messages=messages, rest=rest, baud=baud, echo=echo).model
+    return shared_line.assess(model, line_budget.budgets(model, line_budget.scheduled_loads(model)), NOWHERE)
+
+
+BOTH_BEGIN = (
+    "{drive: {id: 1, sender: host, every: 50 ms, fields: {speed: {type: i16}}}, "
+    "state: {id: 2, sender: mcu, every: 20 ms, fields: {volt: {type: u16}}}}"
+)
+
+
+def test_where_both_ends_begin_on_a_line_that_echoes_they_collide() -> None:
+    (finding,) = shared(BOTH_BEGIN)
+    assert finding.severity == Severity.WARNING
+    assert "`drive` is due every 50 ms, and `state` every 20 ms" in finding.sentence
+    assert "make `state` the `reply` of a request" in finding.remedy
+    assert "its manual" in shared(BOTH_BEGIN, "fixed: mcu")[0].remedy
+    assert shared(BOTH_BEGIN, echo=False) == []
+
+
+def test_a_line_that_echoes_carries_both_directions() -> None:
+    asked = (
+        "{ask: {id: 1, sender: host, every: 2 ms, reply: state, fields: {volt: {type: u16}}}, "
+        "state: {id: 2, sender: mcu, fields: {volt: {type: u16}}}}"
+    )
+    assert shared(asked) == []
+    (finding,) = shared(asked, baud=80_000)
+    assert finding.severity == Severity.WARNING
+    assert finding.sentence == f"both directions together take {percent(14 * 500 / 8000)} of the line"
+    (finding,) = shared(asked, baud=60_000)
+    assert finding.severity == Severity.ERROR

@@ -1,4 +1,4 @@
-// A value that is repeated while its writer lives: rhythm, end and bytes. No queue, no port.
+// A value of which only the newest waits, repeated while its writer lives or sent once: rhythm, end, bytes. No queue.
 #pragma once
 
 #include <algorithm>
@@ -10,14 +10,16 @@
 
 namespace wirebond {
 
-/// One message of the host that may be repeated, to one address where frames have them. The caller owns the memory.
-/// Time is in microseconds and does not wrap. One thread at a time.
+/// One message of the host that may be repeated, or of which only the newest frame waits (`keeps_latest`), to one
+/// address where frames have them. The caller owns the memory. Time is in microseconds and does not wrap. One thread at
+/// a time.
 class Lease {
  public:
   Lease() = default;
   /// `every_us`: the message's rhythm; 0: it has none and cannot be repeated. `room`: memory for its largest frame.
-  Lease(std::uint64_t every_us, std::uint8_t* room, std::size_t capacity)
-      : every_us_(every_us), room_(room), capacity_(capacity) {}
+  /// `keeps_latest`: of frames that are sent once, too, only the newest waits.
+  Lease(std::uint64_t every_us, std::uint8_t* room, std::size_t capacity, bool keeps_latest = false)
+      : every_us_(every_us), room_(room), capacity_(capacity), keeps_latest_(keeps_latest) {}
 
   /// Whose value it is from now on. Only while it is idle.
   void assign(std::int16_t message, std::uint64_t address, std::uint64_t every_us) {
@@ -26,7 +28,9 @@ class Lease {
     every_us_ = every_us;
   }
 
-  bool can_repeat(std::size_t size) const { return every_us_ != 0 && size != 0 && size <= capacity_; }
+  bool can_hold(std::size_t size) const { return size != 0 && size <= capacity_; }
+  bool can_repeat(std::size_t size) const { return every_us_ != 0 && can_hold(size); }
+  bool keeps_latest() const { return keeps_latest_; }
   bool is_alive() const { return is_alive_; }
   bool is_idle() const { return !is_alive_ && !waits; }
   bool is_of(std::int16_t message, std::uint64_t address) const {
@@ -39,15 +43,22 @@ class Lease {
   /// From now on, or on: this value, until `end_us`. `takes_number`: each repetition gets its own.
   void renew(const std::uint8_t* frame, std::size_t size, std::int16_t reply, bool takes_number, std::uint64_t end_us,
              std::uint64_t now_us) {
-    std::memcpy(room_, frame, size);
-    size_ = size;
-    reply_ = reply;
-    takes_number_ = takes_number;
+    hold(frame, size, reply, takes_number, now_us);
     end_us_ = end_us;
     if (!is_alive_) rhythm_ = Periodic<std::uint64_t>(every_us_, now_us);
     is_alive_ = true;
   }
   void end() { is_alive_ = false; }
+
+  /// These bytes are the newest.
+  void hold(const std::uint8_t* frame, std::size_t size, std::int16_t reply, bool takes_number, std::uint64_t now_us) {
+    std::memcpy(room_, frame, size);
+    size_ = size;
+    reply_ = reply;
+    takes_number_ = takes_number;
+    held_since_us_ = now_us;
+  }
+  std::uint64_t held_since_us() const { return held_since_us_; }
 
   bool is_over(std::uint64_t now_us) const { return is_alive_ && now_us >= end_us_; }
   bool is_due(std::uint64_t now_us) { return is_alive_ && rhythm_.due(now_us); }
@@ -66,12 +77,14 @@ class Lease {
   std::size_t capacity_ = 0;
   std::size_t size_ = 0;
   std::uint64_t end_us_ = 0;
+  std::uint64_t held_since_us_ = 0;
   std::uint64_t address_ = 0;
   Periodic<std::uint64_t> rhythm_{1, 0};
   std::int16_t message_ = -1;
   std::int16_t reply_ = -1;
   bool takes_number_ = false;
   bool is_alive_ = false;
+  bool keeps_latest_ = false;
 };
 
 /// One message of the file's `emergency_stop`, with the values that stop: also the safe value that ends its lease.

@@ -33,7 +33,7 @@ struct HostSendAccount {
   std::uint64_t sent = 0;
   std::uint64_t sent_bytes = 0;
   std::uint64_t queued = 0;     ///< now: waiting, or under way
-  std::uint64_t replaced = 0;   ///< a repeated value or a stop, by the next of its message
+  std::uint64_t replaced = 0;   ///< a repeated value, a stop, or one that `keeps_latest`: by the next of its message
   std::uint64_t expired = 0;    ///< the port went away, or it waited longer than `max_age`
   std::uint64_t overruled = 0;  ///< waited when a stop, a safe value or the end of repeating took its message over
   std::uint64_t aborted = 0;    ///< the port went away in its middle
@@ -99,13 +99,21 @@ class HostOutbox {
   // ---- what programs want
 
   /// One frame of `message`, whole, for `address` where frames have one. `takes_number`: it gets a sequence number as
-  /// it leaves, where its format has one. O(size).
+  /// it leaves, where its format has one. O(size). Where its lease `keeps_latest` and repeats nothing, it takes the
+  /// place of one that waits, and that one is replaced.
   SendResult send(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
                   bool takes_number, std::uint64_t now_us, std::uint64_t address = 0) {
     account_.offered += 1;
     if (is_stopped(message)) return refuse(account_.refused_stopped, SendResult::stopped);
     if (!is_up_ || is_closed_) return refuse(account_.refused_down, SendResult::down);
     expire(now_us);
+    if (keeps_latest(message)) {
+      Lease* const found = lease_for(message, address);
+      if (found != nullptr && found->can_hold(size) && !found->is_alive()) {
+        found->hold(frame, size, reply, takes_number, now_us);
+        return accept_value(*found, now_us) ? SendResult::accepted : SendResult::full;
+      }
+    }
     // One place is kept for the repeated value of each message: these are never refused.
     if (size == 0 || size > memory_.leaving_capacity || !queue_.has_room(size, memory_.lease_count) ||
         !queue_.push({static_cast<std::uint32_t>(size), message, reply, now_us, takes_number, address, 0}, frame)) {
@@ -238,9 +246,7 @@ class HostOutbox {
     for (std::size_t i = 0; is_latched_ && !is_closed_ && i < safe_count_; ++i) {
       if (memory_.safe_values[i].is_in_stop()) by(memory_.safe_values[i].next_us());
     }
-    if (max_age_us_ != 0 && !queue_.is_empty() && !queue_.front().is_value()) {
-      by(queue_.front().accepted_us + max_age_us_ + 1);
-    }
+    if (max_age_us_ != 0 && !queue_.is_empty() && front_since_us() != never) by(front_since_us() + max_age_us_ + 1);
     if (is_blocked_) return due;
     if (written_ != 0) {
       by(now_us);
@@ -330,6 +336,11 @@ class HostOutbox {
     return why;
   }
 
+  bool keeps_latest(std::int16_t message) const {
+    const auto index = static_cast<std::size_t>(message);  // of no message: beyond all
+    return index < memory_.message_count && memory_.leases[index].keeps_latest();
+  }
+
   /// The lease of this value, or an idle one; null: none is left.
   Lease* lease_for(std::int16_t message, std::uint64_t address) {
     Lease* idle = nullptr;
@@ -412,20 +423,36 @@ class HostOutbox {
       account_.refused_down += 1;
       return;
     }
-    Lease& lease = memory_.leases[index];
-    account_.accepted += 1;
+    static_cast<void>(accept_value(memory_.leases[index], now_us));
+  }
+
+  /// False: there is no place for it, which is counted.
+  bool accept_value(Lease& lease, std::uint64_t now_us) {
     if (lease.waits) {  // it leaves with the newest bytes, in the place that it has
+      account_.accepted += 1;
       account_.replaced += 1;
-      return;
+      return true;
     }
-    const auto place = static_cast<std::uint32_t>(index);
+    const auto place = static_cast<std::uint32_t>(&lease - memory_.leases);
     lease.waits = queue_.push({0, lease.message(), -1, now_us, false, lease.address(), place}, nullptr);
-    if (!lease.waits) account_.accepted -= 1, account_.refused_full += 1;  // more places were taken than `send` leaves
+    (lease.waits ? account_.accepted : account_.refused_full) += 1;  // more places may be taken than `send` leaves
+    return lease.waits;
+  }
+
+  /// When the first in the queue was accepted; `never`: it is repeated, and does not grow old.
+  std::uint64_t front_since_us() const {
+    const QueuedFrame& front = queue_.front();
+    if (!front.is_value()) return front.accepted_us;
+    const Lease& lease = memory_.leases[front.lease];
+    return lease.is_alive() ? never : lease.held_since_us();
   }
 
   void expire(std::uint64_t now_us) {
     if (max_age_us_ == 0) return;
-    while (!queue_.is_empty() && !queue_.front().is_value() && now_us - queue_.front().accepted_us > max_age_us_) {
+    while (!queue_.is_empty()) {
+      const std::uint64_t since_us = front_since_us();
+      if (since_us == never || now_us - since_us <= max_age_us_) return;
+      if (queue_.front().is_value()) memory_.leases[queue_.front().lease].waits = false;
       queue_.pop();
       account_.expired += 1;
     }

@@ -6,22 +6,9 @@
 #include <type_traits>
 
 #include "wirebond/bytes.hpp"
+#include "wirebond/load_store.hpp"
 
 namespace wirebond {
-
-/// `load` and `store` of std::atomic, whose own are forced inline: where nothing is optimised each of them would be 60
-/// bytes of code in each place.
-template <class T>
-class LoadStore {
- public:
-  constexpr LoadStore() = default;
-  constexpr LoadStore(T value) : value_(value) {}  // NOLINT: implicit as in std::atomic
-  WIREBOND_INLINE T load(std::memory_order order) const { return value_.load(order); }
-  WIREBOND_INLINE void store(T value, std::memory_order order) { value_.store(value, order); }
-
- private:
-  std::atomic<T> value_{};
-};
 
 // An atomics policy is a type with
 //   Position         an unsigned integer; the queues' free-running positions and numbers have this type

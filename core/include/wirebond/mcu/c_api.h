@@ -169,6 +169,9 @@ typedef struct wirebond_port {
   void (*stop_receive)(void* context);
   /// All before this place of the ring is read: for a port that can make its sender wait. The poll.
   void (*read_to)(void* context, size_t place);
+  /// The last run has left, and none follows it: where a pin enables a driver (RS-485), switch it off. `start_transmit`
+  /// switches it on. The interrupt.
+  void (*line_free)(void* context);
 } wirebond_port_t;
 
 /// How a link stands.
@@ -206,10 +209,12 @@ typedef struct wirebond_link_counters {
   uint32_t slow_polls;         ///< more than half the shortest deadline after the poll before
   uint32_t nested_polls;       ///< polls that found the UART's interrupt at work, and returned at once
   uint32_t unserved_pends;     ///< polls that found their last pend unserved, and pended again
-  uint32_t late;       ///< messages as old as their shortest deadline when they were found: no function was called
-  uint32_t held_back;  ///< messages held back by a deadline with `recover: explicit`: no function was called
-  uint32_t foreign;    ///< frames for another address: no function was called
-  uint32_t unlisted;   ///< frames of messages that the file does not list, where checks count a seed: else 0
+  uint32_t late;        ///< messages as old as their shortest deadline when they were found: no function was called
+  uint32_t held_back;   ///< messages held back by a deadline with `recover: explicit`: no function was called
+  uint32_t foreign;     ///< frames for another address: no function was called
+  uint32_t unlisted;    ///< frames of messages that the file does not list, where checks count a seed: else 0
+  uint32_t echoed;      ///< own bytes that were heard back and dropped, where the file says `echo`: else 0
+  uint32_t collisions;  ///< runs that were not heard back as they were sent, where the file says `echo`
 } wirebond_link_counters_t;
 
 /// Where every byte went that was handed out from the receive ring, as wirebond_account_t says it; a link does not

@@ -70,6 +70,9 @@ class Port {
   void stop_receive() {
     if (table_.stop_receive != nullptr) table_.stop_receive(table_.context);
   }
+  void line_free() {
+    if (table_.line_free != nullptr) table_.line_free(table_.context);
+  }
   void read_to(std::size_t place) {
     if (table_.read_to != nullptr) table_.read_to(table_.context, place);
   }
@@ -125,7 +128,8 @@ inline wirebond_link_counters_t to_c(const LinkCounters& counts) {
   return {counts.line_errors,   counts.framing_errors,   counts.noise_errors,     counts.overruns,
           counts.parity_errors, counts.receive_restarts, counts.transmit_retries, counts.transmit_timeouts,
           counts.slow_polls,    counts.nested_polls,     counts.unserved_pends,   counts.late,
-          counts.held_back,     counts.foreign,          counts.unlisted};
+          counts.held_back,     counts.foreign,          counts.unlisted,         counts.echoed,
+          counts.collisions};
 }
 
 inline wirebond_receive_account_t to_c(const ReceiveAccount& account) {

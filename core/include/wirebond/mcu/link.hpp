@@ -13,8 +13,11 @@
 #include "wirebond/mcu/atomics.hpp"
 #include "wirebond/mcu/buffers.hpp"
 #include "wirebond/mcu/connection.hpp"
+#include "wirebond/mcu/driver_enable.hpp"
 #include "wirebond/mcu/handshake.hpp"
 #include "wirebond/mcu/line_errors.hpp"
+#include "wirebond/mcu/link_counters.hpp"
+#include "wirebond/mcu/link_echo.hpp"
 #include "wirebond/mcu/outbox.hpp"
 #include "wirebond/mcu/receive_age.hpp"
 #include "wirebond/mcu/receive_ring.hpp"
@@ -31,33 +34,12 @@
 
 namespace wirebond {
 
-/// How a link stands.
-enum class LinkState : std::uint8_t {
-  down,   ///< not started, its buffers are out of reach, or its port says that no program reads: nothing moves
-  stale,  ///< it runs, and no valid frame came for `timeout_us`
-  up,     ///< valid frames come
-};
-
-/// What happened to the line, the port and the polls, modulo 2^32.
-struct LinkCounters {
-  std::uint32_t line_errors = 0;        ///< error events, and looks at the UART's status that found an error
-  std::uint32_t framing_errors = 0;     ///< of these looks, those that found this kind: 0 where the port does not look
-  std::uint32_t noise_errors = 0;       ///< the same
-  std::uint32_t overruns = 0;           ///< the same
-  std::uint32_t parity_errors = 0;      ///< the same
-  std::uint32_t receive_restarts = 0;   ///< reception was begun again, after an error or for silence
-  std::uint32_t transmit_retries = 0;   ///< the port did not take a run: busy, or an error
-  std::uint32_t transmit_timeouts = 0;  ///< a run did not leave in time, and was stopped
-  std::uint32_t slow_polls = 0;         ///< more than half the shortest deadline at this end after the poll before
-  std::uint32_t nested_polls = 0;       ///< polls that found the UART's interrupt at work, and returned at once
-  std::uint32_t unserved_pends = 0;     ///< polls that found their last pend unserved, and pended again
-  std::uint32_t late = 0;               ///< messages as old as their shortest deadline at this end when they were found
-  std::uint32_t held_back = 0;          ///< messages held back by a deadline with `recover: explicit`
-  std::uint32_t foreign = 0;            ///< frames for another address or, at a host, from one that was not asked
-  std::uint32_t unlisted = 0;  ///< frames of messages that the file does not list, where checks count a seed: else 0
-};
-
 namespace detail {
+
+/// Of what is handed to DMA at once.
+template <class Protocol>
+inline constexpr std::size_t longest_run_bytes =
+    Protocol::max_run_bytes > Protocol::max_sent_bytes ? Protocol::max_run_bytes : Protocol::max_sent_bytes;
 
 template <class Handler, class = void>
 struct HasLinkState : std::false_type {};
@@ -100,6 +82,7 @@ struct HasLinkState<Handler, std::void_t<decltype(std::declval<Handler&>().link_
 template <class Protocol, class Handler, class Port, class Memory>
 class Link : private SendPause<Protocol::pause_us>,
              private detail::LineErrorCounts<detail::TellsLineErrors<Port>::value>,
+             private detail::LinkEcho<Protocol::echoes, detail::longest_run_bytes<Protocol>>,
              private detail::SenderAddress<typename Protocol::Sends, names_receiver<typename Protocol::Receives>>,
              private SentNumbers<typename Protocol::Sends> {
  public:
@@ -282,7 +265,9 @@ class Link : private SendPause<Protocol::pause_us>,
             deadlines_.not_acted().late,
             deadlines_.not_acted().held_back,
             receiver_.foreign(),
-            unlisted_frames()};
+            unlisted_frames(),
+            echo().echoed(),
+            echo().collisions()};
   }
   ReceiveAccount receive_account() const { return ring_.account(); }
   std::size_t unread() const { return ring_.unread(); }
@@ -296,45 +281,11 @@ class Link : private SendPause<Protocol::pause_us>,
   /// schedule and time-outs are then as punctual as with a poll every millisecond. Where the port has no clock it is at
   /// most half of the time in which the line fills the receive ring, because a later poll would drop what came.
   /// The context of `poll`; it takes flash only where it is called.
-  std::uint32_t next_due_us(std::uint32_t now_us) const {
-    constexpr std::uint32_t longest_sleep_us = 100'000;
-    constexpr std::uint32_t retry_us = 1'000;
-    std::uint32_t left_us = schedule_.template time_left<Handler, Link>(now_us, longest_sleep_us);
-    const auto within = [&](std::uint32_t limit_us) { left_us = limit_us < left_us ? limit_us : left_us; };
-    within(deadlines_.time_left(now_us));
-    const bool sees_stalls = (Age::is_stamped && detail::clock_runs(port_, 0)) || detail::tells_every_lap(port_, 0);
-    if (!sees_stalls) within(fill_us / 2);  // a later poll would drop what came
-    if (state() == LinkState::down || keeps_pause) within(retry_us);
-    const auto line = handshake_.look();
-    if (line.asks() || line.begun()) within(retry_us);  // asked again, or measured from then on
-    if (!detail::MayWait<Port>::value && line.line() == Line::sending)
-      within(time_left(begun_us_, transmit_timeout_us, now_us));
-    if (receiver_.pending() != 0) within(Receives::idle_us / 2);
-    within(time_left(line_moved_us_, timeout_us, now_us));
-    if (state() == LinkState::up) within(time_left(heard_us_, timeout_us, now_us));
-    return now_us + left_us;
-  }
+  std::uint32_t next_due_us(std::uint32_t now_us) const;
 
   /// What keeps the link from working, as far as it can tell: it asks the port how it is set up, and looks at what
   /// happened so far. `text_of` makes a sentence of it. The context of `poll`; it takes flash only where it is called.
-  Why why() const {
-    if (!is_timed_) return Why::not_polled;
-    if (!reaches_buffers()) return Why::buffers_unreachable;
-    const Why setup = detail::check_port(port_, Protocol::baud, 0);
-    if (setup != Why::nothing && setup != Why::tick_below_uart) return setup;
-    if (!detail::connected(port_)) return Why::not_connected;
-    if (state() == LinkState::down) return Why::port_refuses;
-    if (unserved_in_row_ >= 2) return Why::pends_unserved;
-    if (reception_stops_ || (!port_.receiving() && !handshake_.look().restart())) return Why::reception_stops;
-    if (transmit_timeouts_ != 0 && send_account().sent == 0) return Why::runs_not_completed;
-    const bool heard = heard_frames() != 0;
-    if (!heard && (receiver_.bytes() != 0 || line_errors_ != 0)) return Why::nothing_understood;
-    if (!heard || state() == LinkState::stale) return Why::nothing_heard;
-    const ReceiveAccount received = receive_account();
-    if (line_errors_ > received.received / bytes_per_error) return Why::many_line_errors;
-    if (received.laps != 0 || received.laps_unknown != 0) return Why::polled_too_seldom;
-    return setup;
-  }
+  Why why() const;
 
   // ---- the UART's interrupt
 
@@ -356,6 +307,7 @@ class Link : private SendPause<Protocol::pause_us>,
     outbox_.sent();
     if constexpr (keeps_pause) begin_pause();
     send_next();
+    if constexpr (detail::WantsFreeLine<Port>::value) free_line();
   }
 
   /// Framing, noise, overrun or DMA error. Where reception stopped by it, it is begun again as soon as `poll` has read
@@ -386,17 +338,23 @@ class Link : private SendPause<Protocol::pause_us>,
       case LineWord::Work::look: break;
     }
     send_next();
+    if constexpr (detail::WantsFreeLine<Port>::value) free_line();
   }
 
  private:
-  static constexpr std::size_t longest_run_bytes =
-      Protocol::max_run_bytes > Protocol::max_sent_bytes ? Protocol::max_run_bytes : Protocol::max_sent_bytes;
   /// Twice what the longest run takes, and what an interrupt may be late.
   static constexpr std::uint32_t transmit_timeout_us =
-      10'000 + static_cast<std::uint32_t>(std::uint64_t{2'000'000} * longest_run_bytes / Protocol::bytes_per_second);
+      10'000 + static_cast<std::uint32_t>(std::uint64_t{2'000'000} * detail::longest_run_bytes<Protocol> /
+                                          Protocol::bytes_per_second);
+  /// When own bytes are not expected to be heard any more. A UART hears each with its last bit; at a host an adapter
+  /// may hold them back.
+  static constexpr std::uint32_t echo_timeout_us =
+      Protocol::end == End::mcu ? transmit_timeout_us / 2 : transmit_timeout_us + Receives::idle_us;
 
   /// `why` names the line where there are more errors than one in this many bytes.
   static constexpr std::uint32_t bytes_per_error = 1'000;
+  /// The same for runs that collide, in frames.
+  static constexpr std::uint32_t frames_per_collision = 100;
 
   /// What the line takes at least to fill the receive ring.
   static constexpr std::uint32_t fill_us = static_cast<std::uint32_t>(
@@ -540,80 +498,15 @@ class Link : private SendPause<Protocol::pause_us>,
 
   // ---- in poll
 
-  void start(std::uint32_t now_us) {
-    if (!is_timed_) {  // silence counts from here on, whether or not the port works
-      is_timed_ = true;
-      deadlines_.start(now_us);
-      schedule_.start(now_us);
-    }
-    if (!reaches_buffers()) return;
-    if constexpr (may_leave) {
-      if (waits_.load(std::memory_order_acquire)) return port_.pend();  // pairs with `clear_line`
-      ring_.begin_again();
-    }
-    handshake_.restarted();  // by errors from before; one from now on counts
-    if (!port_.start_receive(memory_.receive.data(), memory_.receive.size())) return;
-    heard_us_ = line_moved_us_ = now_us;
-    age_.start(now_us);
-    change(LinkState::stale);
-    if constexpr (!std::is_same_v<typename Protocol::Hello::Message, NoService>) {
-      static_cast<void>(send(detail::hello<Protocol>()));
-    }
-  }
+  void start(std::uint32_t now_us);
 
   /// No program reads. What waits expires, and so does what a sender finishes from now on.
-  void leave(std::uint32_t now_us) {
-    if (!is_timed_) {
-      is_timed_ = true;
-      deadlines_.start(now_us);
-      schedule_.start(now_us);
-    }
-    if (state() != LinkState::down) {
-      Inbox inbox{*this};
-      receiver_.give_up(now_us, inbox, deadlines_);
-      peer_ = Peer::unknown;
-      change(LinkState::down);
-    }
-    waits_.store(true, std::memory_order_release);  // pairs with `clear_line`
-    port_.pend();
-  }
+  void leave(std::uint32_t now_us);
 
-  void receive(std::uint32_t before_us, std::uint32_t now_us) {
-    const bool is_late = age_.is_late(before_us, now_us, fill_us);
-    if (!ring_.look([this] { return port_.receive_position(); }))
-      return;  // on another core, the UART's interrupt restarts
-    static_assert(detail::has_ons_of_right_end<Handler, Receives>);
-    Inbox inbox{*this};
-    const std::uint32_t frames = heard_frames();
-    const ReceiveRing::Count read = ring_.position();
-    if (is_late && !detail::tells_every_lap(port_, 0)) {
-      ring_.drop_unread();
-      receiver_.give_up(now_us, inbox, deadlines_);
-    }
-    ReceiveRing::Span span = ring_.next();
-    if (span.size == 0) receiver_.idle(now_us, inbox, deadlines_);
-    for (; span.size != 0; span = ring_.next()) {
-      Aged bytes = age_.first(ring_.position(), span.size, before_us, now_us);
-      if constexpr (Age::is_stamped) {
-        // An event may be newer than `now_us`, which was read before the call.
-        if (bytes.came_us - before_us > now_us - before_us) bytes.came_us = now_us;
-        strike(bytes.came_us, now_us);  // by the silence before these bytes
-        // An idle event comes a byte's time after the last byte; half and full come at once.
-        const std::size_t end = ring_.place() + bytes.size;
-        const bool is_idle = bytes.ends_at_event && end % (memory_.receive.size() / 2) != 0;
-        age_.note_came(bytes.until_us - (is_idle ? byte_us : 0));
-      }
-      receiver_.feed(span.data, bytes.size, bytes.came_us, now_us, inbox, deadlines_);
-      if constexpr (keeps_pause) receiver_.last_came_at(bytes.until_us);
-      ring_.consumed(bytes.size);
-    }
-    if (ring_.position() != read) line_moved_us_ = now_us;
-    detail::read_to(port_, ring_.place(), 0);
-    if (heard_frames() != frames) {
-      heard_us_ = now_us;
-      change(LinkState::up);
-    }
-  }
+  void receive(std::uint32_t before_us, std::uint32_t now_us);
+
+  /// All that came was heard. `fed`: bytes of others before that.
+  void end_hearing(std::uint32_t fed, std::uint32_t now_us, Inbox& inbox);
 
   /// Frames that say that the peer speaks: also those of messages that the file does not list.
   std::uint32_t heard_frames() const { return receiver_.account().frames + unlisted_frames(); }
@@ -630,36 +523,9 @@ class Link : private SendPause<Protocol::pause_us>,
     deadlines_.poll(at_us, now_us, [&](std::uint8_t action) { Protocol::act(action, handler_); });
   }
 
-  void supervise(std::uint32_t now_us) {
-    if (state() == LinkState::up && now_us - heard_us_ >= timeout_us) change(LinkState::stale);
-    const auto line = handshake_.look();
-    const bool is_silent = now_us - line_moved_us_ >= timeout_us;
-    bool asks = line.asks() || is_silent;
-    if (is_silent) {
-      line_moved_us_ = now_us;
-      reception_stops_ = !port_.receiving();
-    }
-    count_unserved(line.asks() && line.reminded());
-    if (is_silent || line.begun()) handshake_.note(is_silent);
-    if (detail::MayWait<Port>::value || line.begun() || line.line() != Line::sending) {
-      begun_us_ = now_us;
-    } else if (now_us - begun_us_ >= transmit_timeout_us) {
-      begun_us_ = now_us;
-      if (handshake_.ask_abort()) asks = true;
-    }
-    if (!asks) return;
-    handshake_.remind();
-    port_.pend();
-  }
+  void supervise(std::uint32_t now_us);
 
-  void count_unserved(bool is_unserved) {
-    unserved_pends_ += is_unserved ? 1 : 0;
-    if (!is_unserved) {
-      unserved_in_row_ = 0;
-    } else if (unserved_in_row_ != 0xFF) {
-      ++unserved_in_row_;
-    }
-  }
+  void count_unserved(bool is_unserved);
 
   void change(LinkState state) {
     if (state == this->state()) return;
@@ -669,88 +535,31 @@ class Link : private SendPause<Protocol::pause_us>,
 
   // ---- in the UART's interrupt
 
-  void look_for_errors() {
-    if constexpr (detail::TellsLineErrors<Port>::value) {
-      const LineErrors errors = port_.take_line_errors();
-      if (!errors.any()) return;
-      line_errors_ += 1;
-      this->count(errors);
-    }
-  }
+  void look_for_errors();
 
-  WIREBOND_NOINLINE void restart_reception() {
-    ring_.advance(port_.receive_position());
-    if (port_.receiving() && !ring_.is_all_read()) {  // the line is not silent: bytes came since poll found it so
-      handshake_.restarted();
-      return;
-    }
-    handshake_.ask_restart();  // until it is done: poll reads what is left, and asks again
-    if (!ring_.is_all_read()) return;
-    ring_.begin_restart();
-    // A byte that DMA takes from here on until the port has stopped it is lost and cannot be counted.
-    if (port_.start_receive(memory_.receive.data(), memory_.receive.size())) {
-      ring_.restart();
-      receive_restarts_ += 1;
-      handshake_.restarted();
-    }
-    ring_.end_restart();
-  }
+  WIREBOND_NOINLINE void restart_reception();
 
   /// The link is down: a run that is under way is broken off, and the rest expires.
-  void clear_line() {
-    if (!waits_.load(std::memory_order_acquire)) return;  // pairs with `leave`
-    if (handshake_.look().line() == Line::sending) port_.stop_transmit();
-    outbox_.aborted();
-    outbox_.expire_all();
-    handshake_.halt();
-    detail::stop_receive(port_, 0);
-    waits_.store(false, std::memory_order_release);  // pairs with `start`
-  }
+  void clear_line();
 
   /// The line is looking, so no event of the old run changes it any more.
-  void abort_run() {
-    port_.stop_transmit();
-    outbox_.aborted();
-    if constexpr (keeps_pause) begin_pause();
-    transmit_timeouts_ += 1;
-  }
+  void abort_run();
 
   SendPause<Protocol::pause_us>& pause() { return *this; }
 
-  void begin_pause() {
-    if constexpr (detail::HasClock<Port>::value) {
-      if (detail::clock_runs(port_, 0)) return pause().begin_at(port_.now_us());
-    }
-    pause().begin();
-  }
+  using EchoKeeper = detail::LinkEcho<Protocol::echoes, detail::longest_run_bytes<Protocol>>;
+  EchoKeeper& echo() { return *this; }
+  const EchoKeeper& echo() const { return *this; }
 
-  Run next_run() {
-    if constexpr (Protocol::max_age_ms != 0) outbox_.expire_older(stamp(), max_age_units);
-    constexpr std::size_t most = keeps_pause ? 0 : Protocol::max_run_bytes;  // 0: one frame
-    if constexpr (Numbers::has_numbers) {
-      return outbox_.next(most, [this](std::uint8_t* waiting, std::size_t room, std::uint8_t message) {
-        return this->close(waiting, room, message);
-      });
-    } else {
-      return outbox_.next(most);
-    }
-  }
+  void begin_pause();
+
+  Run next_run();
+
+  /// Where a pin enables a driver. Not a part of `send_next`: unoptimised, each call within another one takes stack.
+  void free_line();
 
   /// The line is looking: hand the next run to the port, or rest.
-  WIREBOND_NOINLINE void send_next() {
-    if constexpr (keeps_pause) {
-      if (!pause().is_over()) return handshake_.refuse();  // `poll` pends again
-    }
-    Run run = next_run();
-    while (run.size == 0) {
-      if (handshake_.rest()) return;
-      run = next_run();
-    }
-    handshake_.found();
-    if (port_.start_transmit(run.data, run.size)) return;
-    handshake_.refuse();
-    transmit_retries_ += 1;
-  }
+  WIREBOND_NOINLINE void send_next();
 
   Handler& handler_;
   Port& port_;
@@ -783,3 +592,10 @@ class Link : private SendPause<Protocol::pause_us>,
 };
 
 }  // namespace wirebond
+
+// The longer functions, an idea in each file.
+#include "wirebond/mcu/link_presence.hpp"
+#include "wirebond/mcu/link_receiving.hpp"
+#include "wirebond/mcu/link_sending.hpp"
+#include "wirebond/mcu/link_timing.hpp"
+#include "wirebond/mcu/link_why.hpp"

@@ -23,9 +23,11 @@ typedef enum wirebond_why {
   WIREBOND_WHY_PENDS_UNSERVED,            ///< the interrupt was pended, and nobody called `on_pended`
   WIREBOND_WHY_RECEPTION_STOPS,           ///< reception ends without an error event
   WIREBOND_WHY_RUNS_NOT_COMPLETED,        ///< what was handed to DMA never ends
+  WIREBOND_WHY_NO_ECHO,                   ///< `echo: true`, and nothing that was sent came back
   WIREBOND_WHY_NOTHING_UNDERSTOOD,        ///< bytes or line errors came, and never a frame
   WIREBOND_WHY_NOTHING_HEARD,             ///< no valid frame came for a second, or none yet
   WIREBOND_WHY_MANY_LINE_ERRORS,          ///< frames come, and more than one error in 1000 bytes
+  WIREBOND_WHY_MANY_COLLISIONS,           ///< `echo: true`, and more than one run in 100 came back otherwise
   WIREBOND_WHY_POLLED_TOO_SELDOM,         ///< received bytes were lost between two polls
   WIREBOND_WHY_TICK_BELOW_UART,           ///< by the port: the vendor's tick cannot interrupt the UART's interrupt
   WIREBOND_WHY_COUNT
@@ -61,6 +63,9 @@ static inline const char* wirebond_why_text(wirebond_why_t why) {
     case WIREBOND_WHY_RUNS_NOT_COMPLETED:
       return "what is sent never ends: call `on_transmitted` in the transmit-complete callback, and enable the "
              "interrupts of the UART and of its transmit DMA";
+    case WIREBOND_WHY_NO_ECHO:
+      return "nothing that is sent comes back, and the protocol file says `echo: true`: is the transceiver's driver "
+             "enabled while this end sends, and its receiver always? Without an echo, remove that line";
     case WIREBOND_WHY_NOTHING_UNDERSTOOD:
       return "bytes come, and no frame is among them: compare baud rate, parity, stop bits and protocol file of both "
              "ends";
@@ -69,6 +74,9 @@ static inline const char* wirebond_why_text(wirebond_why_t why) {
     case WIREBOND_WHY_MANY_LINE_ERRORS:
       return "frames come, and many bytes have errors: the counters say which kind. Framing: baud rate, ground, cable; "
              "noise: use one sample for each bit; overrun: give the receive DMA the highest priority";
+    case WIREBOND_WHY_MANY_COLLISIONS:
+      return "what is sent often comes back otherwise: two ends send at the same time, or the line is disturbed. Let "
+             "only one end begin, and the others answer";
     case WIREBOND_WHY_POLLED_TOO_SELDOM:
       return "received bytes were lost between two polls: poll more often, or enlarge the receive ring";
     case WIREBOND_WHY_TICK_BELOW_UART:

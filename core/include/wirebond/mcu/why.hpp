@@ -25,9 +25,11 @@ enum class Why : std::uint8_t {
   pends_unserved = WIREBOND_WHY_PENDS_UNSERVED,
   reception_stops = WIREBOND_WHY_RECEPTION_STOPS,
   runs_not_completed = WIREBOND_WHY_RUNS_NOT_COMPLETED,
+  no_echo = WIREBOND_WHY_NO_ECHO,
   nothing_understood = WIREBOND_WHY_NOTHING_UNDERSTOOD,
   nothing_heard = WIREBOND_WHY_NOTHING_HEARD,
   many_line_errors = WIREBOND_WHY_MANY_LINE_ERRORS,
+  many_collisions = WIREBOND_WHY_MANY_COLLISIONS,
   polled_too_seldom = WIREBOND_WHY_POLLED_TOO_SELDOM,
   tick_below_uart = WIREBOND_WHY_TICK_BELOW_UART,
 };

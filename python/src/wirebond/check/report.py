@@ -14,6 +14,7 @@ from wirebond.check import (
     line_budget,
     noise,
     schedule,
+    shared_line,
     stamps,
     stuffing,
 )
@@ -102,6 +103,7 @@ def lint(
         *examples.assess(codec, where),
         *cut_frames.assess(measured, seed, where),
         *line_budget.assess(model, budgets, where),
+        *shared_line.assess(model, budgets, where),
         *([] if stuffing.explains_damage(model, zero) else check_strength.assess(model, strength, where)),
         *check_strength.uncovered(model, where),
         *noise.assess(model, noises, where),

@@ -18,6 +18,7 @@ from wirebond.gen import (
     port_files_in_c,
     port_headers,
     python_files,
+    ros2_files,
     stale_files,
     starter_path,
     starter_text,
@@ -37,6 +38,11 @@ LANGUAGES: dict[str, Texts] = {
     "cpp": lambda protocol, _: cpp_files(protocol),
     "c": lambda protocol, _: c_files(protocol),
     "python": python_files,
+    "ros2": lambda protocol, _: ros2_files(protocol),
+}
+_NO_PORTS = {
+    "python": "a Python program opens its port by itself",
+    "ros2": "a package of ROS 2 has messages and opens no port",
 }
 AMALGAMATED: dict[str, Texts] = {
     "cpp": lambda protocol, _: cpp_files(protocol, amalgamate=True),
@@ -123,14 +129,12 @@ def _validate(language: str, amalgamate: bool, ports: Sequence[str]) -> None:
     if language not in LANGUAGES:
         raise UsageError(f"--lang is '{language}'; expected {', '.join(LANGUAGES)}")
     if amalgamate and language not in AMALGAMATED:
-        raise UsageError(
-            f"--amalgamate is for --lang {' and '.join(AMALGAMATED)}; a {language} module is one file anyway"
-        )
+        raise UsageError(f"--amalgamate is for --lang {' and '.join(AMALGAMATED)}; leave it out for {language}")
     for port in ports:
         if port not in PORTS:
             raise UsageError(f"--port is '{port}'; expected {', '.join(PORTS)}")
-    if ports and language == "python":
-        raise UsageError("--port is for the C++ of a firmware; a Python program opens its port by itself")
+    if ports and language in _NO_PORTS:
+        raise UsageError(f"--port is for the C++ of a firmware; {_NO_PORTS[language]}")
     for port in ports if language == "c" else ():
         if port not in PORTS_IN_C:
             raise UsageError(

@@ -19,7 +19,7 @@ SOURCES = {
     "dropped": "link.receive_account().dropped",
     **{name: f"link.counters().{name}" for name in ("foreign", "unlisted", "late", "held_back")},
     "rejected": "link.receiver().violations().rejected",
-    **{name: f"link.counters().{name}" for name in ("line_errors", "receive_restarts")},
+    **{name: f"link.counters().{name}" for name in ("line_errors", "collisions", "receive_restarts")},
     "sent": "link.send_account().sent",
     "send_refused": "link.send_account().refused()",
     "send_expired": "link.send_account().expired",

@@ -13,7 +13,7 @@ from wirebond.paths import core_include, port_in_c, port_include
 from wirebond.whole_file import write_whole
 
 # The ports that a firmware may be given. `fake` is for tests.
-PORTS = ("arduino", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "usb_cdc")
+PORTS = ("arduino", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "stm32_ll", "usb_cdc")
 PORTS_IN_C = ("stm32_hal",)
 TEMPLATES = Path(__file__).parent / "templates"
 

@@ -36,6 +36,7 @@ COUNTERS: dict[str, tuple[Counted, str]] = {
     "held_back": (Counted.MESSAGES, "messages held back by a deadline with `recover: explicit`"),
     "rejected": (Counted.MESSAGES, "messages with a value that breaks its field's rule"),
     "line_errors": (Counted.LINE, "framing, noise, overrun and DMA errors"),
+    "collisions": (Counted.LINE, "runs of frames that were not heard back as they were sent"),
     "receive_restarts": (Counted.LINE, "times that reception began again"),
     "sent": (Counted.SENT, "frames that left"),
     "send_refused": (Counted.UNSENT, "frames that `send` refused"),

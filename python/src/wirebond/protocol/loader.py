@@ -96,5 +96,6 @@ def _link(syntax: Link) -> LinkSettings:
         syntax.stop_bits,
         syntax.max_run,
         syntax.max_age,
+        syntax.echo,
         syntax.adapter_latency,
     )

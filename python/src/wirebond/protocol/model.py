@@ -632,6 +632,7 @@ class LinkSettings:
     stop_bits: float = 1
     max_run: float = 0.001  # seconds of line that one run of frames takes at most, unless it is a single frame
     max_age: float | None = None  # seconds; frames that waited longer expire
+    echo: bool = False  # an end hears what it sends
     adapter_latency: float | None = None  # seconds that the host's port may hold bytes back; None: by its device
 
     @property

@@ -50,6 +50,11 @@ class PtyWire {
   /// Before `run`: what a reader has no room for waits, as in the buffers of a large computer.
   void wait_for_readers() { waits_ = true; }
 
+  /// Before `run`: both directions are one line, as on two wires of RS-485. What an end sends comes out at that end,
+  /// too, and where both send at the same time the bytes of both change. An echo that its sender has no room for is
+  /// lost.
+  void join_directions() { is_joined_ = true; }
+
   /// Before `run`: the two ends are set up in different ways, and hear each other so.
   void set_shapes(const UartShape& of_a, const UartShape& of_b) {
     if (!of_b.understands(of_a)) receivers_[a].emplace(of_a, of_b);
@@ -191,7 +196,14 @@ class PtyWire {
       if (size < 0 && errno != EAGAIN && errno != EINTR) return errno;
       if (size <= 0) return 0;
       if (wire.counts().put == 0) first_[from] = now;
+      const Time begin = std::max(now, wire.free_at());
       wire.put(bytes.data(), static_cast<std::size_t>(size), now);
+      Wire& other = wires_[from == a ? b : a];
+      if (is_joined_ && other.free_at() > begin) {
+        const Time both_until = std::min(wire.free_at(), other.free_at());
+        wire.collide(begin, both_until);
+        other.collide(begin, both_until);
+      }
     }
     return 0;
   }
@@ -204,6 +216,7 @@ class PtyWire {
     };
     std::optional<UartReceiver>& receiver = receivers_[from];
     const std::size_t came = wires_[from].read(now, [&](const std::uint8_t* bytes, std::size_t size) {
+      if (is_joined_) static_cast<void>(!::write(ptys_[from].controller.get(), bytes, size));
       if (receiver) {
         receiver->take(bytes, size, keep);
       } else {
@@ -233,6 +246,7 @@ class PtyWire {
   Time start_;
   Time ended_ = 0;
   bool waits_ = false;
+  bool is_joined_ = false;
   std::mutex mutex_;                               ///< of the wires while it runs
   std::array<std::vector<std::uint8_t>, 2> kept_;  ///< came out, and is not read
   struct Unplug {

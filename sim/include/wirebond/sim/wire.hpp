@@ -57,6 +57,7 @@ struct WireCounts {
   std::uint64_t bursts = 0;
   std::uint64_t burst_bytes = 0;
   std::uint64_t splits = 0;
+  std::uint64_t collided = 0;  ///< changed, because another end sent at the same time
 
   constexpr bool closes() const { return put + inserted == handed_over + travelling + dropped + unplugged; }
 };
@@ -107,6 +108,28 @@ class Wire {
       if (i < size) damage(bytes[i++]);
     }
     return free_at();
+  }
+
+  /// Another end sends from `now` until `until`: what travels in that time becomes other bytes. What was put later than
+  /// this call is not touched.
+  void collide(Time now, Time until) {
+    const std::uint64_t fresh = collided_until_;  // a byte that meets two runs of the other end changes once
+    std::size_t end = bytes_.size();
+    for (std::size_t i = segments_.size(); i-- != 0;) {
+      const Segment& segment = segments_[i];
+      const std::uint64_t done = fresh > segment.sent ? fresh - segment.sent : 0;
+      const std::uint64_t first = std::max(arrived_of(segment, now), done);
+      const std::uint64_t last = segment.at_once ? first : begun_of(segment, until);
+      for (std::uint64_t byte = first; byte < last; ++byte) {
+        bytes_[end - static_cast<std::size_t>(segment.count - byte)] ^= collision;
+        ++counts_.collided;
+      }
+      if (first < last) {
+        touch(segment.sent + first, segment.sent + last);
+        collided_until_ = std::max(collided_until_, segment.sent + last);
+      }
+      end -= static_cast<std::size_t>(segment.count);
+    }
   }
 
   /// The cable is pulled: what is on the line and what is put from now on does not come out. What an adapter has taken
@@ -246,6 +269,7 @@ class Wire {
 
   static constexpr std::uint64_t most_slots = std::uint64_t{1} << 26;  ///< of one start: products stay below 2^63
   static constexpr std::size_t compact_at = 65'536;
+  static constexpr std::uint8_t collision = 0x5A;  ///< the bits that change where two ends send
 
   void begin_at(Time start) {
     start_ = start;
@@ -258,6 +282,13 @@ class Wire {
     const std::uint64_t slots = std::min<Time>(until - segment.start, line_time(segment.slot + segment.count)) *
                                 settings_.baud / (std::uint64_t{settings_.bits_per_byte} * 1'000'000'000);
     return slots <= segment.slot ? 0 : std::min(slots - segment.slot, segment.count);
+  }
+
+  /// How many of its bytes begin before `until`.
+  std::uint64_t begun_of(const Segment& segment, Time until) const {
+    std::uint64_t begun = arrived_of(segment, until);
+    if (begun != segment.count && segment.start + line_time(segment.slot + begun) < until) ++begun;
+    return begun;
   }
 
   /// When the batch with this number is handed over.
@@ -413,6 +444,7 @@ class Wire {
   bool is_plugged_ = true;
   std::vector<std::uint8_t> bytes_;  ///< from `head_` on: what travels
   std::size_t head_ = 0;
+  std::uint64_t collided_until_ = 0;  ///< no other end has changed a byte from this number on
   std::deque<Segment> segments_;
   std::deque<Touch> touched_;
   std::deque<Origin> origins_;

@@ -17,14 +17,15 @@ namespace wirebond::bare_metal {
 /// The UART's handler calls, as its status says:
 ///   uart.received(byte, link)        a byte came
 ///   uart.transmit_ready(link)        the data register can take a byte, and the transmit interrupt is on
-///   link.on_error()                  framing, noise or overrun; leave out the byte that has it, or give it, as you
-///   like link.on_pended()                 always, at its end
+///   link.on_error()                  framing, noise or overrun; leave out the byte that has it, or give it
+///   link.on_pended()                 always, at its end
 template <class Registers>
 class Uart {
  public:
   explicit Uart(Registers& registers) : registers_(registers) {}
 
   static constexpr bool tells_every_lap = true;  ///< there is no DMA that could lap unseen
+  static constexpr bool completes_early = true;  ///< see transmit_ready
 
   bool start_receive(std::uint8_t* ring, std::size_t size) {
     ring_ = ring;

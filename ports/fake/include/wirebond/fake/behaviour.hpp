@@ -23,8 +23,8 @@ inline constexpr std::size_t events = 7;
 /// What becomes of a line error.
 enum class OnLineError : std::uint8_t {
   stop,  ///< its interrupt ends reception, as STM32's HAL does by itself
-  tell,  ///< its interrupt tells of it, and DMA goes on (GD32)
-  flag,  ///< there is no interrupt: DMA goes on, and the status has it until somebody takes it (STM32 with this port)
+  tell,  ///< its interrupt tells of it, and DMA goes on
+  flag,  ///< there is no interrupt: DMA goes on, and the status has it until somebody takes it (the ports)
 };
 
 /// How the UART behaves. As it stands: without a fault, and every interrupt is served at once. Chances are per million.

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/mcu/line_errors.hpp"
 #include "wirebond/mcu/why.hpp"
 
 namespace wirebond::gd32_spl {
@@ -31,9 +32,15 @@ struct Wiring {
 ///   USARTn_IRQHandler -> uart.usart_interrupt(link)       of the receive channel  -> uart.receive_interrupt(link)
 ///                                                         of the transmit channel -> uart.transmit_interrupt(link)
 /// All functions but `pend` and `receive_position` are for these interrupts; Link keeps to that.
+///
+/// Line errors raise no interrupt: DMA goes on, and the checks refuse the frame. The USART's status says what happened
+/// since its last interrupt. The data register is read only at an idle event, while no byte comes: a read at any other
+/// time could take a byte away from the DMA.
 class Uart {
  public:
   explicit Uart(const Wiring& wiring) : wiring_(wiring) {}
+
+  static constexpr bool completes_early = true;  ///< see start_transmit
 
   bool start_receive(std::uint8_t* ring, std::size_t size) {
     if (!stop(wiring_.receive_channel)) return false;
@@ -42,13 +49,25 @@ class Uart {
     dma_interrupt_enable(wiring_.dma, wiring_.receive_channel, DMA_CHXCTL_HTFIE | DMA_CHXCTL_FTFIE);
     size_ = size;
     forget_flags();
-    USART_CTL2(wiring_.usart) |= USART_CTL2_DENR | USART_CTL2_ERRIE;
+    USART_CTL2(wiring_.usart) = (USART_CTL2(wiring_.usart) & ~USART_CTL2_ERRIE) | USART_CTL2_DENR;
     usart_interrupt_enable(wiring_.usart, USART_INT_IDLE);
     dma_channel_enable(wiring_.dma, wiring_.receive_channel);
     return true;
   }
 
-  /// Framing and noise errors do not stop DMA; a bus error does.
+  /// What the USART's status says since the last call. This read, and that of the next byte by DMA, clear the flags.
+  /// So flags are old as long as no byte came.
+  LineErrors take_line_errors() {
+    const std::uint32_t left = dma_transfer_number_get(wiring_.dma, wiring_.receive_channel);
+    const std::uint32_t status = USART_STAT0(wiring_.usart);
+    const std::uint32_t flags = left == left_at_look_ ? status & ~status_at_look_ : status;
+    status_at_look_ = status;
+    left_at_look_ = left;
+    return {(flags & USART_STAT0_FERR) != 0, (flags & USART_STAT0_NERR) != 0, (flags & USART_STAT0_ORERR) != 0,
+            (flags & USART_STAT0_PERR) != 0};
+  }
+
+  /// Line errors do not stop DMA; a bus error does.
   bool receiving() const { return (DMA_CHCTL(wiring_.dma, wiring_.receive_channel) & DMA_CHXCTL_CHEN) != 0; }
 
   /// Any context.
@@ -95,14 +114,10 @@ class Uart {
 
   template <class Link>
   void usart_interrupt(Link& link) {
-    // In this order: reading the status, as these do, and then the data register clears the flags.
-    const bool error =
-        is_up(USART_INT_FLAG_ERR_ORERR) || is_up(USART_INT_FLAG_ERR_NERR) || is_up(USART_INT_FLAG_ERR_FERR);
-    const bool idle = is_up(USART_INT_FLAG_IDLE);
-    if (error || idle) static_cast<void>(usart_data_receive(wiring_.usart));
-    if (error) link.on_error();
-    if (idle) link.on_received();
-    link.on_pended();
+    link.on_pended();  // first: it looks at the status, whose errors the read of the data register clears
+    if (!is_up(USART_INT_FLAG_IDLE)) return;
+    static_cast<void>(usart_data_receive(wiring_.usart));  // behind the status, which `is_up` read: that ends the event
+    link.on_received();
   }
 
   template <class Link>
@@ -151,6 +166,8 @@ class Uart {
 
   Wiring wiring_;
   std::size_t size_ = 0;
+  std::uint32_t status_at_look_ = 0;
+  std::uint32_t left_at_look_ = 0;
 };
 
 }  // namespace wirebond::gd32_spl

@@ -16,6 +16,7 @@ from wirebond.protocol.text.frame_grammar import MAX_PARTS, Part
 from wirebond.protocol.text.matching import Ids, MatchValue
 from wirebond.protocol.text.scalars import (
     Baud,
+    Bool,
     Duration,
     ExampleValue,
     FrameBytes,
@@ -83,6 +84,12 @@ class Link(Syntax):
         description="Frames that waited longer than this expire, at the MCU and in the host's link.",
         examples=["100 ms"],
     )
+    echo: Bool = Field(
+        False,
+        description="An end hears what it sends, as on two wires of RS-485. It drops its own bytes, and counts frames "
+        "that come back otherwise as collisions.",
+        examples=["true"],
+    )
     adapter_latency: Annotated[Duration, AfterValidator(_latency)] | None = Field(
         None,
         description="How long the host's port may hold received bytes back. Default: 16 ms for USB, else what a UART's "
@@ -119,7 +126,7 @@ class MessageHead(Syntax):
     ] = Field(None, description="Byte that a check with `seed: message` counts behind its range.", examples=[50])
     queue: Annotated[str, one_word("normal", "urgent", "latest")] = Field(
         "normal",
-        description="How it waits for the line at the MCU: in turn, before all others, or only the newest one.",
+        description="How it waits for the line: in turn, before all others (at the MCU), or only the newest one.",
         examples=["latest"],
     )
     log: Text | None = Field(

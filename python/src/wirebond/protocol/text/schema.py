@@ -1,6 +1,7 @@
 """The JSON Schema of protocol files, for editors and other tools, made from the grammar.
 
 ``python -m wirebond.protocol.text.schema > protocols/wirebond.schema.json`` brings the published copy up to date.
+`wirebond.ros2.mapping.schema` does the same for mapping files.
 """
 
 from __future__ import annotations
@@ -10,20 +11,31 @@ import sys
 from typing import Any
 
 from wirebond.protocol.text.grammar import File
+from wirebond.protocol.text.wording import Syntax
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema() -> dict[str, Any]:
     """A new dict each time; the caller may change it."""
-    schema = _tidied(File.model_json_schema(mode="validation"))
+    return schema_of(File, "Wirebond protocol file")
+
+
+def schema_of(grammar: type[Syntax], title: str) -> dict[str, Any]:
+    """The schema of the files that this grammar describes. A new dict each time."""
+    schema = _tidied(grammar.model_json_schema(mode="validation"))
     assert isinstance(schema, dict)
-    return {"$schema": DIALECT, **schema, "title": "Wirebond protocol file"}
+    return {"$schema": DIALECT, **schema, "title": title}
 
 
 def schema_text() -> str:
     """The published file's text."""
-    return json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
+    return text_of(json_schema())
+
+
+def text_of(schema: dict[str, Any]) -> str:
+    """As a file."""
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
 def _tidied_items(named: dict[str, Any]) -> dict[str, Any]:

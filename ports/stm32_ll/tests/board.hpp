@@ -1,0 +1,48 @@
+// A board with one UART for the tests: registers in memory, the simulated UART behind them, and the interrupts.
+#pragma once
+
+#include <cstdint>
+
+#include "stm32f4xx.h"
+#include "wirebond/fake/uart.hpp"
+
+// The handlers of the vector table. The test defines them.
+extern "C" void USART3_IRQHandler();
+extern "C" void DMA1_Stream1_IRQHandler();
+
+/// Sets the registers up as a project does; its `run` lets time pass, and the hardware obey. Addresses have 32 bits
+/// here too: all buffers lie near `memory`.
+class Board {
+ public:
+  Board(wirebond::fake::Uart& uart, std::uint8_t* memory);
+  ~Board();
+  Board(const Board&) = delete;
+  Board& operator=(const Board&) = delete;
+
+  void run(wirebond::fake::Time until);
+  /// The stream of reception stops at a bus error.
+  void fail_receive_dma();
+  /// The UART runs out of bytes, because DMA is late.
+  void starve_transmitter();
+  /// Reads of the data register while the line was not idle.
+  int taken_bytes() const { return taken_bytes_; }
+
+  // what the hardware raises
+  void on_received();
+  void on_transmitted();
+  void on_error();
+  void on_pended();
+
+ private:
+  std::uint8_t* bytes_at(std::uint32_t address) const;
+  void obey();
+  void show_progress();
+  void serve_uart();
+
+  wirebond::fake::Uart& uart_;
+  std::uint8_t* memory_;
+  std::uint32_t size_ = 0;          // of the ring
+  std::uint32_t receive_left_ = 0;  // as the hardware last wrote it; another value: reception was started again
+  std::uint64_t written_ = 0;       // bytes in memory when an interrupt last ran
+  int taken_bytes_ = 0;
+};
