@@ -307,6 +307,16 @@ def test_a_diagnosis_is_a_sentence_with_evidence_and_remedy() -> None:
     assert str(one) == "It echoes (3 of 3). Stop it."
 
 
+def parity_of(line: str) -> Parity:
+    return Parity.EVEN if "E" in line else Parity.NONE
+
+
+def bytes_heard(data: bytes, sent: tuple[float, Parity], heard: tuple[float, Parity]) -> int:
+    """How many come of these, with the line at rest before and behind them."""
+    end = b"\xff"  # behind a rest, so that a last byte is complete
+    return len(misread(data + end, sent, heard, [len(data)])) - len(misread(end, sent, heard))
+
+
 @pytest.mark.parametrize(("own", "rate", "line", "kind"), [
     ("8N1", 57600, "8N1", Kind.BAUD),
     ("8E1", 115200, "8N1", Kind.PARITY),
@@ -315,14 +325,19 @@ def test_a_diagnosis_is_a_sentence_with_evidence_and_remedy() -> None:
 ])  # fmt: skip
 def test_wrong_settings_of_an_mcu_are_named_behind_a_wire(own: str, rate: int, line: str, kind: Kind | None) -> None:
     model = codec("diffdrive").model
-    of = Codec(replace(model, link=replace(model.link, parity=Parity.EVEN if "E" in own else Parity.NONE)))
+    of = Codec(replace(model, link=replace(model.link, parity=parity_of(own))))
     frames = frames_of(of, random.Random(f"wire {rate} {line}"), 300)
     settings = WireSettings(baud=115200, line=line_shape(own), baud_b=rate, line_b=line_shape(line))
     with WireProcess(settings) as wire, wirebond.open(of, wire.a) as link, Path(wire.b).open("wb", buffering=0) as mcu:
+        due = 0
         for frame in frames:
             mcu.write(frame)
-            time.sleep(len(frame) * 15 / min(rate, 115200))  # the line rests between frames
-        link.receive(0.02)
+            due += bytes_heard(frame, (rate, parity_of(line)), (115200, parity_of(own)))
+            end = time.monotonic() + 20
+            while link.stats.receive.bytes < due:  # then the line rests, and the next frame is heard from its start
+                assert time.monotonic() < end
+                time.sleep(0.0003)
+        assert link.stats.receive.bytes == due
         assert [one.kind for one in wirebond.diagnose(link)] == ([] if kind is None else [kind])
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.shared import PROTOCOLS, codec
 from wirebond.cli.main import main
-from wirebond.errors import UsageError, WirebondError
+from wirebond.errors import UsageError
 from wirebond.sim.script import Behaviour
 from wirebond.sim.virtual_mcu import VirtualMcu
 
@@ -60,6 +60,28 @@ def test_a_script_fills_messages_answers_requests_and_sends_in_its_rhythm(tmp_pa
     assert "low at 2 s" in mcu.events
 
 
+def test_a_script_ends_a_deadline_whose_recover_is_explicit(tmp_path: Path) -> None:
+    script = """
+def setup(mcu):
+    @mcu.on("velocity")
+    def velocity(message):
+        mcu.report(f"drives at {message['linear']:g}")
+
+    @mcu.on("parameter")
+    def parameter(message):
+        if message["name"] == "clear_safe_mode":
+            mcu.recover("safe_mode")
+"""
+    mcu = virtual_mcu(tmp_path, script)
+    mcu.feed(DIFFDRIVE.encode("velocity", linear=1, angular=0), 0.0)
+    mcu.tick(4.0)  # silence has struck
+    mcu.feed(DIFFDRIVE.encode("velocity", linear=0.5, angular=0), 4.1)
+    assert "drives at 0.5" not in mcu.events
+    mcu.feed(DIFFDRIVE.encode("parameter", name="clear_safe_mode", value=0), 4.2)
+    mcu.feed(DIFFDRIVE.encode("velocity", linear=0.25, angular=0), 4.3)
+    assert "drives at 0.25" in mcu.events
+
+
 @pytest.mark.parametrize(
     ("script", "sentence"),
     [
@@ -72,6 +94,11 @@ def test_a_script_fills_messages_answers_requests_and_sends_in_its_rhythm(tmp_pa
         ),
         ("def setup(mcu):\n    mcu.fill('status')", r"behaviour\.py:2: status has no `every`, so it is never due"),
         ("def setup(mcu):\n    mcu.send('velocity')", r"behaviour\.py:2: the MCU sends no message 'velocity'"),
+        (
+            "def setup(mcu):\n    mcu.recover('x')",
+            r"behaviour\.py:2: the MCU has no .*then: x`; it has safe_mode, stop",
+        ),
+        ("def setup(mcu):\n    raise SystemExit(3)", r"behaviour\.py:2: SystemExit: 3"),
         ("def setup(mcu):\n    mcu.every(0)", r"behaviour\.py:2: mcu\.every\(0\): expected seconds, more than 0"),
     ],
 )
@@ -85,8 +112,17 @@ def test_a_mistake_in_a_function_is_told_when_it_is_called(tmp_path: Path) -> No
     with pytest.raises(UsageError, match=r"behaviour\.py:4: NameError: name 'nothing' is not defined"):
         mcu.tick(0.1)
     mcu = virtual_mcu(tmp_path, "def setup(mcu):\n    @mcu.every(1)\n    def f(t): mcu.send('status', battery=1e9)\n")
-    with pytest.raises(WirebondError, match=r"status\.battery"):
+    with pytest.raises(UsageError, match=r"behaviour\.py: status\.battery"):
         mcu.tick(1.0)
+    mcu = virtual_mcu(tmp_path, "def setup(mcu):\n    mcu.fill('odometry')(lambda t: 5)\n")
+    with pytest.raises(UsageError, match=r"behaviour\.py:2: the function gave 5; expected a dict of values"):
+        mcu.tick(0.1)
+
+
+def test_a_script_that_is_not_there_or_a_folder_is_a_sentence(tmp_path: Path) -> None:
+    for path, sentence in ((tmp_path / "none.py", "No such file"), (tmp_path, "Is a directory")):
+        with pytest.raises(UsageError, match=f"cannot be read: {sentence}.*; name a file in Python"):
+            Behaviour(DIFFDRIVE, path)
 
 
 def test_command_ends_with_the_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

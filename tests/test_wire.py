@@ -9,18 +9,20 @@ import select
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import wirebond
+from tests.host_link.drivers import no_engine_ports
 from tests.host_link.mcu import wait_until
 from tests.shared import codec
 from wirebond.cli.main import main
 from wirebond.diagnosis.uart import misread
 from wirebond.errors import UsageError
+from wirebond.protocol import loads
 from wirebond.protocol.model import Parity
 from wirebond.sim.virtual_mcu import VirtualMcu
 from wirebond.wire import LineShape, WireProcess, WireSettings
@@ -30,6 +32,17 @@ from wirebond.wire.script import read_script
 
 PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 DATA = bytes(i % 251 for i in range(3000))
+
+SHARED_LINE = """
+wirebond: 1
+protocol: shared_line
+link: {baud: 115200, echo: true, adapter_latency: 400 ms}
+frame: [magic: 0xAA 0x55, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+messages:
+  ask: {id: 1, sender: host, reply: answer, fields: {number: {type: u32}}}
+  answer: {id: 2, sender: mcu, fields: {number: {type: u32}}}
+  note: {id: 3, sender: both, fields: {number: {type: u32}}}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -119,8 +132,8 @@ def test_a_second_stop_bit_is_heard_by_who_looks_at_one() -> None:
 
 def test_scripted_faults_come_at_their_times(tmp_path: Path) -> None:
     script = tmp_path / "faults"
-    script.write_text("""
-# what happens when
+    script.write_text("""\ufeff
+# what happens when, as an editor of Windows writes it
 0.0 a_to_b flip 0x80
 0   a_to_b drop 2      # behind the byte that changes nothing: both lie on the first one
 0.05 b_to_a insert 0x55
@@ -285,3 +298,46 @@ def test_a_clock_is_not_moved_by_a_reply_that_is_longer_than_its_request(monkeyp
             thread.join()
     assert abs(found.offset - mcu.start) <= found.error
     assert found.error < 0.015  # with the bytes in it more than 21 ms
+
+
+def test_on_a_line_that_echoes_both_ends_hear_both_and_what_is_sent_at_once_collides() -> None:
+    with WireProcess(WireSettings(baud=115200, echo=True)) as wire, opened(wire.a, wire.b) as (a, b):
+        os.write(a, DATA[:200])
+        assert read(a, 200) == read(b, 200) == DATA[:200]
+        os.write(b, DATA[:100])
+        assert read(a, 100) == read(b, 100) == DATA[:100]
+        os.write(a, DATA)
+        os.write(b, DATA[::-1])
+        heard = [read(end, 2 * len(DATA)) for end in (a, b)]
+        assert [len(one) for one in heard] == [2 * len(DATA)] * 2
+        assert DATA not in heard[0]
+        account = wire.end()
+    for direction in DIRECTIONS:
+        assert 0.5 * len(DATA) < account[direction]["collided_bytes"] <= len(DATA)
+        assert closes(account[direction])
+
+
+@pytest.mark.parametrize("is_engine", [True, False])
+def test_two_links_speak_over_a_line_that_echoes_and_a_collision_loses_only_what_collided(is_engine: bool) -> None:
+    spoken = wirebond.Codec(loads(SHARED_LINE))
+    ports = nullcontext() if is_engine else no_engine_ports()
+    with (
+        ports,
+        WireProcess(WireSettings(baud=115200, echo=True)) as wire,
+        wirebond.open(spoken, wire.b, role="mcu") as mcu,
+        wirebond.open(spoken, wire.a) as host,
+    ):
+        mcu.on("ask")(lambda ask: mcu.send("answer", number=ask["number"]))
+        for number in range(20):
+            assert host.request("ask", number=number, timeout=PATIENCE)["number"] == number
+        wait_until(lambda: mcu.stats.echoed_bytes == mcu.stats.send.sent_bytes, "the MCU hears itself")
+        for end in (host, mcu):
+            stats = end.stats
+            assert stats.echoed_bytes == stats.send.sent_bytes > 0
+            assert stats.collisions == sum(stats.receive.discarded_bytes.values()) == 0
+        for _ in range(40):  # both begin
+            host.send("note", number=1)
+            mcu.send("note", number=2)
+        wait_until(lambda: host.stats.collisions and mcu.stats.collisions, "what collides is counted")
+        wait_until(lambda: host.stats.send.queued == mcu.stats.send.queued == 0, "all has left")
+        assert host.request("ask", number=99, timeout=PATIENCE)["number"] == 99

@@ -32,6 +32,7 @@ constexpr std::uint64_t settled_after_us = 1'000'000;  // a port that lasted so 
 constexpr std::uint64_t drain_on_close_us = 1'000'000;
 constexpr std::uint64_t longest_sleep_us = 500'000;
 constexpr std::size_t read_bytes = 4096;
+constexpr std::size_t write_at_once_bytes = 4096;
 constexpr double signal_slice = 0.05;  // seconds between two looks for signals
 
 /// CLOCK_MONOTONIC, the clock of Python's time.monotonic().
@@ -131,7 +132,7 @@ void Link::wake() const {
 /// The thread sleeps: wake it where something is due before it wakes by itself.
 void Link::wake_if_late(std::uint64_t now_us) const {
   const HostLink& link = core_.link();
-  if (link.next_due(now_us) < planned_us_ || (link.is_blocked() && !watches_room_)) wake();
+  if (core_.next_due(now_us) < planned_us_ || (link.is_blocked() && !watches_room_)) wake();
 }
 
 // ---- what programs call ----------------------------------------------------------------------------------------
@@ -147,6 +148,38 @@ SendResult Link::send(std::int16_t message, nb::bytes frame, std::int16_t reply,
     wake_if_late(now);
   }
   return result;
+}
+
+nb::list Link::send_all(nb::list frames) {
+  struct Given {
+    std::int16_t message;
+    nb::bytes frame;
+  };
+  std::vector<Given> given;  // read before the mutex is held: Python may run anything in between
+  given.reserve(frames.size());
+  for (nb::handle each : frames) {
+    const auto pair = nb::cast<nb::tuple>(each);
+    given.push_back({nb::cast<std::int16_t>(nb::object(pair[0])), nb::cast<nb::bytes>(nb::object(pair[1]))});
+  }
+  std::vector<SendResult> answers;
+  answers.reserve(given.size());
+  {
+    const std::lock_guard lock(mutex_);
+    std::size_t unwritten = 0;
+    const std::uint64_t now = monotonic_us();
+    for (const Given& one : given) {
+      answers.push_back(core_.outbox().send(one.message, data_of(one.frame), one.frame.size(), -1, true, now, 0));
+      unwritten += one.frame.size();
+      if (unwritten < write_at_once_bytes) continue;
+      write_some();
+      unwritten = 0;
+    }
+    write_some();
+    wake_if_late(now);
+  }
+  nb::list out;
+  for (const SendResult answer : answers) out.append(answer_of(answer));
+  return out;
 }
 
 SendResult Link::repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, bool takes_number,
@@ -337,7 +370,7 @@ void Link::run() {
       watched[1].fd = port_.get();
       watched[1].events = static_cast<short>(POLLIN | (watches_room_ ? POLLOUT : 0));
     }
-    planned_us_ = std::min(core_.link().next_due(now), now + longest_sleep_us);
+    planned_us_ = std::min(core_.next_due(now), now + longest_sleep_us);
     if (!port_.is_open()) planned_us_ = std::min(planned_us_, std::max(next_open_us_, now));
     const std::uint64_t wait = planned_us_ - now;
     const timespec timeout{static_cast<time_t>(wait / 1'000'000), static_cast<long>(wait % 1'000'000) * 1000};
@@ -497,17 +530,17 @@ Resolve calling(nb::callable resolve) {
 
 /// `port`: `name`; `root`, where the system's files are, for a tty, and `resolve` for one that moves; or `host` and
 /// `service` for TCP.
-std::unique_ptr<Opener> opener_of(const nb::dict& port, const nb::dict& settings) {
+std::unique_ptr<Opener> opener_of(const nb::dict& port, nb::handle settings) {
   auto name = nb::cast<std::string>(port["name"]);
   if (port.contains("host")) {
     return tcp_opener(std::move(name), nb::cast<std::string>(port["host"]), nb::cast<std::string>(port["service"]));
   }
   posix::SerialSettings serial;
-  const auto parity = nb::cast<std::string>(settings["parity"]);
-  serial.baud = nb::cast<std::uint32_t>(settings["baud"]);
-  serial.data_bits = nb::cast<std::uint8_t>(settings["data_bits"]);
+  const auto parity = nb::cast<std::string>(settings.attr("parity"));
+  serial.baud = nb::cast<std::uint32_t>(settings.attr("baud"));
+  serial.data_bits = nb::cast<std::uint8_t>(settings.attr("data_bits"));
   serial.parity = parity == "even" ? posix::Parity::even : parity == "odd" ? posix::Parity::odd : posix::Parity::none;
-  serial.stop_bits = nb::cast<std::uint8_t>(settings["stop_bits"]);
+  serial.stop_bits = nb::cast<std::uint8_t>(settings.attr("stop_bits"));
   auto root = nb::cast<std::string>(port["root"]);
   if (port.contains("resolve")) {
     return moving_serial_opener(std::move(name), calling(nb::cast<nb::callable>(port["resolve"])), serial,
@@ -544,7 +577,7 @@ void bind_link(nb::module_& m) {
       .def(
           "__init__",
           [](LinkHandle* self, std::shared_ptr<const ProtocolTable> protocol,
-             std::shared_ptr<const FormatTable> receive, nb::dict port, nb::dict settings) {
+             std::shared_ptr<const FormatTable> receive, nb::dict port, nb::handle settings) {
             LinkSetup setup = link_setup(std::move(protocol), std::move(receive), settings);
             new (self) LinkHandle(std::move(setup), opener_of(port, settings), nb::cast<bool>(port["waits"]));
           },
@@ -554,6 +587,8 @@ void bind_link(nb::module_& m) {
           [](LinkHandle& self, std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number,
              std::uint64_t address) { return answer_of((*self).send(message, frame, reply, takes_number, address)); },
           nb::arg("message"), nb::arg("frame"), nb::arg("reply"), nb::arg("takes_number"), nb::arg("address"))
+      .def(
+          "send_all", [](LinkHandle& self, nb::list frames) { return (*self).send_all(frames); }, nb::arg("frames"))
       .def(
           "repeat",
           [](LinkHandle& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply,

@@ -33,6 +33,9 @@ class Link {
   Link& operator=(const Link&) = delete;
 
   SendResult send(std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number, std::uint64_t address);
+  /// Each of these frames, a tuple of its message and its bytes, as `send` sends one without a reply and address. The
+  /// port is written to once for many. One answer for each.
+  nb::list send_all(nb::list frames);
   SendResult repeat(std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, bool takes_number,
                     std::uint64_t address);
   void stop_repeating(std::int16_t message, std::optional<std::uint64_t> address);

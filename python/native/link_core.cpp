@@ -24,8 +24,8 @@ std::vector<std::uint8_t> bytes_of(const nb::bytes& bytes) {
 }
 
 template <class Value>
-Value setting(const nb::dict& settings, const char* name) {
-  return nb::cast<Value>(settings[name]);
+Value setting(nb::handle settings, const char* name) {
+  return nb::cast<Value>(settings.attr(name));
 }
 
 }  // namespace
@@ -46,7 +46,7 @@ const char* name_of(HostLinkState state) {
 }
 
 LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
-                     nb::dict settings) {
+                     nb::handle settings) {
   LinkSetup setup;
   setup.protocol = std::move(protocol);
   setup.receive = std::move(receive);
@@ -57,22 +57,25 @@ LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_
   setup.idle_us = to_us(setting<double>(settings, "idle_seconds"));
   setup.pause_us = to_us(setting<double>(settings, "pause_seconds"));
   setup.max_age_us = to_us(setting<double>(settings, "max_age_seconds"));
+  setup.echoes = setting<bool>(settings, "echo");
   setup.largest_frame = setting<std::size_t>(settings, "largest_frame");
-  for (nb::handle seconds : nb::list(settings["every"])) setup.every_us.push_back(to_us(nb::cast<double>(seconds)));
-  for (nb::handle stop : nb::list(settings["stop"])) {
+  for (nb::handle seconds : nb::tuple(settings.attr("every")))
+    setup.every_us.push_back(to_us(nb::cast<double>(seconds)));
+  for (nb::handle latest : nb::tuple(settings.attr("latest"))) setup.keeps_latest.push_back(nb::cast<bool>(latest));
+  for (nb::handle stop : nb::tuple(settings.attr("stop"))) {
     setup.stop.push_back(stop_frame(stop));
   }
   HostAddressing::Rules& rules = setup.addressing;
-  const nb::dict addressing = nb::borrow<nb::dict>(settings["addressing"]);
+  const nb::object addressing = settings.attr("addressing");
   rules.receiver_place = setting<int>(addressing, "receiver_place");
   rules.sender_place = setting<int>(addressing, "sender_place");
   rules.own = setting<std::uint64_t>(addressing, "own");
   rules.only_last_asked = setting<bool>(addressing, "only_last_asked");
-  for (nb::handle value : nb::list(addressing["broadcast"])) {
+  for (nb::handle value : nb::tuple(addressing.attr("broadcast"))) {
     rules.broadcast.at(rules.broadcasts++) = nb::cast<std::uint64_t>(value);
   }
   setup.more_addresses = setting<std::size_t>(addressing, "more_addresses");
-  for (nb::handle rule : nb::list(settings["deadlines"])) {
+  for (nb::handle rule : nb::tuple(settings.attr("deadlines"))) {
     setup.deadlines.push_back({nb::cast<std::int16_t>(rule[0]), nb::cast<std::uint32_t>(rule[1]),
                                nb::cast<std::uint8_t>(rule[2]),
                                nb::cast<bool>(rule[3]) ? Recover::explicit_call : Recover::next_message});
@@ -95,8 +98,9 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
       sequence_(setup_.receive),
       recent_(setup_.recent_bytes) {
   for (std::size_t i = 0; i < setup_.every_us.size(); ++i) {
-    if (setup_.every_us[i] != 0) values_[i].resize(setup_.largest_frame);
-    leases_.emplace_back(setup_.every_us[i], values_[i].data(), values_[i].size());
+    const bool keeps_latest = setup_.keeps_latest.at(i);
+    if (setup_.every_us[i] != 0 || keeps_latest) values_[i].resize(setup_.largest_frame);
+    leases_.emplace_back(setup_.every_us[i], values_[i].data(), values_[i].size(), keeps_latest);
   }
   for (std::size_t i = setup_.every_us.size(); i < values_.size(); ++i) {
     values_[i].resize(setup_.largest_frame);
@@ -143,10 +147,48 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
   settings.max_age_us = setup_.max_age_us;
   settings.addressing = setup_.addressing;
   link_ = std::make_unique<HostLink>(setup_.receive->source(), memory, settings, now_us);
+  if (setup_.echoes) {
+    std::size_t size = 4096;
+    while (size < 4 * (setup_.largest_frame + Echo::piece_overhead)) size *= 2;
+    echo_memory_.resize(size);
+    echo_ = std::make_unique<HostEcho>(echo_memory_.data(), size, setup_.idle_us + scheduling_us);
+  }
 }
 
 void LinkCore::received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
                         bool is_all) {
+  if (echo_ == nullptr) return take_received(bytes, size, before_us, after_us, is_all);
+  others_.clear();
+  echo_->hear(bytes, size, after_us, [this](const std::uint8_t* from, std::size_t count) {
+    others_.insert(others_.end(), from, from + count);
+  });
+  note_collisions(after_us);
+  if (!others_.empty()) return take_received(others_.data(), others_.size(), before_us, after_us, is_all);
+  if (is_all) idle(before_us);  // nothing came from another end
+}
+
+void LinkCore::give_up_echo(std::uint64_t now_us) {
+  others_.clear();
+  echo_->give_up(
+      [this](const std::uint8_t* from, std::size_t count) { others_.insert(others_.end(), from, from + count); });
+  note_collisions(now_us);
+  const std::uint64_t came_us = echo_->since_us();
+  if (!others_.empty()) take_received(others_.data(), others_.size(), came_us, came_us, false);
+}
+
+void LinkCore::note_collisions(std::uint64_t now_us) {
+  for (; noted_collisions_ != echo_->collisions(); ++noted_collisions_) {
+    recent_.note(RecentKind::collision, nullptr, 0, now_us);
+  }
+}
+
+std::uint64_t LinkCore::next_due(std::uint64_t now_us) const {
+  const std::uint64_t due = link_->next_due(now_us);
+  return echo_ == nullptr ? due : std::min(due, std::max(echo_->due_us(), now_us));
+}
+
+void LinkCore::take_received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us,
+                             std::uint64_t after_us, bool is_all) {
   recent_.note(RecentKind::received, bytes, size, after_us);
   tap(TapKind::received, bytes, size, before_us, after_us);
   Arrivals arrivals;
@@ -159,6 +201,7 @@ void LinkCore::received(const std::uint8_t* bytes, std::size_t size, std::uint64
 }
 
 void LinkCore::idle(std::uint64_t began_us) {
+  if (echo_ != nullptr && echo_->holds()) return;  // something came
   Arrivals arrivals;
   link_->idle(began_us, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
     keep(frame, may_act, is_foreign, began_us, arrivals);
@@ -169,6 +212,7 @@ void LinkCore::idle(std::uint64_t began_us) {
 
 void LinkCore::poll(std::uint64_t now_us) {
   note_changes(now_us);
+  if (echo_ != nullptr && now_us >= echo_->due_us()) give_up_echo(now_us);
   link_->poll(now_us);
   note_changes(now_us, "expired");
   tell_deadlines(now_us);
@@ -202,10 +246,15 @@ Outgoing LinkCore::to_write(std::uint64_t now_us) { return to_write_ = link_->to
 
 void LinkCore::written(std::size_t size, std::uint64_t now_us) {
   if (size != 0) {
+    if (echo_ != nullptr && !is_under_way_ && !echo_->sent(to_write_.bytes, to_write_.size, now_us)) {
+      give_up_echo(now_us);
+      static_cast<void>(echo_->sent(to_write_.bytes, to_write_.size, now_us));  // there is room for any frame now
+    }
     recent_.note(RecentKind::sent, to_write_.bytes, size, now_us);
     tap(TapKind::sent, to_write_.bytes, size, now_us, now_us);
     to_write_.bytes += size;
     to_write_.size -= size;
+    is_under_way_ = to_write_.size != 0;
   }
   link_->written(size, now_us);
 }
@@ -215,6 +264,8 @@ void LinkCore::port_up(std::uint64_t now_us) {
   tap(TapKind::port_up, nullptr, 0, now_us, now_us);
   if (was_up_) reconnects_ += 1;
   was_up_ = true;
+  is_under_way_ = false;
+  if (echo_ != nullptr) echo_->forget();
   link_->port_up(now_us);
   tell({now_us, ChangeKind::port_up});
 }
@@ -341,6 +392,10 @@ LinkAccount LinkCore::account() const {
   out.foreign = foreign_;
   out.dropped_messages = dropped_messages_;
   out.reconnects = reconnects_;
+  if (echo_ != nullptr) {
+    out.echoed = echo_->echoed();
+    out.collisions = echo_->collisions();
+  }
   return out;
 }
 
@@ -370,6 +425,8 @@ nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, cons
   out["late"] = account.not_acted.late;
   out["held_back"] = account.not_acted.held_back;
   out["reconnects"] = account.reconnects;
+  out["echoed_bytes"] = account.echoed;
+  out["collisions"] = account.collisions;
   return out;
 }
 
@@ -389,7 +446,7 @@ nb::tuple to_tuple(const TapCopy& taken) {
 }
 
 nb::tuple to_tuple(const RecentCopy& recent) {
-  static constexpr const char* names[] = {"received", "sent", "port_up", "port_down"};
+  static constexpr const char* names[] = {"received", "sent", "port_up", "port_down", "port_collision"};
   nb::list pieces;
   std::size_t at = 0;
   for (const RecentPiece& piece : recent.pieces) {
@@ -426,7 +483,7 @@ void bind_link_core(nb::module_& m) {
       .def(
           "__init__",
           [](LinkCore* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
-             nb::dict settings, std::uint64_t now) {
+             nb::handle settings, std::uint64_t now) {
             new (self) LinkCore(link_setup(std::move(protocol), std::move(receive), settings), now);
           },
           nb::arg("protocol"), nb::arg("receive"), nb::arg("settings"), nb::arg("now"))
@@ -520,7 +577,7 @@ void bind_link_core(nb::module_& m) {
           [](LinkCore& self, std::size_t size, std::uint64_t now) { self.link().driver_holds(size, now); },
           nb::arg("size"), nb::arg("now"))
       .def(
-          "next_due", [](LinkCore& self, std::uint64_t now) { return self.link().next_due(now); }, nb::arg("now"))
+          "next_due", [](LinkCore& self, std::uint64_t now) { return self.next_due(now); }, nb::arg("now"))
       .def("has_arrivals", &LinkCore::has_arrivals)
       .def("has_news", &LinkCore::has_news)
       .def("set_stamper", [](LinkCore& self, nb::object stamper) { self.stamper = std::move(stamper); })

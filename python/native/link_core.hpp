@@ -15,6 +15,7 @@
 #include "protocol.hpp"
 #include "recent.hpp"
 #include "tap.hpp"
+#include "wirebond/host/host_echo.hpp"
 #include "wirebond/host/link.hpp"
 
 namespace wirebond::engine {
@@ -38,8 +39,10 @@ struct LinkSetup {
   std::uint64_t idle_us = 20'000;
   std::uint64_t pause_us = 0;  ///< where silence ends a frame
   std::uint64_t max_age_us = 0;
+  bool echoes = false;                  ///< the line brings back what is sent
   std::size_t largest_frame = 0;        ///< bytes of the largest frame that the host sends
   std::vector<std::uint64_t> every_us;  ///< by message; 0: it has no rhythm
+  std::vector<bool> keeps_latest;       ///< by message: only the newest frame waits
   std::vector<StopFrame> stop;          ///< empty: the file has none
   HostAddressing::Rules addressing;
   std::size_t more_addresses = 0;       ///< leases, and safe values, for addresses beside the first of each message
@@ -75,6 +78,8 @@ struct LinkAccount {
   ForeignCounts foreign;
   std::uint64_t dropped_messages = 0;
   std::uint64_t reconnects = 0;
+  std::uint64_t echoed = 0;      ///< own bytes that came back
+  std::uint64_t collisions = 0;  ///< frames that did not come back as they were sent
 };
 
 /// The fields of `wirebond.LinkStats`. With the GIL, and no lock.
@@ -87,6 +92,8 @@ class LinkCore {
   static constexpr std::size_t max_queued_bytes = 65536;
   static constexpr std::size_t max_queued_frames = 16384;
   static constexpr std::size_t max_waiting_messages = 65536;
+  /// What this computer may be late to hear an echo: to wait longer only tells a collision later.
+  static constexpr std::uint64_t scheduling_us = 100'000;
   static constexpr std::size_t max_waiting_changes = 1024;  ///< then the oldest are dropped
 
   /// Of received messages; see Message. For who has the GIL.
@@ -107,6 +114,8 @@ class LinkCore {
   void idle(std::uint64_t began_us);
   void poll(std::uint64_t now_us);
   void recover_deadline(std::uint8_t action, std::uint64_t now_us);
+  /// That of `link()`, and when own bytes are not expected to come back any more.
+  std::uint64_t next_due(std::uint64_t now_us) const;
   /// Those of `link()`; what was written is kept for `recent`.
   Outgoing to_write(std::uint64_t now_us);
   void written(std::size_t size, std::uint64_t now_us);
@@ -146,6 +155,11 @@ class LinkCore {
   const FormatTable& receives() const { return *setup_.receive; }
 
  private:
+  /// Bytes that are not the link's own.
+  void take_received(const std::uint8_t* bytes, std::size_t size, std::uint64_t before_us, std::uint64_t after_us,
+                     bool is_all);
+  void give_up_echo(std::uint64_t now_us);
+  void note_collisions(std::uint64_t now_us);
   void keep(const Frame& frame, MayAct may_act, bool is_foreign, std::uint64_t when_us, Arrivals& arrivals);
   void publish(Arrivals&& arrivals);
   void compare(std::uint64_t now_us, const char* why);
@@ -185,6 +199,11 @@ class LinkCore {
   std::vector<std::uint8_t> had_struck_;     ///< actions
   std::vector<std::uint8_t> was_repeating_;  ///< by lease
   Outgoing to_write_;                        ///< what `to_write` gave last
+  bool is_under_way_ = false;                ///< of it, a part was written
+  std::vector<std::uint8_t> echo_memory_;
+  std::unique_ptr<HostEcho> echo_;      ///< null: the line does not echo
+  std::vector<std::uint8_t> others_;    ///< scratch: received bytes that are not own ones
+  std::uint64_t noted_collisions_ = 0;  ///< in `recent`
   ForeignCounts foreign_;
   std::deque<Arrivals> arrivals_;
   std::size_t waiting_messages_ = 0;
@@ -197,9 +216,9 @@ class LinkCore {
 /// As Python calls it: `LinkCore` with times in microseconds as arguments, for tests under virtual time.
 void bind_link_core(nb::module_& m);
 
-/// The setup's part that is the same for both bindings.
+/// The setup's part that is the same for both bindings. `settings`: an `EngineSettings` of Python.
 LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
-                     nb::dict settings);
+                     nb::handle settings);
 
 /// ``[(kind, before, t, bytes), …]``, and what was lost since the last time: pieces, received bytes, sent bytes.
 nb::tuple to_tuple(const TapCopy& taken);
@@ -210,7 +229,7 @@ nb::tuple to_tuple(const RecentCopy& recent);
 /// ``(kind, t, action)`` for each, times in microseconds. With the GIL, no lock.
 nb::list to_list(const std::deque<LinkChange>& changes);
 
-/// One entry of the settings' `stop`: message, frame, reply, seconds between two, address, is_in_stop.
+/// Of a `SafeValue` of Python.
 StopFrame stop_frame(nb::handle safe);
 
 /// 0 to 3 in the order of SendResult.

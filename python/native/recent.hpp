@@ -10,7 +10,7 @@
 
 namespace wirebond::engine {
 
-enum class RecentKind : std::uint8_t { received, sent, port_up, port_down };
+enum class RecentKind : std::uint8_t { received, sent, port_up, port_down, collision };
 
 /// One read, one write, or what the port did.
 struct RecentPiece {

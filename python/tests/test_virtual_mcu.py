@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 from tests.shared import PROTOCOLS
 
@@ -33,10 +34,12 @@ def test_an_explicit_deadline_holds_its_message_back_until_somebody_recovers() -
     assert run(mcu, 5.5, 9.0) == ["no velocity for 1 s: stop", "no velocity for 3 s: safe_mode"]
     mcu.feed(VELOCITY, 9.0)
     assert mcu.held_back == 1
-    assert run(mcu, 9.0, 9.5) == []
+    assert run(mcu, 9.0, 9.5) == ["velocity is held back by safe_mode until a script calls mcu.recover('safe_mode')"]
+    mcu.feed(VELOCITY, 9.5)  # that is told once
+    assert run(mcu, 9.5, 9.5) == [] and mcu.held_back == 2
     mcu.recover("safe_mode", 9.5)
     mcu.feed(VELOCITY, 9.6)
-    assert mcu.held_back == 1
+    assert mcu.held_back == 2
     assert run(mcu, 9.6, 10.5) == []
     assert run(mcu, 10.5, 13.0) == ["no velocity for 1 s: stop", "no velocity for 3 s: safe_mode"]
 
@@ -81,7 +84,7 @@ def test_each_address_keeps_its_own_deadlines() -> None:
     ]
     mcu.feed(moved(3), 3.9)
     assert mcu.held_back == 1
-    assert told_at(mcu, 3.9) == []
+    assert told_at(mcu, 3.9) == ["move to servo 3 is held back by fault until a script calls mcu.recover('fault')"]
     mcu.feed(moved(0xFE), 4.0)  # the one acts, the other does not
     assert mcu.held_back == 2
     assert told_at(mcu, 4.0) == ["move to servo 4 is back: stop ends"]
@@ -133,3 +136,45 @@ def test_a_reply_has_as_many_elements_as_its_request_asks_for() -> None:
         (reply,) = codec.decoder("mcu").feed(mcu.feed(codec.encode("read", number=asked), 0.0))
         assert (reply.fields["size"], len(reply.fields["values"])) == (2 * there, there)
         assert reply.fields["state"]["number"] == len(reply.fields["others"]) == 3
+
+
+RULES = Codec(
+    loads(
+        "wirebond: 1\nprotocol: rules\nframe: [magic: 0xA5, id: u8, payload: by_id, check: crc-16/modbus]\n"
+        "messages:\n"
+        "  move: {id: 1, sender: host, reply: moved, fields: {\n"
+        "    speed: {type: i16, range: [-100, 100]}, limit: {type: i16, range: [0, 7.5], on_range: clamp}}}\n"
+        "  moved: {id: 2, sender: mcu, fields: {limit: {type: i16, range: [0, 7.5], on_range: clamp}}}\n"
+        "  counted: {id: 3, sender: mcu, every: 1 s, fields: {rejected: {type: u8}, frames: {type: u8}}}\n"
+        "services: {counters: {message: counted}}\n"
+        "deadlines: [{message: move, at: mcu, after: 1 s, then: stop}]\n"
+    )
+)
+
+
+def move(speed: int, limit: int) -> bytes:
+    """A frame of a host that has no ranges in its file."""
+    fields = (replace(f, minimum=None, maximum=None) for f in RULES.model.message("move").fields)
+    messages = tuple(replace(m, fields=tuple(fields)) if m.name == "move" else m for m in RULES.model.messages)
+    return Codec(replace(RULES.model, messages=messages)).encode("move", speed=speed, limit=limit)
+
+
+def test_a_message_that_breaks_a_field_rule_does_not_act_and_is_counted() -> None:
+    mcu = VirtualMcu(RULES, 0.0)
+    replies = RULES.decoder("mcu")
+    (reply,) = replies.feed(mcu.feed(move(100, 5), 0.0))
+    assert (reply["limit"], mcu.rejected) == (5, 0)
+    assert mcu.feed(move(101, 5), 0.5) + mcu.feed(move(-101, 5), 0.6) == b""
+    assert mcu.events == ["move is rejected: move.speed = 101 is outside -100 ... 100"]  # of both, once
+    assert mcu.rejected == 2
+    (counted,) = (m for m in replies.feed(mcu.tick(1.0)) if m.name == "counted")
+    assert (counted["rejected"], counted["frames"]) == (2, 3)
+    assert mcu.events[1:] == ["no move for 1 s: stop"]  # since 0.0
+
+
+def test_a_value_outside_a_range_that_clamps_is_brought_to_its_bound() -> None:
+    mcu = VirtualMcu(RULES, 0.0)
+    replies = RULES.decoder("mcu")
+    told = [replies.feed(mcu.feed(move(1, limit), 0.1))[0]["limit"] for limit in (-30000, 7, 8, 30000)]
+    assert told == [0, 7, 7, 7]
+    assert (mcu.rejected, mcu.events) == (0, [])

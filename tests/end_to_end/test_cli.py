@@ -127,7 +127,7 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
         (["decode", DIFFDRIVE, "--hex", "AA 5"], 2, "two digits a byte"),
         (["decode", DIFFDRIVE, "--hex", "GG"], 2, "'G' is no hex digit"),
         (["decode", DIFFDRIVE, "--hex", "AA", "--sender", "me"], 2, "expected 'mcu' or 'host'"),
-        (["decode", DIFFDRIVE, "/nonexistent"], 1, "there is no such file or folder"),
+        (["decode", DIFFDRIVE, "/proc/nonexistent"], 1, "there is no such file or folder"),
         (["check", "/nonexistent.yaml"], 1, "/nonexistent.yaml"),
         (["check", "/"], 1, "this is a folder"),
         (["check", NATIVE, "--traffic", "state"], 2, "write message=frames per second"),

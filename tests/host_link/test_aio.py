@@ -122,7 +122,8 @@ def test_a_cancelled_task_loses_no_message() -> None:
 def test_a_cancelled_request_leaves_its_reply_to_others() -> None:
     async def program(link: wirebond.Link, send: Any) -> int:
         task = asyncio.create_task(link.aio.request("query", timeout=60))
-        await asyncio.sleep(0.05)
+        while not link.stats.send.sent:  # it waits for its reply
+            await asyncio.sleep(0.001)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
             await task

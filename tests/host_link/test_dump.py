@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ NAMES = ("diffdrive", "enterprize", "native", "servo_bus")
 
 
 def core_of(described: Codec, **settings: Any) -> _engine.LinkCore:
-    found = engine_settings(described, 115200) | settings
+    found = replace(engine_settings(described, 115200), **settings)
     core = _engine.LinkCore(described._table, described._format_for(End.MCU), found, 0)
     core.port_up(0)
     return core

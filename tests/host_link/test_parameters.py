@@ -208,6 +208,8 @@ def test_what_the_mcu_refuses_is_told_and_the_rest_is_set(tmp_path: Path) -> Non
     ("name", "text", "sentence"),
     [
         ("a.yaml", "kp: 1\nkp: 2\n", r"a\.yaml:2:1: it cannot be read as YAML: found duplicate key"),
+        ("a.yaml", '1: 1\n"1": 2\n', r"a\.yaml: 1 stands there twice; remove one of them"),
+        ("a.json", "\ufeff{", "it cannot be read as JSON: Expecting property name"),  # of Windows: what follows counts
         ("a.yaml", "kp: [\n", r"a\.yaml:2:1: it cannot be read as YAML"),
         ("a.yaml", "- 1\n", "expected names and values, such as `kp: 1.5`"),
         ("a.yaml", "", "expected names and values"),

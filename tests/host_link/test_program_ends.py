@@ -72,6 +72,8 @@ ENDS = {
     "an_exception_in_a_thread": ("t = threading.Thread(target=lambda: 1 / 0)\nt.start()\nt.join()", 0),
 }
 
+# Each is like one that stays in `make test`.
+_SELDOM = {"with", "exception_in_with", "sys_exit_in_a_function", "ctrl_c_in_an_iteration", "ctrl_c_in_run"}
 
 # A link that is driven from Python, as where the engine has no ports.
 IN_PYTHON = """
@@ -138,7 +140,7 @@ class Program:
 @pytest.mark.parametrize(
     ("way", "ports"),
     [
-        *(pytest.param(way, "", id=way) for way in ENDS),
+        *(pytest.param(way, "", id=way, marks=[pytest.mark.long] if way in _SELDOM else []) for way in ENDS),
         *(
             pytest.param(way, IN_PYTHON, id=f"{way}_in_python", marks=[] if number < 2 else [pytest.mark.long])
             for number, way in enumerate(ENDS_IN_PYTHON)
@@ -205,10 +207,10 @@ time.sleep(0.1)
     "call",
     [
         "link.receive(60)",
-        "link.receive(0.001)",
-        "link.receive()",
+        pytest.param("link.receive(0.001)", marks=pytest.mark.long),
+        pytest.param("link.receive()", marks=pytest.mark.long),
         "list(link)",
-        "link.stats",
+        pytest.param("link.stats", marks=pytest.mark.long),
         "link.latest('pose')",
         "link.run(0.1); link.receive(60)",
         "link.request('query', timeout=60)",

@@ -39,7 +39,7 @@ def look(
     receive = Stats(received, frames, 0, 0, 0, received - discarded, 0, 0, {"no_start": discarded}, {}, counts)
     names = SendStats.__dataclass_fields__
     counted: dict[str, Any] = {name: sent.get(name, 0) for name in names}
-    return LinkStats(receive, SendStats(**counted | {"messages": left or {}}), 0, 0, 0, 0)
+    return LinkStats(receive, SendStats(**counted | {"messages": left or {}}), *[0] * 6)
 
 
 def even() -> Protocol:

@@ -60,7 +60,7 @@ def iterated(link: wirebond.Link) -> list[int]:
 
 
 @pytest.mark.parametrize("take", [received, iterated])
-@pytest.mark.parametrize("before", ["a question of plain send", "the thread routes"])
+@pytest.mark.parametrize("before", ["nothing", "a question of plain send", "the thread routes"])
 def test_a_handler_that_raises_anywhere_loses_no_message_and_doubles_none(
     take: Callable[[wirebond.Link], list[int]], before: str
 ) -> None:

@@ -120,6 +120,32 @@ def test_a_recording_has_them_in_messages_columns_and_exports(mcu: Mcu, tmp_path
     assert float(rows[-1]["stamp.t"]) == pytest.approx(table.stamp[-1], abs=1e-6)
 
 
+def recorded_stamps(file: Path, near: float) -> list[float]:
+    """How long before it came each message with a stamp was measured."""
+    states = (m for m in wirebond.recording.open(file).messages("mcu") if m.name == "state" and m.t >= near)
+    return [m.t - m.stamp for m in states if m.stamp is not None]
+
+
+def test_a_replay_has_those_of_the_recording(mcu: Mcu, tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    with wirebond.open(AXIS, mcu.port) as link, link.record(file):
+        states(link, 60)
+    with wirebond.open(AXIS, f"replay:{file}?speed=max") as link:
+        replayed = [m.t - m.stamp for m in link if m.name == "state" and m.stamp is not None]
+        with pytest.raises(wirebond.UsageError, match="asks no MCU"):
+            link.host_time(0)
+    expected = recorded_stamps(file, 0.0)
+    assert len(expected) >= 60
+    assert replayed == pytest.approx(expected, abs=2e-6)
+    second_half = wirebond.recording.open(file).duration / 2
+    expected = recorded_stamps(file, second_half)
+    with wirebond.open(AXIS, f"replay:{file}?speed=max&from={second_half}&loop=1") as link:
+        looped = states(link, 2 * len(expected) + 1)
+    for place, message in enumerate(looped):
+        assert message.stamp is not None
+        assert message.t - message.stamp == pytest.approx(expected[place % len(expected)], abs=2e-6)
+
+
 def test_the_command_line_and_typed_messages_have_them(
     mcu: Mcu, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from wirebond.counters import McuCounters
     from wirebond.diagnosis import Diagnosis, diagnose
     from wirebond.errors import (
+        EngineError,
         LateCommandError,
         LinkDownError,
         MessageError,
@@ -56,6 +57,7 @@ __all__ = [
     "Diagnosis",
     "Dump",
     "DumpEntry",
+    "EngineError",
     "Heard",
     "HostTime",
     "LateCommandError",
@@ -148,6 +150,8 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
+    if name == "_engine":
+        return _load_engine()
     if name == "recording":  # a module: `wirebond.recording.open`
         return import_module("wirebond.recording")
     if name not in _HOMES:
@@ -155,6 +159,24 @@ def __getattr__(name: str) -> object:
     found: object = getattr(import_module(f"wirebond.{_HOMES[name]}"), "open_link" if name == "open" else name)
     globals()[name] = found
     return found
+
+
+def _load_engine() -> object:
+    """``from wirebond import _engine`` comes here first."""
+    engine_interface = import_module("wirebond.engine_interface")
+    try:
+        engine = import_module("wirebond._engine")
+        engine_interface.verify(engine)
+    except ModuleNotFoundError as error:
+        if error.name != "wirebond._engine":
+            raise
+        from wirebond.errors import EngineError  # noqa: PLC0415
+
+        raise EngineError("the compiled engine is missing; run `make setup` in the repository") from None
+    except ImportError:
+        globals().pop("_engine", None)  # the next import shall not find it there
+        raise
+    return engine
 
 
 def __dir__() -> list[str]:

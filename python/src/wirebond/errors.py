@@ -42,6 +42,9 @@ class ProtocolFileError(WirebondError):
         self.problems: tuple[Problem, ...] = tuple(sorted(set(problems)))
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
+    def __reduce__(self) -> tuple[type[ProtocolFileError], tuple[tuple[Problem, ...]]]:
+        return type(self), (self.problems,)  # else a copy would be made from the text alone
+
 
 class HeaderFileError(WirebondError):
     """A C header cannot be imported. ``problems`` holds the reasons, at least one."""
@@ -50,9 +53,16 @@ class HeaderFileError(WirebondError):
         self.problems: tuple[Problem, ...] = tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
+    def __reduce__(self) -> tuple[type[HeaderFileError], tuple[tuple[Problem, ...]]]:
+        return type(self), (self.problems,)
+
 
 class ProtocolMismatchError(WirebondError):
     """Two that must have the same protocol have not: a generated module and the protocol file that it names."""
+
+
+class EngineError(WirebondError, ImportError):
+    """The compiled engine is missing, or was built from another version of the Python code."""
 
 
 class UsageError(WirebondError, ValueError):

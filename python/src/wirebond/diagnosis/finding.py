@@ -11,6 +11,8 @@ class Kind(StrEnum):
     BAUD = "baud"
     PARITY = "parity"
     ECHO = "echo"
+    NO_ECHO = "no_echo"
+    COLLISIONS = "collisions"
     TWO_WRITERS = "two_writers"
     RESETS = "resets"
     LOST_READS = "lost_reads"

@@ -38,7 +38,7 @@ def diagnose(link: Link, seconds: float = math.inf) -> list[Diagnosis]:
 
     :param link: an open one, or one that was just closed.
     :param seconds: how far it looks back, so that faults that are over are not told; default: as far as the bytes go.
-        A reset loop is told until its next start does not come.
+        A reset loop is reported until the next reset is overdue.
     :returns: causes that the bytes speak for; one of kind ``unknown`` where something is wrong and none is found.
     """
     dump = link.dump()
@@ -63,11 +63,12 @@ def diagnose_dump(dump: Dump, baud: int, seconds: float = math.inf) -> list[Diag
     """
     resets = _resets(dump, seconds)
     dump = recent(dump, seconds)
+    collided = _collisions(dump)
     received = [e for e in dump.entries if e.direction == "received"]
     data = b"".join(e.bytes for e in received)
+    found = [one for one in (collided or _echo(dump), resets) if one is not None]
     if not data:
-        return [resets] if resets is not None else _silence(dump)
-    found = [one for one in (_echo(dump), resets) if one is not None]
+        return found or _silence(dump)
     bad = sum(len(e.bytes) for e in received if e.kind == "discarded")
     if len(data) < _LEAST_BYTES or bad < _BAD * len(data):
         return found
@@ -125,8 +126,33 @@ def _echo(dump: Dump) -> Diagnosis | None:
         Kind.ECHO,
         "What the host sends comes back to it",
         f"{back} of {len(times)} sent frames were received again",
-        "On one wire or RS-485 the adapter hears itself: switch its echo off, or its receiver while it sends. Else "
-        "look for a bridge between transmit and receive, or a peer that repeats what it gets.",
+        "On one wire or RS-485 the adapter hears itself: write `echo: true` under `link` of the protocol file, or "
+        "switch its receiver off while it sends. Else look for a bridge between transmit and receive, or a peer that "
+        "repeats what it gets.",
+    )
+
+
+def _collisions(dump: Dump) -> Diagnosis | None:
+    """Frames that did not come back as they were sent, on a line that echoes."""
+    collided = sum(piece.kind == "port_collision" for piece in dump.pieces)
+    if collided < _LEAST:
+        return None
+    sent = max(sum(piece.kind == "sent" for piece in dump.pieces), collided)
+    evidence = f"{collided} of {sent} sent frames did not come back as they were sent"
+    if collided > 0.9 * sent:
+        return Diagnosis(
+            Kind.NO_ECHO,
+            "What is sent does not come back, and the protocol file says `echo: true`",
+            evidence,
+            "Is the transceiver's driver enabled while this end sends, and its receiver always? If the adapter does "
+            "not hear itself, remove `echo: true` from `link` of the protocol file.",
+        )
+    return Diagnosis(
+        Kind.COLLISIONS,
+        "Two ends send at the same time",
+        evidence,
+        "Let one end begin and the others answer; look for two devices with one address, and for a driver that is "
+        "enabled for too long.",
     )
 
 

@@ -44,6 +44,8 @@ def read_capture(source: str) -> bytes:
     if source != "-":
         if "\0" in source:
             raise UsageError("no file's name has a zero byte in it; name the capture")
+        if source.startswith(("sim:", "replay:")):
+            raise UsageError(f"{source} knows its protocol; name the tty or tcp:// of a line, or a file with its bytes")
         with Path(source).open("rb") as file:
             return file.read(MOST_BYTES)
     data = bytearray()

@@ -25,7 +25,7 @@ class SendStats:
     sent: int  #: handed to the port whole
     sent_bytes: int
     queued: int  #: waiting now, or under way
-    replaced: int  #: a repeated value or a stop, by the next one of its message
+    replaced: int  #: a repeated value, a stop or one of `queue: latest`, by the next one of its message
     expired: int  #: the port went away, or it waited longer than the file's ``max_age``
     overruled: int  #: waited when a stop, a safe value or ``stop_repeating`` dropped it
     aborted: int  #: the port went away in its middle
@@ -44,4 +44,6 @@ class LinkStats:
     late: int  #: as old as the shortest of their deadlines at the host: not given to the program
     held_back: int  #: one of their deadlines with ``recover: explicit`` had struck: not given to the program
     reconnects: int  #: times that the port came back
+    echoed_bytes: int  #: own bytes that came back, where the file says ``echo: true``; not in ``receive``
+    collisions: int  #: frames that did not come back as they were sent, where the file says ``echo: true``
     handler_errors: int = 0  #: times that a handler raised

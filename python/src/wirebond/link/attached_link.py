@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Literal
 
 import msgspec
@@ -35,6 +35,7 @@ from wirebond.errors import (
 from wirebond.link.attached_requests import TAKEN, AttachedRequests
 from wirebond.link.clock_line import ClockLine
 from wirebond.link.ends import other
+from wirebond.link.engine_settings import SafeValue
 from wirebond.protocol.loader import loads
 from wirebond.protocol.model import End
 
@@ -111,6 +112,11 @@ class AttachedLink:
         )
         return self._command(request, number)
 
+    def send_all(self, frames: list[tuple[int, bytes]]) -> list[int | WirebondError]:
+        """All requests go out before the first answer is waited for."""
+        messages = self._codec.model.messages
+        return self._commands([words.Send(message=messages[index].name, frame=frame) for index, frame in frames])
+
     def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool, address: int) -> int:  # noqa: ARG002
         name = self._codec.model.messages[message].name
         return self._command(words.Repeat(message=name, frame=frame, hold=hold, takes_number=takes_number), 0)
@@ -118,7 +124,7 @@ class AttachedLink:
     def stop_repeating(self, message: int, address: int | None = None) -> None:
         self._call(words.StopRepeating(message=self._codec.model.messages[message].name, address=address))
 
-    def note_safe(self, safe: tuple[int, bytes, int, float, int, bool]) -> bool:  # noqa: ARG002
+    def note_safe(self, safe: SafeValue) -> bool:  # noqa: ARG002
         return True  # the server knows the file's stop, and where frames went
 
     def end_safely(self, message: int, address: int) -> bool:
@@ -192,6 +198,10 @@ class AttachedLink:
         """The number of the request that this message answers; 0: of none; ``TAKEN``: one of the server's own."""
         with self._lock:
             return self._questions.pop(message.offset, 0)
+
+    def know_question_of(self, messages: Sequence[Message]) -> bool:
+        """False: ``question_of`` is 0 for each of these."""
+        return bool(self._questions) and any(message.offset in self._questions for message in messages)
 
     # ---- receiving
 
@@ -374,6 +384,39 @@ class AttachedLink:
             answer = self._exchange(request, number)
         except LinkDownError:
             return _DOWN
+        return self._result(answer)
+
+    def _commands(self, requests: list[words.Send]) -> list[int | WirebondError]:
+        if self.is_closed() or self._socket is None:
+            return [_DOWN] * len(requests)
+        calls = []
+        with self._owned():
+            for request in requests:
+                self._number += 1
+                request.id, request.tick = self._number, self._tick
+                calls.append(_Call())
+                self._calls[request.id] = calls[-1]
+        try:
+            self._write_all(requests)
+            until = time.monotonic() + _PATIENCE
+            for call in calls:
+                call.done.wait(max(until - time.monotonic(), 0.0))
+        except LinkDownError:
+            pass  # calls without an answer say so
+        finally:
+            with self._lock:
+                for request in requests:
+                    self._calls.pop(request.id, None)
+        results: list[int | WirebondError] = []
+        for call in calls:
+            try:
+                results.append(self._result(call.answer) if call.answer else _DOWN)
+            except WirebondError as error:
+                results.append(error)
+        return results
+
+    def _result(self, answer: dict[str, Any]) -> int:
+        """As the engine's answer; what the engine does not know is raised."""
         error = answer.get("error")
         if error is None:
             return 0
@@ -416,7 +459,10 @@ class AttachedLink:
         return call.answer
 
     def _write(self, request: words._Request) -> None:
-        data = words.json_message(request)
+        self._write_all([request])
+
+    def _write_all(self, requests: Sequence[words._Request]) -> None:
+        data = b"".join(map(words.json_message, requests))
         with self._write_lock:
             found = self._socket
             if found is None:

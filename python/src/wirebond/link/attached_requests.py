@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from wirebond.codec import Codec, Message
@@ -62,6 +62,10 @@ class AttachedRequests(RequestBook):
         if known is not None:
             question.carried, question.others = known["carried"], known["others"]
             question.since = question.since if known["was_sent"] else 0.0
+
+    def may_take(self, messages: Sequence[Message]) -> bool:
+        """See ``RequestBook``."""
+        return self._engine.know_question_of(messages)
 
     def take(self, message: Message) -> bool:
         """See ``RequestBook``."""

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import repeat
 from operator import call
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -48,9 +49,9 @@ class _Handler:
     unreported: int = 0
 
 
-def move_first(source: deque[Any], target: SimpleQueue[Any]) -> None:
-    """In one call of C: no signal comes between."""
-    deque(map(target.put, map(call, (source.popleft,))), maxlen=0)
+def move(source: deque[Any], target: SimpleQueue[Any], count: int) -> None:
+    """The first ``count``, in one call of C: no signal comes between."""
+    deque(map(target.put, map(call, repeat(source.popleft, count))), maxlen=0)
 
 
 class Handlers:
@@ -106,15 +107,15 @@ class Handlers:
                 self._thread = threading.Thread(target=self._run, name=f"handlers of {self._place}", daemon=True)
                 self._thread.start()
 
-    def want(self, message: Message) -> bool:
-        """Is there a handler for it?"""
-        return any(h.name is None or h.name == message.name for h in self._of_messages)
+    def want(self, name: str) -> bool:
+        """Is there a handler for messages of this name?"""
+        return any(h.name is None or h.name == name for h in self._of_messages)
 
-    def move_from(self, messages: deque[Message]) -> None:
-        """The first of these waits for its turn from now on. One thread at a time."""
-        if self._queue.qsize() >= MAX_WAITING:
-            self._drop_oldest()
-        move_first(messages, self._queue)
+    def move_from(self, messages: deque[Message], count: int) -> None:
+        """The first ``count`` of these wait for their turn from now on. One thread at a time."""
+        move(messages, self._queue, count)
+        while self._queue.qsize() > MAX_WAITING and self._drop_oldest():
+            pass
 
     def put_change(self, action: str, struck: bool, t: float, remove: Callable[[], object]) -> None:
         """A deadline has struck or ended; ``remove``, of C, takes it away from where it came from. One thread at a

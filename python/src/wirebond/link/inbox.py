@@ -16,14 +16,16 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from operator import call
+from functools import partial
+from itertools import repeat, takewhile
+from operator import attrgetter, call, is_not
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from wirebond.codec import Codec, Message
 from wirebond.errors import LinkDownError
 from wirebond.link.ends import other
-from wirebond.link.handlers import Handlers, move_first
+from wirebond.link.handlers import Handlers, move
 from wirebond.link.requests import RequestBook
 from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 
 MAX_WAITING = 65536  # messages that wait to be taken; then the oldest are dropped, counted
 MAX_SENDERS = 4096  # addresses whose newest message is kept, of each message
+_NAME = attrgetter("name")
 _WAIT = 60.0  # seconds that the thread waits at once
 _CLOSING = 2.0  # seconds: longer than a link takes to close
 _TURN = 0.25  # seconds that a caller waits in the engine before it looks whether the thread has begun
@@ -118,8 +121,9 @@ class Inbox:
                 return False
 
     def look(self) -> None:
-        """Get what has come, so that ``take_now`` gives it."""
-        self._pull(0.0)
+        """Where messages wait to be taken, get what has come since then, so that ``take_rest`` gives it, too."""
+        if self._given_back or not self._queue.empty():
+            self._pull(0.0)
 
     def take_now(self, taken: list[Message]) -> bool:
         """Append the next message that waits here; False: there is none.
@@ -131,8 +135,12 @@ class Inbox:
     def take_rest(self, taken: list[Message]) -> None:
         """Append all that wait here. That there will be none any more, the next call says."""
         with contextlib.suppress(LinkDownError):
-            while self._wait(0.0, taken):
+            while self._given_back and self._wait(0.0, taken):
                 pass
+        with contextlib.suppress(Empty):  # of the last call
+            get: Callable[[], Any] = self._queue.get_nowait
+            taken.extend(takewhile(partial(is_not, None), map(call, repeat(get))))
+            self._queue.put(None)  # that there will be none is for the next caller
 
     def give_back(self, messages: list[Message]) -> None:
         """They were taken last, and go nowhere: the next caller takes them."""
@@ -153,6 +161,8 @@ class Inbox:
                 raise self._closed()
             taken.append(found[0])
         except Empty:
+            if self.ended.is_set() and self._queue.empty():
+                raise self._closed() from None
             return False
         except BaseException:
             for message in found:
@@ -231,18 +241,18 @@ class Inbox:
         if self._relay is not None:
             return
         with self._lock:
-            self._make_room()
             self._queue.put(message)
+            self._drop_oldest()
         self._tell()
 
-    def _make_room(self) -> None:
-        if self._queue.qsize() >= MAX_WAITING:
-            with contextlib.suppress(Empty):
+    def _drop_oldest(self) -> None:
+        with contextlib.suppress(Empty):
+            while self._queue.qsize() > MAX_WAITING:
                 self._dropped += self._queue.get_nowait() is not None
 
     def give_reply_back(self, reply: Message) -> None:
         """The request that took it does not wait for it any more. Handlers have had it, where there are any."""
-        if not self.handlers.want(reply):
+        if not self.handlers.want(reply.name):
             self.give(reply)
 
     def end(self) -> None:
@@ -309,6 +319,7 @@ class Inbox:
                 came: list[Message] = []
                 taken: list[Message] = []
                 changes: list[tuple[str, int, int]] = []
+                self._route_together()
                 while self._arrived or self._changed:
                     if self._changed and not (self._arrived and self._arrived[0].t <= self._changed[0][1] / 1e6):
                         changes.append(self._changed[0])
@@ -325,6 +336,25 @@ class Inbox:
                 self._is_routing = False
         return has_come
 
+    def _route_together(self) -> None:
+        """Where all that arrived goes to one place, move it in a few calls of C. Else it is looked at one by one."""
+        count = len(self._arrived)
+        if count == 0 or self._changed or self._relay is not None or self._sender is not None:
+            return
+        names = set(map(_NAME, self._arrived))
+        wanted = set(map(self.handlers.want, names))
+        watched = self._watchers.keys() & names
+        if len(wanted) > 1 or watched or self.requests.may_take(self._arrived):
+            return
+        self._newest.update(zip(map(_NAME, self._arrived), self._arrived, strict=True))
+        if wanted.pop():
+            self.handlers.move_from(self._arrived, count)
+        else:
+            move(self._arrived, self._queue, count)
+            self._drop_oldest()
+            self._tell()
+        self.relayed += count
+
     def _route(self, message: Message) -> bool:
         """The first that arrived goes where it belongs. True: it answered a request."""
         self._note(message)
@@ -332,13 +362,13 @@ class Inbox:
         if watcher is not None:
             watcher(message)
         is_taken = self.requests.take(message)
-        if self.handlers.want(message):
-            self.handlers.move_from(self._arrived)
+        if self.handlers.want(message.name):
+            self.handlers.move_from(self._arrived, 1)
         elif is_taken or self._relay is not None:
             self._arrived.popleft()
         else:
-            self._make_room()
-            move_first(self._arrived, self._queue)
+            move(self._arrived, self._queue, 1)
+            self._drop_oldest()
             self._tell()
         return is_taken
 

@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING, Any, Self
 from wirebond.attach.address import SCHEME, server_address
 from wirebond.attach.words import Control
 from wirebond.codec import Codec, load, refuse_option_for_field, stats_from
-from wirebond.errors import LinkDownError, MessageError, PortError, QueueFullError, StoppedError, UsageError
+from wirebond.errors import (
+    LinkDownError,
+    MessageError,
+    PortError,
+    QueueFullError,
+    StoppedError,
+    UsageError,
+    WirebondError,
+)
 from wirebond.link import ending
 from wirebond.link.accounts import LinkStats, SendStats
 from wirebond.link.attached_link import AttachedLink, codec_of_server
@@ -148,7 +156,7 @@ class Link(Receiving):
                 self._engine,
                 self._inbox,
                 says_hello=hello and asks,
-                syncs_clock=clock_sync and asks and self._end == End.HOST,
+                syncs_clock=clock_sync and asks and self._end == End.HOST and not name.recording,
             )
         self._meter = RateMeter(model, speed, self.stats, time.monotonic(), other(self._end))
         self._meter_lock = threading.Lock()
@@ -179,7 +187,8 @@ class Link(Receiving):
         """
         name, given = name_and_values(message, values, fields)
         model = self._own_message(name)
-        refuse_option_for_field("send", model, {"header": header}, given)
+        if header is not None:
+            refuse_option_for_field("send", model, {"header": header}, given)
         if model.reply is None:
             self._leave(name, given, header)()
             return
@@ -440,7 +449,7 @@ class Link(Receiving):
         """Both accounts, exact at this moment. Any thread."""
         raw = self._engine.stats()
         send = SendStats(**raw.pop("send"))
-        rest = {name: raw.pop(name) for name in ("late", "held_back", "reconnects")}
+        rest = {name: raw.pop(name) for name in ("late", "held_back", "reconnects", "echoed_bytes", "collisions")}
         dropped = raw.pop("dropped_messages") + self._inbox.dropped
         return LinkStats(stats_from(raw), send, dropped, **rest, handler_errors=self._inbox.handlers.errors)
 
@@ -582,16 +591,38 @@ class Link(Receiving):
         """Does the link raise the frame's sequence number? Not where the caller gave it."""
         return header is None or not any(field.is_sequence and field.name in header for field in self._header)
 
+    def _sends_plain(self, name: str) -> bool:
+        """Are the frames of this message all that `send` needs: no reply is awaited, and there are no addresses?"""
+        has_address = self._address_field is not None or self.codec._address is not None
+        return self._own_message(name).reply is None and not has_address
+
+    def _send_all(self, frames: list[tuple[int, bytes]]) -> list[WirebondError | None]:
+        """As `send` for each of these frames, with the index of its message, for which `_sends_plain` holds; what
+        refused it, or None. It costs a fraction for each. Any thread."""
+        answers = self._engine.send_all(frames)
+        if not any(answers):
+            return [None] * len(answers)
+        names = [self.codec.model.messages[index].name for index, _ in frames]
+        return [
+            answer if isinstance(answer, WirebondError) else self._refusal(name, answer) if answer else None
+            for name, answer in zip(names, answers, strict=True)
+        ]
+
     def _raise_for(self, message: str, answer: int) -> None:
+        if answer:
+            raise self._refusal(message, answer)  # a name for it would hold this frame, and so the link
+
+    def _refusal(self, message: str, answer: int) -> WirebondError:
+        """What the engine's answer means, which is not 0."""
         if answer == _STOPPED:
-            raise StoppedError(message, (stop.message for stop in self.codec.model.emergency_stop))
+            return StoppedError(message, (stop.message for stop in self.codec.model.emergency_stop))
         if answer == _DOWN and self._engine.is_closed():
-            raise LinkDownError(f"the link to {self.port} is closed; {message} was not sent")
+            return LinkDownError(f"the link to {self.port} is closed; {message} was not sent")
         if answer == _DOWN:
             why = self.why or f"{self.port} was not connected a moment ago; try again"
-            raise LinkDownError(f"{message} was not sent: {why}")
-        if answer == _FULL:
-            raise QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
+            return LinkDownError(f"{message} was not sent: {why}")
+        assert answer == _FULL
+        return QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
 
     def _own_message(self, message: str) -> Message:
         """A message that this end sends.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -237,7 +238,7 @@ class Parameters:
             )
         value = fields["value"]
         if self._value.kind == FieldKind.FLOAT and self._value.size == 4:
-            value = _shortest(value)
+            value = shortest(value)
         result = fields["result"]
         number = self._result.get(result, result)
         if number == _OK:
@@ -257,7 +258,7 @@ def _whole(text: object) -> int | None:
     return int(str(text)) if is_index else None
 
 
-def _shortest(value: float) -> float:
+def shortest(value: float) -> float:
     """The shortest decimal number that a float of 32 bits holds as this one: 0.1, not 0.10000000149011612."""
     for digits in range(6, 9):
         short = float(f"{value:.{digits}g}")
@@ -287,7 +288,7 @@ def _read_file(path: Path) -> dict[str, Any]:
     if len(data) > _MOST_BYTES:
         raise ParameterError(f"{path} has more than {_MOST_BYTES} bytes; it is no file of parameters")
     try:
-        text = data.decode("utf-8")
+        text = data.decode("utf-8-sig")
         found = (
             json.loads(text, object_pairs_hook=_unique) if kind == "JSON" else YAML(typ="safe", pure=True).load(text)
         )
@@ -299,7 +300,11 @@ def _read_file(path: Path) -> dict[str, Any]:
         raise ParameterError(f"{path}: it cannot be read as {kind}: {str(error)[:200]}") from None
     if not isinstance(found, dict) or not found:
         raise ParameterError(f"{path}: expected names and values, such as `kp: 1.5`, one a line")
-    return {str(name): value for name, value in found.items()}
+    named = {str(name): value for name, value in found.items()}
+    if len(named) < len(found):  # `1` and `"1"` of YAML are one parameter
+        twice = next(name for name, count in Counter(map(str, found)).items() if count > 1)
+        raise ParameterError(f"{path}: {twice} stands there twice; remove one of them")
+    return named
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from wirebond import _engine
 from wirebond.codec import Message
 from wirebond.errors import LinkDownError, PortError
+from wirebond.link.engine_settings import EngineSettings, SafeValue
 from wirebond.link.python_ports import PythonOpener, PythonPort
 
 if TYPE_CHECKING:
@@ -42,7 +43,6 @@ class PythonLink:
     can be taken again by its owner, and no one waits for a thread while holding it.
 
     :param opener: opens the port; here first, before this returns.
-    :param settings: what ``wirebond.link.engine_settings`` gives.
     :param waits: a port that cannot be opened is no error.
     :param clock: microseconds; a replay has one of its own.
     :param waits_for_reader: nothing more is read while messages wait to be taken: for a replay as fast as possible.
@@ -54,7 +54,7 @@ class PythonLink:
         protocol: _engine.ProtocolTable,
         receive: _engine.FormatTable,
         opener: PythonOpener | ReplayOpener,
-        settings: dict[str, Any],
+        settings: EngineSettings,
         waits: bool,
         clock: Callable[[], int] = _now,
         waits_for_reader: bool = False,
@@ -100,6 +100,13 @@ class PythonLink:
             self._wake_if_late()
             return answer
 
+    def send_all(self, frames: list[tuple[int, bytes]]) -> list[int]:
+        with self._owned():
+            now = self._clock()
+            answers = [self._core.send(message, frame, -1, now) for message, frame in frames]
+            self._wake_if_late()
+            return answers
+
     def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool, address: int) -> int:
         with self._owned():
             answer = self._core.repeat(message, frame, hold, reply, self._clock(), takes_number, address)
@@ -110,7 +117,7 @@ class PythonLink:
         with self._owned():
             self._core.stop_repeating(message, address)
 
-    def note_safe(self, safe: tuple[int, bytes, int, float, int, bool]) -> bool:
+    def note_safe(self, safe: SafeValue) -> bool:
         with self._owned():
             return self._core.note_safe(safe)
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 from wirebond.codec import Codec, Message
@@ -19,6 +20,7 @@ from wirebond.protocol.model import End
 from wirebond.protocol.plan import plan_for, told_by_request
 from wirebond.protocol.replies import carried_back, identifying
 
+_NAME = attrgetter("name")
 DEFAULT_TIMEOUT = 1.0  # seconds
 MAX_TIMEOUT = 3600.0  # seconds: a longer wait is a mistake
 _OWN_SEND = 1.0  # seconds that the reply to a message of plain `send` may take
@@ -108,6 +110,11 @@ class RequestBook:
             if question in asked and not self._carried_names(question):  # a late reply could be any
                 self._asked[question.reply].remove(question)
             self._next()
+
+    def may_take(self, messages: Sequence[Message]) -> bool:
+        """False: ``take`` refuses each of these, which came before now."""
+        is_looked_for = self._looked_for is not None and self._looked_for[0] is messages[0]
+        return is_looked_for or any(map(self._asked.get, set(map(_NAME, messages))))
 
     def take(self, message: Message) -> bool:
         """Give a received message to the request that it answers. False: no request waits for it."""

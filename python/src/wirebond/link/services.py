@@ -115,6 +115,10 @@ class Services:
     def host_time(self, mcu_us: int, near: float) -> HostTime:
         """See ``Link``."""
         if self._clock is None:
+            if self._place.startswith("replay:"):
+                raise UsageError(
+                    "a replay asks no MCU for its clock; message.stamp is known where the recorded link asked it"
+                )
             raise UsageError("this link does not follow the MCU's clock; open it with clock_sync=True")
         if self._clock.sync is None:
             raise UsageError(self._clock.why)

@@ -11,11 +11,12 @@ from wirebond import _engine
 from wirebond.codec import Codec
 from wirebond.errors import UsageError
 from wirebond.link.ends import actions_at, other, own_address_field
+from wirebond.link.engine_settings import EngineAddressing, EngineDeadline, EngineSettings, SafeValue
 from wirebond.link.python_link import PythonLink
 from wirebond.link.python_ports import LineSettings, PythonOpener
 from wirebond.ports.port_name import ADAPTER_LATENCY, PortName
 from wirebond.protocol.forms import header_fields
-from wirebond.protocol.model import MAX_LATENCY, Address, End, Recover, StopMessage
+from wirebond.protocol.model import MAX_LATENCY, Address, End, Queue, Recover, StopMessage
 from wirebond.protocol.plan import plan_for, told_by_request
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ HAS_ENGINE_PORTS = hasattr(_engine, "Link")  #: the engine opens ttys and TCP co
 
 
 def open_engine(
-    codec: Codec, end: End, port: PortName, settings: dict[str, Any], waits: bool
+    codec: Codec, end: End, port: PortName, settings: EngineSettings, waits: bool
 ) -> _engine.Link | PythonLink:
     """The link below a `Link`, with its port open.
 
@@ -45,11 +46,14 @@ def open_engine(
     protocol, receive = codec._table, codec._format_for(other(end))
     if port.recording:
         opener = replay_opener(port, end)
-        return PythonLink(protocol, receive, opener, settings, waits, opener.clock.now_us, opener.waits_for_reader)
+        link = PythonLink(protocol, receive, opener, settings, waits, opener.clock.now_us, opener.waits_for_reader)
+        if (stamper := opener.stamper(codec)) is not None:
+            link.set_stamper(stamper)
+        return link
     if HAS_ENGINE_PORTS and not port.is_rfc2217:
         return _engine.Link(protocol, receive, engine_port(port, waits), settings)
-    line = LineSettings(settings["baud"], settings["data_bits"], settings["parity"], settings["stop_bits"])
-    silence = settings["pause_seconds"] or _LONGEST_READ  # that ends a frame
+    line = LineSettings(settings.baud, settings.data_bits, settings.parity, settings.stop_bits)
+    silence = settings.pause_seconds or _LONGEST_READ  # that ends a frame
     wait = min(max(silence / 2, _SHORTEST_READ), _LONGEST_READ)
     return PythonLink(protocol, receive, PythonOpener(port, line, wait, ROOT), settings, waits)
 
@@ -92,34 +96,38 @@ def engine_settings(
     hold_back: bool = True,
     adapter_latency: float = 0.0,
     end: End = End.HOST,
-) -> dict[str, Any]:
+) -> EngineSettings:
     """What the engine's link takes from the protocol. ``end``: the one that the link plays."""
     model = codec.model
     actions = actions_at(codec, end)
-    return {
-        "baud": baud,
-        "paced": paced,
-        "hold_back": hold_back,
-        "recent_bytes": recent_bytes(baud, model.link.bits_per_byte),
-        "data_bits": model.link.data_bits,
-        "parity": model.link.parity,
-        "stop_bits": round(model.link.stop_bits),
-        "bits_per_byte": math.ceil(model.link.bits_per_byte),
-        "idle_seconds": model.idle_seconds + adapter_latency,
-        "pause_seconds": model.idle_seconds if model.format.ends_by_silence else 0.0,
-        "send_pause_seconds": model.pause_seconds,
-        "max_age_seconds": model.link.max_age or 0.0,
-        "largest_frame": model.max_wire_bytes(),
-        "send": codec._format_for(end),
-        "every": [m.every if m.sent_by(end) and m.every is not None else 0.0 for m in model.messages],
-        "stop": [safe_value(codec, stop, None) for stop in model.emergency_stop if end == End.HOST],
-        "addressing": _addressing(codec, end),
-        "deadlines": [
-            (codec._index_of(d.message), round(d.after * 1e6), actions.index(d.then), d.recover == Recover.EXPLICIT)
+    return EngineSettings(
+        baud=baud,
+        data_bits=model.link.data_bits,
+        parity=model.link.parity,
+        stop_bits=round(model.link.stop_bits),
+        paced=paced,
+        bits_per_byte=math.ceil(model.link.bits_per_byte),
+        send=codec._format_for(end),
+        send_pause_seconds=model.pause_seconds,
+        max_age_seconds=model.link.max_age or 0.0,
+        echo=model.link.echo,
+        largest_frame=model.max_wire_bytes(),
+        every=tuple(m.every if m.sent_by(end) and m.every is not None else 0.0 for m in model.messages),
+        latest=tuple(m.queue == Queue.LATEST and m.reply is None and m.sent_by(end) for m in model.messages),
+        stop=tuple(safe_value(codec, stop, None) for stop in model.emergency_stop if end == End.HOST),
+        idle_seconds=model.idle_seconds + adapter_latency,
+        pause_seconds=model.idle_seconds if model.format.ends_by_silence else 0.0,
+        addressing=_addressing(codec, end),
+        deadlines=tuple(
+            EngineDeadline(
+                codec._index_of(d.message), round(d.after * 1e6), actions.index(d.then), d.recover == Recover.EXPLICIT
+            )
             for d in model.deadlines
             if d.at == end
-        ],
-    }
+        ),
+        hold_back=hold_back,
+        recent_bytes=recent_bytes(baud, model.link.bits_per_byte),
+    )
 
 
 def recent_bytes(baud: int, bits_per_byte: float) -> int:
@@ -128,9 +136,7 @@ def recent_bytes(baud: int, bits_per_byte: float) -> int:
     return round(min(max(full_line, LEAST_RECENT), MOST_RECENT))
 
 
-def safe_value(
-    codec: Codec, stop: StopMessage, header: Mapping[str, Any] | None
-) -> tuple[int, bytes, int, float, int, bool]:
+def safe_value(codec: Codec, stop: StopMessage, header: Mapping[str, Any] | None) -> SafeValue:
     """What the engine takes for one message of the stop. ``header``: of a frame whose addresses shall have it, too;
     None: what the file says. Only the addresses of that header are taken: with a flag such as "wait for the trigger"
     it would be no stop."""
@@ -140,7 +146,7 @@ def safe_value(
         receiver = plan_for(codec.model, End.HOST).header[codec._address]
         given[receiver.name] = header.get(receiver.name, receiver.default(End.HOST))
     covered = codec._address_of(dict(stop.header)) in codec._broadcasts
-    return (
+    return SafeValue(
         codec._index_of(stop.message),
         codec.encode(stop.message, dict(stop.values), header=given),
         reply_index(codec, stop.message),
@@ -150,19 +156,18 @@ def safe_value(
     )
 
 
-def _addressing(codec: Codec, end: End) -> dict[str, Any]:
-    """Which received frames are foreign: `HostAddressing::Rules`."""
+def _addressing(codec: Codec, end: End) -> EngineAddressing:
     asks, answers = plan_for(codec.model, end), plan_for(codec.model, other(end))
     own = own_address_field(codec, end)
     by_mcu = end == End.HOST and asks.address is not None and asks.header[asks.address].address == Address.MCU
-    return {
-        "receiver_place": -1 if answers.address is None else answers.address,
-        "sender_place": answers.peer if by_mcu and answers.peer is not None else -1,
-        "own": 0 if own is None else own[0].value.wire_bits(own[1]),
-        "only_last_asked": bool(told_by_request(codec.model.messages, other(end))),
-        "broadcast": list(asks.broadcast or answers.broadcast),
-        "more_addresses": 0 if asks.address is None else MORE_ADDRESSES,
-    }
+    return EngineAddressing(
+        receiver_place=-1 if answers.address is None else answers.address,
+        sender_place=answers.peer if by_mcu and answers.peer is not None else -1,
+        own=0 if own is None else own[0].value.wire_bits(own[1]),
+        only_last_asked=bool(told_by_request(codec.model.messages, other(end))),
+        broadcast=tuple(asks.broadcast or answers.broadcast),
+        more_addresses=0 if asks.address is None else MORE_ADDRESSES,
+    )
 
 
 def reply_index(codec: Codec, message: str) -> int:

@@ -87,6 +87,8 @@ def run(mcu: VirtualMcu, port: PtyPort, until: float, on_event: Callable[[str], 
     """Serve until ``time.monotonic()`` reaches ``until``; KeyboardInterrupt ends it early."""
     while (now := time.monotonic()) < until:
         data = port.read(min(_TICK, until - now))
+        if mcu.codec.model.link.echo:
+            port.write(data)  # the line brings back what the host sends
         port.write(mcu.feed(data, time.monotonic()))
         port.write(mcu.tick(time.monotonic()))
         for event in mcu.events:

@@ -58,6 +58,11 @@ class Behaviour:
         self._rhythms: list[_Rhythm] = []
         self._sending: list[tuple[str, Values]] = []
         self._reports: list[str] = []
+        self._recovered: list[str] = []
+        try:
+            script.open("rb").close()
+        except OSError as error:
+            raise UsageError(f"{script} cannot be read: {error.strerror}; name a file in Python") from None
         found = self._call(runpy.run_path, str(script)).get("setup")
         if not callable(found):
             raise UsageError(f"{script}: expected a function setup(mcu); wirebond.sim.script has an example")
@@ -107,18 +112,25 @@ class Behaviour:
         """A line for the operator."""
         self._reports.append(text)
 
+    def recover(self, action: str) -> None:
+        """End a deadline of the MCU with ``recover: explicit``: its message acts again."""
+        actions = sorted({d.then for d in self.codec.model.deadlines if d.at == End.MCU})
+        if action not in actions:
+            raise UsageError(f"the MCU has no deadline with `then: {action}`; it has {', '.join(actions) or 'none'}")
+        self._recovered.append(action)
+
     # ---- for the virtual MCU
 
     def heard(self, message: Message) -> dict[str, Any]:
         """Values of its reply."""
         values: dict[str, Any] = {}
         for function in self._on.get(message.name, ()):
-            values |= dict(self._call(function, message) or {})
+            values |= self._values(function, message)
         return values
 
     def filled(self, name: str, t: float) -> dict[str, Any]:
         function = self._fill.get(name)
-        return {} if function is None else dict(self._call(function, t) or {})
+        return {} if function is None else self._values(function, t)
 
     def tick(self, t: float) -> None:
         for rhythm in self._rhythms:
@@ -135,6 +147,24 @@ class Behaviour:
         taken, self._reports = self._reports, []
         return taken
 
+    def take_recovered(self) -> list[str]:
+        taken, self._recovered = self._recovered, []
+        return taken
+
+    def mistake(self, error: WirebondError) -> UsageError:
+        """For values that no frame can have: which function gave them is not known any more."""
+        return UsageError(f"{self._script}: {error}")
+
+    def _values(self, function: Callable[..., Any], argument: object) -> dict[str, Any]:
+        found = self._call(function, argument)
+        if found is None:
+            return {}
+        if not isinstance(found, Mapping):
+            code = getattr(function, "__code__", None)
+            where = f"{self._script}:{code.co_firstlineno}" if code is not None else str(self._script)
+            raise UsageError(f"{where}: the function gave {found!r}; expected a dict of values by field, or nothing")
+        return dict(found)
+
     def _verify(self, name: str, end: End) -> None:
         names = [m.name for m in self.codec.model.messages if m.sent_by(end)]
         if name not in names:
@@ -144,7 +174,7 @@ class Behaviour:
     def _call(self, function: Callable[..., Any], *arguments: Any) -> Any:
         try:
             return function(*arguments)
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # the command ends by itself: a script that ends it is a mistake
             lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(self._script)]
             if isinstance(error, SyntaxError) and error.filename == str(self._script):
                 lines.append(error.lineno)

@@ -3,7 +3,8 @@
 It sends every MCU message that has ``every`` with moving values, answers requests (a field of the reply that has the
 request's name and kind carries its value back, and a list has as many elements as the request asks for with the field
 that ``asked_by`` names) from the address that was asked, serves hello, clock and parameters, says its own counters,
-stamps messages with a clock of its own, and keeps the deadlines at ``mcu``, of each address by itself.
+stamps messages with a clock of its own, applies the rules of the fields, and keeps the deadlines at ``mcu``, of each
+address by itself.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wirebond.codec import Codec, Message, Stats
+from wirebond.errors import MessageError
 from wirebond.protocol.counters import COUNTERS
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import fitted_values
@@ -23,6 +25,7 @@ from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.plan import plan_for
 from wirebond.protocol.replies import carried_back
 from wirebond.protocol.stamps import count_us, stamp_of
+from wirebond.sim.field_rules import clamped, refusing
 from wirebond.sim.script import Behaviour
 
 _WAVE_HZ = 0.2  # of the made-up values
@@ -69,10 +72,11 @@ class VirtualMcu:
     events: list[str] = field(default_factory=list)  # sentences for the operator; the caller empties it
     foreign: int = 0  # frames for an address that it does not play
     held_back: int = 0  # messages that did not act, because a deadline with `recover: explicit` had struck
+    rejected: int = 0  # messages that did not act, because a value breaks its field's rule
 
     def __post_init__(self) -> None:
         model = self.codec.model
-        self._decoder = self.codec.decoder("host")
+        self._decoder = refusing(self.codec).decoder("host")
         self._addressing = _Addressing(self.codec, self.addresses)
         self._due = {m.name: self.start for m in model.messages if m.sent_by(End.MCU) and m.every is not None}
         self._devices = {bits: self._device(one, self.start) for bits, one in self._addressing.devices.items()}
@@ -83,6 +87,8 @@ class VirtualMcu:
         self._hello_due = model.service("hello") is not None
         self._waiting: deque[bytes] = deque()  # frames
         self._silent_until = self.start
+        self._told_rejected: set[str] = set()  # messages of which it was told, and none came since that acted
+        self._told_held_back: set[str] = set()
         self._numbers: Counter[str] = Counter()  # the next sequence number, by message, or of all
 
     @property
@@ -103,13 +109,19 @@ class VirtualMcu:
             acting = [device for device in heard_by if not device.holds_back(message.name)]
             self.held_back += len(heard_by) - len(acting)
             if not acting:
+                self._tell_held_back(message.name, heard_by[0])
                 continue
+            if message.violations:
+                self._reject(message, len(acting))
+                continue
+            self._told_rejected.discard(message.name)
+            self._told_held_back.discard(message.name)
             for device in acting:
                 self._seen(device, message.name, t)
             said = {} if self.behaviour is None else self.behaviour.heard(message)
             for header in asked:
                 self._waiting += self._answer(message, header, t, said)
-        self._send_scripted(t)
+        self._do_scripted(t)
         return self._leaving(t)
 
     def tick(self, t: float) -> bytes:
@@ -138,12 +150,14 @@ class VirtualMcu:
                     self.events.append(f"no {which} for {watch.rule.after:g} s: {watch.rule.then}")
         if self.behaviour is not None:
             self.behaviour.tick(t - self.start)
-            self._send_scripted(t)
+            self._do_scripted(t)
         return self._leaving(t)
 
-    def _send_scripted(self, t: float) -> None:
+    def _do_scripted(self, t: float) -> None:
         if self.behaviour is None:
             return
+        for action in self.behaviour.take_recovered():
+            self.recover(action, t)
         for name, values in self.behaviour.take_messages():
             made_up = self._made_up(self.codec.model.message(name), t)
             for header in self._addressing.own:
@@ -203,6 +217,21 @@ class VirtualMcu:
                 watch.struck = False
                 self.events.append(f"{message}{self._whose(device)} is back: {watch.rule.then} ends")
 
+    def _tell_held_back(self, message: str, device: _Device) -> None:
+        if message in self._told_held_back:
+            return
+        self._told_held_back.add(message)
+        action = next(w.rule.then for w in device.watches if w.rule.message == message and w.holds_back)
+        whose = f"{message}{self._whose(device)}"
+        self.events.append(f"{whose} is held back by {action} until a script calls mcu.recover({action!r})")
+
+    def _reject(self, message: Message, devices: int) -> None:
+        """As an MCU whose handler does not get it: it meets no deadline, and nothing answers."""
+        self.rejected += devices
+        if message.name not in self._told_rejected:
+            self._told_rejected.add(message.name)
+            self.events.append(f"{message.name} is rejected: {message.violations[0]}")
+
     def _answer(self, message: Message, header: dict[str, Any], t: float, said: dict[str, Any]) -> list[bytes]:
         """``said``: values of the reply that a script gives."""
         hello = self.codec.model.service("hello")
@@ -218,41 +247,38 @@ class VirtualMcu:
         if request.reply is None:
             return []
         reply = self.codec.model.message(request.reply)
-        amounts = {f.name: message.fields[f.asked_by] for f in reply.fields if f.asked_by}
+        given = clamped(request.fields, message.fields)
+        amounts = {f.name: given[f.asked_by] for f in reply.fields if f.asked_by}
         values = self._made_up(reply, t, amounts)
-        values |= {name: message.fields[name] for name in carried_back(reply, request)}
-        values |= self._service_values(message, t) | said
+        values |= {name: given[name] for name in carried_back(reply, request)}
+        values |= self._service_values(message.name, given, t) | said
         return [self._encoded(reply.name, values, header)]
 
-    def _service_values(self, message: Message, t: float) -> dict[str, Any]:
+    def _service_values(self, message: str, given: Mapping[str, Any], t: float) -> dict[str, Any]:
         clock = self.codec.model.service("clock")
-        if clock is not None and message.name == clock.message("request"):
+        if clock is not None and message == clock.message("request"):
             now = self._clock_us(t)
             return {"received_us": now, "sent_us": now}
         parameter = self.codec.model.service("parameter")
-        if parameter is not None and message.name in (parameter.message("read"), parameter.message("set")):
-            return self._parameter(message, parameter)
+        if parameter is not None and message in (parameter.message("read"), parameter.message("set")):
+            return self._parameter(message, given, parameter)
         return {}
 
-    def _parameter(self, message: Message, service: Service) -> dict[str, Any]:
+    def _parameter(self, message: str, values: Mapping[str, Any], service: Service) -> dict[str, Any]:
         """It has the parameters that the file names, or the first eight; each with the range that the file gives."""
         roles = {role: self.codec.model.message(name) for role, name in service.messages}
         value = next(f for f in roles["set"].fields if f.name == "value")
-        index_field = next(f for f in self.codec.model.message(message.name).fields if f.name == "index")
-        names, given = dict(index_field.enum), message.fields["index"]
+        index_field = next(f for f in self.codec.model.message(message).fields if f.name == "index")
+        names, given = dict(index_field.enum), values["index"]
         index = names.get(given, given)
         nearest = 0.0 if value.minimum is None else max(value.minimum, 0.0)
         initial = nearest if value.maximum is None else min(nearest, value.maximum)
         if index not in (names.values() if names else range(_PARAMETERS)):
             return {"value": initial, "result": 1}
-        result = 0
-        if message.name == roles["set"].name:
-            if message.violations:
-                result = 2
-            else:
-                self._parameters[index] = message.fields["value"]
-                self.events.append(f"parameter {given} is now {decimal_text(message.fields['value'], 6)}")
-        return {"value": self._parameters.get(index, initial), "result": result}
+        if message == roles["set"].name:
+            self._parameters[index] = values["value"]
+            self.events.append(f"parameter {given} is now {decimal_text(values['value'], 6)}")
+        return {"value": self._parameters.get(index, initial), "result": 0}
 
     def _clock_us(self, t: float) -> int:
         """Its own clock, which begins at 0 and has 32 bits."""
@@ -269,6 +295,7 @@ class VirtualMcu:
             "unlisted": account.unlisted_frames,
             "foreign": self.foreign,
             "held_back": self.held_back,
+            "rejected": self.rejected,
             "sent": self._sent,
         }
 
@@ -287,6 +314,12 @@ class VirtualMcu:
     # ---- sending
 
     def _encoded(self, name: str, values: dict[str, Any], header: dict[str, Any]) -> bytes:
+        try:
+            return self._frame(name, values, header)
+        except MessageError as error:  # what is made up has no mistakes
+            raise error if self.behaviour is None else self.behaviour.mistake(error) from None
+
+    def _frame(self, name: str, values: dict[str, Any], header: dict[str, Any]) -> bytes:
         """A frame, which leaves behind all that were encoded before; with the next sequence number, if it has one.
         Each address has numbers of its own."""
         sequence = self.codec._sequence_of(End.MCU)

@@ -12,6 +12,7 @@ from rich.progress import Progress as Bar
 
 from wirebond import paths
 from wirebond.cli.output import errors, write
+from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import to_json
 from wirebond.codec import Codec, load
 from wirebond.errors import UsageError
@@ -29,7 +30,8 @@ def soak_protocol(path: Path | None, load_text: str, settings: Settings, as_json
     """1 where a frame is not accounted for, an intact one was lost, or one waited for too long; else 0."""
     settings = replace(settings, load=_load_of(load_text))
     _verify(settings)
-    result = _run(load(path or paths.protocols() / "enterprize.yaml"), settings)
+    with ended_by_signals():
+        result = _run(load(path or paths.protocols() / "enterprize.yaml"), settings)
     if report is not None:
         plots = draw(result, report)
         write_whole(report, markdown(result, plots, "" if plots else NOT_INSTALLED))

@@ -22,6 +22,7 @@ _FAULTS = {
     "dropped_bytes": "lost",
     "inserted_bytes": "inserted",
     "splits": "pauses",
+    "collided_bytes": "sent while the other end sent",
     "unplugged": "lost in the cable",
     "not_read": "lost because they were not read",
     "travelling": "still on the line",
@@ -63,6 +64,8 @@ def join_ptys(a: Path, b: Path, settings: WireSettings, seconds: float | None, a
             raise UsageError(f"--baud-b is {settings.baud_b}; expected at most 1000 times away from {settings.baud}")
     if settings.jitter > settings.batch:
         raise UsageError("--jitter is how much later than its --batch an adapter hands over: at most as long as that")
+    if a.absolute() == b.absolute():
+        raise UsageError(f"both ends have the name {a}; name two files, such as /tmp/a /tmp/b")
     with WireProcess(settings) as wire, symlinked(wire.a, a) as name_a, symlinked(wire.b, b) as name_b:
         if not as_json:
             console.print(f"{name_a}\n{name_b}", soft_wrap=True)

@@ -34,7 +34,8 @@ class WireSettings(LineFaults):
     """Times are in seconds.
 
     ``batch``: an adapter hands over at multiples of it, up to ``jitter`` later. ``unplug``: the cable is out from this
-    time on, for so long. ``line`` is that of end A, and ``baud_b`` and ``line_b`` of end B, None: the same."""
+    time on, for so long. ``echo``: both directions are one line, and an end hears what it sends. ``line`` is that of
+    end A, and ``baud_b`` and ``line_b`` of end B, None: the same."""
 
     baud: int = 115200
     line: LineShape = _8N1
@@ -43,6 +44,7 @@ class WireSettings(LineFaults):
     batch: float = 0.0
     jitter: float = 0.0
     unplug: tuple[float, float] | None = None
+    echo: bool = False
     script: tuple[str, ...] = ()  # what `read_script` gives
 
     def arguments(self) -> list[str]:
@@ -53,6 +55,7 @@ class WireSettings(LineFaults):
             *self._end("a", self.baud, self.line),
             *self._end("b", self.baud_b or self.baud, self.line_b or self.line),
             *(f"{name}_ns={round(seconds * 1e9)}" for name, seconds in times.items()),
+            f"echo={int(self.echo)}",
             *self.fault_arguments(),
             *self.script,
         ]

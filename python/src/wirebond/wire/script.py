@@ -21,7 +21,7 @@ def read_script(path: Path) -> tuple[str, ...]:
     :raises UsageError: it cannot be read, or a line of it: the sentence names the line.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
         raise UsageError(f"{path} cannot be read: {reason}") from None

@@ -1,0 +1,71 @@
+"""What a link tells the engine when it opens, as the engine reads it: `link_setup` in native/link_core.cpp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from wirebond._engine import FormatTable
+    from wirebond.protocol.model import Parity
+
+
+class SafeValue(NamedTuple):
+    """One message of the emergency stop. Messages are indices in the protocol."""
+
+    message: int
+    frame: bytes
+    reply: int  # -1: it has none
+    every: float  # seconds between two while a stop holds
+    address: int  # as bits on the wire; 0 where frames have none
+    is_in_stop: bool  # False: it only ends a lease, because the stop's broadcast reaches this address too
+
+
+class EngineDeadline(NamedTuple):
+    """One deadline at the link's end."""
+
+    message: int
+    after_us: int
+    action: int  # its place in `actions_at`
+    is_explicit: bool  # only `recover` ends it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineAddressing:
+    """Which received frames are foreign: `HostAddressing::Rules`."""
+
+    receiver_place: int  # of the header field that says for whom a frame is; -1: none
+    sender_place: int  # of the one that says who answers; -1: none
+    own: int  # the link's address, as bits on the wire
+    only_last_asked: bool  # one request is under way at a time
+    broadcast: tuple[int, ...]
+    more_addresses: int  # that have leases and safe values, beside the first of each message
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineSettings:
+    """Seconds are 0 where there is no such time."""
+
+    # The port
+    baud: int
+    data_bits: int
+    parity: Parity
+    stop_bits: int
+    # Sending
+    paced: bool
+    bits_per_byte: int  # start and stop included
+    send: FormatTable
+    send_pause_seconds: float  # between two frames, where silence ends one
+    max_age_seconds: float  # that a frame waits
+    echo: bool  # the line brings back what is sent
+    largest_frame: int  # bytes on the wire
+    every: tuple[float, ...]  # of each message of the protocol: the seconds between two
+    latest: tuple[bool, ...]  # of each message: only the newest frame waits
+    stop: tuple[SafeValue, ...]
+    # Receiving
+    idle_seconds: float  # of silence, after which an incomplete frame is given up
+    pause_seconds: float  # of silence that ends a frame
+    addressing: EngineAddressing
+    deadlines: tuple[EngineDeadline, ...]
+    hold_back: bool
+    recent_bytes: int  # of both directions that are kept for a dump
