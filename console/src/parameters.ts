@@ -1,4 +1,5 @@
 // What of a protocol can be tuned: its parameter service, and messages that set numbers. It sends nothing.
+import { drivable } from "./drive";
 import type { Field, Message, Protocol } from "./protocol";
 
 export interface Parameter {
@@ -80,6 +81,21 @@ export function sourcesOf(protocol: Protocol): Source[] {
   return sources.sort((a, b) => rank(a) - rank(b));
 }
 const rank = (source: Source) => (source.isService ? 0 : source.read ? 1 : source.set.reply ? 2 : 3);
+
+/** Columns that show what a change does, until the reader chooses: the robot's first regular fields of one unit, which is
+ *  that of what is driven where it reports such a field. */
+export function answering(protocol: Protocol): string[] {
+  const fields = protocol.messages
+    .filter((message) => message.sender === "mcu" && message.every !== null)
+    .flatMap((message) => message.fields)
+    .filter((field) => field.kind === "number" && field.columns.length);
+  const driven = drivable(protocol).flatMap((drive) => drive.axes.map((axis) => axis.field.unit));
+  const first = fields.find((field) => field.unit && driven.includes(field.unit)) ?? fields[0];
+  return fields
+    .filter((field) => field.unit === first?.unit)
+    .flatMap((field) => field.columns)
+    .slice(0, 2);
+}
 
 /** Does the robot have what was wanted? Numbers lose digits on the wire: within a step, or a float's digits. */
 export function isSame(wanted: number, inForce: number, step: number | null): boolean {

@@ -1,4 +1,4 @@
-// What the server tells of a protocol file, and what follows from it for every view. docs/console.md has the shapes.
+// What the server tells of a protocol file, and what follows from it for every view. docs/console-api.md has the shapes.
 
 export interface Field {
   name: string;
@@ -120,7 +120,7 @@ export function numberText(value: unknown, step: number | null = null): string {
   const size = Math.abs(value);
   let text: string;
   if (digits !== null) text = size.toFixed(digits);
-  else if (size === 0) text = "0";
+  else if (Number.isInteger(size) && size < 1e7) text = String(size);
   else if (size >= 1e7 || size < 1e-4) text = size.toExponential(3);
   else text = size.toPrecision(size >= 1e4 ? 6 : 5);
   return (value < 0 ? MINUS : "") + grouped(text);

@@ -1,4 +1,4 @@
-// The `/views` socket of docs/console.md: what the page shows. It says what it wants to see, whole each time, and takes
+// The `/views` socket of docs/console-api.md: what the page shows. It says what it wants to see, whole each time, and takes
 // what comes. A lost connection comes back by itself, with the same wish.
 
 export interface Account {
@@ -43,6 +43,7 @@ export interface LinkView {
   late: number;
   held_back: number;
   reconnects: number;
+  collisions: number;
   peer: { state: string; why: string };
   clock: { offset: number; drift: number; error: number; round_trip: number; exchanges: number } | null;
   round_trip: { count: number; p50: number; p95: number; p99: number; max: number } | null;

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,12 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.console import Console
+from wirebond.console import Console, Options
 from wirebond.server import Server
+from wirebond.sim.pty_port import PtyPort
 
 CHROMIUM = Path("/usr/bin/chromium")
 AXE = ROOT / "console" / "node_modules" / "axe-core" / "axe.min.js"
@@ -35,6 +39,12 @@ def setup(mcu):
     @mcu.on("velocity")
     def velocity(message):
         mcu.report(f"got {time.monotonic()} {message['linear']} {message['angular']}")
+
+    @mcu.on("parameter")
+    def parameter(message):
+        if message["name"] == "clear_safe_mode":
+            mcu.recover("safe_mode")
+            mcu.report("cleared")
 
     @mcu.on("status_query")
     def status(message):
@@ -57,6 +67,7 @@ class Robot:
     def __init__(self, folder: Path, protocol: str = "diffdrive") -> None:
         self.port = folder / "robot"
         self.velocities: list[Velocity] = []
+        self._cleared = 0  # times
         self._script = folder / "behaviour.py"
         self._script.write_text(_BEHAVIOUR)
         self._protocol = protocol
@@ -71,16 +82,27 @@ class Robot:
         wait_until(self.port.exists, "the robot's port")
         threading.Thread(target=self._listen, args=(self._process,), daemon=True).start()
 
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
     def kill(self) -> None:
         self._process.kill()
         self._process.wait()
         self.port.unlink(missing_ok=True)
+
+    def ready(self, link: wirebond.Link) -> None:
+        """Ends the safe mode."""
+        before = self._cleared
+        link.send("parameter", name="clear_safe_mode", value=0)
+        wait_until(lambda: self._cleared > before, "the end of the safe mode")
 
     def _listen(self, process: subprocess.Popen[str]) -> None:
         assert process.stderr is not None
         for line in process.stderr:
             if found := re.search(r"got (\S+) (\S+) (\S+)", line):
                 self.velocities.append(Velocity(*map(float, found.groups())))
+            self._cleared += line.startswith("cleared")
 
     def wait_for(self, fits: Callable[[Velocity], object], since: float) -> Velocity:
         """The first velocity behind ``since`` that fits."""
@@ -105,16 +127,63 @@ class Desk:
     browser: Browser
     problems: list[str] = field(default_factory=list)  # what pages wrote as errors
 
-    def page(self, view: str = "link", **options: Any) -> Page:
+    def page(self, view: str = "link", address: str = "", **options: Any) -> Page:
         """A tab of a browser's profile of its own."""
-        context = self.browser.new_context(
-            **{"viewport": {"width": 1280, "height": 720}, "locale": "en-US", "color_scheme": "light", **options}
-        )
-        context.set_default_timeout(PATIENCE * 1000)
-        page = context.new_page()
-        page.on("pageerror", lambda error: self.problems.append(error.stack or str(error)))
-        page.goto(f"{self.console.address.split('#')[0]}#/{view}")
-        return page
+        return open_page(self.browser, self.console, view, self.problems, address, **options)
+
+    @contextmanager
+    def of_one_test(self) -> Iterator[Desk]:
+        """A test begins without tabs, and its pages had no error; behind it the robot is stopped by none, and free."""
+        self.problems.clear()
+        yield self
+        for context in self.browser.contexts:
+            context.close()
+        self.link.release_stop()
+        wait_until(lambda: self.server.holder is None, "nobody is in control")
+        assert self.problems == []
+
+    def drive(self, page: Page) -> Velocity:
+        """Holds the key until the robot moves: its first velocity.
+
+        After 3 s without velocity the robot is in its safe mode, which ends only where somebody says so. On a busy
+        machine a page can be silent for the 0.3 s that end control; then nothing drives by itself, and it is taken
+        again.
+        """
+        control = page.get_by_text("You are in control")
+        since = time.monotonic()
+        for _ in range(10):
+            self.robot.ready(self.link)
+            if not control.is_visible():
+                take_control(page)
+            page.get_by_role("application").focus()
+            page.keyboard.up("ArrowUp")
+            page.keyboard.down("ArrowUp")
+            end = time.monotonic() + 2
+            while time.monotonic() < end and control.is_visible():
+                if moving := [v for v in self.robot.velocities if v.t > since and v.linear > 0]:
+                    return moving[0]
+        raise AssertionError("the robot does not move")
+
+
+def open_page(
+    browser: Browser,
+    console: Console,
+    view: str = "link",
+    problems: list[str] | None = None,
+    address: str = "",
+    **options: Any,
+) -> Page:
+    """A tab of a browser's profile of its own. ``problems`` gets what it writes as errors. ``address``: of another way
+    to the console."""
+    context = browser.new_context(
+        **{"viewport": {"width": 1280, "height": 720}, "locale": "en-US", "color_scheme": "light", **options}
+    )
+    context.set_default_timeout(PATIENCE * 1000)
+    page = context.new_page()
+    if problems is not None:
+        page.on("pageerror", lambda error: problems.append(error.stack or str(error)))
+    page.goto(f"{address or console.address.split('#')[0]}#/{view}")
+    return page
 
 
 @contextmanager
@@ -134,13 +203,80 @@ def desk(folder: Path, browser: Browser, protocol: str = "diffdrive", **options:
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
+def robot_frames(damaged: int = 0) -> Iterator[str]:
+    """A pty to which frames of ``diffdrive`` come, twenty times a second.
+
+    :param damaged: each frame of this number has a wrong byte; 0: none.
+    """
+    codec, pty, ends = wirebond.load(PROTOCOLS / "diffdrive.yaml"), PtyPort(), threading.Event()
+
+    def send() -> None:
+        number = 0
+        while not ends.wait(0.05):
+            frame = bytearray(codec.encode("odometry", left_ticks=number, right_ticks=-number))
+            if damaged and number % damaged == 0:
+                frame[5] ^= 0x40
+            pty.write(bytes(frame))
+            pty.read(0)
+            number += 1
+
+    thread = threading.Thread(target=send, daemon=True)
+    thread.start()
+    try:
+        yield pty.path
+    finally:
+        ends.set()
+        thread.join()
+        pty.close()
+
+
+@contextmanager
+def noisy_robot() -> Iterator[Console]:
+    """A console over a line on which every seventh frame of the robot is damaged."""
+    with (
+        robot_frames(damaged=7) as port,
+        wirebond.open(PROTOCOLS / "diffdrive.yaml", port) as link,
+        tempfile.TemporaryDirectory() as folder,
+        Server(link, Path(folder) / "server.sock") as server,
+        Console(port=0) as console,
+    ):
+        console.show(link, server)
+        yield console
+
+
+@contextmanager
+def undescribed_device() -> Iterator[Console]:
+    """A console over a port that sends frames, and no protocol is chosen."""
+    with robot_frames() as port, Console(port=0, options=Options(may_connect=True)) as console:
+        body = json.dumps({"port": port, "baud": 115200}).encode()
+        request = urllib.request.Request(f"{console.address}api/connect", body, method="POST")
+        urllib.request.urlopen(request).close()
+        yield console
+
+
+@contextmanager
+def chromium(*arguments: str) -> Iterator[Browser]:
     if not PAGE.exists():
         pytest.skip("the page is not built: that needs Node, as setup/page.sh says")
+    expect.set_options(timeout=PATIENCE * 1000)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", *arguments])
         yield browser
         browser.close()
+
+
+def take_control(page: Page) -> None:
+    page.locator("header").get_by_role("button", name="Take").click()
+    expect(page.get_by_text("You are in control")).to_be_visible()
+
+
+def shows_the_robot(page: Page) -> None:
+    expect(page.get_by_role("status").filter(has_text="Up")).to_be_visible()
+
+
+def close_tabs(browser: Browser) -> None:
+    for context in browser.contexts:
+        context.close()
 
 
 def wait_until(holds: Callable[[], object], what: str) -> None:

@@ -1,7 +1,8 @@
-"""A console over a pty, and a client of it."""
+"""A console over a pty, and a client of it; and what tests with a browser share."""
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import struct
@@ -14,14 +15,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from playwright.sync_api import Browser
+from playwright.sync_api import Error as BrowserError
 from websockets.sync.client import ClientConnection, connect
 
 import wirebond
-from tests.shared import codec
+from tests.console import browser as browsers
+from tests.shared import ROOT, codec
 from wirebond.console import Console
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
 
+PICTURES = ROOT / "build" / "screenshots"
 PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 
 
@@ -113,6 +118,38 @@ def make_desk(folder: Path, **options: Any) -> Iterator[Desk]:
     pty.close()
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with browsers.chromium() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def shared_rover(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterator[browsers.Desk]:
+    with browsers.desk(tmp_path_factory.mktemp("desk"), browser) as made:
+        yield made
+
+
+@pytest.fixture
+def rover(shared_rover: browsers.Desk) -> Iterator[browsers.Desk]:
+    """One robot and one server for the tests of a file; each begins without tabs."""
+    shared_rover.problems.clear()
+    yield shared_rover
+    browsers.close_tabs(shared_rover.browser)
+    assert shared_rover.problems == []
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Function) -> None:
+    """What a browser shows at the end of its test is kept, to look at."""
+    browser = item.funcargs.get("browser") or getattr(item.funcargs.get("rover"), "browser", None)
+    pages = [] if browser is None else [page for context in browser.contexts for page in context.pages]
+    for number, page in enumerate(pages):
+        name = f"{item.path.stem}-{item.name}-{number}.png"
+        with contextlib.suppress(BrowserError):
+            page.screenshot(path=PICTURES / name, timeout=2000)
+
+
 def wait_until(holds: Callable[[], object], what: str = "it") -> None:
     end = time.monotonic() + PATIENCE
     while not holds():
@@ -140,7 +177,7 @@ def view(socket: ClientConnection, name: str, fits: Callable[[dict[str, Any]], o
 
 @dataclass
 class Batch:
-    """A message of a plot, read as docs/console.md says."""
+    """A message of a plot, read as docs/console-api.md says."""
 
     head: dict[str, Any]
     columns: dict[str, tuple[Any, Any, Any]]

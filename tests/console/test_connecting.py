@@ -133,6 +133,23 @@ def test_only_a_file_without_problems_is_saved(tmp_path: Path) -> None:
         desk.pty.close()
 
 
+def test_a_first_file_gets_a_name_and_replaces_none_that_the_page_did_not_make(
+    free: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = DIFFDRIVE.read_text(encoding="utf-8")
+    (tmp_path / "taken.yaml").write_text("mine", encoding="utf-8")
+    status, answer = free.ask("/api/save", {"text": text, "name": "Taken.yaml"})
+    assert status == 422 and "exists already" in answer["text"]
+    assert (tmp_path / "taken.yaml").read_text(encoding="utf-8") == "mine"
+    assert free.ask("/api/save", {"text": text, "name": "../outside"})[1]["path"] == str(tmp_path / "outside.yaml")
+    status, answer = free.ask("/api/save", {"text": f"{text}# first\n", "name": "new robot"})
+    assert (status, answer["path"]) == (200, str(tmp_path / "new_robot.yaml"))
+    assert connect(free, protocol=answer["path"])[0] == 200
+    assert free.ask("/api/save", {"text": f"{text}# second\n"}) == (200, answer)
+    assert (tmp_path / "new_robot.yaml").read_text(encoding="utf-8").endswith("# second\n")
+
+
 def test_serve_prints_the_address_and_serves_the_page_s_data(tmp_path: Path) -> None:
     pty = PtyPort()
     command = [*COMMAND, "serve", "--web", str(DIFFDRIVE), pty.path, "--no-browser", "--seconds", "30"]

@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
 import shutil
-import signal
 import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, expect
 
-from tests.console.browser import CHROMIUM, VIEWS, Desk, Velocity, chromium, desk, serious, wait_until
+from tests.console.browser import VIEWS, Desk, desk, serious, shows_the_robot, take_control, wait_until
 from tests.shared import ROOT
 from wirebond.console import Console
 
 PHONE = {"width": 390, "height": 844}
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
-        yield started
 
 
 @pytest.fixture(scope="module")
@@ -37,39 +28,8 @@ def shared_desk(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> I
 @pytest.fixture
 def rover(shared_desk: Desk) -> Iterator[Desk]:
     """One robot and one server for the tests of this file; each begins without control, stop or tabs."""
-    shared_desk.problems.clear()
-    yield shared_desk
-    for context in shared_desk.browser.contexts:
-        context.close()
-    shared_desk.link.release_stop()
-    wait_until(lambda: shared_desk.server.holder is None, "nobody is in control")
-    assert shared_desk.problems == []
-
-
-def take_control(page: Page) -> None:
-    page.locator("header").get_by_role("button", name="Take").click()
-    expect(page.get_by_text("You are in control")).to_be_visible()
-
-
-def drive(page: Page, rover: Desk, since: float) -> Velocity:
-    """Holds the key until the robot moves. On a busy machine a page can be silent for the 0.3 s that end control; then
-    nothing drives by itself, and it is taken again."""
-    control = page.get_by_text("You are in control")
-    for _ in range(10):
-        if not control.is_visible():
-            take_control(page)
-        page.get_by_role("application").focus()
-        page.keyboard.up("ArrowUp")
-        page.keyboard.down("ArrowUp")
-        end = time.monotonic() + 2
-        while time.monotonic() < end and control.is_visible():
-            if moving := [v for v in rover.robot.velocities if v.t > since and v.linear > 0]:
-                return moving[0]
-    raise AssertionError("the robot does not move")
-
-
-def shows_the_robot(page: Page) -> None:
-    expect(page.get_by_role("status").filter(has_text="Up")).to_be_visible()
+    with shared_desk.of_one_test() as one:
+        yield one
 
 
 def test_every_view_shows_the_robot_and_is_accessible(rover: Desk) -> None:
@@ -117,7 +77,7 @@ def test_the_pad_drives_while_a_key_is_held_and_stops_when_it_is_let_go(rover: D
     page.keyboard.up("ArrowUp")
     take_control(page)
     assert all(velocity.linear == 0 for velocity in rover.robot.velocities if velocity.t > began)
-    driving = drive(page, rover, began)
+    driving = rover.drive(page)
     assert driving.linear == 1.0  # half of the range
     page.keyboard.up("ArrowUp")
     stopped = rover.robot.wait_for(lambda v: v.linear == 0, driving.t)
@@ -140,8 +100,7 @@ def test_control_is_handed_over_only_by_a_deliberate_act(rover: Desk) -> None:
     take_control(first)
     expect(second.locator("header")).to_contain_text("is in control")
     expect(second.get_by_role("form", name="velocity").get_by_role("button", name="Send once")).to_be_disabled()
-    began = time.monotonic()
-    driving = drive(first, rover, began)
+    driving = rover.drive(first)
     second.locator("header").get_by_role("button", name="Take over").click()
     expect(second.get_by_text("You are in control")).to_be_visible()
     rover.robot.wait_for(lambda v: v.linear == 0, driving.t)
@@ -152,8 +111,7 @@ def test_control_is_handed_over_only_by_a_deliberate_act(rover: Desk) -> None:
 def test_space_stops_the_robot_and_the_stop_stays_until_it_is_released_in_two_steps(rover: Desk) -> None:
     page = rover.page("control")
     take_control(page)
-    began = time.monotonic()
-    driving = drive(page, rover, began)
+    driving = rover.drive(page)
     page.keyboard.press(" ")
     rover.robot.wait_for(lambda v: v.linear == 0, driving.t)
     expect(page.get_by_role("alert").filter(has_text="Emergency stop")).to_be_visible()
@@ -209,16 +167,6 @@ def test_a_server_that_is_gone_is_named_and_comes_back_without_control(
         context.close()
 
 
-@pytest.mark.long
-def test_a_cable_that_is_pulled_is_named_and_the_page_goes_on_when_it_is_back(rover: Desk) -> None:
-    page = rover.page("messages")
-    shows_the_robot(page)
-    rover.robot.kill()
-    expect(page.get_by_role("status")).to_contain_text("Down")
-    rover.robot.start()
-    shows_the_robot(page)
-
-
 def test_the_page_speaks_chinese_and_fits_a_phone(rover: Desk) -> None:
     page = rover.page(locale="zh-CN", viewport=PHONE, has_touch=True)
     expect(page.get_by_role("button", name="急停")).to_be_visible()
@@ -243,43 +191,6 @@ def test_a_page_without_the_token_says_so_and_shows_nothing(rover: Desk) -> None
         page.goto(console.address)
         shows_the_robot(page)
         assert "to-k_en" not in page.url
-
-
-@pytest.mark.long
-def test_a_page_that_hangs_without_closing_leaves_no_robot_driving(rover: Desk) -> None:
-    """All its processes are stopped, as by a laptop that is shut: no heartbeat, and no end of the connection."""
-    word = f"--user-agent-product={time.monotonic_ns()}"
-    other = rover.browser.browser_type.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", word])
-    with contextlib.closing(other):
-        page = other.new_page()
-        page.goto(f"{rover.console.address}#/control")
-        drive(page, rover, time.monotonic())
-        hung = processes(word)
-        stopped_at = time.monotonic()
-        for pid in hung:
-            os.kill(pid, signal.SIGSTOP)
-        try:
-            rover.robot.wait_for(lambda v: v.linear == 0, stopped_at)
-            wait_until(lambda: rover.server.holder is None, "control ends")
-        finally:
-            for pid in hung:
-                os.kill(pid, signal.SIGCONT)
-        page.keyboard.up("ArrowUp")
-        expect(page.get_by_text("You are in control")).not_to_be_visible()
-
-
-def processes(word: str) -> set[int]:
-    """Those whose command line has this word, and their descendants."""
-    parents: dict[int, int] = {}
-    found: set[int] = set()
-    for folder in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            parents[int(folder.name)] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-            if word.encode() in (folder / "cmdline").read_bytes():
-                found.add(int(folder.name))
-    while more := {pid for pid, parent in parents.items() if parent in found} - found:
-        found |= more
-    return found
 
 
 @pytest.mark.long

@@ -86,7 +86,7 @@ def test_a_field_has_the_values_of_its_messages() -> None:
 @pytest.mark.parametrize("field", ["nothing.x", "odometry", "odometry.none", "", ".", "mcu:velocity.linear", "a:b.c"])
 def test_a_field_that_does_not_exist_is_a_sentence(field: str) -> None:
     with pytest.raises(UsageError, match=r"it has|names no message"):
-        source_of("diffdrive").history.pixels(field, 0.0, 1.0, 0.1)
+        source_of("diffdrive").history.pixels([field], 0.0, 1.0, 0.1)
 
 
 def test_memory_is_bounded_and_the_oldest_rows_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,7 +110,7 @@ def test_the_line_s_absence_is_a_gap_and_an_event() -> None:
     source.feed(End.MCU, [frame] * 3, [1.0, 1.05, 1.1])
     source.happened(LinkEvent(1.12, "port_down", {"why": "unplugged"}))
     source.feed(End.MCU, [frame] * 2, [1.15, 1.2], [0])
-    found = source.history.pixels("odometry.left_ticks", 0.0, 2.0, 0.001)
+    [found] = source.history.pixels(["odometry.left_ticks"], 0.0, 2.0, 0.001)
     assert np.isnan(found.low).tolist() == [False, False, False, True, False, False]
     (event,) = source.happenings.since(0)
     assert event["text"] == "the port is away: unplugged" and event["why"] == "unplugged"

@@ -82,7 +82,7 @@ def test_every_range_has_what_a_sample_by_sample_look_finds(data: st.DataObject)
             end = begin + float(random.exponential(now or 1.0)) + 1e-3
             width = (end - begin) / int(random.integers(1, 400))
             wanted = slow(ts, xs, begin, end, width, interval, breaks)
-            assert_same(pixels_of(found, "x", begin, end, width, breaks), wanted)
+            assert_same(pixels_of(found, ["x"], begin, end, width, breaks)[0], wanted)
         assert found.count == len(ts)
         low, high = sorted(random.uniform(0, now, 2).tolist())
         assert found.count_between(low, high) == int(((ts >= low) & (ts < high)).sum())
@@ -95,7 +95,7 @@ def test_a_peak_of_one_sample_is_seen_at_every_zoom() -> None:
     x[123_456], x[200_001] = 9.0, -7.0
     found.append(t, {"x": x})
     for width in (0.001, 0.02, 1.0, 17.0, 300.0):
-        got = pixels_of(found, "x", 0.0, 300.0, width)
+        got = pixels_of(found, ["x"], 0.0, 300.0, width)[0]
         assert (float(got.low.min()), float(got.high.max())) == (-7.0, 9.0)
 
 
@@ -109,11 +109,11 @@ def test_an_update_replaces_only_the_last_pixel(small: None) -> None:
         t = now + np.cumsum(random.exponential(0.01, 30))
         found.append(t, {"x": random.normal(size=30)})
         now = float(t[-1])
-        new = pixels_of(found, "x", begin, now, 0.05)
+        new = pixels_of(found, ["x"], begin, now, 0.05)[0]
         held = [row for row in held if row[0] < new.t[0]]
         held += zip(new.t.tolist(), new.low.tolist(), new.high.tolist(), strict=True)
         begin = math.floor(new.t[-1] / 0.05) * 0.05
-    whole = pixels_of(found, "x", 0.0, now, 0.05)
+    whole = pixels_of(found, ["x"], 0.0, now, 0.05)[0]
     seam = [row for row in held if not math.isnan(row[1])]
     is_data = ~np.isnan(whole.low)
     np.testing.assert_array_equal([row[0] for row in seam], whole.t[is_data])
@@ -124,20 +124,19 @@ def test_an_update_replaces_only_the_last_pixel(small: None) -> None:
 def test_an_hour_of_1_khz_in_8_fields_is_looked_at_without_reading_every_sample() -> None:
     """Counted, not timed: at most one row in 32 of whole chunks is looked at, however long the range."""
     looked = 0
-    plain = track._unfolded
+    plain = track._Unfolding.least_and_greatest
 
-    def counted(column: Any, low: Any, high: Any, edges: Any) -> Any:
+    def counted(unfolding: Any, column: Any, low: Any, high: Any) -> Any:
         nonlocal looked
-        values, starts = plain(column, low, high, edges)
-        looked += len(values[0])
-        return values, starts
+        looked += unfolding.size
+        return plain(unfolding, column, low, high)
 
     found = Track({"x": np.dtype(np.int16)})
     t = np.arange(3_600_000) / 1000
     found.append(t, {"x": np.zeros(len(t), np.int16)})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(track, "_unfolded", counted)
+        patch.setattr(track._Unfolding, "least_and_greatest", counted)
         begun = time.process_time()
-        pixels_of(found, "x", 0.0, 3600.0, 3600 / 800)
+        pixels_of(found, ["x"], 0.0, 3600.0, 3600 / 800)[0]
         assert time.process_time() - begun < 2.0  # a bound for slow machines; bench/console.py has the figure
     assert 0 < looked < len(t) / 16

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import signal
-import socket
-import threading
 import time
 from collections.abc import Callable
 
 import pytest
 
 import wirebond
+from tests.relay import Relay
 from tests.server.conftest import Served, Writer, wait_until
 from wirebond import NotInControlError, StoppedError
 from wirebond.attach import words
@@ -121,59 +120,6 @@ def test_a_program_whose_packets_are_dropped_without_a_close_is_silent(
         seen: list[float] = []
         wait_until(lambda: SAFE in seen or seen.extend(speeds(served.sent(0.005))), "the safe value")
         assert speeds(served.sent(0.2)) == []
-
-
-class Relay:
-    """Between a client and the server: what is dropped is lost without a close."""
-
-    def __init__(self, to: int) -> None:
-        self._to = to
-        self._socket = socket.create_server(("127.0.0.1", 0))
-        self.port = self._socket.getsockname()[1]
-        self.drops = threading.Event()
-        self._ends = threading.Event()
-        self._threads: list[threading.Thread] = []
-
-    def __enter__(self) -> Relay:
-        self._start(self._accept)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._ends.set()
-        self._socket.close()
-        for thread in self._threads:
-            thread.join()
-
-    def _start(self, run: Callable[..., None], *args: object) -> None:
-        thread = threading.Thread(target=run, args=args)
-        self._threads.append(thread)
-        thread.start()
-
-    def _accept(self) -> None:
-        self._socket.settimeout(0.05)
-        while not self._ends.is_set():
-            try:
-                near, _ = self._socket.accept()
-            except (TimeoutError, OSError):
-                continue
-            far = socket.create_connection(("127.0.0.1", self._to))
-            self._start(self._carry, near, far)
-            self._start(self._carry, far, near)
-
-    def _carry(self, source: socket.socket, target: socket.socket) -> None:
-        source.settimeout(0.05)
-        while not self._ends.is_set():
-            try:
-                data = source.recv(65536)
-                if not data:
-                    break
-                if not self.drops.is_set():
-                    target.sendall(data)
-            except TimeoutError:
-                continue
-            except OSError:
-                break
-        source.close()
 
 
 # ---- the rules, in virtual time

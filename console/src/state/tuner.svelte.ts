@@ -12,6 +12,7 @@ interface One {
   why: string;
 }
 type Values = Record<string, number>;
+const MOST_FAILURES = 3; // before the page waits for its reader
 const MOST_INDICES = 64; // that are tried of a table without names
 const UNKNOWN: One = { wanted: 0, inForce: null, state: "unknown", why: "" };
 
@@ -20,7 +21,8 @@ export class Tuner {
   selected = $state<Values>({});
   sets = $state<Record<string, Values>>({});
   isBusy = $state(false);
-  wasRead = $state(false);
+  private wasRead = $state(false);
+  private failures = $state(0); // of reading, since it was expected
   problem = $state("");
   /** When the last change was acknowledged, on the server's clock: a response begins there. */
   changedAt = $state<number | null>(null);
@@ -42,10 +44,21 @@ export class Tuner {
     this.source = source;
     this.all = {};
     this.found = [];
-    this.wasRead = false;
+    this.expectRead();
     this.problem = "";
     this.selected = Object.fromEntries(source.selectors.map((field) => [field.name, Math.max(0, field.min ?? 0)]));
     this.sets = JSON.parse(localStorage.getItem(this.key()) ?? "{}") as Record<string, Values>;
+  }
+
+  /** What was read says nothing any more: the robot may have started again, or may be another one. */
+  expectRead(): void {
+    this.wasRead = false;
+    this.failures = 0;
+  }
+
+  /** Should the page read by itself? */
+  get isDue(): boolean {
+    return this.source !== null && !this.wasRead && !this.isBusy && this.failures < MOST_FAILURES;
   }
 
   of(parameter: Parameter): One {
@@ -62,7 +75,7 @@ export class Tuner {
   select(name: string, value: number): void {
     if (!Number.isFinite(value)) return;
     this.selected = { ...this.selected, [name]: value };
-    void this.readAll();
+    this.expectRead();
   }
 
   /** Ends of a slider: the file's range, else around what is in force. */
@@ -80,16 +93,20 @@ export class Tuner {
   async readAll(): Promise<void> {
     const source = this.source;
     if (!source || this.isBusy) return;
-    this.wasRead = true;
-    if (!source.read) return;
-    await this.busy(async () => {
+    const selected = this.selected;
+    const isRead = await this.busy(async () => {
+      if (!source.read) return;
       if (!source.isService) {
-        this.takeFields((await session.request(source.read!.name, { ...this.selected })).fields);
+        const reply = await session.request(source.read.name, { ...selected });
+        if (this.selected === selected) this.takeFields(reply.fields);
         return;
       }
       if (source.parameters.length) for (const parameter of source.parameters) await this.readOne(parameter);
       else await this.discover(source);
     });
+    if (this.selected !== selected) return; // it is read again, for what is selected now
+    if (isRead) this.wasRead = true;
+    else this.failures++;
   }
 
   async send(parameters: Parameter[]): Promise<void> {
@@ -227,7 +244,8 @@ export class Tuner {
     );
   }
 
-  private async busy(doing: () => Promise<void>): Promise<void> {
+  /** True: it was done. */
+  private async busy(doing: () => Promise<void>): Promise<boolean> {
     this.isBusy = true;
     this.problem = "";
     try {
@@ -236,6 +254,7 @@ export class Tuner {
       this.problem = error instanceof Refusal || error instanceof Error ? error.message : String(error);
     }
     this.isBusy = false;
+    return this.problem === "";
   }
 
   private put(parameter: Parameter, one: One): void {

@@ -1,4 +1,4 @@
-"""The console: a web server for the page and for programs that want what the page has. docs/console.md."""
+"""The console: a web server for the page, and for programs that want what it has. See docs/console.md."""
 
 from wirebond.console.connector import Options
 from wirebond.console.console import DEFAULT_PORT, Console

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
-import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,21 +12,20 @@ from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
 from wirebond.console.about_bytes import bytes_of
-from wirebond.console.answers import RefusedError, answer, body_of, guarded, served_by, worked
+from wirebond.console.answers import RefusedError, answer, body_of, guarded, served_by, worked, worked_by
 from wirebond.console.connector import HeldError
 from wirebond.console.station import Station
-from wirebond.errors import HeaderFileError
 from wirebond.identify.formats import known_formats
 from wirebond.identify.lines import Heard, Line, best_of, lines_for, search
-from wirebond.identify.ranking import Candidate, rank
-from wirebond.import_ import import_header
+from wirebond.jobs import Worker
+from wirebond.jobs.protocol_files import imported
+from wirebond.jobs.wire_bytes import candidates_dict, identified
 from wirebond.link.raw import listen_at
 from wirebond.new.template import TEMPLATES, template_text
 from wirebond.new.write import protocol_name
 from wirebond.protocol.model import End
 
 _MOST_BYTES = 1 << 16  # that are looked at: more makes no format likelier, and takes longer
-_MOST_SHOWN = 8
 
 
 class _Identify(msgspec.Struct):
@@ -49,11 +46,11 @@ class _Import(msgspec.Struct):
 
 
 class DeviceRequests:
-    """:param turn: what takes long waits for it."""
+    """:param worker: does what takes long."""
 
-    def __init__(self, station: Station, turn: asyncio.Lock) -> None:
+    def __init__(self, station: Station, worker: Worker) -> None:
         self._station = station
-        self._turn = turn
+        self._worker = worker
 
     def routes(self) -> list[BaseRoute]:
         """All of them."""
@@ -72,16 +69,14 @@ class DeviceRequests:
                 raise HeldError(
                     "the console is connected to a port; disconnect it, so that all baud rates can be tried"
                 )
-            async with self._turn:
-                return await worked(lambda: self._searched(port, asked.seconds))
+            return await worked(lambda: self._searched(port, asked.seconds))
         if asked.bytes is not None:
             data = bytes_of(asked.bytes)
         elif asked.live is None:
             raise RefusedError(422, "no_bytes", "give `bytes`, `live`, the seconds that are looked at, or `port`")
         else:
             data = served_by(self._station).source.kept(End.MCU, asked.live).data
-        async with self._turn:
-            return await worked(lambda: identified(data[-_MOST_BYTES:]))
+        return await worked_by(self._worker, identified, data[-_MOST_BYTES:])
 
     def _searched(self, port: str, seconds: float) -> dict[str, Any]:
         """One setting of the line after the other, until one leaves no doubt."""
@@ -103,7 +98,7 @@ class DeviceRequests:
         return {
             "line": {"baud": best.line.baud, "parity": best.line.parity, "stop_bits": best.line.stop_bits},
             "settings_tried": [{"line": str(one.line), "bytes": one.size} for one in heard],
-            **_told(best.candidates, best.size, len(known.formats)),
+            **candidates_dict(best.candidates, best.size, len(known.formats)),
         }
 
     async def _templates(self, _: Request) -> Response:
@@ -116,40 +111,5 @@ class DeviceRequests:
 
     async def _import(self, request: Request) -> Response:
         asked = await body_of(request, _Import)
-        return await worked(lambda: _imported(asked))
-
-
-def identified(data: bytes) -> dict[str, Any]:
-    """Which known formats these bytes are of, the best first."""
-    known = known_formats()
-    return _told(rank(data, known.formats), len(data), len(known.formats))
-
-
-def _told(candidates: Sequence[Candidate], size: int, tried: int) -> dict[str, Any]:
-    fitting = [one for one in candidates if one.fits][:_MOST_SHOWN]
-    matches = [
-        {
-            "name": one.format.name,
-            "path": one.format.model.path,
-            "share": one.frame_share,
-            "frames": one.frames,
-            "messages": one.messages,
-            "evidence_bits": round(one.evidence, 1),
-            "text": one.format.model.text,
-        }
-        for one in fitting
-    ]
-    return {"bytes": size, "formats_tried": tried, "matches": matches}
-
-
-def _imported(asked: _Import) -> dict[str, Any]:
-    name = protocol_name(Path(asked.name))
-    with tempfile.TemporaryDirectory(prefix="wirebond-import-") as folder:
-        header = Path(folder) / f"{name}.h"
-        header.write_text(asked.header, encoding="utf-8")
-        try:
-            found = import_header(header, name)
-        except HeaderFileError as error:
-            text = str(error).replace(f"{folder}/", "")
-            raise RefusedError(422, "header", text) from None
-    return {"name": name, "text": found.text, "notes": list(found.notes), "messages": found.messages}
+        name = protocol_name(Path(asked.name))
+        return await worked_by(self._worker, imported, asked.header, name)

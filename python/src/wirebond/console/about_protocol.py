@@ -11,15 +11,14 @@ from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
 from wirebond import paths
-from wirebond.check import Places, lint
-from wirebond.codec import Codec
-from wirebond.console.answers import RefusedError, answer, body_of, guarded, problems_of, served_by, worked
-from wirebond.console.connector import EDITED
+from wirebond.console.answers import RefusedError, answer, body_of, guarded, served_by, worked, worked_by
+from wirebond.console.connector import Options
 from wirebond.console.protocol_form import protocol_form
 from wirebond.console.station import Station
-from wirebond.doc import markdown
-from wirebond.errors import ProtocolFileError
+from wirebond.jobs import Worker
+from wirebond.jobs.protocol_files import checked, document, findings
 from wirebond.link.raw import is_raw
+from wirebond.new.write import protocol_name, write_new
 from wirebond.protocol import loads
 from wirebond.whole_file import write_whole
 
@@ -28,14 +27,22 @@ class _Check(msgspec.Struct):
     text: str
 
 
+class _Save(msgspec.Struct):
+    text: str
+    name: str | None = None
+
+
 class ProtocolRequests:
     """:param station: whose protocol it is.
-    :param may_save: the file that may be written; None: none.
+    :param options: which files may be written.
+    :param worker: does what takes long.
     """
 
-    def __init__(self, station: Station, may_save: Path | None) -> None:
+    def __init__(self, station: Station, options: Options, worker: Worker) -> None:
         self._station = station
-        self._may_save = may_save
+        self._options = options
+        self._worker = worker
+        self._first: set[Path] = set()  # files that the page made
 
     def routes(self) -> list[BaseRoute]:
         """All of them."""
@@ -57,42 +64,50 @@ class ProtocolRequests:
         return answer(protocol_form(link.codec, served.source.history, path, link.port, link.baud))
 
     async def _document(self, _: Request) -> Response:
-        codec = served_by(self._station).link.codec
-        return await worked(lambda: {"markdown": markdown(codec)})
+        model = served_by(self._station).link.codec.model
+        return await worked_by(self._worker, document, model.text, model.path)
 
     async def _lint(self, _: Request) -> Response:
-        codec = served_by(self._station).link.codec
-        return await worked(lambda: lint(codec, Places.of_text(codec.model.text)).as_dict())
+        model = served_by(self._station).link.codec.model
+        return await worked_by(self._worker, findings, model.text, model.path)
 
     async def _schema(self, _: Request) -> Response:
         schema = (paths.protocols() / "wirebond.schema.json").read_bytes()
         return Response(schema, media_type="application/schema+json")
 
     async def _save(self, request: Request) -> Response:
-        """The file that the console was started with is written; what is in force stays until the port is connected."""
-        text = (await body_of(request, _Check)).text
-        path = self._may_save
-        if path is None:
-            raise RefusedError(
-                422, "no_file", "the console was started without a protocol file; download the text instead"
-            )
-        loads(text, str(path))
+        """What is in force stays until the port is connected."""
+        asked = await body_of(request, _Save)
+        path = self._own_file() if asked.name is None else self._new_file(asked.name)
+        loads(asked.text, str(path))
 
         def work() -> dict[str, Any]:
-            write_whole(path, text)
+            if asked.name is None or path in self._first:
+                write_whole(path, asked.text)
+            else:
+                write_new(path, asked.text)
+                self._first.add(path)
             return {"ok": None, "path": str(path)}
 
         return await worked(work)
 
+    def _own_file(self) -> Path:
+        """The file in force where the page made it, else the one that the console was started with."""
+        served = self._station.served
+        if served is not None and (path := Path(served.link.codec.model.path)) in self._first:
+            return path
+        if self._options.may_save is None:
+            raise RefusedError(
+                422, "no_file", "the console was started without a protocol file; download the text instead"
+            )
+        return self._options.may_save
+
+    def _new_file(self, name: str) -> Path:
+        """In the folder of the server, where `/api/ports` finds it. One that the page did not make is not replaced."""
+        if not self._options.may_connect:
+            raise RefusedError(422, "no_file", "this console shows the link of one program; download the text instead")
+        return (Path.cwd() / f"{protocol_name(Path(name))}.yaml").resolve()
+
     async def _check(self, request: Request) -> Response:
         text = (await body_of(request, _Check)).text
-        return await worked(lambda: checked(text))
-
-
-def checked(text: str) -> dict[str, Any]:
-    """Is this text a protocol? What is wrong stands at its place."""
-    try:
-        codec = Codec(loads(text, EDITED))
-    except ProtocolFileError as error:
-        return {"ok": False, "problems": problems_of(error)}
-    return {"ok": True, "problems": [], "protocol": codec.name, "hash": f"{codec.hash:016x}"}
+        return await worked_by(self._worker, checked, text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from typing import Any, TypeVar
+from typing import ParamSpec, TypeVar
 
 import msgspec
 from starlette.concurrency import run_in_threadpool
@@ -14,9 +14,12 @@ from wirebond.as_json import encode, plain
 from wirebond.console.connector import HeldError
 from wirebond.console.station import Served, Station
 from wirebond.errors import ProtocolFileError, WirebondError
+from wirebond.jobs import Worker, as_json
+from wirebond.jobs.protocol_files import problems_of
 
 MOST_BODY = 4 << 20  # bytes
 _Body = TypeVar("_Body", bound=msgspec.Struct)
+_P = ParamSpec("_P")
 Work = Callable[[], object]
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -66,11 +69,6 @@ def guarded(handler: Handler) -> Handler:
     return wrapped
 
 
-def problems_of(error: ProtocolFileError) -> list[dict[str, Any]]:
-    """What is wrong with a protocol file, and where."""
-    return [{"message": p.sentence, "line": p.line, "column": p.column} for p in error.problems]
-
-
 async def body_of(request: Request, of: type[_Body]) -> _Body:
     """The request's JSON.
 
@@ -84,9 +82,15 @@ async def body_of(request: Request, of: type[_Body]) -> _Body:
     try:
         return msgspec.json.decode(bytes(data), type=of)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise RefusedError(400, "not_understood", f"{error}; see docs/console.md") from None
+        raise RefusedError(400, "not_understood", f"{error}; see docs/console-api.md") from None
 
 
 async def worked(work: Work) -> Response:
     """The answer of what takes a while, in a thread of its own."""
     return answer(await run_in_threadpool(work))
+
+
+async def worked_by(worker: Worker, job: Callable[_P, object], *args: _P.args, **keywords: _P.kwargs) -> Response:
+    """The answer of what takes long, by a process of its own: the views go on meanwhile."""
+    data = await run_in_threadpool(worker.run, as_json, job, args, keywords)
+    return Response(data, media_type="application/json")

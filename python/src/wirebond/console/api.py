@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-
 from starlette.routing import BaseRoute
 
 from wirebond.console.about_bytes import ByteRequests
@@ -15,15 +13,15 @@ from wirebond.console.about_recordings import RecordingRequests
 from wirebond.console.connector import Connector
 from wirebond.console.library import Library
 from wirebond.console.station import Station
+from wirebond.jobs import Worker
 
 
-def routes(station: Station, library: Library, connector: Connector) -> list[BaseRoute]:
+def routes(station: Station, library: Library, connector: Connector, worker: Worker) -> list[BaseRoute]:
     """By what they are about."""
-    turn = asyncio.Lock()  # what takes long goes one at a time: the link has the rest of the computer
     return [
-        *ProtocolRequests(station, connector.options.may_save).routes(),
-        *ByteRequests(station, library, turn).routes(),
-        *DeviceRequests(station, turn).routes(),
+        *ProtocolRequests(station, connector.options, worker).routes(),
+        *ByteRequests(station, library, worker).routes(),
+        *DeviceRequests(station, worker).routes(),
         *RecordingRequests(station, library).routes(),
         *CommandRequests(station).routes(),
         *PortRequests(connector).routes(),

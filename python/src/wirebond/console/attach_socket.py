@@ -66,7 +66,7 @@ async def first_message(socket: WebSocket) -> dict[str, Any] | None:
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         first = None
     if not isinstance(first, dict):
-        await refuse(socket, "not_understood", "the first message is no JSON object; see docs/console.md")
+        await refuse(socket, "not_understood", "the first message is no JSON object; see docs/console-api.md")
         return None
     return first
 

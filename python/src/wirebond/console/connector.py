@@ -15,6 +15,7 @@ from wirebond.attach.address import make_socket_folder, socket_of
 from wirebond.codec import Codec, load
 from wirebond.console.station import Station
 from wirebond.errors import UsageError
+from wirebond.jobs.protocol_files import EDITED
 from wirebond.link import open_link
 from wirebond.link.raw import raw_codec
 from wirebond.protocol import loads
@@ -27,7 +28,6 @@ SIMULATORS = (
     (ROVER, "the rover's own firmware, as a process (diffdrive)"),
     (SIMULATED, "a simulated MCU of the chosen protocol"),
 )
-EDITED = "the edited file"
 
 
 class HeldError(UsageError):
@@ -92,11 +92,13 @@ class Connector:
             self._station.clear()
 
     def choices(self) -> list[Path]:
-        """The protocol files that can be chosen: those that come with the package, and those of this folder."""
+        """The protocol files that can be chosen: the one that the console was started with, those of this folder, and
+        those that come with the package."""
         folder = paths.protocols()
         folders = [Path.cwd(), Path.cwd() / "protocols", folder, folder / "contrib"]
         found = [path for one in folders if one.is_dir() for path in sorted(one.glob("*.yaml"))]
-        return list(dict.fromkeys(path.resolve() for path in found if path.is_file()))
+        own = [] if self.options.may_save is None else [self.options.may_save]
+        return list(dict.fromkeys(path.resolve() for path in own + found if path.is_file()))
 
     # ---- inside
 

@@ -19,6 +19,7 @@ from wirebond.console.guard import Guard
 from wirebond.console.library import Library
 from wirebond.console.station import Station
 from wirebond.errors import UsageError
+from wirebond.jobs import Worker
 from wirebond.paths import PAGE
 from wirebond.server.owner import is_loopback, tcp_socket
 
@@ -70,7 +71,9 @@ class Console:
         self.page_is_built = (page / "index.html").is_file()
         connector = Connector(self.station, options or Options())
         library = Library(self.station)
-        app = application(lambda: self._guard, self.station, library, page, routes(self.station, library, connector))
+        self._worker = Worker()
+        api = routes(self.station, library, connector, self._worker)
+        app = application(lambda: self._guard, self.station, library, page, api)
         config = uvicorn.Config(
             app,
             log_config=None,
@@ -128,6 +131,7 @@ class Console:
         """End every connection. A second call does nothing."""
         self._is_closing = True
         self._server.should_exit = True
+        self._worker.close()
         self._thread.join(_PATIENCE)
         self.station.clear()
 

@@ -48,6 +48,8 @@ def link_state(served: Served) -> dict[str, Any]:
         "late": stats.late,
         "held_back": stats.held_back,
         "reconnects": stats.reconnects,
+        "echoed_bytes": stats.echoed_bytes,
+        "collisions": stats.collisions,
         "peer": {"state": link.peer.state, "why": link.peer.why},
         "clock": None if clock is None else plain(asdict(clock)),
         "round_trip": source.round_trips.figures(now),

@@ -46,9 +46,14 @@ class PlotFeed:
         oldest = now - plot.seconds
         columns = []
         is_first = self._is_first
+        begins: dict[float, list[str]] = {}
         for name in plot.fields:
-            sent = self._sent.get(name)
-            pixels = history.pixels(name, oldest if sent is None else sent.begin, now, width)
+            begins.setdefault(self._sent[name].begin if name in self._sent else oldest, []).append(name)
+        found: dict[str, Pixels] = {}
+        for begin, names in begins.items():
+            found.update(zip(names, history.pixels(names, begin, now, width), strict=True))
+        for name in plot.fields:
+            sent, pixels = self._sent.get(name), found[name]
             if not len(pixels.t):
                 continue
             row = float(pixels.t[-1]), float(pixels.low[-1]), float(pixels.high[-1])
@@ -72,7 +77,7 @@ class PlotFeed:
             return None
         self._sent[""] = _Sent(newest, (0.0, 0.0, 0.0))
         width = (end - begin) / plot.pixels
-        columns = [(name, history.pixels(name, begin, end, width)) for name in plot.fields]
+        columns = list(zip(plot.fields, history.pixels(plot.fields, begin, end, width), strict=True))
         return packed(plot.id, now, begin, end, columns, replace=True)
 
 
@@ -83,7 +88,7 @@ def _same(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
 def packed(
     name: str, now: float, begin: float, end: float, columns: list[tuple[str, Pixels]], *, replace: bool
 ) -> bytes:
-    """A batch as docs/console.md has it."""
+    """A batch as docs/console-api.md has it."""
     head: dict[str, Any] = {"plot": name, "now": now, "from": begin, "to": end, "replace": replace, "columns": []}
     arrays = []
     for field_name, pixels in columns:

@@ -10,6 +10,7 @@ from wirebond.as_json import plain
 from wirebond.codec import Message
 from wirebond.history.source import Newest, Source
 from wirebond.history.stream import Entry
+from wirebond.history.told import message_dict
 from wirebond.link.raw import is_raw
 from wirebond.protocol.model import End, Field, FieldKind
 
@@ -59,18 +60,6 @@ def _row(source: Source, end: End, name: str, now: float, at: float | None, with
 def _newest(newest: Newest) -> dict[str, Any]:
     found: dict[str, Any] = {"t": newest.t, "bytes": newest.raw.hex()}
     return found if newest.message is None else found | message_dict(newest.message)
-
-
-def message_dict(message: Message) -> dict[str, Any]:
-    """Its values; header and violations where it has some."""
-    found: dict[str, Any] = {"fields": plain(message.fields)}
-    if message.header:
-        found["header"] = plain(message.header)
-    if message.violations:
-        found["violations"] = message.violations
-    if message.name == "unknown":
-        found["id"] = message.id
-    return found
 
 
 def _spark_column(source: Source, end: End, name: str) -> str | None:

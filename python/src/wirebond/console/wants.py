@@ -77,7 +77,7 @@ def read(text: str | bytes) -> Said:
     try:
         said = _decode(text)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise UsageError(f"this says not what to show: {error}; see docs/console.md") from None
+        raise UsageError(f"this says not what to show: {error}; see docs/console-api.md") from None
     if said.views is not None:
         _check(said.views)
     return said

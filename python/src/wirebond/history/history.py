@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -170,14 +170,23 @@ class History:
             )
         return end, name, column
 
-    def pixels(self, field: str, begin: float, end: float, width: float) -> Pixels:
-        """Least and greatest values of a field from ``begin`` to ``end``, in pixels of ``width`` seconds.
+    def pixels(self, fields: Sequence[str], begin: float, end: float, width: float) -> list[Pixels]:
+        """Least and greatest values of each field from ``begin`` to ``end``, in pixels of ``width`` seconds. Fields of
+        one message cost less together.
 
         :raises UsageError: there is no such field.
         """
-        whose, name, column = self.find(field)
+        of_tracks: dict[tuple[End, str], list[tuple[str, str]]] = {}
+        for field in fields:
+            whose, name, column = self.find(field)
+            of_tracks.setdefault((whose, name), []).append((field, column))
+        found: dict[str, Pixels] = {}
         with self._lock:
-            return pixels_of(self._tracks[whose, name], column, begin, end, width, self._breaks)
+            for key, wanted in of_tracks.items():
+                columns = [column for _, column in wanted]
+                pixels = pixels_of(self._tracks[key], columns, begin, end, width, self._breaks)
+                found.update(zip([field for field, _ in wanted], pixels, strict=True))
+        return [found[field] for field in fields]
 
     def rows(self, field: str) -> tuple[NDArray[np.float64], Array]:
         """All rows of a field that are kept: times and values.

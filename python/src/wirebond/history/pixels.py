@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,10 +32,10 @@ def shown_type(kept: np.dtype[Any]) -> np.dtype[Any]:
 
 
 def pixels_of(
-    track: Track, column: str, begin: float, end: float, width: float, breaks: Sequence[float] = ()
-) -> Pixels:
-    """The samples from ``begin`` to ``end``, both included. Pixels are ``width`` seconds and lie at multiples of it:
-    two calls with one width have the same pixels.
+    track: Track, columns: Sequence[str], begin: float, end: float, width: float, breaks: Sequence[float] = ()
+) -> list[Pixels]:
+    """The samples of each column from ``begin`` to ``end``, both included. Pixels are ``width`` seconds and lie at
+    multiples of it: two calls with one width have the same pixels.
 
     :param breaks: when the line went away, rising.
     """
@@ -43,7 +43,7 @@ def pixels_of(
     edges = np.arange(first, int(np.floor(end / width)) + 2) * width
     edges[0] = max(edges[0], begin) if begin > edges[0] else edges[0]
     edges[-1] = np.nextafter(end, np.inf)
-    parts: list[tuple[Array, ...]] = []
+    parts: list[_Part] = []
     for chunk in track.chunks_from(float(edges[0])):
         t = chunk.t
         places = np.searchsorted(t, edges)
@@ -51,29 +51,56 @@ def pixels_of(
         if not len(has):
             continue
         bounds = np.append(places[:-1][has], places[1:][has[-1]])
-        low, high = chunk.least_and_greatest(column, bounds)
-        parts.append((has, t[bounds[:-1]], t[bounds[1:] - 1], low, high))
-    shown = shown_type(track.types[column])
+        extremes = chunk.least_and_greatest(columns, bounds)
+        parts.append(_Part(has, t[bounds[:-1]], t[bounds[1:] - 1], extremes))
+    shown = [shown_type(track.types[column]) for column in columns]
     if not parts:
-        nothing = np.empty(0, shown)
-        return Pixels(np.empty(0), nothing, nothing)
-    return _with_gaps(_joined(parts), track.interval, breaks, shown)
+        return [Pixels(np.empty(0), np.empty(0, of), np.empty(0, of)) for of in shown]
+    whole = _joined(parts)
+    gaps = _gaps(whole, track.interval, breaks)
+    return [
+        Pixels(gaps.inserted(whole.first, gaps.between), gaps.inserted(low.astype(of)), gaps.inserted(high.astype(of)))
+        for (low, high), of in zip(whole.extremes, shown, strict=True)
+    ]
 
 
-def _joined(parts: list[tuple[Array, ...]]) -> tuple[Array, ...]:
+class _Part(NamedTuple):
+    """Pixels that have samples: which they are, the times of their first and last samples, and of each column the least
+    and the greatest values."""
+
+    pixel: Array
+    first: NDArray[np.float64]
+    last: NDArray[np.float64]
+    extremes: list[tuple[Array, Array]]
+
+
+class _Gaps(NamedTuple):
+    """Before which pixels nothing came for too long, and a time in between."""
+
+    where: NDArray[np.intp]
+    between: NDArray[np.float64]
+
+    def inserted(self, values: Array, what: Array | float = np.nan) -> Array:
+        return np.insert(values, self.where, what) if len(self.where) else values
+
+
+def _joined(parts: list[_Part]) -> _Part:
     """A pixel that lies in two chunks is one."""
     if len(parts) == 1:
         return parts[0]
-    pixel, first, last, low, high = (np.concatenate(column) for column in zip(*parts, strict=True))
+    pixel = np.concatenate([part.pixel for part in parts])
     starts = np.flatnonzero(np.diff(pixel, prepend=-1))
     stops = np.append(starts[1:], len(pixel)) - 1
-    return pixel[starts], first[starts], last[stops], np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
+    extremes = []
+    for column in zip(*(part.extremes for part in parts), strict=True):
+        low, high = (np.concatenate(values) for values in zip(*column, strict=True))
+        extremes.append((np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)))
+    first, last = (np.concatenate(times) for times in zip(*((p.first, p.last) for p in parts), strict=True))
+    return _Part(pixel[starts], first[starts], last[stops], extremes)
 
 
-def _with_gaps(
-    found: tuple[Array, ...], interval: float | None, breaks: Sequence[float], shown: np.dtype[Any]
-) -> Pixels:
-    _, first, last, low, high = found
+def _gaps(found: _Part, interval: float | None, breaks: Sequence[float]) -> _Gaps:
+    first, last = found.first, found.last
     is_gap = np.zeros(len(first) - 1, bool)
     if interval is not None:
         is_gap = first[1:] - last[:-1] > GAP * interval
@@ -81,9 +108,5 @@ def _with_gaps(
         place = int(np.searchsorted(first, t))
         if 0 < place < len(first) and last[place - 1] <= t:
             is_gap[place - 1] = True
-    low, high = low.astype(shown), high.astype(shown)
     where = np.flatnonzero(is_gap) + 1
-    if not len(where):
-        return Pixels(first, low, high)
-    between = np.nextafter(last[where - 1], np.inf)
-    return Pixels(np.insert(first, where, between), np.insert(low, where, np.nan), np.insert(high, where, np.nan))
+    return _Gaps(where, np.nextafter(last[where - 1], np.inf))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -68,36 +68,41 @@ class Chunk:
         self._columns = {name: _longer(column, size) for name, column in self._columns.items()}
         self._measure()
 
-    def least_and_greatest(self, name: str, edges: NDArray[np.intp]) -> tuple[Array, Array]:
-        """Of the rows between each two neighbours of ``edges``, which rise. NaN counts only where there is no other."""
-        column = self._columns[name]
+    def least_and_greatest(self, names: Sequence[str], edges: NDArray[np.intp]) -> list[tuple[Array, Array]]:
+        """Of these columns, of the rows between each two neighbours of ``edges``, which rise. NaN counts only where
+        there is no other."""
         if not self.is_whole or edges[-1] - edges[0] < 4 * BLOCK * len(edges):
-            part, starts = column[edges[0] : edges[-1]], edges[:-1] - edges[0]
-            return np.fmin.reduceat(part, starts), np.fmax.reduceat(part, starts)
-        low, high = self._extremes[name]
-        values, starts = _unfolded(column, low, high, edges)
-        return np.fmin.reduceat(values[0], starts), np.fmax.reduceat(values[1], starts)
+            starts = edges[:-1] - edges[0]
+            parts = [self._columns[name][edges[0] : edges[-1]] for name in names]
+            return [(np.fmin.reduceat(part, starts), np.fmax.reduceat(part, starts)) for part in parts]
+        unfolding = _Unfolding(edges)
+        return [unfolding.least_and_greatest(self._columns[name], *self._extremes[name]) for name in names]
 
 
-def _unfolded(column: Array, low: Array, high: Array, edges: NDArray[np.intp]) -> tuple[tuple[Array, Array], Array]:
-    """One value for each block, but all rows of the blocks that an edge cuts; and where each edge but the last is."""
-    first, last = edges[0] // BLOCK, -(-edges[-1] // BLOCK)
-    is_cut = np.zeros(last - first + 1, bool)
-    is_cut[edges[edges % BLOCK != 0] // BLOCK - first] = True
-    sizes = np.where(is_cut, BLOCK, 1)
-    at = np.concatenate(([0], np.cumsum(sizes)))
-    blocks = edges // BLOCK - first
-    starts = at[blocks] + edges % BLOCK
-    cut, plain = np.flatnonzero(is_cut), np.flatnonzero(~is_cut[:-1])
-    places = (at[cut][:, None] + np.arange(BLOCK)).ravel()
-    rows = column.reshape(-1, BLOCK)[cut + first].ravel()
-    found = []
-    for extreme in (low, high):
-        values = np.empty(at[-1], column.dtype)
-        values[at[plain]] = extreme[plain + first]
-        values[places] = rows
-        found.append(values[: starts[-1]])
-    return (found[0], found[1]), starts[:-1]
+class _Unfolding:
+    """One value for each block between the edges, but all rows of the blocks that an edge cuts. The places are the same
+    for all columns."""
+
+    def __init__(self, edges: NDArray[np.intp]) -> None:
+        first, last = edges[0] // BLOCK, -(-edges[-1] // BLOCK)
+        is_cut = np.zeros(last - first + 1, bool)
+        is_cut[edges[edges % BLOCK != 0] // BLOCK - first] = True
+        at = np.concatenate(([0], np.cumsum(np.where(is_cut, BLOCK, 1))))
+        ends = at[edges // BLOCK - first] + edges % BLOCK
+        cut, plain = np.flatnonzero(is_cut), np.flatnonzero(~is_cut[:-1])
+        self.size = int(at[-1])  # values
+        self._starts, self._end = ends[:-1], ends[-1]
+        self._cut, self._rows = cut + first, (at[cut][:, None] + np.arange(BLOCK)).ravel()
+        self._plain, self._extremes = plain + first, at[plain]
+
+    def least_and_greatest(self, column: Array, low: Array, high: Array) -> tuple[Array, Array]:
+        """Between each two neighbours of the edges, out of a column and the extremes of its blocks."""
+        values = np.empty(self.size, column.dtype)
+        values[self._rows] = column.reshape(-1, BLOCK)[self._cut].ravel()
+        values[self._extremes] = low[self._plain]
+        least = np.fmin.reduceat(values[: self._end], self._starts)
+        values[self._extremes] = high[self._plain]
+        return least, np.fmax.reduceat(values[: self._end], self._starts)
 
 
 def _extremes_of(column: Array) -> tuple[Array, Array]:

@@ -1,0 +1,112 @@
+"""Memory stays as it is while 8 000 messages a second come: the server's, less its history, and the page's."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from bench.console_page import FEEDER, LAYOUT, PROTOCOL
+from playwright.sync_api import Page
+from websockets.sync.client import connect
+
+from tests.console.browser import chromium
+
+SERVER_MAY_GROW = 8 << 20  # bytes, by what is not history
+PAGE_MAY_GROW = 2 << 20  # bytes of live objects
+RATE = 8000
+
+
+@dataclass
+class Look:
+    """How much memory there is in use at one time."""
+
+    t: float
+    server: int  # bytes, without the history
+    history: int
+    page: int  # bytes of objects that are in use
+    messages: int  # that came so far
+
+
+@contextmanager
+def served(folder: Path, seconds: float) -> Iterator[tuple[int, str]]:
+    """The process of ``wirebond serve --web`` over a line with 8 000 messages a second, and its address."""
+    file = folder / "console_bench.yaml"
+    file.write_text(PROTOCOL)
+    wirebond = str(Path(sys.executable).with_name("wirebond"))
+    own = {**os.environ, "XDG_RUNTIME_DIR": str(folder)}  # the server's socket: another one of this name may run
+    feed = [sys.executable, "-c", FEEDER, str(file), str(seconds)]
+    with subprocess.Popen(feed, stdout=subprocess.PIPE, text=True) as feeder:
+        assert feeder.stdout is not None
+        port = feeder.stdout.readline().strip()
+        command = [wirebond, "serve", str(file), port, "--web", "127.0.0.1:0", "--no-browser"]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=own) as server:
+            assert server.stderr is not None
+            try:
+                address = next(found.group() for line in server.stderr if (found := re.search(r"http://\S+", line)))
+                yield server.pid, address
+            finally:
+                server.terminate()
+                feeder.kill()
+
+
+def look(server: int, address: str, page: Page) -> Look:
+    with connect(f"ws://{urlsplit(address).netloc}/views", compression=None) as socket:
+        socket.send(json.dumps({"views": {"link": True}}))
+        while (said := json.loads(socket.recv(timeout=20))).get("view") != "link":
+            pass
+    status = Path(f"/proc/{server}/status").read_text()
+    resident = int(re.findall(r"VmRSS:\s+(\d+) kB", status)[0]) << 10
+    devtools = page.context.new_cdp_session(page)
+    devtools.send("HeapProfiler.collectGarbage")
+    used = devtools.send("Runtime.getHeapUsage")["usedSize"]
+    devtools.detach()
+    history = said["history"]["bytes"]
+    return Look(time.monotonic(), resident - history, history, int(used), said["receive"]["messages"]["state"])
+
+
+def looks(folder: Path, width: float, settle: float, seconds: float, every: float) -> list[Look]:
+    """The page shows its table and two plots of eight fields, ``width`` seconds wide. ``settle``: before the first."""
+    layout = json.dumps(json.dumps({**LAYOUT, "seconds": width}))
+    with served(folder, settle + seconds + 60) as (server, address), chromium() as browser:
+        page = browser.new_page(viewport={"width": 1280, "height": 720})
+        page.add_init_script(f"localStorage.setItem('wirebond.layout.console_bench', {layout})")
+        page.goto(f"{address}#/plots")
+        page.locator("[data-newest]").nth(1).wait_for()
+        page.wait_for_timeout(settle * 1000)
+        found = [look(server, address, page)]
+        while found[-1].t - found[0].t < seconds:
+            page.wait_for_timeout(every * 1000)
+            found.append(look(server, address, page))
+        return found
+
+
+def stays(found: list[Look]) -> None:
+    quarter = max(1, len(found) // 4)
+    first, last = found[:quarter], found[-quarter:]
+    assert min(one.server for one in last) - min(one.server for one in first) < SERVER_MAY_GROW
+    assert min(one.page for one in last) - min(one.page for one in first) < PAGE_MAY_GROW
+
+
+def test_memory_stays_for_some_seconds(tmp_path: Path) -> None:
+    found = looks(tmp_path, width=1, settle=1, seconds=2, every=0.5)
+    stays(found)
+    assert found[-1].messages > found[0].messages + RATE
+
+
+@pytest.mark.long
+def test_memory_stays_for_ten_minutes(tmp_path: Path) -> None:
+    found = looks(tmp_path, width=10, settle=30, seconds=600, every=10)
+    print(found[0], found[len(found) // 2], found[-1], sep="\n")
+    stays(found)
+    came, seconds = found[-1].messages - found[0].messages, found[-1].t - found[0].t
+    assert came > 0.9 * RATE * seconds  # on a busy machine a pty overflows

@@ -1,0 +1,108 @@
+"""Plots in the browser: layouts that are kept and shared, zoom, pan, pause, the cursor's values, peaks that stay."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from bench.console_scrub import HOUR, PEAK, look
+from playwright.sync_api import Browser, Page, expect
+
+from tests.console.browser import Desk, wait_until
+
+# The plot follows the pointer from picture to picture.
+_DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+
+def is_drawn(page: Page) -> None:
+    expect(page.locator(".legend .value").first).to_have_text(re.compile(r"\d"))
+
+
+def range_of(page: Page) -> tuple[float, float]:
+    found = re.search(r"from=([\d.]+)&to=([\d.]+)", page.url)
+    assert found is not None, page.url
+    return float(found[1]), float(found[2])
+
+
+def test_a_layout_is_kept_for_its_protocol_and_shared_as_a_file(rover: Desk, tmp_path: Path) -> None:
+    page = rover.page("plots")
+    is_drawn(page)
+    page.get_by_role("button", name="New plot").click()
+    page.get_by_role("button", name="battery").click()
+    page.get_by_label("Shown").select_option("60")
+    expect(page.locator(".plot")).to_have_count(2)
+    page.reload()
+    expect(page.locator(".plot")).to_have_count(2)
+    expect(page.locator(".plot").nth(1)).to_contain_text("status.battery")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save layout").click()
+    assert download.value.suggested_filename == "diffdrive-layout.json"
+    file = tmp_path / "layout.json"
+    download.value.save_as(file)
+
+    other = rover.page("plots")  # another person's browser
+    is_drawn(other)
+    expect(other.locator(".plot")).to_have_count(1)
+    other.locator("input[type=file]").set_input_files(file)
+    expect(other.locator(".plot").nth(1)).to_contain_text("status.battery")
+    expect(other.get_by_label("Shown")).to_have_value("60")
+    layout = json.loads(file.read_text())
+    layout["plots"].append({"fields": ["no.field"]})
+    for content, said in ((json.dumps(layout), "no.field"), ("[1", "not a layout"), ('{"plots": 3}', "not a layout")):
+        upload = {"name": "x.json", "mimeType": "application/json", "buffer": content.encode()}
+        other.locator("input[type=file]").set_input_files([upload])  # type: ignore[list-item]
+        expect(other.get_by_role("log")).to_contain_text(said)
+
+
+def test_a_plot_is_zoomed_moved_paused_and_read_at_the_cursor(rover: Desk) -> None:
+    wait_until(lambda: rover.link.stats.receive.messages.get("odometry", 0) > 90, "a history of some seconds")
+    page = rover.page("plots")
+    is_drawn(page)
+    box = page.locator(".u-over").first.bounding_box()
+    assert box is not None
+    left, right, middle = box["x"] + 0.5 * box["width"], box["x"] + 0.9 * box["width"], box["y"] + box["height"] / 2
+    page.mouse.move(left, middle)
+    page.mouse.down()
+    page.mouse.move(right, middle, steps=3)
+    page.wait_for_function("least => document.querySelector('.u-select').offsetWidth >= least", arg=right - left - 2)
+    page.mouse.up()
+    expect(page).to_have_url(re.compile("from="))
+    begin, end = range_of(page)
+    assert end - begin == pytest.approx(0.4 * 10, rel=0.05)
+    expect(page.locator("[data-from]").first).to_have_attribute("data-from", f"{begin:.4f}")
+    page.keyboard.down("Shift")
+    page.mouse.move(left, middle)
+    page.mouse.down()
+    page.mouse.move(left + box["width"] / 4, middle, steps=3)
+    page.evaluate(_DRAWN)
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    moved = range_of(page)
+    assert moved[1] - moved[0] == pytest.approx(end - begin, rel=1e-3)
+    assert moved[0] == pytest.approx(begin - (end - begin) / 4, abs=0.05)
+    page.mouse.dblclick(left, middle)
+    expect(page).not_to_have_url(re.compile("from="))
+    page.keyboard.press("p")
+    expect(page.get_by_role("button", name="Resume")).to_be_visible()
+    expect(page.locator(".position")).to_have_text(re.compile(r"^\d\d:\d\d:\d\d"))
+    values = set()
+    for share in (0.6, 0.75, 0.9):
+        page.mouse.move(box["x"] + share * box["width"], middle)
+        expect(page.locator(".position")).to_have_text(re.compile(r"^\d\d:\d\d:\d\d\.\d{3}$"))
+        values.add(page.locator(".legend .value").first.inner_text())
+    assert len(values) > 1
+    page.get_by_role("button", name="Live", exact=True).click()
+    expect(page.get_by_role("button", name="Pause")).to_be_visible()
+
+
+def test_the_picture_of_a_long_history_has_its_peaks(browser: Browser) -> None:
+    assert look(browser, seconds=20.0, moves=3)["greatest"] == PEAK
+
+
+@pytest.mark.long
+def test_an_hour_moves_under_the_hand_and_has_its_peaks(browser: Browser) -> None:
+    found = look(browser, seconds=HOUR, moves=20)
+    assert found["greatest"] == PEAK
+    assert len(found["pauses"]) > 20

@@ -1,0 +1,70 @@
+"""Recordings in the browser: marks and notes, files to download, and files that are damaged."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from playwright.sync_api import expect
+
+import wirebond
+from tests.console.browser import Desk, serious, wait_until
+
+
+def cut_short(rover: Desk) -> Path:
+    """What is on the disk of a recording that goes on: so it is left by a computer that loses its power."""
+    recordings = rover.server.recordings
+    recordings.start()
+    came = rover.link.stats.receive.messages.get("odometry", 0)
+    wait_until(lambda: rover.link.stats.receive.messages.get("odometry", 0) > came + 20, "something to record")
+    assert recordings.folder is not None
+    whole = max(recordings.folder.glob("*.mcap"), key=lambda path: path.stat().st_mtime)
+    cut = whole.with_name("cut.mcap")
+    cut.write_bytes(whole.read_bytes())
+    recordings.stop()
+    return cut
+
+
+def test_a_recording_is_marked_noted_and_downloaded_as_mcap_and_csv(rover: Desk, tmp_path: Path) -> None:
+    page = rover.page("recordings")
+    page.get_by_role("button", name="Record", exact=True).click()
+    expect(page.get_by_role("button", name="Stop recording")).to_be_visible()
+    page.get_by_role("textbox", name="Mark an event").fill("wheel slips")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("log")).to_contain_text("Marked")
+    came = rover.link.stats.receive.messages.get("odometry", 0)
+    wait_until(lambda: rover.link.stats.receive.messages.get("odometry", 0) > came + 5, "something to record")
+    page.get_by_role("button", name="Stop recording").click()
+    page.get_by_role("button", name="Add a note").click()
+    page.get_by_role("textbox", name="Notes").fill("on the wet floor")
+    page.keyboard.press("Enter")
+    expect(page.locator("td.notes")).to_contain_text("on the wet floor")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="MCAP", exact=True).click()
+    file = tmp_path / "run.mcap"
+    download.value.save_as(file)
+    marks = [event for event in wirebond.Recording(file).events if event.kind == "mark"]
+    assert [mark.facts["text"] for mark in marks] == ["wheel slips"]
+    with page.expect_download() as download:
+        page.get_by_role("combobox", name="CSV").select_option("odometry")
+    table = tmp_path / "run.csv"
+    download.value.save_as(table)
+    rows = table.read_text().splitlines()
+    assert rows[0] == "t,left_ticks,right_ticks" and len(rows) > 5
+
+
+def test_a_recording_that_was_cut_short_opens_as_far_as_it_goes_and_says_what_is_lost(rover: Desk) -> None:
+    cut = cut_short(rover)
+    none = cut.with_name("none.mcap")
+    none.write_bytes(b"no recording at all")
+    page = rover.page(f"recordings?recording={cut.name}")
+    expect(page.locator(".problems")).to_contain_text("the last whole record")
+    expect(page.get_by_role("slider", name="Position in the recording")).to_be_visible()
+    expect(page.get_by_role("row", name=none.name)).to_contain_text("is no MCAP file")
+    assert serious(page) == []
+    stop = page.get_by_role("button", name="STOP").bounding_box()
+    assert stop is not None and stop["x"] + stop["width"] <= 1280
+    page.evaluate(f"location.hash = '#/plots?recording={none.name}'")
+    expect(page.locator(".scrubber")).to_contain_text("none.mcap")
+    page.get_by_role("button", name="Back to live").click()
+    expect(page.locator(".legend .value").first).to_have_text(re.compile(r"\d"))

@@ -1,0 +1,251 @@
+"""Firmwares are tuned in the tuning view, in Chromium: the firmware's own code with a simulated body, on a pty."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+import wirebond
+from tests.console.browser import Robot, open_page, take_control, wait_until
+from tests.shared import PROTOCOLS, ROOT, codec
+from wirebond.console import Console
+from wirebond.gen import generate_cpp
+from wirebond.server import Server
+from wirebond.sim.process import FirmwareProcess
+
+FIRMWARE = ROOT / "firmware"
+
+
+@dataclass
+class Tuning:
+    """A page that shows the tuning view."""
+
+    page: Page
+
+    def row(self, parameter: str) -> Locator:
+        return self.page.get_by_role("row").filter(has=self.page.get_by_role("slider", name=f"{parameter}, "))
+
+    def has(self, parameter: str, value: float) -> None:
+        """It is read back."""
+        text = re.compile(rf"^{re.escape(format(value, 'g'))}(\.?0*)$")
+        expect(self.row(parameter).locator("td.number").first).to_have_text(text)
+
+    def set(self, **values: float) -> None:
+        for name, value in values.items():
+            self.page.get_by_role("spinbutton", name=name, exact=True).fill(str(value))
+        self.page.get_by_role("button", name="Send changes").click()
+
+    def button(self, name: str) -> Locator:
+        return self.page.get_by_role("button", name=name, exact=True)
+
+    def figure(self, name: str) -> float:
+        """Of the step test, without its unit."""
+        figure = self.page.locator(".figures div", has=self.page.get_by_text(name, exact=True)).locator("dd")
+        return float(figure.inner_text().replace("\u2212", "-").split()[0])
+
+    def save(self, name: str) -> None:
+        """The wanted values as a named set."""
+        self.page.get_by_role("textbox", name="Name of the set").fill(name)
+        self.button("Save these values").click()
+
+
+@dataclass
+class Bench(Tuning):
+    """And the firmware that is tuned, with its link."""
+
+    process: FirmwareProcess
+    link: wirebond.Link
+
+
+@contextmanager
+def bench(name: str, protocol: str, folder: Path, browser: Browser) -> Iterator[Bench]:
+    generate_cpp(wirebond.load(PROTOCOLS / f"{protocol}.yaml").model, folder)
+    includes = [folder, FIRMWARE, FIRMWARE / name, ROOT / "ports" / "posix" / "include"]
+    source, program = FIRMWARE / name / "host" / "main.cpp", folder / name
+    command = ["g++", "-std=c++17", "-O0", "-pthread", *(f"-I{one}" for one in includes), str(source), "-o"]
+    subprocess.run([*command, str(program)], check=True)
+    with (
+        FirmwareProcess(program, name) as process,
+        shown(process.port, protocol, folder, browser) as (link, page),
+    ):
+        yield Bench(page, process, link)
+
+
+@contextmanager
+def shown(port: str | Path, protocol: str, folder: Path, browser: Browser) -> Iterator[tuple[wirebond.Link, Page]]:
+    problems: list[str] = []
+    with (
+        wirebond.open(codec(protocol), str(port)) as link,
+        Server(link, folder / "server.sock") as server,
+        Console(port=0) as console,
+    ):
+        console.show(link, server)
+        page = open_page(browser, console, "tuning", problems)
+        yield link, page
+        page.context.close()
+    assert problems == []
+
+
+def samples(link: wirebond.Link, message: str, field: str) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values of the last seconds, as the link has them."""
+    found = [entry for entry in link.dump().entries if entry.message is not None and entry.message.name == message]
+    return np.array([entry.t for entry in found]), np.array([entry.message[field] for entry in found if entry.message])
+
+
+def swing(link: wirebond.Link, seconds: float) -> float:
+    """The largest lean of the balance bot in its last seconds."""
+    t, pitch = samples(link, "attitude", "pitch")
+    return float(np.abs(pitch[t > t[-1] - seconds]).max())
+
+
+def text_of(page: Page, button: str) -> str:
+    """Of the file that this button saves."""
+    with page.expect_download() as download:
+        page.get_by_role("button", name=button, exact=True).click()
+    return download.value.path().read_text()
+
+
+@pytest.mark.long
+def test_a_balance_bot_that_falls_is_tuned_until_it_stands(tmp_path: Path, browser: Browser) -> None:
+    with bench("balance", "pid_tuner", tmp_path, browser) as bot:
+        page = bot.page
+        page.get_by_role("combobox", name="Shown").select_option("2 s")
+        expect(bot.row("p")).to_contain_text("as read back")
+        bot.set(p=2)
+        bot.has("p", 2)
+        wait_until(lambda: swing(bot.link, 0.2) > 0.5, "it falls")
+        bot.button("Measure now").click()
+        assert bot.figure("greatest") - bot.figure("least") > 0.4
+
+        bot.set(p=10, i=0.1, d=0.3)
+        bot.has("p", 10)
+        bot.has("i", 0.1)
+        bot.has("d", 0.3)
+        page.get_by_role("spinbutton", name="idx").fill("1")
+        page.get_by_role("spinbutton", name="idx").blur()
+        bot.has("p", 0)
+        bot.set(p=0.2)
+        bot.has("p", 0.2)
+        expect(bot.row("i")).to_contain_text("the robot has another value")  # p/200, whatever is sent
+        bot.has("i", 0.001)
+        wait_until(lambda: swing(bot.link, 2.5) < 0.01, "it stands")
+        bot.button("Measure now").click()
+        _, pitch = samples(bot.link, "attitude", "pitch")
+        assert abs(bot.figure("greatest")) < 0.01
+        assert bot.figure("Final value") == pytest.approx(pitch[-50:].mean(), abs=2e-3)
+        assert bot.figure("Spread (rms)") < 0.005
+
+
+def test_an_axis_is_tuned_by_the_parameter_service_and_a_step_says_what_it_does(
+    tmp_path: Path, browser: Browser
+) -> None:
+    with bench("axis", "linear_axis", tmp_path, browser) as axis:
+        page, row = axis.page, axis.row("acceleration")
+        expect(row).to_contain_text("as read back")
+        axis.has("acceleration", 5)
+        axis.save("hard")
+        row.get_by_role("slider").fill("2")
+        expect(row).to_contain_text("changed here, not sent")
+        axis.has("acceleration", 5)
+        assert axis.process.events() == []
+        axis.button("Send changes").click()
+        expect(row).to_contain_text("as read back")
+        axis.has("acceleration", 2)
+        assert [line.partition(" ")[2] for line in axis.process.events(5)] == ["parameter 1 is 2.000"]
+        axis.save("soft")
+        axis.set(acceleration=50)
+        expect(row).to_contain_text("refused: out_of_range")
+        axis.has("acceleration", 2)
+
+        found = step(axis, to=0.4)
+        assert found.rise == pytest.approx(0.8 * 0.4 / 2, abs=0.02)  # the ramp that was set
+        assert axis.figure("Rise time") / 1000 == pytest.approx(found.rise, abs=0.02)
+        assert axis.figure("Settling time") / 1000 == pytest.approx(found.settling, abs=0.08)
+        assert axis.figure("Overshoot") / 100 == pytest.approx(found.overshoot, abs=0.01)
+        assert axis.figure("Steady error") == pytest.approx(0.4 - found.final, abs=0.002)
+
+        page.get_by_text("hard", exact=True).locator("..").get_by_role("button", name="Compare").click()
+        expect(page.get_by_role("columnheader", name="hard")).to_be_visible()
+        expect(row.locator("td.number.warn")).to_have_text(re.compile(r"^5(\.0*)?$"))  # it differs
+        expect(axis.row("max_speed").locator("td.number.warn")).to_have_count(0)
+        page.get_by_text("soft", exact=True).locator("..").get_by_role("button", name="Restore").click()
+        expect(row.get_by_role("spinbutton")).to_have_value("2")
+        page.get_by_text("hard", exact=True).locator("..").get_by_role("button", name="Restore").click()
+        expect(row).to_contain_text("changed here, not sent")
+        assert "acceleration: 5\n" in text_of(page, "Export YAML")
+        assert "inline constexpr float acceleration = 5.0F;\n" in text_of(page, "Export C++")
+        assert axis.process.events() == []
+        axis.button("Send changes").click()
+        axis.has("acceleration", 5)
+
+
+@pytest.mark.long
+def test_a_robot_that_has_started_again_is_read_again(tmp_path: Path, browser: Browser) -> None:
+    robot = Robot(tmp_path, "linear_axis")
+    try:
+        with shown(robot.port, "linear_axis", tmp_path, browser) as (_, page):
+            axis = Tuning(page)
+            axis.has("acceleration", 0)
+            axis.set(acceleration=2)
+            axis.has("acceleration", 2)
+            robot.kill()
+            expect(page.get_by_role("status")).to_contain_text("Down")
+            robot.start()
+            axis.has("acceleration", 0)
+    finally:
+        robot.kill()
+
+
+@dataclass
+class Response:
+    """Figures of a step, from what the link sent and received."""
+
+    final: float
+    rise: float
+    overshoot: float
+    settling: float
+
+
+def response(link: wirebond.Link, to: float) -> Response | None:
+    """Of the last step of the axis. None: it was not held for the whole time."""
+    sent = [(e.t, e.message["speed"]) for e in link.dump().entries if e.message and e.message.name == "move"]
+    stepped = [t for (_, before), (t, speed) in pairwise(sent) if before == 0 and speed == pytest.approx(to)][-1]
+    ended = next((t for t, speed in sent if t > stepped and speed == 0), np.inf)
+    t, speed = samples(link, "state", "speed")
+    t, speed = t[(t >= stepped) & (t < ended)] - stepped, speed[(t >= stepped) & (t < ended)]
+    if t[-1] < 0.9 or np.any(np.diff(speed) < 0):
+        return None
+    final = speed[t > 0.75 * t[-1]].mean()
+    outside = np.flatnonzero(np.abs(speed / final - 1) > 0.05)
+    return Response(
+        final,
+        np.interp(0.9 * final, speed, t) - np.interp(0.1 * final, speed, t),
+        max(0.0, speed.max() / final - 1),
+        t[outside[-1] + 1],
+    )
+
+
+def step(axis: Bench, to: float) -> Response:
+    """Runs the step until it was whole: on a busy machine the page can be silent for too long meanwhile."""
+    axis.page.get_by_role("spinbutton", name="Seconds").fill("1")
+    axis.page.get_by_role("spinbutton", name="To").fill(str(to))
+    figures = axis.page.get_by_text("Rise time")
+    control = axis.page.get_by_text("You are in control")
+    for _ in range(5):
+        if not control.is_visible():
+            take_control(axis.page)
+        axis.button("Run the step").click()
+        expect(axis.page.get_by_text("The step runs")).to_be_visible()
+        expect(axis.page.get_by_text("The step runs")).not_to_be_visible()
+        if figures.is_visible() and (found := response(axis.link, to)):
+            return found
+    raise AssertionError("no step is whole")
