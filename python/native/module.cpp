@@ -3,7 +3,10 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
 
+#include "cdr_command.hpp"
+#include "cdr_packer.hpp"
 #include "columns.hpp"
 #include "decoder.hpp"
 #include "fields.hpp"
@@ -19,6 +22,11 @@
 namespace nb = nanobind;
 using namespace nb::literals;
 using namespace wirebond::engine;
+
+namespace wirebond::engine {
+extern const char* const interface_bytes;  // engine_interface.py writes them
+extern const char* const interface_shapes;
+}  // namespace wirebond::engine
 
 namespace {
 
@@ -68,6 +76,7 @@ NB_MODULE(_engine, m) {
   // A thread that sleeps in a link when the interpreter ends keeps what it holds: that is no fault of the program.
   nb::set_leak_warnings(false);
   m.doc() = "Compiled engine of wirebond. Use the wirebond package; this module's names are private.";
+  m.attr("interface") = nb::make_tuple(interface_bytes, interface_shapes);
 
   nb::class_<ProtocolTable>(m, "ProtocolTable").def(nb::init<nb::handle>(), "protocol"_a);
   nb::class_<FormatTable>(m, "FormatTable").def(nb::init<nb::handle>(), "plan"_a);
@@ -116,6 +125,13 @@ NB_MODULE(_engine, m) {
       .def("finish", &Decoder::finish)
       .def("set_stamper", &Decoder::set_stamper, "stamper"_a.none())
       .def("stats", &Decoder::stats);
+
+  nb::class_<CdrPacker>(m, "CdrPacker")
+      .def_static("make", &CdrPacker::make, "protocol"_a, "plan"_a)
+      .def("pack", &CdrPacker::pack, "message"_a, "stamp_ns"_a);
+  nb::class_<CdrCommand>(m, "CdrCommand")
+      .def_static("make", &CdrCommand::make, "protocol"_a, "format"_a, "plan"_a, "bounds"_a)
+      .def("frame", &CdrCommand::frame, "data"_a);
 
   m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "header"_a, "form"_a = -1);
   m.def("header_bits", &header_bits, "format"_a, "header"_a);

@@ -5,10 +5,11 @@ from __future__ import annotations
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from wirebond.ros2.cdr import decode, encode
-from wirebond.ros2.node import Parameter, Qos
+from wirebond.ros2.node import Parameter, Qos, Quick
 from wirebond.ros2.types import RosType
 
 
@@ -39,6 +40,7 @@ class FakeNode:
         self.take: dict[str, Callable[[dict[str, Any]], None]] = {}
         self.parameters: dict[str, Parameter] = {}
         self.lines: list[tuple[str, str]] = []
+        self.cancelled: list[str] = []
         self.changed = threading.Condition()
         self.is_started = threading.Event()
 
@@ -46,11 +48,37 @@ class FakeNode:
         self.qos[topic], self.types[topic] = qos, type_.short
         return FakePublisher(self, topic, type_)
 
-    def subscribe(self, topic: str, type_: RosType, qos: Qos, take: Callable[[dict[str, Any]], None]) -> None:
-        self.qos[topic], self.types[topic], self.take[topic] = qos, type_.short, take
+    def subscribe(
+        self,
+        topic: str,
+        type_: RosType,
+        qos: Qos,
+        take: Callable[[dict[str, Any]], None],
+        quick: Quick | None = None,
+    ) -> None:
+        """``quick`` is asked first, as an adapter with bytes does."""
+
+        def give(values: dict[str, Any]) -> None:
+            data = encode(type_, values)
+            if quick is None or not quick.take(data):
+                take(decode(type_, data))
+            if quick is not None:
+                quick.flush()
+
+        self.qos[topic], self.types[topic], self.take[topic] = qos, type_.short, give
 
     def declare(self, parameter: Parameter) -> None:
-        self.parameters[parameter.name] = parameter
+        with self.changed:
+            self.parameters[parameter.name] = parameter
+            self.changed.notify_all()
+
+    def update(self, name: str, value: float) -> None:
+        with self.changed:
+            self.parameters[name] = replace(self.parameters[name], value=value)
+            self.changed.notify_all()
+
+    def canceller(self, action: str) -> Callable[[], None]:
+        return lambda: self.cancelled.append(action)
 
     def log(self, level: str, text: str) -> None:
         with self.changed:

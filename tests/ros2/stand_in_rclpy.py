@@ -5,58 +5,39 @@ from __future__ import annotations
 
 import sys
 import time
-from array import array
 from functools import cache
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 
-from wirebond.ros2.cdr import default_of
-from wirebond.ros2.types import DEFAULTS, Kind, RosField, RosType, ros_type
+from wirebond.ros2.cdr import decode
+from wirebond.ros2.types import ros_type, type_names
 
 
 @cache
 def get_message(name: str) -> type:
-    """A class of messages: each field begins as rclpy has it, and takes only what rclpy takes."""
-    type_ = ros_type(name)
-    assert type_ is not None
-
-    def begin(self: Any) -> None:
-        for field in type_.fields:
-            object.__setattr__(self, field.name, _begin(type_, field))
-
-    def assign(self: Any, field_name: str, value: Any) -> None:
-        field = type_.field(field_name)
-        assert field is not None, f"{name} has no {field_name}"
-        _check(field, value)
-        is_numbers = field.kind == Kind.SEQUENCE and field.base == "uint8"
-        object.__setattr__(self, field_name, array("B", value) if is_numbers else value)
-
-    return type(type_.name.replace("/", "_"), (), {"__init__": begin, "__setattr__": assign})
+    """What stands for a class of messages: the adapter gives and takes bytes."""
+    return type(name.replace("/", "_"), (), {"ros_name": name})
 
 
-def _begin(type_: RosType, field: RosField) -> Any:
-    if field.of is not None:
-        return get_message(field.of.name)() if field.kind == Kind.ONE else []
-    if field.base == "byte":
-        return b"\0"
-    value = DEFAULTS.get(type_.name, {}).get(field.name, default_of(field))
-    if field.kind != Kind.ONE:
-        return array("B") if field.base == "uint8" else list(value)
-    return float(value) if field.base.startswith("float") else value
+class Subscription:
+    """What waits for its subscriber, and the calls by which it is taken."""
 
+    def __init__(self, class_: Any) -> None:
+        self.msg_type = class_
+        self.handle = self
+        self.waiting: list[bytes] = []
 
-def _check(field: RosField, value: Any) -> None:
-    for one in [value] if field.kind == Kind.ONE else value:
-        if field.of is not None:
-            assert type(one) is get_message(field.of.name), field
-        elif field.base == "byte":
-            assert isinstance(one, bytes), field
-            assert len(one) == 1
-        else:
-            wanted = {"bool": bool, "string": str}.get(field.base, float if field.base.startswith("float") else int)
-            assert isinstance(one, wanted), (field, one)
+    def take_message(self, class_: Any, raw: bool) -> tuple[bytes, None] | None:
+        assert (class_, raw) == (self.msg_type, True)
+        return (self.waiting.pop(0), None) if self.waiting else None
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, *_: object) -> None:
+        pass
 
 
 class Node:
@@ -66,25 +47,33 @@ class Node:
         self.published: dict[str, list[Any]] = {}
         self.profiles: dict[str, Any] = {}
         self.callbacks: dict[str, Any] = {}
+        self.subscriptions: dict[str, Subscription] = {}
         self.descriptors: dict[str, Any] = {}
         self.lines: list[tuple[str, str]] = []
         self.set_parameters: Any = None
+        self.services: set[str] = set()  # that other nodes serve
+        self.asked: list[str] = []
         self._given = parameters or {}
 
-    def create_publisher(self, class_: type, topic: str, profile: Any, *, qos_overriding_options: Any) -> Any:
-        assert qos_overriding_options is not None
+    def create_publisher(self, class_: Any, topic: str, profile: Any, **options: Any) -> Any:
+        assert set(options) == {"event_callbacks", "qos_overriding_options"}
         self.profiles[topic] = profile
         kept = self.published.setdefault(topic, [])
 
         def publish(message: Any) -> None:
-            assert type(message) in (class_, bytes)
-            kept.append(message)
+            assert isinstance(message, bytes)
+            type_ = ros_type(class_.ros_name)
+            assert type_ is not None
+            kept.append(decode(type_, message))
 
         return SimpleNamespace(publish=publish)
 
-    def create_subscription(self, class_: type, topic: str, take: Any, profile: Any, **options: Any) -> Any:
+    def create_subscription(self, class_: Any, topic: str, take: Any, profile: Any, **options: Any) -> Any:
+        assert options["raw"]
         self.profiles[topic], self.callbacks[topic] = profile, take
-        return SimpleNamespace()
+        subscription = Subscription(class_)
+        self.subscriptions[topic] = subscription
+        return subscription
 
     def declare_parameter(self, name: str, value: Any, descriptor: Any) -> Any:
         self.descriptors[name] = descriptor
@@ -92,6 +81,10 @@ class Node:
 
     def add_on_set_parameters_callback(self, function: Any) -> None:
         self.set_parameters = function
+
+    def create_client(self, class_: Any, name: str) -> Any:
+        ready, asked = self.services, self.asked
+        return SimpleNamespace(service_is_ready=lambda: name in ready, call_async=lambda _: asked.append(name))
 
     def get_logger(self) -> Any:
         levels = ("debug", "info", "warning", "error", "fatal")
@@ -117,8 +110,26 @@ class Node:
         return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=5_000_000_000))
 
 
-def install(patch: pytest.MonkeyPatch) -> list[Node]:
-    """Let the modules of rclpy be these. Nodes that `create_node` will give belong into the list."""
+class Executor:
+    """Spins each of its nodes in turn."""
+
+    def __init__(self) -> None:
+        self._nodes: list[Node] = []
+
+    def add_node(self, node: Node) -> None:
+        self._nodes.append(node)
+
+    def spin(self) -> None:
+        for node in self._nodes:
+            node.spin()
+
+
+def install(patch: pytest.MonkeyPatch, *, has_take: bool = True) -> list[Node]:
+    """Let the modules of rclpy be these. Nodes that `create_node` will give belong into the list.
+
+    :param has_take: whether this rclpy has the call that a take loop needs.
+    """
+    implementation = {"Subscription": Subscription if has_take else object}
     nodes: list[Node] = []
     policies = SimpleNamespace(RELIABLE="reliable", BEST_EFFORT="best effort")
     durability = SimpleNamespace(TRANSIENT_LOCAL="transient local", VOLATILE="volatile")
@@ -126,26 +137,44 @@ def install(patch: pytest.MonkeyPatch) -> list[Node]:
         "rclpy": {
             "init": lambda args: None,
             "create_node": lambda name: nodes.pop(),
-            "spin": lambda node: node.spin(),
             "try_shutdown": lambda: None,
         },
-        "rclpy.executors": {"ExternalShutdownException": type("ExternalShutdownException", (Exception,), {})},
+        "rclpy.executors": {
+            "ExternalShutdownException": type("ExternalShutdownException", (Exception,), {}),
+            "SingleThreadedExecutor": Executor,
+        },
+        "rclpy.utilities": {"remove_ros_args": lambda args: args},
         "rclpy.node": {"Node": Node},
+        "rclpy.parameter": {"Parameter": lambda name, value: SimpleNamespace(name=name, value=value)},
+        "rclpy.callback_groups": {"CallbackGroup": object},
+        "rclpy.subscription": {"Subscription": Subscription},
+        "rclpy.impl": {},
+        "rclpy.impl.implementation_singleton": {"rclpy_implementation": SimpleNamespace(**implementation)},
         "rclpy.qos": {
             "QoSProfile": SimpleNamespace,
             "QoSReliabilityPolicy": policies,
             "QoSDurabilityPolicy": durability,
+            "qos_policy_name_from_kind": str,
         },
+        "rclpy.event_handler": dict.fromkeys(
+            ("PublisherEventCallbacks", "SubscriptionEventCallbacks"), SimpleNamespace
+        ),
         "rclpy.qos_overriding_options": {
             "QoSOverridingOptions": SimpleNamespace(with_default_policies=lambda: "all of them")
         },
+        "action_msgs": {},
+        "action_msgs.srv": {"CancelGoal": SimpleNamespace(Request=SimpleNamespace)},
         "rcl_interfaces": {},
         "rcl_interfaces.msg": dict.fromkeys(
             ("FloatingPointRange", "ParameterDescriptor", "SetParametersResult"), SimpleNamespace
         ),
-        "rosidl_runtime_py": {},
-        "rosidl_runtime_py.utilities": {"get_message": get_message},
     }
+    for name in type_names():
+        package, last = name.split("/")
+        contents.setdefault(package, {})
+        contents.setdefault(f"{package}.msg", {})
+        if package != "rcl_interfaces":  # a node's parameters are made of those, and the adapter publishes none
+            contents[f"{package}.msg"][last] = get_message(f"{package}/msg/{last}")
     for name, names in contents.items():
         module = ModuleType(name)
         vars(module).update(names)

@@ -6,6 +6,7 @@ import json
 import os
 import threading
 import time
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,9 +18,12 @@ import wirebond
 from tests.ros2.fake_node import FakeNode
 from tests.shared import PROTOCOLS
 from wirebond.protocol import loads
+from wirebond.protocol.model import FieldKind
 from wirebond.ros2.bridge import Bridge
 from wirebond.ros2.mapping import BridgeMapping, default_mapping, read_mapping
 from wirebond.sim.pty_port import PtyPort
+from wirebond.sim.pty_port import run as serve
+from wirebond.sim.virtual_mcu import VirtualMcu
 
 # The rover's deadlines ten times as fast: a test waits for them.
 FAST = (PROTOCOLS / "diffdrive.yaml").read_text().replace("after: 3 s, then: warn", "after: 300 ms, then: warn")
@@ -31,10 +35,16 @@ MAPPING = read_mapping((PROTOCOLS / "ros2" / "diffdrive.yaml").read_text(), ROVE
 class Bench:
     """A bridge that runs, with the MCU's end of its line."""
 
-    def __init__(self, mapping: BridgeMapping, codec: wirebond.Codec = ROVER) -> None:
-        self.line = PtyPort()
+    def __init__(
+        self,
+        mapping: BridgeMapping,
+        codec: wirebond.Codec = ROVER,
+        line: PtyPort | None = None,
+        node: FakeNode | None = None,
+    ) -> None:
+        self.line = line or PtyPort()
         self.link = wirebond.open(codec, self.line.path)
-        self.node = FakeNode()
+        self.node = node or FakeNode()
         self.bridge = Bridge(self.link, self.node, mapping)
         self._heard = ROVER.decoder(sender="host")
         self._came: list[wirebond.Message] = []
@@ -124,6 +134,7 @@ def test_odometry_that_stays_away_stops_navigation_until_it_is_back(rover: Bench
     rover.mcu_sends("odometry", left_ticks=10, right_ticks=10)
     node.wait(lambda: rover.newest("/navigation_ok"))
     assert node.qos["/navigation_ok"].latched
+    assert node.cancelled == ["/navigate_to_pose"]
 
 
 def test_status_that_stays_away_is_a_warning_and_is_asked_for(rover: Bench) -> None:
@@ -202,3 +213,101 @@ def test_missing_port_is_in_the_diagnostics(tmp_path: Path) -> None:
         thread.join(20)
     status = node.published["/diagnostics"][0]["status"][0]
     assert (status["level"], "there is no port" in status["message"]) == (2, True)
+
+
+class SlowPort(PtyPort):
+    """A virtual MCU's port that holds each `state` back for a while; answers about the clock leave at once."""
+
+    HELD = 0.06  # seconds
+
+    def __init__(self, codec: wirebond.Codec) -> None:
+        super().__init__()
+        self._decoder = codec.decoder("mcu")
+        self._held: deque[tuple[float, bytes]] = deque()
+
+    def write(self, data: bytes) -> None:
+        for message in self._decoder.feed(data):
+            if message.name == "state":
+                self._held.append((time.monotonic() + self.HELD, message.raw))
+            else:
+                super().write(message.raw)
+
+    def read(self, timeout: float) -> bytes:
+        while self._held and self._held[0][0] <= time.monotonic():
+            super().write(self._held.popleft()[1])
+        return super().read(timeout)
+
+
+class MonotonicNode(FakeNode):
+    """Its clock is that of the link."""
+
+    def now_ns(self) -> int:
+        return time.monotonic_ns()
+
+
+def test_topics_have_the_mcus_time_of_measurement() -> None:
+    axis = wirebond.load(PROTOCOLS / "linear_axis.yaml")
+    mapping = read_mapping(
+        """
+wirebond_ros2: 1
+json_topics: none
+publish:
+  - {message: state, topic: axis, type: geometry_msgs/PointStamped, fields: {point.x: measured}}
+""",
+        axis.model,
+    )
+    bench = Bench(mapping, axis, SlowPort(axis), MonotonicNode())
+    mcu, over = VirtualMcu(axis, time.monotonic(), clock_drift=400.0), threading.Event()  # ppm
+
+    def run() -> None:
+        while not over.is_set():
+            serve(mcu, bench.line, time.monotonic() + 0.05, lambda _: None)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    published = bench.node.published["/axis"]
+    bench.node.wait(lambda: published and bench.link.clock is not None)
+    before = len(published)
+    bench.node.wait(lambda: len(published) >= before + 30)
+    over.set()
+    thread.join()
+    bench.close()
+    for message in published[before + 10 :]:  # the first ones may have come before the clock was known
+        stamp = message["header"]["stamp"]
+        true = mcu.start + message["point"]["x"] / (1e6 + 400.0)
+        assert abs(stamp["sec"] + stamp["nanosec"] * 1e-9 - true) < SlowPort.HELD / 3
+
+
+def test_commands_that_come_faster_than_the_line_are_sent_or_counted() -> None:
+    text = (PROTOCOLS / "enterprize.yaml").read_text(encoding="utf-8")
+    codec = wirebond.Codec(loads(text))
+    commands = [m for m in codec.model.messages if m.name.endswith("_cmd")]
+    source: dict[str, Any] = {FieldKind.FLOAT: "x", FieldKind.BOOL: True, FieldKind.UNSIGNED: 1}
+    topics = [
+        {
+            "topic": m.name,
+            "type": "geometry_msgs/Vector3",
+            "message": m.name,
+            "fields": {f.name: source[f.kind] for f in m.fields},
+        }
+        for m in commands
+    ]
+    mapping = read_mapping(json.dumps({"wirebond_ros2": 1, "json_topics": "none", "subscribe": topics}), codec.model)
+    line, node = PtyPort(), FakeNode()
+    rounds, decoder = 300, codec.decoder("host")
+    with wirebond.open(codec, line.path, baud=230_400) as link:
+        bridge = Bridge(link, node, mapping)
+        for number in range(1, rounds + 1):
+            for message in commands:
+                node.take[f"/{message.name}"]({"x": float(number), "y": 0.0, "z": 0.0})
+        end = time.monotonic() + 20.0  # a bound for slow machines, not an expectation
+        heard: list[wirebond.Message] = []
+        while (link.stats.send.queued or len(heard) < link.stats.send.sent) and time.monotonic() < end:
+            heard += decoder.feed(line.read(0.05))
+        send, counts = link.stats.send, bridge.commands.counts
+    line.close()
+    assert counts == {"sent": rounds * len(commands), "clamped": 0, "refused": 0}
+    assert send.sent + send.replaced == counts["sent"] and send.replaced > counts["sent"] / 2
+    assert len(heard) == send.sent
+    newest = {message.name: max(v for v in dict(message).values()) for message in heard}
+    assert newest == dict.fromkeys((m.name for m in commands), rounds)

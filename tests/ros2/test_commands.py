@@ -16,6 +16,14 @@ from wirebond.ros2.commands import Commands, Throttle
 class FakeLink:
     """Notes what is sent, as the link would encode it."""
 
+    def _sends_plain(self, _name: str) -> bool:
+        return True
+
+    def _send_all(self, frames: list[tuple[int, bytes]]) -> list[LinkDownError | None]:
+        messages = self.codec.decoder("host").feed(b"".join(frame for _, frame in frames))
+        self.sent += [(message.name, dict(message), None) for message in messages if not self.is_down]
+        return [LinkDownError("the port is away") if self.is_down else None for _ in frames]
+
     def __init__(self) -> None:
         self.codec: Codec = load(PROTOCOLS / "diffdrive.yaml")
         self.sent: list[tuple[str, dict[str, Any], float | None]] = []
@@ -109,3 +117,39 @@ def test_the_same_thing_is_said_once_a_second_with_how_often_it_happened() -> No
         "linear is nan (9 more since the last line)",
         "linear was clamped",
     ]
+
+
+def frame_of(link: FakeLink, **fields: float) -> tuple[int, bytes]:
+    return link.codec._index_of("velocity"), link.codec.encode("velocity", fields)
+
+
+def test_frames_leave_together_with_the_flush_and_before_what_is_sent_later(commands: Commands, link: FakeLink) -> None:
+    for speed in (0.1, 0.2):
+        commands.send_frame(*frame_of(link, linear=speed, angular=0.0))
+    assert link.sent == []
+    commands.send("velocity", {"linear": 0.3, "angular": 0.0})
+    assert [round(values["linear"], 3) for _, values, _ in link.sent] == [0.1, 0.2, 0.3]
+    commands.flush()
+    assert commands.counts == {"sent": 3, "clamped": 0, "refused": 0}
+
+
+def test_frame_that_waits_when_navigation_stops_is_refused(commands: Commands, link: FakeLink, said: list[str]) -> None:
+    commands.send_frame(*frame_of(link, linear=0.5, angular=0.0))
+    commands.send_frame(link.codec._index_of("status_query"), link.codec.encode("status_query"))
+    commands.stop("no odometry")
+    commands.flush()
+    assert [name for name, _, _ in link.sent] == ["no more velocity", "velocity", "status_query"]
+    assert link.sent[1][1] == {"linear": 0, "angular": 0}
+    assert (commands.counts["sent"], commands.counts["refused"]) == (1, 1)
+    assert said == ["warning: velocity was not sent: no odometry"]
+
+
+def test_frames_that_the_link_refuses_are_counted_and_said_once(
+    commands: Commands, link: FakeLink, said: list[str]
+) -> None:
+    link.is_down = True
+    for _ in range(3):
+        commands.send_frame(*frame_of(link, linear=0.5, angular=0.0))
+    commands.flush()
+    assert (commands.counts["refused"], link.sent) == (3, [])
+    assert said == ["warning: velocity was not sent: the port is away"]

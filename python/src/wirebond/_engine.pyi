@@ -3,6 +3,10 @@
 from collections.abc import Callable, Iterator, KeysView
 from typing import Any
 
+from wirebond.link.engine_settings import EngineSettings, SafeValue
+
+interface: tuple[str, str]  # the digests of ``wirebond.engine_interface`` when it was built
+
 class ProtocolTable:
     """The messages of a protocol, as the engine reads and writes them. Any thread may use it."""
 
@@ -107,6 +111,31 @@ class Decoder:
     def stats(self) -> dict[str, Any]:
         """The account, as the fields of ``wirebond.Stats``."""
 
+class CdrPacker:
+    """A message as the bytes (CDR) of a ROS 2 topic. Any thread may use it."""
+
+    @staticmethod
+    def make(protocol: ProtocolTable, plan: object) -> CdrPacker | None:
+        """:param plan: a ``wirebond.ros2.mapping.packing.PackPlan``.
+        :returns: None: a value has no place that is the same in every payload.
+        """
+    def pack(self, message: Message, stamp_ns: int) -> bytes | None:
+        """:returns: the topic's bytes with this stamp; None: a value is not of its type, or it is another message."""
+
+class CdrCommand:
+    """The bytes (CDR) of a ROS 2 topic as the frame of a command. Any thread may use it."""
+
+    @staticmethod
+    def make(
+        protocol: ProtocolTable, format: FormatTable, plan: object, bounds: dict[str, tuple[float, float]]
+    ) -> CdrCommand | None:
+        """:param plan: a ``wirebond.ros2.mapping.unpacking.UnpackPlan``.
+        :param bounds: least and greatest value of each number of the message.
+        :returns: None: the protocol has no such message.
+        """
+    def frame(self, data: bytes) -> bytes | None:
+        """:returns: the frame; None: the bytes are no message, or a value is not within its bounds."""
+
 class Follower:
     """Bytes of one end that go on coming, to columns. One thread at a time."""
 
@@ -131,8 +160,8 @@ class Follower:
 class LinkCore:
     """A link under virtual time: every time is an argument, in microseconds."""
 
-    def __init__(self, protocol: ProtocolTable, receive: FormatTable, settings: dict[str, Any], now: int) -> None:
-        """``settings`` is what ``wirebond.link.engine_settings`` gives."""
+    def __init__(self, protocol: ProtocolTable, receive: FormatTable, settings: EngineSettings, now: int) -> None:
+        """:param now: microseconds, as in every call."""
     def set_stamper(self, stamper: Callable[[Message], tuple[float, float] | None] | None) -> None:
         """:param stamper: gives stamp and error of the messages that are taken from here on. It keeps no link."""
     def send(
@@ -155,7 +184,7 @@ class LinkCore:
     def end_safely(self, message: int, address: int) -> bool:
         """End the lease of this message and address with its safe value, which leaves before all else."""
 
-    def note_safe(self, safe: tuple[int, bytes, int, float, int, bool]) -> bool:
+    def note_safe(self, safe: SafeValue) -> bool:
         """One more safe value, as an entry of the settings' ``stop``. False: there is no room."""
     def set_address(self, address: int) -> None:
         """The own address, as bits on the wire."""
@@ -232,22 +261,24 @@ class Link:
     """One port and its thread, as ``wirebond.Link`` drives it. Any thread may call any method."""
 
     def __init__(
-        self, protocol: ProtocolTable, receive: FormatTable, port: dict[str, Any], settings: dict[str, Any]
+        self, protocol: ProtocolTable, receive: FormatTable, port: dict[str, Any], settings: EngineSettings
     ) -> None:
         """``port``: ``name``; ``waits``: a port that cannot be opened is no error; ``host`` and ``service`` for TCP;
         ``root``, where the system's ``sys`` is, for a tty; ``resolve``, called without arguments, for one whose path
-        may change.
-        ``settings`` is what ``wirebond.link.engine_settings`` gives."""
+        may change."""
     def set_stamper(self, stamper: Callable[[Message], tuple[float, float] | None] | None) -> None:
         """:param stamper: gives stamp and error of the messages that are taken from here on. It keeps no link."""
     def send(self, message: int, frame: bytes, reply: int, takes_number: bool, address: int) -> int:
         """Queue one frame; 0 where it was taken, else a number that ``wirebond.link`` turns into its exception."""
+    def send_all(self, frames: list[tuple[int, bytes]]) -> list[int]:
+        """Queue these frames, each with its message; none asks for a reply, and they have no address. One answer for
+        each, as that of ``send``."""
     def repeat(self, message: int, frame: bytes, hold: float, reply: int, takes_number: bool, address: int) -> int:
         """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
     def end_safely(self, message: int, address: int) -> bool:
         """End the lease of this message and address with its safe value, which leaves before all else."""
 
-    def note_safe(self, safe: tuple[int, bytes, int, float, int, bool]) -> bool:
+    def note_safe(self, safe: SafeValue) -> bool:
         """One more safe value, as an entry of the settings' ``stop``. False: there is no room."""
     def set_address(self, address: int) -> None:
         """The own address, as bits on the wire."""

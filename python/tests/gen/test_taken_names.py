@@ -38,7 +38,7 @@ def protocol_text(protocol: str, messages: tuple[str, ...], fields: tuple[str, .
         pytest.param("p", ("size_t", "size"), ("v",), marks=LONG),
         ("p", ("link_t", "link", "m_t", "m", "handlers_t", "link_handlers"), ("v",)),
         ("p", ("m",), ("complex", "imaginary", "noreturn", "i", "restrict")),
-        ("uint8_t", ("m",), ("v",)),
+        pytest.param("uint8_t", ("m",), ("v",), marks=LONG),
         *(pytest.param(protocol, ("m",), ("v",), marks=LONG) for protocol in ("main", "complex", "size_t", "time_t")),
     ],
 )

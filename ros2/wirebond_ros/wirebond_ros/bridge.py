@@ -1,15 +1,19 @@
-"""The executable `bridge`: a link, a mapping, and a node of rclpy between which the bridge runs."""
+"""The executable `bridge`: a link, a mapping, and a node of rclpy between which the bridge runs; or several of each."""
 
 from __future__ import annotations
 
+import sys
 import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import rclpy
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.utilities import remove_ros_args
 
 import wirebond
 from wirebond.ros2.bridge import Bridge
@@ -25,22 +29,35 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Until Ctrl-C, or until the link ends. 1: a parameter or a file is wrong, and the log says what."""
-    rclpy.init(args=arguments)
-    node = rclpy.create_node("wirebond")
+    """Until Ctrl-C, or until ROS ends. 1: a parameter or a file is wrong, and the log says what.
+
+    :param arguments: of the command line, its name first. What is not for ROS are names of nodes: each has parameters
+        and a link of its own. Without names there is one, ``wirebond``.
+    """
+    given = sys.argv if arguments is None else arguments
+    rclpy.init(args=given)
+    executor = SingleThreadedExecutor()
     try:
-        return _run(node)
+        with ExitStack() as stack:
+            for name in remove_ros_args(args=given)[1:] or ["wirebond"]:
+                node = rclpy.create_node(name)
+                stack.callback(node.destroy_node)
+                try:
+                    stack.enter_context(_bridge(node))
+                except wirebond.WirebondError as error:
+                    node.get_logger().fatal(str(error))
+                    return 1
+                executor.add_node(node)
+            executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
-        return 0
-    except wirebond.WirebondError as error:
-        node.get_logger().fatal(str(error))
-        return 1
+        pass
     finally:
-        node.destroy_node()
         rclpy.try_shutdown()
+    return 0
 
 
-def _run(node: Any) -> int:
+@contextmanager
+def _bridge(node: Any) -> Iterator[None]:
     settings = {}
     for name, (default, text) in PARAMETERS.items():
         descriptor = ParameterDescriptor()
@@ -52,15 +69,14 @@ def _run(node: Any) -> int:
         mapping = replace(mapping, node=node.get_name(), namespace=node.get_namespace())
         face = RclpyNode(node)
         bridge = Bridge(link, face, mapping)
-        thread = threading.Thread(target=bridge.run, name="bridge", daemon=True)
+        thread = threading.Thread(target=bridge.run, name=f"bridge of {mapping.node}", daemon=True)
         thread.start()
         try:
-            rclpy.spin(node)
+            yield
         finally:
             bridge.close()
             thread.join(5.0)
             face.close()
-    return 0
 
 
 def _open(settings: dict[str, Any]) -> wirebond.Link:
@@ -69,3 +85,7 @@ def _open(settings: dict[str, Any]) -> wirebond.Link:
     if not settings["protocol"] or not settings["port"]:
         raise wirebond.UsageError("the parameters `protocol` and `port` are needed; set them in the launch file")
     return wirebond.open(settings["protocol"], settings["port"], settings["baud"] or None, wait_for_port=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,23 +1,30 @@
 """The node that Wirebond's bridge asks for, over rclpy. See `wirebond.ros2.node`.
 
-Topics are given to rclpy as the mapping has them, so that remaps and `qos_overrides` of the user hold.
+Messages pass as bytes, which rclpy takes and gives: both adapters have one way from values to bytes. Topics are given
+to rclpy as the mapping has them, so that remaps and `qos_overrides` of the user hold.
 """
 
 from __future__ import annotations
 
+import importlib
+import os
 import threading
-from array import array
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from action_msgs.srv import CancelGoal
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rosidl_runtime_py.utilities import get_message
 
-from wirebond.ros2.node import Parameter, Qos
-from wirebond.ros2.types import Kind, RosField, RosType
+from wirebond.errors import UsageError, WirebondError
+from wirebond.ros2.cdr import decode, encode
+from wirebond.ros2.node import Parameter, Qos, Quick, mismatch
+from wirebond.ros2.types import RosType
+from wirebond_ros.taking import TakeLoop, Taken
 
 LEVELS = {"debug": "debug", "info": "info", "warning": "warning", "error": "error"}
 
@@ -31,60 +38,116 @@ class RclpyPublisher:
 
     def publish(self, values: Mapping[str, Any]) -> None:
         """Send one message. Any thread."""
-        self._publisher.publish(to_message(self._type, values))
+        self._publisher.publish(encode(self._type, values))
 
     def publish_bytes(self, data: bytes) -> None:
-        """See ``wirebond.ros2.node.Publisher``: rclpy takes a message that is serialized already. Any thread."""
+        """See ``wirebond.ros2.node.Publisher``. Any thread."""
         self._publisher.publish(data)
 
 
 class RclpyNode:
-    """See ``wirebond.ros2.node.Node``. Who makes it spins ``node``."""
+    """See ``wirebond.ros2.node.Node``. Who makes it spins ``node``.
+
+    :ivar undecodable: received messages that were no message of their type.
+    """
 
     def __init__(self, node: Node) -> None:
         self.node = node
+        self.undecodable = 0
         self._parameters: dict[str, Parameter] = {}
-        self._subscriptions: list[Any] = []
         self._started = threading.Event()
+        self._updating = threading.local()  # in its thread: the parameter that is set because it has changed
+        self._taking = TakeLoop()
         node.add_on_set_parameters_callback(self._set)
 
     def publisher(self, topic: str, type_: RosType, qos: Qos) -> RclpyPublisher:
-        """See ``wirebond.ros2.node.Node``."""
+        """See ``wirebond.ros2.node.Node``.
+
+        :raises UsageError: this ROS 2 has no such type.
+        """
         publisher = self.node.create_publisher(
-            get_message(type_.name),
+            class_of(type_),
             topic,
             _profile(qos),
+            event_callbacks=PublisherEventCallbacks(incompatible_qos=self._teller(topic, is_publisher=True)),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
         return RclpyPublisher(publisher, type_)
 
-    def subscribe(self, topic: str, type_: RosType, qos: Qos, take: Callable[[dict[str, Any]], None]) -> None:
-        """See ``wirebond.ros2.node.Node``. What comes before ``start`` is dropped."""
+    def subscribe(
+        self,
+        topic: str,
+        type_: RosType,
+        qos: Qos,
+        take: Callable[[dict[str, Any]], None],
+        quick: Quick | None = None,
+    ) -> None:
+        """See ``wirebond.ros2.node.Node``. What comes before ``start`` is dropped.
 
-        def received(message: Any) -> None:
-            if self._started.is_set():
-                take(to_values(type_, message))
+        :raises UsageError: this ROS 2 has no such type.
+        """
 
-        self._subscriptions.append(
-            self.node.create_subscription(
-                get_message(type_.name),
-                topic,
-                received,
-                _profile(qos),
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-            )
+        def received(data: bytes) -> None:
+            if not self._started.is_set() or (quick is not None and quick.take(data)):
+                return
+            try:
+                values = decode(type_, data)
+            except ValueError:
+                self.undecodable += 1
+                return
+            take(values)
+
+        def received_alone(data: bytes) -> None:
+            received(data)
+            if quick is not None:
+                quick.flush()
+
+        subscription = self.node.create_subscription(
+            class_of(type_),
+            topic,
+            received_alone,
+            _profile(qos),
+            callback_group=self._taking.group,
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._teller(topic, is_publisher=False)),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            raw=True,
         )
+        self._taking.add(Taken(subscription, received, None if quick is None else quick.flush))
 
     def declare(self, parameter: Parameter) -> None:
         """See ``wirebond.ros2.node.Node``."""
-        span = FloatingPointRange()
-        span.from_value, span.to_value = parameter.minimum, parameter.maximum
         descriptor = ParameterDescriptor()
         descriptor.description = parameter.description
-        descriptor.floating_point_range = [span]
+        if parameter.minimum is not None and parameter.maximum is not None and isinstance(parameter.value, float):
+            span = FloatingPointRange()
+            span.from_value, span.to_value = parameter.minimum, parameter.maximum
+            descriptor.floating_point_range = [span]
         given = self.node.declare_parameter(parameter.name, parameter.value, descriptor).value
-        parameter.set(given)
         self._parameters[parameter.name] = parameter
+        if given != parameter.value:
+            try:
+                parameter.set(given)
+            except WirebondError:
+                self.update(parameter.name, parameter.value)
+                raise
+
+    def update(self, name: str, value: float) -> None:
+        """See ``wirebond.ros2.node.Node``."""
+        self._updating.name = name
+        try:
+            self.node.set_parameters([RosParameter(name, value=value)])
+        finally:
+            self._updating.name = ""
+
+    def canceller(self, action: str) -> Callable[[], None]:
+        """See ``wirebond.ros2.node.Node``. A request without a goal and a time asks for all of them."""
+        client = self.node.create_client(CancelGoal, f"{action}/_action/cancel_goal")
+
+        def cancel() -> None:
+            if client.service_is_ready():
+                client.call_async(CancelGoal.Request())
+
+        return cancel
 
     def log(self, level: str, text: str) -> None:
         """See ``wirebond.ros2.node.Node``."""
@@ -96,55 +159,54 @@ class RclpyNode:
 
     def start(self) -> None:
         """See ``wirebond.ros2.node.Node``."""
+        self._taking.drop_waiting()
         self._started.set()
+        self._taking.start()
 
     def close(self) -> None:
         """See ``wirebond.ros2.node.Node``."""
         self._started.clear()
+        self._taking.close()
+
+    def _teller(self, topic: str, *, is_publisher: bool) -> Callable[[Any], None]:
+        def tell(event: Any) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind).lower()
+            self.log("warning", mismatch(topic, policy, is_publisher=is_publisher))
+
+        return tell
 
     def _set(self, parameters: list[Any]) -> Any:
-        for parameter in parameters:
-            if parameter.name in self._parameters:
-                self._parameters[parameter.name].set(parameter.value)
+        """rclpy asks before it sets them, all or none: so a value that is refused leaves the others as they were."""
         result = SetParametersResult()
         result.successful = True
+        own = [p for p in parameters if p.name in self._parameters and p.name != getattr(self._updating, "name", "")]
+        if len(own) > 1:
+            result.successful = False
+            result.reason = "set these one by one: each may be refused by itself"
+            return result
+        for parameter in own:
+            try:
+                self._parameters[parameter.name].set(parameter.value)
+            except WirebondError as error:
+                result.successful = False
+                result.reason = str(error)
         return result
 
 
-def to_message(type_: RosType, values: Mapping[str, Any]) -> Any:
-    """A message of rclpy; what the values lack has the default of ROS."""
-    message = get_message(type_.name)()
-    for name, value in values.items():
-        field = type_.field(name)
-        if field is None:
-            raise ValueError(f"{type_.short} has no field {name}")
-        setattr(message, name, _to_field(field, value))
-    return message
+def class_of(type_: RosType) -> Any:
+    """The class of these messages in rclpy.
 
-
-def _to_field(field: RosField, value: Any) -> Any:
-    if field.of is not None:
-        return to_message(field.of, value) if field.kind == Kind.ONE else [to_message(field.of, one) for one in value]
-    if field.kind != Kind.ONE:
-        return list(value) if field.base != "byte" else [bytes([one]) for one in value]
-    if field.base == "byte":
-        return bytes([value])  # as rclpy has it
-    return float(value) if field.base.startswith("float") else value
-
-
-def to_values(type_: RosType, message: Any) -> dict[str, Any]:
-    """A message of rclpy as a dict."""
-    return {field.name: _from_field(field, getattr(message, field.name)) for field in type_.fields}
-
-
-def _from_field(field: RosField, value: Any) -> Any:
-    if field.of is not None:
-        return to_values(field.of, value) if field.kind == Kind.ONE else [to_values(field.of, one) for one in value]
-    if field.base == "byte":
-        return value[0] if field.kind == Kind.ONE else [one[0] for one in value]
-    if isinstance(value, array):
-        return value.tobytes() if field.base == "uint8" else value.tolist()
-    return value
+    :raises UsageError: its package is not installed.
+    """
+    package, room, name = type_.name.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.{room}"), name)
+    except (ImportError, AttributeError):
+        distribution = os.environ.get("ROS_DISTRO", "jazzy")
+        advice = f"install its package: apt install ros-{distribution}-{package.replace('_', '-')}"
+        if type_.is_generated:
+            advice = f"write its package by `wirebond gen --lang ros2`, build it with colcon, and source it: {package}"
+        raise UsageError(f"this ROS 2 has no {type_.short}; {advice}") from None
 
 
 def _profile(qos: Qos) -> QoSProfile:

@@ -38,7 +38,7 @@ def export(
     :raises OSError: a file cannot be written; those that were written before are whole.
     """
     if to not in FORMATS:
-        raise UsageError(f"{to!r} is no format of `export`; expected {', '.join(FORMATS)}")
+        raise UsageError(f"{to!r} is no format of `export`; expected {', '.join(FORMATS)}, or ros2")
     names = [m.name for m in recording.codec.model.messages]
     if message is not None and message not in (*names, "unknown"):
         raise UsageError(no_message(recording.codec.name, message, names))

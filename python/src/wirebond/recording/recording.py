@@ -148,6 +148,14 @@ class Recording:
         """Seconds from the start to the last byte or event."""
         return max([self._pieces.last, *(event.t for event in self.events[-1:])])
 
+    def wall_ns(self, t: float) -> int:
+        """A moment by the wall clock of the computer that recorded it.
+
+        :param t: seconds since the start, such as ``message.t``.
+        :returns: nanoseconds since 1970, in whole microseconds.
+        """
+        return self._start_ns + round(t * 1e6) * 1000
+
     @property
     def idle(self) -> float:
         """Seconds of silence that ended an incomplete frame: the protocol's, and what the adapter may hold back."""

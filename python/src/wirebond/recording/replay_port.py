@@ -9,10 +9,14 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from wirebond.codec import Codec
 from wirebond.errors import PortError, WirebondError
+from wirebond.link.clock_line import HostTime
+from wirebond.link.stamps import Stamper, has_stamps
 from wirebond.link.tap import Chunk
 from wirebond.recording.recording import Recording
 from wirebond.recording.replay import Pace, Section
+from wirebond.recording.stamps import RecordedClock
 
 _TICK = 0.01  # seconds of the recording between two looks at deadlines and silences
 _LONG = 600.0  # seconds of silence, behind which it looks less and less often: a damaged time may be years away
@@ -33,8 +37,34 @@ class ReplayClock:
         """On this clock, of a time of the section."""
         return (self._origin_us + round(t * 1e6)) / 1e6
 
+    def section_time(self, t: float) -> float:
+        """The other way round. A link's times are whole microseconds: with half of one more, it is behind what came."""
+        return t - self._origin_us / 1e6 + 0.5e-6
+
     def go_to(self, t: float) -> None:
         self._at = max(self._at, t)
+
+
+class ReplayedClock:
+    """The MCU's clock as the recorded link knew it at each time of the replay: a ``ToHost``. Any thread. The first
+    question reads the whole recording.
+
+    :param section: which part is replayed.
+    """
+
+    def __init__(self, recording: Recording, section: Section, clock: ReplayClock) -> None:
+        self._known = RecordedClock(recording.codec, recording._decoded)
+        self._length = section.length(recording) if section.loop else math.inf
+        self._start = section.start
+        self._clock = clock
+
+    def __call__(self, mcu_us: int, near: float, wrap_us: int) -> HostTime | None:
+        """See ``stamps.ToHost``."""
+        t = self._clock.section_time(near)
+        begin = math.floor(t / self._length) * self._length if 0 < self._length < math.inf else 0.0
+        recorded = t - begin + self._start
+        found = self._known(mcu_us, recorded, wrap_us)
+        return None if found is None else HostTime(near + (found.t - recorded), found.error)
 
 
 class ReplayPort:
@@ -118,6 +148,12 @@ class ReplayOpener:
     def latency(self) -> float:
         """Seconds that the recorded port could hold bytes back."""
         return self._recording.idle - self._recording.codec.model.idle_seconds
+
+    def stamper(self, codec: Codec) -> Stamper | None:
+        """Gives the messages of a link their stamps, where messages of ``codec`` have some."""
+        if not has_stamps(codec):
+            return None
+        return Stamper(codec, ReplayedClock(self._recording, self._section, self.clock))
 
     def open(self) -> ReplayPort:
         if self._is_open:

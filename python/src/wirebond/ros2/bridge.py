@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import struct
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from wirebond.errors import LinkDownError, WirebondError
 from wirebond.protocol.model import End
 from wirebond.ros2.commands import Commands, Throttle
 from wirebond.ros2.diagnostics import Diagnostics, deadline_words
-from wirebond.ros2.json_text import from_json, to_json
-from wirebond.ros2.mapping.model import BridgeMapping, Incoming, OdometryMapping, Outgoing
+from wirebond.ros2.json_text import from_json
+from wirebond.ros2.mapping.model import BridgeMapping, Incoming, OdometryMapping
+from wirebond.ros2.mcu_parameters import McuParameters
 from wirebond.ros2.node import LATCHED, Node, Parameter, Publisher, Qos, whole_topic
-from wirebond.ros2.odometry import Odometry
+from wirebond.ros2.pace import Pace
 from wirebond.ros2.serial_topics import SerialTopics
-from wirebond.ros2.types import RosType, ros_type
+from wirebond.ros2.topics import Topics, known, stamp_of
 
 if TYPE_CHECKING:
+    from wirebond import _engine
     from wirebond.codec import Message
     from wirebond.link import Link
     from wirebond.link.handlers import DeadlineEvent
@@ -27,12 +28,10 @@ if TYPE_CHECKING:
 
 _WAIT = 0.1  # seconds that the bridge waits for messages before it looks at the time again
 _SERIAL_WAIT = 0.02  # where sent frames have topics, which nothing wakes the bridge for
+_GATHER = 0.001  # seconds that messages may wait for others at a high rate
 _DIAGNOSE_EVERY = 1.0
 _POLL_HOLD = 3.0  # seconds that a request goes on after the bridge last wanted it
 _POLL_AGAIN = 1.0
-
-Stamp = Mapping[str, int]
-Taker = Callable[["Message", Stamp], None]
 
 
 class Bridge:
@@ -44,24 +43,36 @@ class Bridge:
         self.mapping = mapping
         self.commands = Commands(link, node.log)
         self._throttle = Throttle(node.log)
-        self._takers: dict[str, list[Taker]] = {}
         self._closed = threading.Event()
         self._model = link.codec.model
         self._deadlines = {d.then: d for d in self._model.deadlines if d.at == End.HOST}
-        for outgoing in mapping.publish:
-            self._add_outgoing(outgoing)
+        self._topics = Topics(
+            link.codec,
+            mapping,
+            lambda topic, type_, qos: node.publisher(self._whole(topic), type_, qos),
+            lambda topic, why: self._throttle.say("warning", f"publish {topic}", f"{topic} was not published: {why}"),
+        )
         for incoming in mapping.subscribe:
             self._add_incoming(incoming)
-        self._add_json()
+        for message in mapping.json_in:
+            self._add_json(message)
         if mapping.odometry is not None:
-            self._add_odometry(mapping.odometry)
+            self._declare_wheels(mapping.odometry)
         self._navigation = None
         if mapping.navigation is not None:
             self._navigation = self._publisher(mapping.navigation.topic, "std_msgs/Bool", LATCHED)
+            self._cancellers = [node.canceller(self._whole(action)) for action in mapping.navigation.cancel]
         self._navigation_ok: bool | None = None
         if mapping.emergency_stop is not None:
             self._subscribe(mapping.emergency_stop, "std_msgs/Bool", Qos(), self._emergency_stop)
         self._serial = SerialTopics(link, self.commands, self._publisher, self._subscribe) if mapping.serial else None
+        self._oldest = 0.0  # seconds: the age of a message when it became a topic, since the latency was last published
+        self._latency = None
+        if mapping.latency is not None:
+            self._latency = self._publisher(mapping.latency, "std_msgs/Float64", Qos())
+        self._parameters = None
+        if self._model.service("parameter") is not None:
+            self._parameters = McuParameters(link, node, self._throttle.say, self._take)
         self._diagnostics = Diagnostics(link, self.commands, mapping.node, mapping.diagnostics)
         self._diagnostics_out = self._publisher("/diagnostics", "diagnostic_msgs/DiagnosticArray", Qos())
 
@@ -71,7 +82,10 @@ class Bridge:
             self.link.on_deadline()(self._on_deadline)
         self._set_navigation()
         self.node.start()
+        if self._parameters is not None:
+            self._parameters.start()
         next_poll = next_diagnosis = 0.0
+        pace = Pace(_GATHER)
         try:
             while not self._closed.is_set():
                 now = time.monotonic()
@@ -81,13 +95,17 @@ class Bridge:
                 if now >= next_diagnosis:
                     next_diagnosis = now + _DIAGNOSE_EVERY
                     self._set_navigation()
-                    self._diagnostics_out.publish(self._diagnostics.message(_stamp(self.node.now_ns())))
+                    self._diagnostics_out.publish(self._diagnostics.message(stamp_of(self.node.now_ns())))
+                    self._tell_latency()
+                pace.wait()
                 self._take(self.link.receive(_WAIT if self._serial is None else _SERIAL_WAIT))
                 if self._serial is not None:
                     self._serial.take_sent()
         except LinkDownError:
             self.node.log("info", "the link is closed; the bridge ends")
         finally:
+            if self._parameters is not None:
+                self._parameters.close()
             if self._deadlines:
                 self.link.off(self._on_deadline)
 
@@ -101,80 +119,25 @@ class Bridge:
         if not messages:
             return
         ahead = self.node.now_ns() - time.monotonic_ns()
+        oldest = time.monotonic()
         for message in messages:
-            takers = self._takers.get(message.name)
+            takers = self._topics.takers.get(message.name)
             if takers is not None:
-                t: float | None = getattr(message, "stamp", None)
-                stamp = _stamp(int((message.t if t is None else t) * 1e9) + ahead)
+                measured = message.stamp
+                t = message.t if measured is None else measured
+                oldest = min(oldest, t)
+                stamp_ns = int(t * 1e9) + ahead
                 for take in takers:
-                    take(message, stamp)
+                    take(message, stamp_ns)
             if self._serial is not None:
                 self._serial.take_received(message)
 
-    def _add_outgoing(self, outgoing: Outgoing) -> None:
-        publisher = self.node.publisher(self._whole(outgoing.topic), outgoing.type, outgoing.qos)
-        next_t = 0.0
+        self._oldest = max(self._oldest, time.monotonic() - oldest)
 
-        def take(message: Message, stamp: Stamp) -> None:
-            nonlocal next_t
-            if outgoing.every:
-                if message.t < next_t:
-                    return
-                is_steady = message.t - next_t < outgoing.every
-                next_t = (next_t if is_steady else message.t) + outgoing.every
-            try:
-                if outgoing.pack is not None:
-                    publisher.publish_bytes(outgoing.pack(message.fields, stamp))
-                else:
-                    publisher.publish(outgoing.fill(message.fields, stamp))
-            except (ValueError, TypeError, ArithmeticError, LookupError, struct.error) as error:
-                topic = outgoing.topic
-                self._throttle.say("warning", f"publish {topic}", f"{topic} was not published: {error!r}")
-
-        self._takers.setdefault(outgoing.message, []).append(take)
-
-    def _add_json(self) -> None:
-        for message in self.mapping.json_out:
-            publisher = self._publisher(f"~/{message.name}", "std_msgs/String", Qos())
-
-            def show(received: Message, _: Stamp, publisher: Publisher = publisher) -> None:
-                publisher.publish({"data": to_json(received)})
-
-            self._takers.setdefault(message.name, []).append(show)
-        for message in self.mapping.json_in:
-
-            def send(values: dict[str, Any], message: MessageModel = message) -> None:
-                try:
-                    fields, header = from_json(values["data"], message)
-                except ValueError as error:
-                    self.commands.refuse(message.name, str(error))
-                    return
-                self.commands.send(message.name, fields, header=header)
-
-            self._subscribe(f"~/{message.name}/send", "std_msgs/String", Qos(), send)
-
-    def _add_odometry(self, mapping: OdometryMapping) -> None:
-        every = next(m.every for m in self._model.messages if m.name == mapping.message)
-        pose = Odometry(mapping, every)
-        tells = [(self._publisher(mapping.topic, "nav_msgs/Odometry", Qos()), pose.odometry)]
-        if mapping.tf:
-            tells.append((self._publisher("/tf", "tf2_msgs/TFMessage", Qos(depth=100)), pose.transform))
-        if mapping.joints:
-            tells.append((self._publisher("joint_states", "sensor_msgs/JointState", Qos()), pose.joint_states))
-
-        def take(message: Message, stamp: Stamp) -> None:
-            pose.take(message.fields, message.t)
-            for publisher, tell in tells:
-                publisher.publish(tell(stamp))
-
-        self._takers.setdefault(mapping.message, []).append(take)
-        for name, (limit, text) in _WHEELS.items():
-            value = getattr(mapping.wheels, name)
-
-            def change(new: float, name: str = name) -> None:
-                setattr(mapping.wheels, name, new)
-
-            self.node.declare(Parameter(f"odometry.{name}", value, 1e-6, limit, text, change))
+    def _tell_latency(self) -> None:
+        if self._latency is not None and self._oldest:
+            self._latency.publish({"data": self._oldest})
+        self._oldest = 0.0
 
     # ---- to the MCU
 
@@ -189,7 +152,32 @@ class Bridge:
                 return
             self.commands.send(incoming.message, fields, hold=incoming.stale)
 
-        self.node.subscribe(self._whole(incoming.topic), incoming.type, incoming.qos, take)
+        quick = None
+        if incoming.plan is not None and incoming.stale is None:
+            framer = self.commands.framer(incoming.plan)
+            if framer is not None:
+                quick = _QuickCommand(self.commands, self.link.codec._index_of(incoming.message), framer)
+        self.node.subscribe(self._whole(incoming.topic), incoming.type, incoming.qos, take, quick)
+
+    def _add_json(self, message: MessageModel) -> None:
+        def send(values: dict[str, Any]) -> None:
+            try:
+                fields, header = from_json(values["data"], message)
+            except ValueError as error:
+                self.commands.refuse(message.name, str(error))
+                return
+            self.commands.send(message.name, fields, header=header)
+
+        self._subscribe(f"~/{message.name}/send", "std_msgs/String", Qos(), send)
+
+    def _declare_wheels(self, mapping: OdometryMapping) -> None:
+        for name, (limit, text) in _WHEELS.items():
+
+            def change(new: float, name: str = name) -> None:
+                setattr(mapping.wheels, name, new)
+
+            value = getattr(mapping.wheels, name)
+            self.node.declare(Parameter(f"odometry.{name}", value, 1e-6, limit, text, change))
 
     def _emergency_stop(self, values: dict[str, Any]) -> None:
         try:
@@ -233,6 +221,8 @@ class Bridge:
             self.commands.why_stopped = f"no {deadline.message} has come yet"
         else:
             self.commands.stop(f"navigation is stopped, because there was {deadline_words(deadline)}")
+            for cancel in self._cancellers:
+                cancel()
         self._navigation.publish({"data": is_ok})
 
     # ---- names
@@ -241,10 +231,29 @@ class Bridge:
         return whole_topic(topic, self.mapping.namespace, self.mapping.node)
 
     def _publisher(self, topic: str, type_name: str, qos: Qos) -> Publisher:
-        return self.node.publisher(self._whole(topic), _known(type_name), qos)
+        return self.node.publisher(self._whole(topic), known(type_name), qos)
 
     def _subscribe(self, topic: str, type_name: str, qos: Qos, take: Callable[[dict[str, Any]], None]) -> None:
-        self.node.subscribe(self._whole(topic), _known(type_name), qos, take)
+        self.node.subscribe(self._whole(topic), known(type_name), qos, take)
+
+
+class _QuickCommand:
+    """See ``node.Quick``: what is in order leaves without a look at its fields."""
+
+    def __init__(self, commands: Commands, index: int, framer: _engine.CdrCommand) -> None:
+        self._commands = commands
+        self._index = index
+        self._frame = framer.frame
+
+    def take(self, data: bytes) -> bool:
+        frame = self._frame(data)
+        if frame is None:
+            return False
+        self._commands.send_frame(self._index, frame)
+        return True
+
+    def flush(self) -> None:
+        self._commands.flush()
 
 
 _WHEELS = {
@@ -252,13 +261,3 @@ _WHEELS = {
     "separation": (100.0, "Distance between the two wheels, in metres"),
     "ticks_per_turn": (1e9, "Encoder ticks of one turn of a wheel"),
 }
-
-
-def _known(name: str) -> RosType:
-    found = ros_type(name)
-    assert found is not None, f"ROS 2 has no {name}"
-    return found
-
-
-def _stamp(ns: int) -> Stamp:
-    return {"sec": ns // 1_000_000_000, "nanosec": ns % 1_000_000_000}

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from wirebond import _engine
 from wirebond.errors import WirebondError
-from wirebond.protocol.model import Field, FieldKind, OnRange
+from wirebond.protocol.model import End, Field, FieldKind, OnRange
 
 if TYPE_CHECKING:
     from wirebond.link import Link
+    from wirebond.ros2.mapping.unpacking import UnpackPlan
 
 Log = Callable[[str, str], None]  # level and text
 _MOST = sys.float_info.max
 _NUMBERS = {float, int, bool}
+_MOST_READY = 256  # frames
 _SAY_EVERY = 1.0  # seconds between two lines about the same thing
 
 
@@ -64,10 +68,13 @@ class Commands:
         self._link = link
         self._throttle = Throttle(log)
         model = link.codec.model
+        self._names = [m.name for m in model.messages]
         self._fields = {m.name: {f.name: f for f in m.fields} for m in model.messages}
         self._bounds = {name: _bounds(fields.values()) for name, fields in self._fields.items()}
         self._safe = {stop.message: dict(stop.values) for stop in model.emergency_stop}
         self._lock = threading.Lock()
+        self._leaving = threading.Lock()  # whether a message is stopped is true until it has left
+        self._ready: deque[tuple[int, bytes]] = deque()  # frames that leave with the next flush
 
     def send(
         self,
@@ -77,14 +84,16 @@ class Commands:
         header: Mapping[str, Any] | None = None,
     ) -> bool:
         """Send a message, or repeat it for ``hold`` seconds. False: it was refused, counted, and logged."""
+        self.flush()
         try:
-            if self.why_stopped and message in self._safe:
-                raise RefusedError(self.why_stopped, self.why_stopped)
             fitting, clamped = self._fitting(message, values)
-            if hold is None:
-                self._link.send(message, fitting, header=header)
-            else:
-                self._link.repeat(message, fitting, hold=hold, header=header)
+            with self._leaving:
+                if self.why_stopped and message in self._safe:
+                    raise RefusedError(self.why_stopped, self.why_stopped)
+                if hold is None:
+                    self._link.send(message, fitting, header=header)
+                else:
+                    self._link.repeat(message, fitting, hold=hold, header=header)
         except (RefusedError, WirebondError, TypeError) as error:
             self.refuse(message, str(error), getattr(error, "kind", type(error).__name__))
             return False
@@ -95,6 +104,47 @@ class Commands:
             self._throttle.say("warning", f"clamp {message}", f"{message} was clamped: {', '.join(clamped)}")
         return True
 
+    def framer(self, plan: UnpackPlan) -> _engine.CdrCommand | None:
+        """What makes the frames of a topic's bytes, for ``send_frame``; None where these must be looked at one by one:
+        a reply is awaited, frames have addresses, or a constant is out of its range."""
+        if not self._link._sends_plain(plan.message):
+            return None
+        try:
+            _, clamped = self._fitting(plan.message, plan.constants)
+        except RefusedError:
+            return None
+        if clamped:
+            return None
+        codec = self._link.codec
+        return _engine.CdrCommand.make(codec._table, codec._format_for(End.HOST), plan, self._bounds[plan.message])
+
+    def send_frame(self, index: int, frame: bytes) -> None:
+        """Send a frame of a framer, of the message with this index, with the next ``flush`` or ``send``."""
+        self._ready.append((index, frame))
+        if len(self._ready) >= _MOST_READY:
+            self.flush()
+
+    def flush(self) -> None:
+        """Send the frames that are ready, in their order. Each is sent or refused as by ``send``."""
+        frames: list[tuple[int, bytes]] = []
+        with contextlib.suppress(IndexError):
+            while True:
+                frames.append(self._ready.popleft())
+        if not frames:
+            return
+        refused: list[tuple[int, Exception]] = []
+        with self._leaving:
+            if self.why_stopped:
+                why = RefusedError(self.why_stopped, self.why_stopped)
+                refused = [(index, why) for index, _ in frames if self._names[index] in self._safe]
+                frames = [one for one in frames if self._names[one[0]] not in self._safe]
+            answers = self._link._send_all(frames)
+        refused += [(index, e) for (index, _), e in zip(frames, answers, strict=True) if e is not None]
+        with self._lock:
+            self.counts["sent"] += answers.count(None)
+        for index, error in refused:
+            self.refuse(self._names[index], str(error), getattr(error, "kind", type(error).__name__))
+
     def refuse(self, what: str, why: str, kind: str = "") -> None:
         """Count something that is not sent, and say why. ``kind``: what counts as the same reason."""
         with self._lock:
@@ -103,7 +153,8 @@ class Commands:
 
     def stop(self, why: str) -> None:
         """Send the safe values of the protocol's emergency stop once, and refuse these messages until ``resume``."""
-        self.why_stopped = why
+        with self._leaving:
+            self.why_stopped = why
         for message, values in self._safe.items():
             try:
                 self._link.stop_repeating(message)

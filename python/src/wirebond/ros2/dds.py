@@ -28,12 +28,14 @@ from cyclonedds.util import duration
 from wirebond.errors import UsageError
 from wirebond.ros2.cdr import decode, encode
 from wirebond.ros2.idl import idl_type
-from wirebond.ros2.node import LATCHED, LEVELS, Parameter, Qos
+from wirebond.ros2.node import LATCHED, LEVELS, Parameter, Qos, Quick, mismatch
+from wirebond.ros2.pace import Pace
 from wirebond.ros2.types import RosType, ros_type
 
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 _AT_ONCE = 256  # messages that one call takes
 _LOOK_EVERY = 1.0  # seconds between two looks for subscribers and publishers with another quality of service
+_GATHER = 0.001  # seconds that messages may wait for others at a high rate
 _WAKE = duration(milliseconds=100)  # how long the end of the node may have to wait
 _logger = logging.getLogger("wirebond.ros2")
 
@@ -74,6 +76,7 @@ class _Reader:
     type: RosType
     topic: str
     take: Callable[[dict[str, Any]], None]
+    quick: Quick | None = None
 
 
 class DdsPublisher:
@@ -93,7 +96,8 @@ class DdsPublisher:
 
     def publish_bytes(self, data: bytes) -> None:
         """Send a message that is encoded already."""
-        answer = ddspy_write(self.entity._ref, data + bytes(-len(data) % 4))
+        padding = -len(data) % 4
+        answer = ddspy_write(self.entity._ref, data + bytes(padding) if padding else data)
         if answer < 0:
             _logger.warning("%s was not published: DDS says %s", self.topic, DDSException(answer, "").msg)
 
@@ -131,13 +135,27 @@ class DdsNode:
         self._publishers.append(made := DdsPublisher(writer, type_, topic))
         return made
 
-    def subscribe(self, topic: str, type_: RosType, qos: Qos, take: Callable[[dict[str, Any]], None]) -> None:
+    def subscribe(
+        self,
+        topic: str,
+        type_: RosType,
+        qos: Qos,
+        take: Callable[[dict[str, Any]], None],
+        quick: Quick | None = None,
+    ) -> None:
         """See ``node.Node``. Before ``start``."""
         reader = DataReader(self._participant, self._topic(topic, type_), _dds_qos(qos, type_))
-        self._readers.append(_Reader(reader, type_, topic, take))
+        self._readers.append(_Reader(reader, type_, topic, take, quick))
 
     def declare(self, parameter: Parameter) -> None:
         """There are no parameter services without ROS: the value of the mapping file holds."""
+
+    def update(self, name: str, value: float) -> None:
+        """See ``declare``."""
+
+    def canceller(self, action: str) -> Callable[[], None]:  # noqa: ARG002
+        """Actions need services, which DDS alone does not carry: nothing is cancelled."""
+        return lambda: None
 
     def log(self, level: str, text: str) -> None:
         """See ``node.Node``: on /rosout, and by Python's logging."""
@@ -197,21 +215,32 @@ class DdsNode:
         for condition in conditions:
             waits.attach(condition)
         next_look = 0.0
+        has_come = False
+        pace = Pace(_GATHER)
         while not self._closed.is_set():
-            waits.wait(_WAKE)
+            pace.wait()
+            if not has_come:  # else more of it has come in the meantime, most likely
+                waits.wait(_WAKE)
+            has_come = False
             for reader in self._readers:
-                self._take(reader)
+                has_come |= self._take(reader)
+            for reader in self._readers:
+                if reader.quick is not None:
+                    reader.quick.flush()
             if (now := time.monotonic()) >= next_look:
                 next_look = now + _LOOK_EVERY
                 self._tell_mismatches()
 
-    def _take(self, reader: _Reader) -> None:
+    def _take(self, reader: _Reader) -> bool:
+        """False: nothing has come."""
+        has_come = False
         while not self._closed.is_set():
             taken = ddspy_take(reader.entity._ref, _ANY, _AT_ONCE)
             if isinstance(taken, int):
-                return
+                break
+            has_come |= bool(taken)
             for data, info in taken:
-                if not info.valid_data:
+                if not info.valid_data or (reader.quick is not None and reader.quick.take(data)):
                     continue
                 try:
                     values = decode(reader.type, data)
@@ -220,25 +249,26 @@ class DdsNode:
                     continue
                 reader.take(values)
             if len(taken) < _AT_ONCE:
-                return
+                break
+        return has_come
 
     def _tell_mismatches(self) -> None:
         """A publisher and a subscriber with other qualities of service do not find each other, and ROS is silent."""
         for publisher in self._publishers:
             entity: Any = publisher.entity
             status = entity.get_offered_incompatible_qos_status()
-            self._tell(entity, status, f"a subscriber of {publisher.topic} asks for more than is offered")
+            self._tell(entity, status, publisher.topic, is_publisher=True)
         for reader in self._readers:
             entity = reader.entity
             status = entity.get_requested_incompatible_qos_status()
-            self._tell(entity, status, f"a publisher of {reader.topic} offers less than is asked for")
+            self._tell(entity, status, reader.topic, is_publisher=False)
 
-    def _tell(self, entity: Any, status: Any, sentence: str) -> None:
+    def _tell(self, entity: Any, status: Any, topic: str, *, is_publisher: bool) -> None:
         if status is None or status.total_count <= self._told.get(entity._ref, 0):
             return
         self._told[entity._ref] = status.total_count
         policy = _POLICIES.get(status.last_policy_id, f"policy {status.last_policy_id}")
-        self.log("warning", f"{sentence} ({policy}): they exchange nothing; give both the same `qos`")
+        self.log("warning", mismatch(topic, policy, is_publisher=is_publisher))
 
 
 _POLICIES = {2: "durability", 4: "deadline", 5: "latency budget", 8: "liveliness", 11: "reliability"}

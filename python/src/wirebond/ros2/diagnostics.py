@@ -44,6 +44,7 @@ class Diagnostics:
             "discarded bytes": sum(received.discarded_bytes.values()),
             "sent frames": stats.send.sent,
             "reconnects": stats.reconnects,
+            "collisions": stats.collisions,
         }
         return self._status("link", _OF_STATE[state], words.get(state) or self._link.why, facts)
 

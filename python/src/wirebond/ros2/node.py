@@ -35,15 +35,16 @@ LATCHED = Qos(latched=True, depth=1)
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of the mapping that may be set while the bridge runs.
+    """A number that may be set while the bridge runs: of the mapping, or of the MCU.
 
-    :ivar set: takes the new value.
+    :ivar minimum, maximum: None: there is no bound.
+    :ivar set: takes the new value. A WirebondError says why it does not.
     """
 
     name: str
     value: float
-    minimum: float
-    maximum: float
+    minimum: float | None
+    maximum: float | None
     description: str
     set: Callable[[float], None]
 
@@ -60,6 +61,19 @@ class Publisher(Protocol):
         ...
 
 
+class Quick(Protocol):
+    """Takes messages as they came, which costs a fraction. One thread at a time."""
+
+    def take(self, data: bytes) -> bool:
+        """Take the bytes of one message; it may wait for ``flush``. False: it was not taken, and is for ``take`` of the
+        subscription."""
+        ...
+
+    def flush(self) -> None:
+        """No more messages have come for the moment."""
+        ...
+
+
 class Node(Protocol):
     """A node of ROS 2. Functions that it calls run in one thread of its own."""
 
@@ -67,12 +81,29 @@ class Node(Protocol):
         """Publish this topic, whose name is whole."""
         ...
 
-    def subscribe(self, topic: str, type_: RosType, qos: Qos, take: Callable[[dict[str, Any]], None]) -> None:
-        """Call ``take`` with each message of this topic, whose name is whole."""
+    def subscribe(
+        self,
+        topic: str,
+        type_: RosType,
+        qos: Qos,
+        take: Callable[[dict[str, Any]], None],
+        quick: Quick | None = None,
+    ) -> None:
+        """Call ``take`` with each message of this topic, whose name is whole. An adapter that has messages as bytes
+        asks ``quick`` first."""
         ...
 
     def declare(self, parameter: Parameter) -> None:
         """Let users of ROS 2 see this parameter, and set it where the adapter can."""
+        ...
+
+    def update(self, name: str, value: float) -> None:
+        """A declared parameter has this value now; its ``set`` is not called."""
+        ...
+
+    def canceller(self, action: str) -> Callable[[], None]:
+        """A function that cancels all goals of this action, whose name is whole, where the adapter can. Before
+        ``start``; it does not wait, and does nothing where no such action is there."""
         ...
 
     def log(self, level: str, text: str) -> None:
@@ -93,6 +124,16 @@ class Node(Protocol):
 
 
 LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40}
+
+
+def mismatch(topic: str, policy: str, *, is_publisher: bool) -> str:
+    """The sentence for another node whose quality of service keeps it from this publisher or subscriber."""
+    who = (
+        f"a subscriber of {topic} asks for more than is offered"
+        if is_publisher
+        else f"a publisher of {topic} offers less than is asked for"
+    )
+    return f"{who} ({policy}): they exchange nothing; give both the same `qos`"
 
 
 def whole_topic(topic: str, namespace: str, node: str) -> str:

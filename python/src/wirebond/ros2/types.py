@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
@@ -49,11 +50,15 @@ class RosField:
 
 @dataclass(frozen=True, eq=False)
 class RosType:
-    """A message type. ``name`` has three parts: ``geometry_msgs/msg/Twist``."""
+    """A message type. ``name`` has three parts: ``geometry_msgs/msg/Twist``.
+
+    :ivar store: of rosbags, which has it.
+    """
 
     name: str
     fields: tuple[RosField, ...]
     constants: dict[str, Any]
+    store: Typestore = field(repr=False)
 
     @property
     def short(self) -> str:
@@ -78,7 +83,17 @@ class RosType:
     @cached_property
     def hash(self) -> str:
         """Its RIHS01 hash, by which ROS 2 compares types."""
-        return _store().hash_rihs01(self.name)
+        return self.store.hash_rihs01(self.name)
+
+    @property
+    def is_generated(self) -> bool:
+        """Is it of a package that `wirebond gen --lang ros2` writes, and none of ROS 2?"""
+        return self.store is not _store()
+
+    @cached_property
+    def definition(self) -> str:
+        """The text of its .msg file, with those of the types that it needs, as recordings have them."""
+        return self.store.generate_msgdef(self.name, ros_version=2)[0]
 
 
 # Fields that a new message does not begin with zero in.
@@ -111,8 +126,30 @@ def _short(name: str) -> str:
     return f"{package}/{last}"
 
 
+def types_from(definitions: Mapping[str, str]) -> dict[str, RosType]:
+    """The types of these .msg files, by their names of three parts. They may use each other, and those of ROS 2.
+
+    :raises UsageError: the package rosbags is not installed.
+    """
+    store = _new_store()
+    from rosbags.typesys import get_types_from_msg  # noqa: PLC0415 an extra: most installations lack it
+
+    parsed: dict[str, Any] = {}
+    for name, text in definitions.items():
+        parsed |= get_types_from_msg(text, name)
+    store.register(parsed)
+    found: dict[str, RosType] = {}
+    for name in definitions:
+        _made(name, store, found)
+    return found
+
+
 @cache
 def _store() -> Typestore:
+    return _new_store()
+
+
+def _new_store() -> Typestore:
     try:
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 an extra: most installations lack it
     except ImportError:
@@ -122,26 +159,33 @@ def _store() -> Typestore:
 
 @cache
 def _type(name: str) -> RosType | None:
-    definition = _store().fielddefs.get(name)
-    if definition is None:
-        return None
-    constants, fields = definition
-    return RosType(
-        name, tuple(_field(*field) for field in fields), {constant: value for constant, _, value in constants}
+    return _made(name, _store(), {}) if name in _store().fielddefs else None
+
+
+def _made(name: str, store: Typestore, own: dict[str, RosType]) -> RosType:
+    """``own``: those that only this store has; what is made is added."""
+    if name in own:
+        return own[name]
+    constants, fields = store.fielddefs[name]
+    made = RosType(
+        name,
+        tuple(_field(*one, store, own) for one in fields),
+        {constant: value for constant, _, value in constants},
+        store,
     )
+    own[name] = made
+    return made
 
 
-def _field(name: str, described: Any) -> RosField:
+def _field(name: str, described: Any, store: Typestore, own: dict[str, RosType]) -> RosField:
     kind, facts = described
     if kind.name in ("ARRAY", "SEQUENCE"):
         element, amount = facts
-        one = _field(name, element)
+        one = _field(name, element, store, own)
         is_array = kind.name == "ARRAY"
         shape = Kind.ARRAY if is_array else Kind.SEQUENCE
         return RosField(name, shape, one.base, one.of, amount if is_array else 0, 0 if is_array else amount)
     if kind.name == "NAME":
-        of = _type(facts)
-        assert of is not None, f"the types of ROS 2 use {facts}, which is not among them"
-        return RosField(name, Kind.ONE, "", of)
+        return RosField(name, Kind.ONE, "", _type(facts) or _made(facts, store, own))
     base, limit = facts
     return RosField(name, Kind.ONE, base, None, limit=limit)

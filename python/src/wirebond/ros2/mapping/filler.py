@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from wirebond.ros2 import cdr
 from wirebond.ros2.cdr import default_of
 from wirebond.ros2.mapping.grammar import Source
-from wirebond.ros2.mapping.model import Filler, Packer
+from wirebond.ros2.mapping.model import Filler
+from wirebond.ros2.mapping.packing import PackedValue, PackPlan, packed_choices
 from wirebond.ros2.mapping.paths import Getter
 from wirebond.ros2.types import Kind, RosField, RosType
 
 _HEADER = "std_msgs/msg/Header"
+_seconds, _nanoseconds = object(), object()  # the two numbers of a stamp
 
 
 class Tree:
@@ -57,20 +59,34 @@ class Tree:
         inner = [*self._trees.values(), *(t for items in self._lists.values() for t in items.values())]
         return count + sum(tree.stamp(frame, child_frame) for tree in inner if isinstance(tree, Tree))
 
-    def packer(self) -> Packer | None:
-        """As `filler`, straight to bytes; None where a value that changes has no fixed size."""
+    def plan(self, message: str) -> PackPlan | None:
+        """What `filler` does, for the engine; None where a value that changes has no fixed size."""
         readers = dict(self._readers(()))
         if None in readers.values():
             return None
-        empty = {steps: read(None, {}) if isinstance(read, Constant) else 0 for steps, read in readers.items()}
-        changing = {steps: read for steps, read in readers.items() if not isinstance(read, Constant)}
-        pack = cdr.packer(self.type, self._with(empty), list(changing))
-        reads = list(changing.values())
-        return None if pack is None else lambda fields, stamp: pack([read(fields, stamp) for read in reads])
+        empty = {steps: read.value if isinstance(read, Constant) else 0 for steps, read in readers.items()}
+        whole = self._with(empty)
+        places = cdr.places_of(self.type, whole)
+        seconds = tuple(places[steps][0] for steps, read in readers.items() if read is _seconds)
+        nanoseconds = tuple(places[steps][0] for steps, read in readers.items() if read is _nanoseconds)
+        values: list[PackedValue] = []
+        for steps, read in readers.items():
+            if isinstance(read, Constant) or read in (_seconds, _nanoseconds):
+                continue
+            if not isinstance(read, Reading):
+                return None
+            at, code = places[steps]
+            chosen = None if read.chosen is None else packed_choices(code, read.chosen)
+            if read.chosen is not None and chosen is None:
+                return None
+            values.append(PackedValue(at, code, tuple(read.path.split(".")), read.scale, read.offset, chosen))
+        return PackPlan(message, cdr.encode(self.type, whole), seconds, nanoseconds, tuple(values))
 
     def _readers(self, path: cdr.Steps) -> Iterator[tuple[cdr.Steps, Any]]:
         """Each place that is filled, with what gives its value; None: it has no fixed size."""
         for name, value in self._values.items():
+            if name in self._trees:  # `filler` takes that
+                continue
             if value is _stamp:
                 yield (*path, name, "sec"), _seconds
                 yield (*path, name, "nanosec"), _nanoseconds
@@ -128,18 +144,41 @@ def source_reader(source: Source, getter: Getter | None, constants: Mapping[str,
     """The function that gives a source's value."""
     if getter is None:
         return Constant(source.constant)
+    chosen = None
     if source.choose:
         chosen = {
             key: constants.get(value, value) if isinstance(value, str) else value
             for key, value in source.choose.items()
         }
-        return lambda fields, _: chosen[_word(getter(fields))]
-    if source.scale != 1.0 or source.offset != 0.0:
-        scale, offset = source.scale, source.offset
-        return lambda fields, _: getter(fields) * scale + offset
-    if as_text:
-        return lambda fields, _: str(getter(fields))
-    return lambda fields, _: getter(fields)
+    return Reading(source.path, getter, source.scale, source.offset, chosen, as_text)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Gives the value of one field.
+
+    :ivar chosen: what stands for each of its values; None: the value itself.
+    :ivar as_text: a name becomes a text.
+    :ivar convert: of a field whose value is no number, such as flags: makes one of it, as the wire has it.
+    """
+
+    path: str
+    getter: Getter
+    scale: float = 1.0
+    offset: float = 0.0
+    chosen: Mapping[str, Any] | None = None
+    as_text: bool = False
+    convert: Callable[[Any], Any] | None = None
+
+    def __call__(self, fields: Mapping[str, Any], _stamp: Any) -> Any:
+        value = self.getter(fields)
+        if self.convert is not None:
+            return self.convert(value)
+        if self.chosen is not None:
+            return self.chosen[_word(value)]
+        if self.scale != 1.0 or self.offset != 0.0:
+            return value * self.scale + self.offset
+        return str(value) if self.as_text else value
 
 
 def _word(value: Any) -> str:
@@ -154,14 +193,6 @@ class Constant:
 
     def __call__(self, _fields: Any, _stamp: Any) -> Any:
         return self.value
-
-
-def _seconds(_fields: Any, stamp: Mapping[str, int]) -> int:
-    return stamp["sec"]
-
-
-def _nanoseconds(_fields: Any, stamp: Mapping[str, int]) -> int:
-    return stamp["nanosec"]
 
 
 def _stamp(_fields: Mapping[str, Any], stamp: Mapping[str, int]) -> Any:

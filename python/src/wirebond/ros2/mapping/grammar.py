@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PlainValidator
+from pydantic import Field, PlainValidator, WithJsonSchema
 
 from wirebond.protocol.text.scalars import Bool, Duration, Name, Period, Text, describe, one_word, whole, wrong
 from wirebond.protocol.text.wording import Syntax
@@ -85,9 +85,42 @@ def _source(value: object) -> Source:
 
 
 _LINEAR = ("scale", "offset")
-SourceValue = Annotated[Source, PlainValidator(_source, json_schema_input_type=Any)]
+_PATH_SCHEMA = {"type": "string", "pattern": f"^{_PATH.pattern}$"}
+_SOURCE_SCHEMA: dict[str, Any] = {
+    "description": "Where the value comes from.",
+    "anyOf": [
+        {**_PATH_SCHEMA, "description": "A field, such as `battery`, `state.estop` or `q.0`."},
+        {"type": ["number", "boolean"], "description": "This value, always."},
+        {
+            "type": "object",
+            "properties": {"text": {"type": "string", "description": "This text, always."}},
+            "required": ["text"],
+            "additionalProperties": False,
+        },
+        {
+            "type": "object",
+            "properties": {
+                "from": {**_PATH_SCHEMA, "description": "A field, such as `battery`, `state.estop` or `q.0`."},
+                "scale": {"type": "number", "description": "The value is multiplied by this."},
+                "offset": {"type": "number", "description": "This is added then."},
+                "values": {
+                    "type": "object",
+                    "additionalProperties": {"type": ["number", "boolean", "string"]},
+                    "description": "A value for each name of an enum, or for true and false.",
+                },
+            },
+            "required": ["from"],
+            "additionalProperties": False,
+        },
+    ],
+}
+SourceValue = Annotated[Source, PlainValidator(_source), WithJsonSchema(_SOURCE_SCHEMA, mode="validation")]
 Amount = Annotated[float, PlainValidator(_plain_number, json_schema_input_type=float)]
-Depth = Annotated[int, PlainValidator(whole(1, 10_000), json_schema_input_type=int)]
+_MOST_KEPT = 10_000
+Depth = Annotated[
+    int,
+    PlainValidator(whole(1, _MOST_KEPT), json_schema_input_type=Annotated[int, Field(ge=1, le=_MOST_KEPT)]),
+]
 
 
 def _positive(value: object) -> float:
@@ -97,7 +130,7 @@ def _positive(value: object) -> float:
     return number
 
 
-Size = Annotated[float, PlainValidator(_positive, json_schema_input_type=float)]
+Size = Annotated[float, PlainValidator(_positive, json_schema_input_type=Annotated[float, Field(gt=0)])]
 
 
 class QosSyntax(Syntax):
@@ -118,11 +151,13 @@ class PublishSyntax(Syntax):
     message: Name = Field(description="A message of the MCU.", examples=["status"])
     topic: Topic = Field(description="Where it appears.", examples=["battery_state"])
     type: Text = Field(description="The topic's message type.", examples=["sensor_msgs/BatteryState"])
-    fields: dict[str, SourceValue] = Field(description="Each field of the topic, and where it comes from.")
+    fields: dict[str, SourceValue] | None = Field(
+        None, description="Each field of the topic, and where it comes from. The message's own type needs none."
+    )
     frame: Text = Field("", description="frame_id of its headers.", examples=["base_link"])
     child_frame: Text = Field("", description="child_frame_id of its transforms.", examples=["gimbal"])
     at_most: Period | None = Field(None, description="Publish no faster than this.", examples=["10 Hz"])
-    qos: QosSyntax | None = None
+    qos: QosSyntax | None = Field(None, description="Quality of service.", examples=[{"reliability": "best_effort"}])
 
 
 class SubscribeSyntax(Syntax):
@@ -131,14 +166,16 @@ class SubscribeSyntax(Syntax):
     topic: Topic = Field(description="Where commands come from.", examples=["cmd_vel"])
     type: Text = Field(description="The topic's message type.", examples=["geometry_msgs/Twist"])
     message: Name = Field(description="The message of the host that they become.", examples=["velocity"])
-    fields: dict[str, SourceValue] = Field(description="Each field of the message, and where it comes from.")
+    fields: dict[str, SourceValue] | None = Field(
+        None, description="Each field of the message, and where it comes from. The message's own type needs none."
+    )
     stale: Duration | None = Field(
         None,
         description="Repeat the last command at the message's `every`, for this time after it came. Without it each "
         "command is sent once.",
         examples=["500 ms"],
     )
-    qos: QosSyntax | None = None
+    qos: QosSyntax | None = Field(None, description="Quality of service.", examples=[{"reliability": "best_effort"}])
 
 
 class OdometrySyntax(Syntax):
@@ -177,6 +214,11 @@ class NavigationSyntax(Syntax):
     noun = "`navigation`"
 
     deadline: Name = Field(description="The deadline of the host that stops navigation.", examples=["stop_navigation"])
+    cancel: list[Topic] = Field(
+        ["navigate_to_pose"],
+        description="Actions whose goals are cancelled then, over rclpy.",
+        examples=[["navigate_to_pose"]],
+    )
     topic: Topic = Field("navigation_ok", description="Latched std_msgs/Bool.", examples=["navigation_ok"])
 
 
@@ -193,6 +235,11 @@ class File(Syntax):
     json_topics: Annotated[str, one_word("unmapped", "all", "none")] = Field(
         "unmapped", description="Which messages also have topics with JSON.", examples=["all"]
     )
+    typed_topics: Annotated[str, one_word("unmapped", "all", "none")] = Field(
+        "none",
+        description="Which messages have topics of the types of `wirebond gen --lang ros2`, and none with JSON.",
+        examples=["unmapped"],
+    )
     serial: Bool = Field(False, description="Whether frames have topics, as bytes and in hex.", examples=[True])
     publish: list[PublishSyntax] = Field([], description="Messages of the MCU that become typed topics.")
     subscribe: list[SubscribeSyntax] = Field([], description="Topics that become messages of the host.")
@@ -200,6 +247,11 @@ class File(Syntax):
     poll: list[Name] = Field([], description="Requests that are repeated at their `every`.", examples=[["query"]])
     diagnostics: list[FlagsSyntax] = Field([], description="Flags that /diagnostics names.")
     navigation: NavigationSyntax | None = Field(None, description="What stops navigation.")
+    latency: Topic | None = Field(
+        None,
+        description="A std_msgs/Float64, once a second: how old messages are when they become topics.",
+        examples=["latency"],
+    )
     emergency_stop: Topic | None = Field(
         None, description="A std_msgs/Bool: true stops, false releases.", examples=["emergency_stop"]
     )

@@ -7,14 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wirebond.protocol.model import Message
+from wirebond.ros2.mapping.packing import PackPlan
 from wirebond.ros2.mapping.paths import Getter
+from wirebond.ros2.mapping.unpacking import UnpackPlan
 from wirebond.ros2.node import Qos
 from wirebond.ros2.types import RosType
 
+HEADER_KEY = ""  # under which a filler finds the frame's own fields: no field of a message has this name
 # Fields of the message and the stamp, as builtin_interfaces/Time: the topic's message.
 Filler = Callable[[Mapping[str, Any], Mapping[str, int]], dict[str, Any]]
-# As a filler, and gives the message's bytes.
-Packer = Callable[[Mapping[str, Any], Mapping[str, int]], bytes]
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,9 @@ class Outgoing:
     """A message of the MCU that becomes a topic.
 
     :ivar every: the least time between two of them, in seconds.
-    :ivar pack: does what ``fill`` does and gives bytes, at a fifth of the cost; None: a value that changes has no
+    :ivar plan: what the engine needs to do what ``fill`` does, straight to bytes; None: a value that changes has no
         fixed size.
+    :ivar reads_header: ``fill`` finds the frame's own fields under `HEADER_KEY`.
     """
 
     message: str
@@ -32,7 +34,8 @@ class Outgoing:
     qos: Qos
     every: float
     fill: Filler
-    pack: Packer | None = None
+    plan: PackPlan | None = None
+    reads_header: bool = False
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,7 @@ class Incoming:
     :ivar values: the message's fields, read from the topic's message. A getter raises LookupError where a sequence is
         too short.
     :ivar stale: seconds that a command is repeated for; None: it is sent once.
+    :ivar plan: what the engine needs to make the frame of the topic's bytes; None: a value is no number and no text.
     """
 
     topic: str
@@ -50,6 +54,7 @@ class Incoming:
     qos: Qos
     values: tuple[tuple[str, Getter], ...]
     stale: float | None
+    plan: UnpackPlan | None = None
 
 
 @dataclass
@@ -89,10 +94,11 @@ class FlagsMapping:
 
 @dataclass(frozen=True)
 class NavigationMapping:
-    """The deadline that stops navigation, and the topic that says so."""
+    """The deadline that stops navigation, the topic that says so, and the actions whose goals are cancelled."""
 
     deadline: str
     topic: str
+    cancel: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,4 +117,5 @@ class BridgeMapping:
     diagnostics: tuple[FlagsMapping, ...] = ()
     navigation: NavigationMapping | None = None
     emergency_stop: str | None = None
+    latency: str | None = None
     path: str = field(default="", compare=False)

@@ -31,7 +31,9 @@ from wirebond.ros2.mapping.model import (
     Outgoing,
     Wheels,
 )
+from wirebond.ros2.mapping.own_types import OwnTypes, own_commands, own_topics
 from wirebond.ros2.mapping.paths import Getter, Leaf, PathError, What, misfit, ros_getter, ros_place, wire_leaf
+from wirebond.ros2.mapping.unpacking import unpack_plan
 from wirebond.ros2.node import Qos
 from wirebond.ros2.types import RosType, ros_type, type_names
 
@@ -75,6 +77,7 @@ class _Reader:
     def __init__(self, protocol: Protocol, problems: Problems) -> None:
         self.protocol = protocol
         self.problems = problems
+        self.own = OwnTypes(protocol)
 
     def read(self, file: File, root: Mapping, path: str) -> BridgeMapping:
         publish = [self._publish(s, n) for s, n in zip(file.publish, _items(root, "publish"), strict=True)]
@@ -85,33 +88,38 @@ class _Reader:
         flags = [self._flags(s, n) for s, n in zip(file.diagnostics, _items(root, "diagnostics"), strict=True)]
         navigation = None
         if file.navigation is not None:
-            navigation = NavigationMapping(file.navigation.deadline, file.navigation.topic)
+            navigation = NavigationMapping(
+                file.navigation.deadline, file.navigation.topic, tuple(file.navigation.cancel)
+            )
             self._deadline(navigation.deadline, _place_in(root.get("navigation"), "deadline"))
         if file.emergency_stop is not None and not self.protocol.emergency_stop:
             self.problems.add(
                 root.value_place("emergency_stop"),
                 f"{self.protocol.name} has no emergency_stop; add one to the protocol file, or remove this key",
             )
+        messages = {m.name for m in self.protocol.messages}
         mapped = {s.message for s in file.publish} | {s.message for s in file.subscribe}
         mapped |= {odometry.message} if odometry else set()
-        shown = {"all": set[str](), "unmapped": mapped, "none": {m.name for m in self.protocol.messages}}[
-            file.json_topics
-        ]
-        out = [m for m in _sent_by(self.protocol, End.MCU) if m.name not in shown]
-        back = [m for m in _sent_by(self.protocol, End.HOST) if m.name not in shown]
+        chosen = {"all": messages, "unmapped": messages - mapped, "none": set[str]()}
+        typed = chosen[file.typed_topics]
+        as_json = chosen[file.json_topics] - typed
         return BridgeMapping(
             node=file.node or default_mapping(self.protocol).node,
             namespace=file.namespace,
-            json_out=tuple(out),
-            json_in=tuple(back),
+            json_out=tuple(m for m in _sent_by(self.protocol, End.MCU) if m.name in as_json),
+            json_in=tuple(m for m in _sent_by(self.protocol, End.HOST) if m.name in as_json),
             serial=file.serial,
-            publish=tuple(p for p in publish if p is not None),
-            subscribe=tuple(s for s in subscribe if s is not None),
+            publish=(
+                *(p for p in publish if p is not None),
+                *own_topics(self.protocol, self.own, End.MCU, "~/{}", typed),
+            ),
+            subscribe=(*(s for s in subscribe if s is not None), *own_commands(self.protocol, self.own, typed)),
             odometry=odometry,
             poll=tuple(file.poll),
             diagnostics=tuple(f for f in flags if f is not None),
             navigation=navigation,
             emergency_stop=file.emergency_stop,
+            latency=file.latency,
             path=path,
         )
 
@@ -122,9 +130,10 @@ class _Reader:
         type_ = self._type(syntax.type, _place_in(node, "type"))
         if message is None or type_ is None:
             return None
-        tree, before = Tree(type_), len(self.problems)
+        is_own = syntax.fields is None and self._is_own(type_, message, syntax, node)
+        tree, before = self.own.tree(message.name) if is_own else Tree(type_), len(self.problems)
         fields = node.get("fields") if isinstance(node, Mapping) else None
-        for path, source in syntax.fields.items():
+        for path, source in (syntax.fields or {}).items():
             key, value = _places(fields, path)
             try:
                 place = ros_place(type_, path)
@@ -150,7 +159,8 @@ class _Reader:
             _qos(syntax.qos),
             syntax.at_most or 0.0,
             tree.filler(),
-            tree.packer() if has_all else None,
+            tree.plan(message.name) if has_all else None,
+            reads_header=is_own,
         )
 
     def _subscribe(self, syntax: SubscribeSyntax, node: Node) -> Incoming | None:
@@ -166,7 +176,13 @@ class _Reader:
             self.problems.add(
                 _place_in(node, "stale"), "a command is repeated for 60 s at most; write less, such as 500 ms"
             )
+        if syntax.fields is None:
+            if not self._is_own(type_, message, syntax, node):
+                return None
+            getters, plan = self.own.getters(message.name), self.own.plan(message.name)
+            return Incoming(syntax.topic, type_, message.name, _qos(syntax.qos), getters, syntax.stale, plan)
         values: list[tuple[str, Getter]] = []
+        before = len(self.problems)
         fields = node.get("fields") if isinstance(node, Mapping) else None
         for name, source in syntax.fields.items():
             key, value = _places(fields, name)
@@ -192,7 +208,11 @@ class _Reader:
         if missing:
             place = _place_in(node, "fields")
             self.problems.add(place, f"{message.name} needs {', '.join(missing)}, without a default; map it here")
-        return Incoming(syntax.topic, type_, message.name, _qos(syntax.qos), tuple(values), syntax.stale)
+        plan = None
+        if len(self.problems) == before:
+            places = {n: (ros_place(type_, s.path).steps if s.path else (), s) for n, s in syntax.fields.items()}
+            plan = unpack_plan(message.name, type_, places)
+        return Incoming(syntax.topic, type_, message.name, _qos(syntax.qos), tuple(values), syntax.stale, plan)
 
     def _odometry(self, syntax: OdometrySyntax | None, node: Node | None) -> OdometryMapping | None:
         if syntax is None:
@@ -259,6 +279,17 @@ class _Reader:
         if name not in actions:
             self.problems.add(place, f"the host has no deadline `{name}`; {suggestion(name, actions)}")
 
+    def _is_own(self, type_: RosType, message: Message, syntax: PublishSyntax | SubscribeSyntax, node: Node) -> bool:
+        """Is it the type that is generated for this message? Without `fields` it has to be."""
+        own = self.own.of(message.name)
+        if type_ is not own:
+            self.problems.add(
+                _place_in(node, "type"),
+                f"{syntax.noun} needs `fields`, which say where each value of {type_.short} comes from; only "
+                f"{own.short}, the type of {message.name} itself, needs none",
+            )
+        return type_ is own
+
     # ---- names and values
 
     def _message(self, name: str, sender: End, place: Place) -> Message | None:
@@ -273,9 +304,9 @@ class _Reader:
         return None
 
     def _type(self, name: str, place: Place) -> RosType | None:
-        found = ros_type(name)
+        found = self.own.named(name) or ros_type(name)
         if found is None:
-            near = nearest(name.replace("/msg/", "/"), type_names())
+            near = nearest(name.replace("/msg/", "/"), [*self.own.names, *type_names()])
             hint = f"did you mean {near}?" if near else "write package and name, such as geometry_msgs/Twist"
             self.problems.add(place, f"there is no message type `{name}` in ROS 2; {hint}")
         return found

@@ -1,4 +1,5 @@
-"""`wirebond serve --ros2` as a process, the simulated rover on a pty behind it, and this process as the ROS 2 network.
+"""One suite over both adapters: `wirebond serve --ros2` as a process, and `wirebond_ros` over a real rclpy. Behind each
+is the simulated rover on a pty, and this process is the ROS 2 network.
 
 The DDS between them is real, on the loopback interface, in a domain of its own.
 """
@@ -19,6 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.ros2.over_rclpy import rclpy_environment
 from tests.ros2.peer import PATIENCE, Peer, message, twist
 from tests.shared import PROTOCOLS
 from wirebond.ros2.dds import LOOPBACK
@@ -37,13 +39,24 @@ LATCHED = {"/estop": "std_msgs/Bool", "/navigation_ok": "std_msgs/Bool", "/rosou
 
 
 class Served:
-    """A running `wirebond serve --ros2`."""
+    """A running bridge."""
 
-    def __init__(self, port: str, name: str, *options: str) -> None:
-        command = [WIREBOND, "serve", str(DIFFDRIVE), port, "--ros2", "--name", name]
-        self._process = subprocess.Popen([*command, *options], stderr=subprocess.PIPE, text=True)
+    def __init__(self, command: list[str], environment: dict[str, str] | None = None) -> None:
+        self._process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
         self._lines: queue.Queue[str] = queue.Queue()
         threading.Thread(target=self._collect, daemon=True).start()
+
+    @classmethod
+    def over_dds(cls, port: str, name: str, *options: str) -> Served:
+        """`wirebond serve --ros2`."""
+        return cls([WIREBOND, "serve", str(DIFFDRIVE), port, "--ros2", "--name", name, *options])
+
+    @classmethod
+    def over_rclpy(cls, parameters: dict[str, str], node: str) -> Served:
+        """The executable of `wirebond_ros`."""
+        given = [text for name, value in parameters.items() for text in ("-p", f"{name}:={value}")]
+        command = [sys.executable, "-m", "wirebond_ros.bridge", "--ros-args", "-r", f"__node:={node}", *given]
+        return cls(command, rclpy_environment())
 
     def _collect(self) -> None:
         assert self._process.stderr is not None
@@ -84,20 +97,46 @@ def robot(program: Path) -> Iterator[rover.RoverProcess]:
         yield running
 
 
+@pytest.fixture(scope="module", params=["dds", "rclpy"])
+def adapter(request: pytest.FixtureRequest) -> str:
+    name: str = request.param
+    return name
+
+
 @pytest.fixture(scope="module")
-def served(domain: int, robot: rover.RoverProcess) -> Iterator[Served]:
-    process = Served(robot.port, f"ros-{os.getpid()}")
+def served(
+    adapter: str, domain: int, robot: rover.RoverProcess, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Served]:
+    if adapter == "dds":
+        process = Served.over_dds(robot.port, f"ros-{os.getpid()}")
+    else:
+        mapping = without_tf(tmp_path_factory.mktemp("mapping"))
+        parameters = {"protocol": str(DIFFDRIVE), "port": robot.port, "mapping": str(mapping)}
+        process = Served.over_rclpy(parameters, "diffdrive")
     try:
-        process.wait_for("ROS 2 node")
         yield process
     finally:
         process.close()
 
 
+def without_tf(folder: Path) -> Path:
+    """The shipped mapping without /tf, whose package of messages the wheels of rclpy do not have."""
+    file = folder / "rover.yaml"
+    text = (PROTOCOLS / "ros2" / "diffdrive.yaml").read_text()
+    file.write_text(text.replace("  joints:", "  tf: false\n  joints:"))
+    return file
+
+
 @pytest.fixture(scope="module")
-def peer(served: Served, domain: int) -> Peer:
+def topics(adapter: str) -> dict[str, str]:
+    """What the bridge publishes."""
+    return {topic: type_name for topic, type_name in TOPICS.items() if (topic, adapter) != ("/tf", "rclpy")}
+
+
+@pytest.fixture(scope="module")
+def peer(served: Served, domain: int, topics: dict[str, str]) -> Peer:
     made = Peer(domain)
-    for topic, type_name in TOPICS.items():
+    for topic, type_name in topics.items():
         made.listen(topic, type_name)
     for topic, type_name in LATCHED.items():
         made.listen(topic, type_name, latched=True)
@@ -159,7 +198,7 @@ def pose_of_body(robot: rover.RoverProcess) -> list[float]:
                 return [float(number) for number in numbers]
 
 
-def test_ros_sees_a_node_with_its_topics_and_the_hashes_of_their_types(peer: Peer) -> None:
+def test_ros_sees_a_node_with_its_topics_and_the_hashes_of_their_types(peer: Peer, topics: dict[str, str]) -> None:
     info = peer.wait(lambda: peer.seen["discovery"])[-1]
     (node,) = info.node_entities_info_seq
     assert (node.node_namespace, node.node_name) == ("/", "diffdrive")
@@ -170,7 +209,7 @@ def test_ros_sees_a_node_with_its_topics_and_the_hashes_of_their_types(peer: Pee
             data = next((policy.data for policy in endpoint.qos if type(policy).__name__ == "Userdata"), b"")
             found[endpoint.topic_name] = endpoint.type_name, data
             assert endpoint.topic_name == "ros_discovery_info" or endpoint.key.bytes in writers
-    for topic, type_name in (TOPICS | LATCHED).items():
+    for topic, type_name in (topics | LATCHED).items():
         type_ = ros_type(type_name)
         assert type_ is not None
         assert found[f"rt{topic}"] == (type_.dds_name, f"typehash={type_.hash};".encode())
@@ -189,7 +228,7 @@ def test_commands_drive_the_rover_and_their_silence_stops_it(driving: Peer, robo
     assert any("aa 55 01 f4 01" in line.data for line in driving.seen["/serial_tx_hex"])
 
 
-def test_what_the_rover_says_becomes_topics(peer: Peer) -> None:
+def test_what_the_rover_says_becomes_topics(peer: Peer, topics: dict[str, str]) -> None:
     battery = peer.seen["/battery_state"][-1]
     assert 9 < battery.voltage < 13
     assert (battery.header.frame_id, battery.power_supply_status) == ("base_link", 2)
@@ -198,7 +237,8 @@ def test_what_the_rover_says_becomes_topics(peer: Peer) -> None:
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
     assert abs(odometry.header.stamp.sec - time.time()) < 5
     assert joints.name == ["left_wheel_joint", "right_wheel_joint"]
-    assert peer.seen["/tf"][-1].transforms[0].child_frame_id == "base_link"
+    if "/tf" in topics:
+        assert peer.seen["/tf"][-1].transforms[0].child_frame_id == "base_link"
     received = peer.seen["/serial_rx_data"][-1].data
     assert (len(received), bytes(received[:2]).hex()) == (11, "aa55")
     assert peer.seen["/serial_rx_hex"][-1].data.startswith("RX: aa 55 8")
@@ -258,8 +298,11 @@ def test_other_quality_of_service_is_told(peer: Peer, domain: int) -> None:
     other = Peer(domain)
     other.advertise("/cmd_vel", "geometry_msgs/Twist", reliable=False)
     assert "reliability" in peer.wait(lambda: said(peer, "a publisher of /cmd_vel offers less than is asked for"))[0]
+    other.listen("/odom", "nav_msgs/Odometry", latched=True)
+    assert "durability" in peer.wait(lambda: said(peer, "a subscriber of /odom asks for more than is offered"))[0]
 
 
+@pytest.mark.parametrize("adapter", ["dds"], indirect=True)
 def test_square_driven_by_topic_has_the_pose_of_the_body(driving: Peer, robot: rover.RoverProcess) -> None:
     first, body = stand_still(driving).pose.pose, pose_of_body(robot)
     path = 0.0
@@ -287,7 +330,7 @@ def seen_from(start: tuple[float, float, float], end: Any) -> tuple[float, float
 
 def test_bridge_waits_for_its_port(domain: int, program: Path, tmp_path: Path) -> None:
     port = tmp_path / "tty"
-    served = Served(str(port), f"ros-late-{os.getpid()}", "--mapping", str(named(tmp_path, "late")))
+    served = Served.over_dds(str(port), f"ros-late-{os.getpid()}", "--mapping", str(named(tmp_path, "late")))
     try:
         served.wait_for("Waiting for it")
         peer = Peer(domain)

@@ -1,0 +1,68 @@
+// Bytes (CDR) of a ROS 2 topic as the frame of a command, by a plan that was made once from the mapping.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "header.hpp"
+#include "protocol.hpp"
+
+namespace wirebond::engine {
+
+/// Makes the frame where everything is in order: whole bytes, finite values within their ranges, a message that can be
+/// encoded. All else is Python's turn, which clamps, refuses, counts and says why.
+class CdrCommand {
+ public:
+  /// `plan`: a wirebond.ros2.mapping.unpacking.UnpackPlan. `bounds`: least and greatest value of each number of the
+  /// message, by field. Null where the protocol has no such message. With the GIL.
+  static std::unique_ptr<CdrCommand> make(std::shared_ptr<const ProtocolTable> protocol,
+                                          std::shared_ptr<const FormatTable> format, nb::handle plan, nb::dict bounds);
+
+  /// The wire bytes for a topic's bytes, which come from any program of the network; None: Python's turn. About 1 µs.
+  /// Any thread, with the GIL.
+  nb::object frame(nb::bytes data) const;
+
+ private:
+  enum class Times : std::uint8_t { one, array, sequence };
+
+  /// One field of the topic; see the plan's Part.
+  struct Part {
+    Times times = Times::one;
+    char code = 0;  ///< of a number; 's': a text; 0: a message
+    std::uint32_t count = 0;
+    int slot = -1;
+    std::vector<Part> inside;
+    std::vector<std::pair<std::uint32_t, Part>> picked;
+  };
+  struct Value {
+    nb::object name;
+    std::size_t slot = 0;
+    bool is_linear = false;
+    double scale = 1;
+    double offset = 0;
+    bool has_bounds = false;
+    double least = 0;
+    double greatest = 0;
+  };
+  class Walk;
+
+  static Part read_part(nb::handle part);
+  static nb::object fitting(const Value& value, const nb::object& found);
+
+  std::shared_ptr<const ProtocolTable> protocol_;
+  std::shared_ptr<const FormatTable> format_;
+  GivenHeader header_;
+  std::size_t message_ = 0;
+  std::vector<Part> parts_;
+  std::size_t slots_ = 0;
+  std::vector<Value> values_;
+  nb::dict constants_;
+};
+
+}  // namespace wirebond::engine

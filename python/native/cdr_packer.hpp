@@ -1,0 +1,56 @@
+// A received message as the bytes (CDR) of a ROS 2 topic, by a plan that was made once from the mapping. No DDS.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "decoder.hpp"
+
+namespace wirebond::engine {
+
+/// Copies the topic's message with all its constants, and puts the stamp and the values that change into it. What it
+/// cannot give exactly as the mapping's filler does, it does not give: then Python fills the message, or says why not.
+class CdrPacker {
+ public:
+  /// `plan`: a wirebond.ros2.mapping.packing.PackPlan, or null where a value has no fixed place in the payload.
+  /// With the GIL.
+  static std::unique_ptr<CdrPacker> make(std::shared_ptr<const ProtocolTable> protocol, nb::handle plan);
+
+  /// The topic's bytes for a message of this plan, with `stamp_ns` in its headers; None: Python's turn. About 0.2 µs
+  /// and 10 ns a value. Any thread, with the GIL.
+  nb::object pack(const Message& message, std::int64_t stamp_ns) const;
+
+ private:
+  /// One value that changes.
+  struct Value {
+    const FieldTable* field = nullptr;  ///< the protocol's
+    std::size_t place = 0;              ///< of the field in the payload
+    std::size_t index = 0;              ///< of a field with several numbers
+    int flag = -1;                      ///< bit of the flag that is meant; -1: the whole number
+    std::size_t at = 0;                 ///< in the topic's bytes
+    char code = 0;                      ///< as Python's struct module names types
+    bool is_linear = false;
+    double scale = 1;
+    double offset = 0;
+    bool is_chosen = false;
+    std::vector<std::pair<std::uint64_t, std::string>> chosen;  ///< bytes for each number on the wire
+  };
+
+  static bool find(const std::vector<FieldTable>& fields, nb::handle path, Value& value);
+  static bool put(const Value& value, std::uint64_t raw, std::uint8_t* to);
+
+  std::shared_ptr<const ProtocolTable> protocol_;
+  std::int16_t message_ = -1;
+  std::string data_;
+  std::vector<std::size_t> seconds_;      ///< where a stamp's seconds lie
+  std::vector<std::size_t> nanoseconds_;  ///< the same of its nanoseconds
+  std::vector<Value> values_;
+};
+
+}  // namespace wirebond::engine

@@ -1,0 +1,30 @@
+"""How often a thread looks for what has come: at a high rate it lets several messages come before the next look."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+
+class Pace:
+    """To wake a thread costs more than a message. At a high rate each look finds all that came in ``gap`` seconds; no
+    message waits longer for it. What comes one or two at a time does not wait. One thread."""
+
+    def __init__(
+        self,
+        gap: float,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._gap = gap
+        self._clock = clock
+        self._sleep = sleep
+        self._next = 0.0
+
+    def wait(self) -> None:
+        """Before each look that may wait for messages."""
+        now = self._clock()
+        if now < self._next:
+            self._sleep(self._next - now)
+            now = self._next
+        self._next = now + self._gap

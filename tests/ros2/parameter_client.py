@@ -1,0 +1,39 @@
+"""A program of ROS that sets parameters of the node /axis, and says as JSON what came of it. It runs over rclpy."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+
+PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
+
+
+def main() -> None:
+    """Wait until the node has what is asked for, set each value, and read it."""
+    rclpy.init()
+    node = rclpy.create_node("client")
+    client = AsyncParameterClient(node, "axis")
+    assert client.wait_for_services(PATIENCE)
+
+    def answer(future: Any) -> Any:
+        rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
+        return future.result()
+
+    name = sys.argv[1]
+    while name not in answer(client.list_parameters(["mcu"], 2)).result.names:
+        pass
+    for value in map(float, sys.argv[2:]):
+        (result,) = answer(client.set_parameters([Parameter(name, value=value)])).results
+        (now,) = answer(client.get_parameters([name])).values
+        print(json.dumps([result.successful, result.reason, now.double_value]))
+    print(json.dumps(node.get_node_names()))
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+main()
