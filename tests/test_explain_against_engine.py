@@ -21,7 +21,7 @@ from tests.shared import (
 from tests.streams import hard_stream, random_frame, random_values
 from wirebond import Codec, Message, load
 from wirebond.explain import Kind, explain, values
-from wirebond.explain.examine import check_value, spans
+from wirebond.explain.layout import check_value, spans
 from wirebond.explain.scan import scan
 from wirebond.explain.stuffing import stuff
 from wirebond.explain.values import faults_of, read_fields, values_of
@@ -52,7 +52,7 @@ def any_sender(proto: Codec) -> End | None:
     return End.MCU if needs_sender(proto.model) else None
 
 
-@few_or_many(3, 20)
+@few_or_many(1, 20)
 @pytest.mark.parametrize("sender", [None, End.HOST, End.MCU])
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_frames_and_causes_agree_on_hard_streams(name: str, sender: End | None, number: int) -> None:
@@ -118,7 +118,7 @@ def test_counts_tell_the_size_of_a_stuffed_frame(stuffing: str, number: int) -> 
         assert dict(found.rejected) == decoder.stats.as_dict()["rejected_candidates"], f"seed {seed}"
 
 
-@few_or_many(40, 400)
+@few_or_many(15, 400)
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_random_bytes_are_examined_alike(name: str, number: int) -> None:
     """Bytes of few values, so that starts, lengths and delimiters occur."""
@@ -228,13 +228,14 @@ def test_the_pid_frame_is_explained_by_the_listing() -> None:
     assert best.remedy == "Write `- check: {type: sum16, byte: high, over: length..payload}`."
 
 
+@few_or_many(25, 100)
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_every_byte_of_any_frame_has_a_name(name: str) -> None:
+def test_every_byte_of_any_frame_has_a_name(name: str, number: int) -> None:
     """And stuffing done in Python gives the engine's bytes again."""
     proto = load(FORMATS[name])
     frame_format = proto.model.format
     source = random.Random(name)
-    for _ in range(100):
+    for _ in range(number):
         message = source.choice(proto.model.messages)
         sender = End.HOST if message.sender == End.BOTH else message.sender
         wire = proto.encode(message.name, random_values(message, source))

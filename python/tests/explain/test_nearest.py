@@ -263,6 +263,7 @@ class TestStuffed:
         assert best(explained(frame_of(truth), STUFFED)).remedy == "Write `- check: crc-16/modbus`."
 
 
+@pytest.mark.long
 def test_random_checks_are_seldom_explained() -> None:
     """A search over hundreds of guesses must not find a story for everything."""
     source = random.Random(7)

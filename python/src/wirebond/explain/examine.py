@@ -6,13 +6,29 @@ Written from the model's parts alone, without the engine's plan of offsets: test
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import StrEnum
 from functools import lru_cache
 from typing import Generic, TypeVar
 
-from wirebond.checksum import checksum
 from wirebond.explain.constants import constants_of
-from wirebond.protocol.forms import Choice, FormParts, header_of, parts_of_forms
+from wirebond.explain.layout import (
+    CONSTANTS,
+    check_value,
+    counted_beside_payload,
+    fixed_bits,
+    hex_of,
+    id_index,
+    id_text,
+    length_index,
+    payload_index,
+    read_number,
+    run_value,
+    same_check,
+    shift_of,
+    shown_check,
+    spans,
+)
+from wirebond.explain.verdict import Cause, Outcome, Question, Rule, Verdict
+from wirebond.protocol.forms import FormParts, header_of, parts_of_forms
 from wirebond.protocol.matching import Told
 from wirebond.protocol.model import (
     BitRole,
@@ -21,7 +37,6 @@ from wirebond.protocol.model import (
     Field,
     FieldKind,
     FrameFormat,
-    LengthCounts,
     Message,
     Part,
     PartKind,
@@ -34,188 +49,6 @@ from wirebond.protocol.plan import matches_late, told_by_request
 from wirebond.protocol.spelling import choices_text
 
 T = TypeVar("T")
-
-CONSTANTS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
-
-
-class Outcome(StrEnum):
-    FRAME = "frame"
-    INCOMPLETE = "incomplete"  # nothing is wrong yet, and more bytes must come
-    REFUSED = "refused"
-
-
-class Cause(StrEnum):
-    """Why bytes are discarded, in the decoder's words and their order."""
-
-    NONE = ""  # they are not: a frame
-    NO_START = "no_start"
-    CONSTANT_MISMATCH = "constant_mismatch"
-    LENGTH_OUT_OF_RANGE = "length_out_of_range"
-    UNKNOWN_MESSAGE = "unknown_message"
-    HEADER_CHECK_MISMATCH = "header_check_mismatch"
-    CHECK_MISMATCH = "check_mismatch"
-    BAD_STUFFING = "bad_stuffing"
-    INCOMPLETE = "incomplete"
-
-
-class Question(StrEnum):
-    """What a rule asks."""
-
-    CONSTANT = "constant"
-    CONDITION = "condition"  # a `when` that the form stands for
-    LENGTH = "length"
-    MESSAGE = "message"
-    SIZE = "size"
-    FIELD = "field"  # a constant among the message's fields
-    CHECK = "check"
-
-
-@dataclass(frozen=True)
-class Rule:
-    """One rule that was applied. ``part`` indexes the verdict's parts; None: the frame as a whole."""
-
-    question: Question
-    part: int | None
-    holds: bool
-    expected: str
-    found: str
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """``cause`` is the decoder's word where the outcome is no frame. ``extent``: the frame's size; or so many of
-    the candidate's bytes the refusal was about; or so many are needed to go on. ``parts``: those that are there, of a
-    format whose frames differ. ``payload`` is its place in the frame, where its size is known."""
-
-    outcome: Outcome
-    cause: Cause
-    extent: int
-    parts: tuple[Part, ...]
-    rules: tuple[Rule, ...]
-    id: int | None = None
-    message: Message | None = None  # with this id, even where the payload does not fit it
-    payload: tuple[int, int] | None = None
-
-    @property
-    def is_frame(self) -> bool:
-        return self.outcome == Outcome.FRAME
-
-    @property
-    def failed(self) -> Rule | None:
-        return next((rule for rule in self.rules if not rule.holds), None)
-
-    @property
-    def payload_size(self) -> int | None:
-        return None if self.payload is None else self.payload[1] - self.payload[0]
-
-    @property
-    def seed(self) -> int:
-        return self.message.seed or 0 if self.message is not None else 0
-
-    @property
-    def trims_zeros(self) -> bool:
-        return self.parts[payload_index(self.parts)].trims_zeros
-
-    @property
-    def delivered_as(self) -> str:
-        """The message's name, or "unknown": no such id, or a payload too short for it."""
-        message = self.message
-        long_enough = message is not None and (self.trims_zeros or (self.payload_size or 0) >= message.min_payload)
-        return message.name if message is not None and long_enough else "unknown"
-
-    def payload_of(self, data: bytes) -> bytes:
-        """The payload in the frame's bytes, with the zeros that were not sent."""
-        start, stop = self.payload or (0, 0)
-        payload = data[start:stop]
-        return payload.ljust(self.message.min_payload, b"\0") if self.message and self.trims_zeros else payload
-
-
-def hex_of(data: bytes) -> str:
-    return data.hex(" ").upper()
-
-
-def read_number(part: Part, data: bytes) -> int:
-    return int.from_bytes(data, "big" if part.order == ByteOrder.BIG else "little")
-
-
-def payload_index(parts: tuple[Part, ...]) -> int:
-    return next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
-
-
-def index_with(parts: tuple[Part, ...], kind: PartKind, role: BitRole) -> int | None:
-    """The part of this kind, or the one with such a run of bits."""
-    found = (i for i, p in enumerate(parts) if p.kind == kind or any(run.role == role for run in p.bits))
-    return next(found, None)
-
-
-def length_index(parts: tuple[Part, ...]) -> int | None:
-    return index_with(parts, PartKind.LENGTH, BitRole.LENGTH)
-
-
-def id_index(parts: tuple[Part, ...]) -> int | None:
-    return index_with(parts, PartKind.ID, BitRole.ID)
-
-
-def id_text(parts: tuple[Part, ...], number: int) -> str:
-    """With as many digits as the id has on the wire."""
-    index = id_index(parts)
-    return f"0x{number:0{2 * parts[index].size if index is not None else 2}X}"
-
-
-def run_value(part: Part, number: int, role: BitRole) -> int:
-    """What a number part means as this: itself, or its run of bits."""
-    run = next((run for run in part.bits if run.role == role), None)
-    return number if run is None else number >> run.shift & run.mask
-
-
-def spans(parts: tuple[Part, ...], payload_size: int) -> list[tuple[int, int]]:
-    """Where each part begins and ends."""
-    found = []
-    at = 0
-    for part in parts:
-        size = payload_size if part.kind == PartKind.PAYLOAD else part.size
-        found.append((at, at + size))
-        at += size
-    return found
-
-
-def _outside(parts: tuple[Part, ...]) -> int:
-    return sum(part.size for part in parts)
-
-
-def counted_beside_payload(parts: tuple[Part, ...], index: int) -> int:
-    """Bytes that the length part at ``index`` counts besides the payload, its offset included."""
-    part = parts[index]
-    follows = sum(p.size for p in parts[index + 1 :])
-    return (
-        part.length_offset
-        + {
-            LengthCounts.PAYLOAD: 0,
-            LengthCounts.REST: follows,
-            LengthCounts.SELF_AND_REST: part.size + follows,
-            LengthCounts.FRAME: sum(p.size for p in parts),
-        }[part.counts]
-    )
-
-
-def check_value(part: Part, covered: bytes, seed: int) -> bytes:
-    """What a check part holds on the wire when it covers these bytes."""
-    assert part.algorithm is not None
-    size = part.size // 2 if part.as_hex else part.size
-    value = checksum(part.algorithm, covered + bytes([seed]) if part.seeded else covered) >> part.shift
-    value &= (1 << 8 * size) - 1
-    if part.as_hex:
-        return f"{value:0{part.size}X}".encode()
-    return value.to_bytes(size, "big" if part.order == ByteOrder.BIG else "little")
-
-
-def same_check(part: Part, expected: bytes, found: bytes) -> bool:
-    """Hex digits may be of either case."""
-    return found.upper() == expected if part.as_hex else found == expected
-
-
-def shown_check(part: Part, value: bytes) -> str:
-    return value.decode("ascii", errors="replace") if part.as_hex else hex_of(value)
 
 
 class _Heard(Generic[T]):
@@ -251,34 +84,6 @@ def _meant(key: _Heard[tuple[Message, ...]]) -> list[Message]:
     return [m for m in key.of if m.sent_by(key.sender) and m.name not in dependent]
 
 
-def fixed_bits(part: Part, choices: tuple[Choice, ...]) -> tuple[int, int]:
-    """Mask and value of the bits of a number part that cannot vary in this form."""
-    mask = value = 0
-    for run in part.bits:
-        if run.role == BitRole.CONSTANT:
-            mask |= run.mask << run.shift
-            value |= run.value << run.shift
-    for choice in choices:
-        shift, bits = _shift_of(part, choice), choice.fixed_bits
-        if shift is not None and bits is not None:
-            mask |= bits[0] << shift
-            value |= bits[1] << shift
-    return mask, value
-
-
-def _shift_of(part: Part, choice: Choice) -> int | None:
-    """Where the number that a choice is about begins in this part; None where it is not in it."""
-    if choice.subject == Subject.ID and part.kind == PartKind.ID:
-        return 0
-    if choice.subject == Subject.FIELD and part.header is not None and part.header.name == choice.name:
-        return 0
-    for run in part.bits:
-        is_id = choice.subject == Subject.ID and run.role == BitRole.ID
-        if is_id or (choice.subject == Subject.FIELD and run.header is not None and run.header.name == choice.name):
-            return run.shift
-    return None
-
-
 def examine(protocol: Protocol, data: bytes, sender: End | None, *, block: bytes | None = None) -> Verdict:
     """The verdict on the candidate that begins with ``data``. ``block``: where its size is known to be ``len(data)``,
     what it was before unstuffing.
@@ -304,6 +109,10 @@ def _is_nearer(found: Verdict, best: Verdict) -> bool:
     # A form whose bits "there or not" differ is not meant at all: of two that go as far, any other cause says more.
     nearness = (found.extent, found.cause != Cause.CONSTANT_MISMATCH)
     return not best_waits and nearness > (best.extent, best.cause != Cause.CONSTANT_MISMATCH)
+
+
+def _outside(parts: tuple[Part, ...]) -> int:
+    return sum(part.size for part in parts)
 
 
 class _Decided(Exception):  # noqa: N818  (an outcome, not an error)
@@ -416,14 +225,14 @@ class _Examination:
         for choice in self.form.choices:
             if choice.subject == Subject.SIZE or choice.fixed_bits is not None:
                 continue
-            index = next(i for i, part in enumerate(self.parts) if _shift_of(part, choice) is not None)
+            index = next(i for i, part in enumerate(self.parts) if shift_of(part, choice) is not None)
             start, stop = before[index]
             if stop > len(self.data):
                 if missing is None or stop < missing.size:
                     missing = self._missing(stop)
                 continue
             part = self.parts[index]
-            run = next((run for run in part.bits if run.shift == _shift_of(part, choice)), None)
+            run = next((run for run in part.bits if run.shift == shift_of(part, choice)), None)
             number = read_number(part, self.data[start:stop])
             value = number if run is None else number >> run.shift & run.mask
             expected = choices_text((choice,))

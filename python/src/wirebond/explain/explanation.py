@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from wirebond.errors import UsageError
-from wirebond.explain.examine import Cause, Question, Rule, Verdict, forms, id_index, id_text
+from wirebond.explain.examine import forms
 from wirebond.explain.guesses.guess import Case, constants_as_found, look
+from wirebond.explain.layout import id_index, id_text
 from wirebond.explain.nearest import Search, join, repaired, search, search_sender, search_unstuffed
 from wirebond.explain.parts import check_text, header_values, sent_by
 from wirebond.explain.report import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch
@@ -17,6 +18,7 @@ from wirebond.explain.rows import rows_of
 from wirebond.explain.scan import Candidate, Found, Scan, scan, start_bytes
 from wirebond.explain.stuffing import Unstuffed, plain
 from wirebond.explain.values import faults_of, read_fields, values_of, values_text
+from wirebond.explain.verdict import Cause, Question, Rule, Verdict
 from wirebond.protocol.matching import one_id
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import End, Part, Protocol

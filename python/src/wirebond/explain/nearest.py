@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from wirebond.explain.examine import Outcome, Question, Verdict, check_value, same_check, shown_check, spans
 from wirebond.explain.guesses import check, damage, format
 from wirebond.explain.guesses.guess import (
     Case,
@@ -22,8 +21,10 @@ from wirebond.explain.guesses.guess import (
     reading,
     test,
 )
+from wirebond.explain.layout import check_value, same_check, shown_check, spans
 from wirebond.explain.report import FittingGuess
 from wirebond.explain.stuffing import stuff
+from wirebond.explain.verdict import Outcome, Question, Verdict
 from wirebond.protocol.model import PartKind
 
 MOST_GUESSES = 2

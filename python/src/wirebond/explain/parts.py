@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from wirebond.explain.examine import (
-    Verdict,
+from wirebond.explain.layout import (
     check_value,
     counted_beside_payload,
     hex_of,
@@ -19,6 +18,7 @@ from wirebond.explain.examine import (
     spans,
 )
 from wirebond.explain.values import read_number as read_value
+from wirebond.explain.verdict import Verdict
 from wirebond.protocol.forms import header_of
 from wirebond.protocol.matching import one_id
 from wirebond.protocol.meaning.messages import spoken

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from wirebond.explain.examine import Verdict, payload_index
+from wirebond.explain.layout import payload_index
 from wirebond.explain.parts import Context, meaning
 from wirebond.explain.report import Row, State
 from wirebond.explain.stuffing import Unstuffed
 from wirebond.explain.values import Reading, read_fields
+from wirebond.explain.verdict import Verdict
 from wirebond.protocol.model import End, PartKind, Protocol
 
 

@@ -8,19 +8,11 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
-from wirebond.explain.examine import (
-    CONSTANTS,
-    Cause,
-    Outcome,
-    Verdict,
-    examine,
-    fixed_bits,
-    forms,
-    hex_of,
-    payload_index,
-)
+from wirebond.explain.examine import examine, forms
+from wirebond.explain.layout import CONSTANTS, fixed_bits, hex_of, payload_index
 from wirebond.explain.sized import examine_sized
 from wirebond.explain.stuffing import Impossible, Unstuffed, plain, unstuff
+from wirebond.explain.verdict import Cause, Outcome, Verdict
 from wirebond.protocol.model import ByteOrder, End, PayloadRule, Protocol
 
 

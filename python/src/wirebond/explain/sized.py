@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from wirebond.explain.examine import Cause, Outcome, Verdict, examine, forms, payload_index
+from wirebond.explain.examine import examine, forms
+from wirebond.explain.layout import payload_index
 from wirebond.explain.stuffing import Unstuffed, plain_sizes
+from wirebond.explain.verdict import Cause, Outcome, Verdict
 from wirebond.protocol.model import End, FrameFormat, Protocol, Stuffing
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from wirebond.explain.examine import CONSTANTS, check_value, payload_index, same_check, shown_check, spans
 from wirebond.explain.guesses.guess import Case, Guess, Guesses, spelled, with_part
+from wirebond.explain.layout import CONSTANTS, check_value, payload_index, same_check, shown_check, spans
 from wirebond.explain.stuffing import stuff
 from wirebond.protocol.algorithms import ALGORITHMS
 from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, Part, PartKind

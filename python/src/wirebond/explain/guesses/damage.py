@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from wirebond.explain.examine import CONSTANTS
 from wirebond.explain.guesses.guess import Case, Guess, Guesses
+from wirebond.explain.layout import CONSTANTS
 from wirebond.explain.stuffing import stuff
 from wirebond.protocol.model import PartKind, Stuffing
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 
-from wirebond.explain.examine import Verdict, counted_beside_payload, hex_of, id_text, length_index, payload_index
 from wirebond.explain.guesses.guess import (
     Case,
     Guess,
@@ -15,6 +14,8 @@ from wirebond.explain.guesses.guess import (
     with_format,
     with_part,
 )
+from wirebond.explain.layout import counted_beside_payload, hex_of, id_text, length_index, payload_index
+from wirebond.explain.verdict import Verdict
 from wirebond.protocol.meaning.messages import receiver_of, spoken
 from wirebond.protocol.model import (
     ByteOrder,

@@ -6,10 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from wirebond.explain.examine import CONSTANTS, Question, Verdict, examine
+from wirebond.explain.examine import examine
+from wirebond.explain.layout import CONSTANTS
 from wirebond.explain.sized import examine_sized
 from wirebond.explain.stuffing import Impossible, unstuff
 from wirebond.explain.values import read_fields, values_text
+from wirebond.explain.verdict import Question, Verdict
 from wirebond.protocol.model import (
     CheckKind,
     Comparison,
