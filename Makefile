@@ -5,7 +5,9 @@ SHELL := bash
 
 VENV   := .venv
 PYTHON := $(abspath $(VENV))/bin/python
-NATIVE := CMakeLists.txt pyproject.toml $(shell find core/include ports/posix python/native -name '*.[ch]pp')
+INTERFACE := $(addprefix python/src/wirebond/,engine_interface.py _engine.pyi link/engine_settings.py protocol/model.py \
+            protocol/payload_rules.py protocol/plan.py ros2/mapping/packing.py)
+NATIVE := CMakeLists.txt pyproject.toml $(INTERFACE) $(shell find core/include ports/posix python/native -name '*.[ch]pp')
 PAGE   := console/index.html console/vite.config.ts console/svelte.config.js console/tsconfig.json $(shell find console/src -type f)
 CPP_SOURCES = $(shell git ls-files '*.cpp' '*.hpp' '*.h' '*.c')
 
@@ -93,6 +95,14 @@ build/page-packages.stamp: console/package.json console/package-lock.json consol
 build/page.stamp: build/page-packages.stamp $(PAGE)
 	@if [ -e build/page-packages.stamp ]; then setup/page.sh build && touch $@; fi
 
+# Wheels of ROS 2 exist for Linux and Python 3.11 alone. Without them the tests over rclpy are skipped.
+build/rclpy.stamp: tests/ros2/rclpy.txt | build/requirements.stamp
+	@echo "Installing a ROS 2 for the tests into build/rclpy"
+	@rm -rf build/rclpy
+	@$(PYTHON) -m pip install --quiet --disable-pip-version-check --no-deps --prefix build/rclpy -r tests/ros2/rclpy.txt || \
+	  echo "tests/ros2/rclpy.txt cannot be installed: what runs over rclpy is left out" >&2
+	@touch $@
+
 build/setup-bench.stamp: build/setup-test.stamp bench/requirements.txt
 	@$(PYTHON) -m pip install --quiet --disable-pip-version-check -r bench/requirements.txt || \
 	  echo "bench/requirements.txt cannot be installed: there will be no plots" >&2
@@ -104,7 +114,7 @@ build/freertos.stamp: setup/freertos/Cargo.toml setup/freertos/Cargo.lock
 	@cargo vendor --quiet --locked --versioned-dirs --manifest-path setup/freertos/Cargo.toml build/freertos >/dev/null
 	@touch $@
 
-build/setup-test.stamp: build/setup.stamp build/freertos.stamp build/page.stamp
+build/setup-test.stamp: build/setup.stamp build/freertos.stamp build/page.stamp build/rclpy.stamp
 	@setup/system-packages.sh clang++-14=clang-14 clang-format-14=clang-format-14 arm-none-eabi-g++=gcc-arm-none-eabi \
 	  /usr/lib/arm-none-eabi/include/c++=libstdc++-arm-none-eabi-newlib /usr/include/doctest/doctest.h=doctest-dev \
 	  /usr/include/relacy/relacy.hpp=relacy-dev \

@@ -11,6 +11,7 @@ from bench import (
     columns,
     console,
     console_page,
+    console_scrub,
     frame_cost,
     host_cpu,
     loaded_round_trip,
@@ -43,6 +44,7 @@ BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
     "frame_cost": ("What a frame of 48 or 45 bytes costs the run-time engine (enterprize)", frame_cost.measure),
     "columns": ("From bytes to values in Python (the nine enterprize messages in equal shares)", columns.measure),
     "console_page": ("The console's page at 8 000 messages/s: smooth, current, quick to answer", console_page.measure),
+    "console_scrub": ("An hour of history under the hand: no pause, no lost peak", console_scrub.measure),
     "serve": ("What it costs to share a link: the server's processor time, and what attaching adds", serve.measure),
     "host_cpu": ("What a full line of 2 Mbaud costs a Python program, both ways", host_cpu.measure),
     "loaded_round_trip": (

@@ -12,7 +12,7 @@ import threading
 import time
 
 import wirebond
-from bench.collateral import PROTOCOL
+from bench import every_command
 from bench.figures import Figure
 
 SECONDS = 10.0
@@ -39,7 +39,7 @@ def load(seconds: float, line_use: float) -> tuple[float, float, float, int]:
     command = [sys.executable, "-m", "bench.busy_peer", str(seconds), str(line_use)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as peer:
         assert peer.stdout is not None
-        with wirebond.open(PROTOCOL, peer.stdout.readline().strip()) as link:
+        with wirebond.open(every_command.codec(), peer.stdout.readline().strip()) as link:
             counts = dict.fromkeys(("sentry_gimbal_msg", "gimbal_msg", "field_msg"), 0)
             checks = 0.0
 

@@ -26,6 +26,7 @@ import wirebond
 from tests.shared import ROOT
 
 LONG = pytest.mark.long
+NO_TABLES = ("servo_bus", "native", "enterprize", "contrib/sphero", "contrib/xbee_api_2")
 
 
 def test_intact_frames_survive_their_neighbours_faults() -> None:
@@ -108,9 +109,8 @@ def test_a_link_on_a_cortex_m4_takes_little_memory_and_its_stack_has_a_bound() -
 @pytest.mark.parametrize(
     "name",
     [
-        "servo_bus",
         "contrib/mavlink",
-        *(pytest.param(name, marks=LONG) for name in ("native", "enterprize", "contrib/sphero", "contrib/xbee_api_2")),
+        *(pytest.param(name, marks=LONG) for name in NO_TABLES),
     ],
 )
 def test_no_table_of_the_frame_format_lies_in_flash(name: str) -> None:

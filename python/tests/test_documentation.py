@@ -3,7 +3,8 @@
 How a block of a page is treated, by what stands behind its fence:
 
 - ``yaml``: a whole protocol file loads; a piece of one loads together with the rest that it needs.
-- ``yaml mapping``: a mapping file of ROS 2 for diffdrive loads; ``yaml mapping wrong`` is refused with that output.
+- ``yaml mapping``: a mapping file of ROS 2 loads, for the whole protocol file that stands before it on the page, or
+  for diffdrive; ``yaml mapping wrong`` is refused with that output.
 - ``yaml wrong``: as ``yaml``, but it is refused with the problems that the ``output`` block behind it shows.
 - ``python``: the blocks of a page are run in order, as one program. It can import the module generated from diffdrive.
 - ``console``: commands behind ``$`` that show their output are run, in order; others are advice.
@@ -204,7 +205,8 @@ def test_protocol_files_load(block: Block) -> None:
 
 @pytest.mark.parametrize("block", blocks_of("yaml mapping"), ids=by_place)
 def test_mapping_of_ros_loads(block: Block) -> None:
-    read_mapping(block.text, DIFFDRIVE)
+    before = [b for b in blocks(block.page) if b.line < block.line and b.language == "yaml" and is_whole_file(b)]
+    read_mapping(block.text, loads(before[-1].text) if before else DIFFDRIVE)
 
 
 @pytest.mark.parametrize("block", blocks_of("yaml mapping wrong"), ids=by_place)
@@ -379,9 +381,13 @@ def test_make_targets_that_are_named_exist() -> None:
     assert named - targets == set()
 
 
-def test_figures_of_the_readme_name_a_benchmark_that_exists() -> None:
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\w+)` .*\| `make bench ONLY=(\w+)` \|$", readme, re.MULTILINE)
+def test_figures_name_a_benchmark_that_exists_and_the_readme_repeats_them() -> None:
+    row = re.compile(r"^\| `(\w+)` .*\| `make bench ONLY=(\w+)` \|$", re.MULTILINE)
+    figures = (ROOT / "docs" / "figures.md").read_text(encoding="utf-8")
+    of_readme = [m.group() for m in row.finditer((ROOT / "README.md").read_text(encoding="utf-8"))]
+    assert len(of_readme) >= 8
+    assert [line for line in of_readme if line not in figures] == []
+    rows = row.findall(figures)
     sources = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "bench").glob("*.py")))
     assert len(rows) >= 8
     for figure, benchmark in rows:

@@ -103,6 +103,11 @@ def test_a_shorter_deadline_breaks_with_the_old_sender() -> None:
         ("speed: 0}", "speed: 0.1}", "emergency_stop: has other messages, values or header fields"),
         ("after: 500 ms", "after: 700 ms", "deadline of drive: after 500 ms became 700 ms"),
         ("{message: drive, at: mcu", "{message: ask, at: mcu", ""),
+        (
+            "stop_bits: 2}",
+            "stop_bits: 2, echo: true}",
+            "link: an end does not hear what it sends became: an end hears what it sends",
+        ),
         ("services", "idle: 1 s\nservices", "idle: none became 1 s"),
     ],
 )

@@ -40,6 +40,14 @@ def test_every_message_field_and_part_is_in_it(path: Path) -> None:
     assert f"{codec.hash:016x}" in text
 
 
+def test_a_line_that_echoes_carries_one_direction_at_a_time() -> None:
+    text = (ROOT / "protocols" / "diffdrive.yaml").read_text()
+    assert "bytes/s in each direction" in markdown(Codec(loads(text)))
+    echoes = markdown(Codec(loads(text.replace("{baud: 115200}", "{baud: 115200, echo: true}"))))
+    assert "bytes/s in both directions together" in echoes
+    assert "hears what it sends" in echoes
+
+
 def test_it_says_what_a_sequence_number_counts() -> None:
     head = "wirebond: 1\nprotocol: n\nframe: [magic: 0x55, {sequence: u8}, id: u8, payload: 1, check: xor8]\n"
     head += "messages: {go: {id: 1, sender: host, fields: {x: {type: u8}}}}\n"

@@ -134,6 +134,8 @@ class Dashboard:
             f"{send.expired} expired, {send.overruled} overruled, {send.refused_down + send.refused_full} refused)",
         )
         table.add_row("reconnects", str(stats.reconnects))
+        if self._link.codec.model.link.echo:
+            table.add_row("own echo", f"{stats.echoed_bytes} bytes dropped, {stats.collisions} collisions")
         line = self._link.line
         if line is not None:
             table.add_row("line", Text(str(line), overflow="fold"))

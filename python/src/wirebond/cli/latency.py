@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from wirebond.cli.output import ReaderGone, console, errors, fail, plain, warn, write
+from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_assignments, parse_header, to_json
 from wirebond.codec import load
 from wirebond.errors import UsageError
@@ -58,7 +59,7 @@ def measure_latency(
         count = DEFAULT_COUNT
     module = None if plot is None else drawing_for(plot)
     measured = Measurement()
-    with open_link(codec, port, baud) as link:
+    with ended_by_signals(), open_link(codec, port, baud) as link:
         is_away = False
         try:
             _wait_for_clock(link)

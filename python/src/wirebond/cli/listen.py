@@ -12,6 +12,7 @@ from rich.text import Text
 from wirebond.cli.live import one_line
 from wirebond.cli.output import ReaderGone, console, errors, plain, warn, write
 from wirebond.cli.shown import message_dict, stats_line
+from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import to_json
 from wirebond.link.listen import Listener, listen
 
@@ -29,7 +30,10 @@ def listen_to_both(
     waits: bool,
 ) -> None:
     """Until the time is over, or Ctrl-C."""
-    with listen(path, host_port=host_port, mcu_port=mcu_port, port=port, baud=baud, wait_for_port=waits) as listener:
+    with (
+        ended_by_signals(),
+        listen(path, host_port=host_port, mcu_port=mcu_port, port=port, baud=baud, wait_for_port=waits) as listener,
+    ):
         for sentence in listener.untold:
             warn(sentence)
         end = math.inf if seconds is None else time.monotonic() + seconds

@@ -68,32 +68,43 @@ def monitor_port(
     # A viewer shows everything: what is late, held back, or for others. It asks for the MCU's clock only where messages
     # have times of it.
     codec = load(path)
-    with open_link(
-        codec,
-        port,
-        baud,
-        hold_back=False,
-        listen="all",
-        wait_for_port=waits,
-        hello=role == End.HOST,
-        clock_sync=role == End.HOST and has_stamps(codec),
-        role=role,
-    ) as link:
+    with (
+        ended_by_signals(),
+        open_link(
+            codec,
+            port,
+            baud,
+            hold_back=False,
+            listen="all",
+            wait_for_port=waits,
+            hello=role == End.HOST,
+            clock_sync=role == End.HOST and has_stamps(codec),
+            role=role,
+        ) as link,
+    ):
         end = _end(seconds)
         with _ctrl_c_ends():
             if as_json or not console.is_terminal:
                 _print_messages(link, end, as_json, is_verbose)
             else:
                 _show_dashboard(link, f"{link.codec.name} on {port}", end)
-        if dump_on_exit is not None:
-            save(link, dump_on_exit)
-        found = diagnose(link)
-        stats, rates = link.stats.receive, link.rates(LONGEST_WINDOW)
-        is_away = link.state == "down"
-    for one in found:
+        try:
+            if dump_on_exit is not None:
+                save(link, dump_on_exit)
+        finally:  # a dump that cannot be written takes nothing from the account
+            _tell_account(link, port)
+
+
+def _tell_account(link: Link, port: str) -> None:
+    for one in diagnose(link):
         errors.print(f"[yellow]diagnosis:[/] {plain(str(one))}")
-    errors.print(rates_line(rates))
-    errors.print(stats_line(stats) + (f"; {port} was away at the end" if is_away else ""))
+    errors.print(rates_line(link.rates(LONGEST_WINDOW)))
+    away = f"; {port} was away at the end" if link.state == "down" else ""
+    stats = link.stats
+    own = ""
+    if link.codec.model.link.echo:
+        own = f", {stats.echoed_bytes} own bytes came back, {stats.collisions} collisions"
+    errors.print(stats_line(stats.receive) + own + away)
 
 
 def _print_messages(link: Link, end: float, as_json: bool, is_verbose: bool) -> None:
@@ -318,7 +329,8 @@ def simulate(
         with ended_by_signals(), _ctrl_c_ends():
             run(mcu, port, _end(seconds), lambda event: errors.print(escape(event)))
     port.close()
-    refused = {"foreign": mcu.foreign, "held_back": mcu.held_back, "unread_bytes": port.lost_bytes}
+    refused = {"foreign": mcu.foreign, "held_back": mcu.held_back, "rejected": mcu.rejected}
+    refused |= {"unread_bytes": port.lost_bytes}
     counters = McuCounters(mcu.counters)
     if with_stats:
         write(to_json({**mcu.account.as_dict(), **refused, "counters": counters.as_dict()}) + "\n")

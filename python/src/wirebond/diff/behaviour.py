@@ -41,6 +41,9 @@ def _line(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change]
         ]
         sentence = f"stop_bits {before.stop_bits:g} became {after.stop_bits:g}"
         yield changed("link", sentence, effects, place=("link", "stop_bits"))
+    if before.echo != after.echo:
+        words = {False: "an end does not hear what it sends", True: "an end hears what it sends"}
+        yield harmless("link", f"{words[before.echo]} became: {words[after.echo]}", place=("link", "echo"))
     for key in ("max_run", "max_age"):
         one, other = getattr(before, key), getattr(after, key)
         if one != other:

@@ -23,18 +23,27 @@ _SERVICES = {
 }
 
 
+_ECHO = (
+    "One end sends at a time, and hears what it sends. It drops its own bytes. A frame that comes back otherwise has "
+    "collided, and is counted.",
+    "",
+)
+
+
 def line_chapter(protocol: Protocol) -> list[str]:
     link = protocol.link
     parity = {Parity.NONE: "no parity", Parity.EVEN: "even parity", Parity.ODD: "odd parity"}[link.parity]
+    carried = "in both directions together" if link.echo else "in each direction"
     stop = f"{link.stop_bits:g} stop bit{'s' * (link.stop_bits != 1)}"
     return [
         "## Line",
         "",
         f"{count(link.baud)} baud, {link.data_bits} data bits, {parity}, {stop}: {link.bits_per_byte:g} bits a byte, "
-        f"{count(link.baud / link.bits_per_byte)} bytes/s in each direction. The longest frame has "
+        f"{count(link.baud / link.bits_per_byte)} bytes/s {carried}. The longest frame has "
         f"{protocol.max_wire_bytes()} bytes and takes "
         f"{seconds(protocol.max_wire_bytes() * link.bits_per_byte / link.baud)}.",
         "",
+        *(_ECHO if link.echo else ()),
     ]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import takewhile
 
-from wirebond.explain.examine import hex_of
+from wirebond.explain.layout import hex_of
 from wirebond.protocol.model import FrameFormat, Part, PartKind, PayloadRule, Stuffing
 
 _STUFFINGS = {

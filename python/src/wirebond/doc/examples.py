@@ -12,7 +12,7 @@ from typing import Any
 from wirebond.codec import Codec
 from wirebond.doc.table import table
 from wirebond.explain import Kind, Stretch, explain
-from wirebond.explain.examine import hex_of
+from wirebond.explain.layout import hex_of
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.meaning.field_values import wire_limits

@@ -10,7 +10,7 @@ from wirebond.checksum import checksum
 from wirebond.doc import snippets
 from wirebond.doc.diagram import diagram
 from wirebond.doc.table import table
-from wirebond.explain.examine import hex_of, spans
+from wirebond.explain.layout import hex_of, spans
 from wirebond.explain.parts import check_text
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import (

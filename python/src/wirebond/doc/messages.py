@@ -10,8 +10,8 @@ from wirebond.codec import Codec
 from wirebond.doc.examples import examples_of
 from wirebond.doc.table import table
 from wirebond.explain.constants import constant_text
-from wirebond.explain.examine import id_index
-from wirebond.explain.examine import id_text as id_number
+from wirebond.explain.layout import id_index
+from wirebond.explain.layout import id_text as id_number
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
 from wirebond.protocol.meaning.messages import spoken

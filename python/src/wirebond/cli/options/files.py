@@ -138,7 +138,9 @@ def identify(
 def gen(
     file: ProtocolFile,
     out: Annotated[Path, typer.Option(help="Folder to write to; it is made if need be.")],
-    lang: Annotated[str, typer.Option(help="Language of the generated code: cpp, c or python.")] = "cpp",
+    lang: Annotated[
+        str, typer.Option(help="Of the generated code: cpp, c, python, or ros2 for a package of messages.")
+    ] = "cpp",
     amalgamate: Annotated[
         bool, typer.Option("--amalgamate", help="One header with the core in it (for c: .h and .cpp), no folder.")
     ] = False,
@@ -153,7 +155,7 @@ def gen(
         bool, typer.Option("--check", help="Write nothing; name the files that are not current, and exit 1 for them.")
     ] = False,
 ) -> None:
-    """Generate code for a firmware or a host: a self-contained folder, one header, or a Python module."""
+    """Generate code for a firmware or a host: a self-contained folder, one header, a Python module, or a package."""
     from wirebond.gen.command import Starter, generate
 
     raise_from_here()

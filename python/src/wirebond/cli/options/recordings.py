@@ -59,15 +59,27 @@ def info(
 @commands.command(name="export")
 def export_messages(
     recording: RecordingFile,
-    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, parquet, or mcap with decoded JSON.")],
+    to: Annotated[
+        str, typer.Option(metavar="FORMAT", help="csv, parquet, mcap with decoded JSON, or ros2 for a bag of ROS 2.")
+    ],
     message: Annotated[str | None, typer.Option(metavar="NAME", help="Only this message.")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder; it is made if need be.")] = Path(),
     protocol: OtherProtocol = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="With ros2: which message is which topic, as for `serve --ros2`."),
+    ] = None,
 ) -> None:
-    """Write the messages of a recording for other programs: a file for each message."""
+    """Write the messages of a recording for other programs: a file for each message, or one with all."""
+    raise_from_here()
+    if to == "ros2":
+        from wirebond.cli.export_bag import export_bag
+
+        raise typer.Exit(export_bag(recording, message, out, protocol, mapping))
+    if mapping is not None:
+        raise UsageError("--mapping is for `--to ros2`; leave it out")
     from wirebond.recording.command import export_recording
 
-    raise_from_here()
     raise typer.Exit(export_recording(recording, to, message, out, protocol))
 
 

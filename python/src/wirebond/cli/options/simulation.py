@@ -89,6 +89,9 @@ def wire(
     unplug: Annotated[
         str | None, typer.Option(metavar="AT:FOR", help="Pull the cable after AT seconds, for FOR seconds.")
     ] = None,
+    echo: Annotated[
+        bool, typer.Option("--echo", help="Both directions are one line, as on RS-485: an end hears what it sends.")
+    ] = False,
     script: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Faults at times, one a line: `2.5 a_to_b drop 10`.")
     ] = None,
@@ -108,6 +111,7 @@ def wire(
         line=line_shape(line),
         line_b=None if line_b is None else line_shape(line_b),
         unplug=None if unplug is None else unplugging(unplug),
+        echo=echo,
         script=() if script is None else read_script(script),
         **_given(given),
     )
