@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.command import run
 from tests.shared import PROTOCOLS, ROOT, codec
 from wirebond.cli.main import main
 from wirebond.sim.pty_port import PtyPort
@@ -21,13 +22,6 @@ COMMAND = [str(Path(sys.executable).with_name("wirebond"))]
 DIFFDRIVE = str(PROTOCOLS / "diffdrive.yaml")
 NATIVE = str(PROTOCOLS / "native.yaml")
 PATIENCE = 20.0
-
-
-def run(*arguments: str, stdin: bytes | None = b"") -> subprocess.CompletedProcess[str]:
-    result = subprocess.run([*COMMAND, *arguments], input=stdin, capture_output=True, timeout=60, check=False)
-    out, err = result.stdout.decode(), result.stderr.decode()
-    assert "Traceback" not in out + err
-    return subprocess.CompletedProcess(result.args, result.returncode, out, err)
 
 
 def test_check_finds_no_error_in_the_files_that_come_with_it(capsys: pytest.CaptureFixture[str]) -> None:

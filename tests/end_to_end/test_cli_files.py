@@ -9,18 +9,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.command import run
 from tests.shared import PROTOCOLS, rejected_vectors
 
 COMMAND = str(Path(sys.executable).with_name("wirebond"))
 PID = str(PROTOCOLS / "pid_tuner.yaml")
 NATIVE = str(PROTOCOLS / "native.yaml")
 (REJECTED,) = (vector.frame for vector in rejected_vectors() if vector.protocol == "pid_tuner")
-
-
-def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    result = subprocess.run([COMMAND, *arguments], capture_output=True, timeout=60, check=False, text=True, cwd=cwd)
-    assert "Traceback" not in result.stdout + result.stderr
-    return result
 
 
 class TestExplain:
