@@ -12,7 +12,7 @@ import pytest
 import wirebond
 from wirebond.protocol.apart import ends_look_alike
 from wirebond.protocol.model import Protocol
-from wirebond.protocol.plan import ids_collide
+from wirebond.protocol.planning import ids_collide
 
 ROOT = Path(__file__).resolve().parents[1]
 PROTOCOLS = ROOT / "protocols"

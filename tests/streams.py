@@ -24,7 +24,8 @@ from wirebond.protocol.model import (
     Protocol,
     Subject,
 )
-from wirebond.protocol.plan import Form, is_id, plan_for
+from wirebond.protocol.plan import Form
+from wirebond.protocol.planning import is_id, plan_for
 
 
 def random_values(message: Message, source: random.Random) -> dict[str, Any]:

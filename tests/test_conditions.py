@@ -19,7 +19,7 @@ from wirebond.protocol import loads, protocol_hash
 from wirebond.protocol.forms import Choice as FormChoice
 from wirebond.protocol.forms import complement, some_value
 from wirebond.protocol.model import End, Protocol, Subject
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 from wirebond.protocol.spelling import condition_text
 
 FORMATS = ROOT / "tests" / "formats"

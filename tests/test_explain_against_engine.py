@@ -28,7 +28,7 @@ from wirebond.explain.values import faults_of, read_fields, values_of
 from wirebond.protocol import loads
 from wirebond.protocol.model import End, FieldKind, PartKind
 from wirebond.protocol.model import Message as MessageModel
-from wirebond.protocol.plan import expecting
+from wirebond.protocol.planning import expecting
 
 NAMES = ["diffdrive", "enterprize", "pid_tuner", "pid_tuner_listing", "native"]
 FORMATS = {

@@ -18,7 +18,7 @@ from wirebond.explain import explain
 from wirebond.protocol import ProtocolFileError, protocol_hash
 from wirebond.protocol.loader import loads
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import expecting, ids_collide, plan_for, told_by_request
+from wirebond.protocol.planning import expecting, ids_collide, plan_for, told_by_request
 
 CODEC = load(ROOT / "tests" / "formats" / "matched.yaml")
 

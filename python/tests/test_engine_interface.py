@@ -55,7 +55,7 @@ def test_an_engine_of_other_python_code_is_refused(interface: tuple[str, str] | 
     [
         ("link/engine_settings.py", "    baud: int\n", "    baud: float\n"),
         ("link/engine_settings.py", "    baud: int\n", ""),
-        ("protocol/model.py", '    LATEST = "latest"', '    LATEST = "newest"'),
+        ("protocol/model/messages.py", '    LATEST = "latest"', '    LATEST = "newest"'),
         ("_engine.pyi", "def begin_close(self)", "def begin_close(self, now: int)"),
     ],
 )
@@ -68,7 +68,7 @@ def test_another_field_needs_another_engine(tmp_path: Path, name: str, before: s
 def test_comments_and_functions_of_python_need_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = engine_interface.digest_of_shapes(package(tmp_path))
     edit(tmp_path / "link/engine_settings.py", "  # of silence that ends a frame", "")
-    edit(tmp_path / "protocol/model.py", '"""', '"""More. ')
+    edit(tmp_path / "protocol/model/messages.py", '"""', '"""More. ')
     edit(tmp_path / "protocol/plan.py", "return ", "return None or ")
     monkeypatch.setattr(engine_interface, "_PACKAGE", tmp_path)
     engine_interface.verify(engine(("other bytes", built)))

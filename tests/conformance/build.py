@@ -15,7 +15,8 @@ from wirebond.gen import generate_cpp
 from wirebond.gen.names import namespace
 from wirebond.paths import core_include
 from wirebond.protocol.model import End, Protocol
-from wirebond.protocol.plan import MatchTest, plan_for
+from wirebond.protocol.plan import MatchTest
+from wirebond.protocol.planning import plan_for
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build" / "conformance"

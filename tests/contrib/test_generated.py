@@ -17,7 +17,7 @@ from tests.shared import few_or_many
 from tests.streams import chunks, hard_pieces
 from wirebond import Codec, Decoder, load
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 NAMES = sorted(ORACLES)
 ENDS = (End.HOST, End.MCU)

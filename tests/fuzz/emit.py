@@ -15,7 +15,7 @@ from wirebond.gen.cpp_format import format_lines
 from wirebond.gen.names import namespace
 from wirebond.protocol import ProtocolFileError, load, loads
 from wirebond.protocol.model import End, Field, Protocol
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 FILES = sorted(
     [*PROTOCOLS.glob("*.yaml"), *PROTOCOLS.glob("contrib/*.yaml"), *(ROOT / "tests" / "formats").glob("*.yaml")]

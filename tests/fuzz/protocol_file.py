@@ -10,7 +10,7 @@ from tests.streams import random_values
 from wirebond import Codec, MessageError
 from wirebond.protocol import ProtocolFileError, loads, protocol_hash
 from wirebond.protocol.model import End, Message, Protocol, Stuffing
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 _MOST_MESSAGES = 3  # of a file, each time: others of the same kind tell nothing new
 

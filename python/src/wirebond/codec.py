@@ -16,7 +16,7 @@ from wirebond.protocol import protocol_hash
 from wirebond.protocol.apart import ends_look_alike
 from wirebond.protocol.model import End, FieldKind, HeaderField, Protocol
 from wirebond.protocol.model import Message as MessageModel
-from wirebond.protocol.plan import ids_collide, plan_for
+from wirebond.protocol.planning import ids_collide, plan_for
 from wirebond.protocol.problems import no_message
 
 if TYPE_CHECKING:

@@ -14,7 +14,10 @@ from types import ModuleType
 FILES = (
     "_engine.pyi",
     "link/engine_settings.py",
-    "protocol/model.py",
+    "protocol/model/fields.py",
+    "protocol/model/frames.py",
+    "protocol/model/messages.py",
+    "protocol/model/protocol.py",
     "protocol/payload_rules.py",
     "protocol/plan.py",
     "ros2/mapping/packing.py",

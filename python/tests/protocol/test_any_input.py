@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 
 from wirebond.protocol import ProtocolFileError, loads, protocol_hash
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 from wirebond.protocol.text.schema import json_schema
 
 PROTOCOLS = Path(__file__).parents[3] / "protocols"

@@ -7,7 +7,7 @@ import pytest
 from wirebond.errors import ProtocolFileError
 from wirebond.protocol import loads, protocol_hash
 from wirebond.protocol.model import Address, End, FieldKind, HeaderField, Protocol
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 from wirebond.protocol.spelling import part_text
 
 RICH = (

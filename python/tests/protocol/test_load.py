@@ -21,7 +21,7 @@ from wirebond.protocol import (
     loads,
     protocol_hash,
 )
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 PROTOCOLS = Path(__file__).parents[3] / "protocols"
 FILES = sorted(PROTOCOLS.glob("*.yaml"))

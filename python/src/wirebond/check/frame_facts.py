@@ -17,7 +17,8 @@ from wirebond.protocol.model import (
     Stuffing,
     cobs_overhead,
 )
-from wirebond.protocol.plan import Form, plan_for
+from wirebond.protocol.plan import Form
+from wirebond.protocol.planning import plan_for
 
 ENDS = (End.HOST, End.MCU)
 ANY = "any"  # the one message of `open_protocol`

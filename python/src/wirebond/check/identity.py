@@ -6,7 +6,7 @@ from wirebond.check.findings import Finding, Severity
 from wirebond.check.frame_facts import has_id
 from wirebond.check.places import Places
 from wirebond.protocol.model import PartKind, Protocol
-from wirebond.protocol.plan import ids_collide
+from wirebond.protocol.planning import ids_collide
 
 _FREQUENT = {0x00: "small numbers, zeros and padding", 0xFF: "small negative numbers and an open line"}
 

@@ -13,7 +13,7 @@ from wirebond.errors import MessageError
 from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message
-from wirebond.protocol.plan import expecting, told_by_request
+from wirebond.protocol.planning import expecting, told_by_request
 
 _ATTEMPTS = 1000
 _LETTERS = string.ascii_letters + string.digits + " "

@@ -18,7 +18,7 @@ from wirebond.codec import Message
 from wirebond.diagnosis import Diagnosis
 from wirebond.link import Link, LinkStats
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 _LINES = 8  # of the log, the last ones
 _WINDOW = 2.0  # seconds over which rates are taken

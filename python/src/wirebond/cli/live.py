@@ -32,7 +32,7 @@ from wirebond.link.peer import Peer
 from wirebond.link.rates import LONGEST_WINDOW
 from wirebond.link.stamps import has_stamps
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 from wirebond.sim.pty_port import PtyPort, run, symlinked
 from wirebond.sim.script import Behaviour
 from wirebond.sim.virtual_mcu import VirtualMcu

@@ -11,7 +11,7 @@ from typing import Any
 from wirebond.errors import MessageError, UsageError
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import End, Field, FieldKind, Message, Protocol
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 from wirebond.visible import visible_json
 
 _TRUE = {"true", "yes", "on", "1"}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from wirebond.diff.change import Sides, end_name
 from wirebond.protocol.model import Address, End, Protocol
-from wirebond.protocol.plan import Form, HeaderNumber, Number, Plan, plan_for
+from wirebond.protocol.plan import Form, HeaderNumber, Number, Plan
+from wirebond.protocol.planning import plan_for
 
 
 def misses(sent: Protocol, read: Protocol, sender: End) -> str:

@@ -11,7 +11,8 @@ from wirebond.diff.addresses import miscounts, misses, strangers
 from wirebond.diff.change import Change, Effect, Sides, changed, harmless
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import End, FrameFormat, MatchOf, Part, PartKind, PayloadRule, Protocol
-from wirebond.protocol.plan import Form, Plan, plan_for
+from wirebond.protocol.plan import Form, Plan
+from wirebond.protocol.planning import plan_for
 from wirebond.protocol.spelling import bytes_text, part_text
 
 _FRAME: tuple[str | int, ...] = ("frame",)

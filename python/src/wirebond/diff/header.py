@@ -9,7 +9,7 @@ from wirebond.diff.change import Change, Effect, Sides, changed
 from wirebond.diff.fields import Where, number_changes
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import Part, Protocol
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 
 def header_changes(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change]:

@@ -17,7 +17,7 @@ from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import End, Field, FieldKind, Message, Stuffing
-from wirebond.protocol.plan import expecting
+from wirebond.protocol.planning import expecting
 
 _TRIES = 16  # values that are tried, where some hold a delimiter
 

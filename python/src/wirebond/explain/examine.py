@@ -45,7 +45,7 @@ from wirebond.protocol.model import (
     Subject,
 )
 from wirebond.protocol.payload_rules import bit_places
-from wirebond.protocol.plan import matches_late, told_by_request
+from wirebond.protocol.planning import matches_late, told_by_request
 from wirebond.protocol.spelling import choices_text
 
 T = TypeVar("T")

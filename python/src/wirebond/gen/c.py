@@ -28,7 +28,8 @@ from wirebond.gen.folder import core_headers, render, write_files
 from wirebond.gen.names import namespace
 from wirebond.protocol.hash import protocol_hash
 from wirebond.protocol.model import End, Message, Parity, Protocol, Stuffing
-from wirebond.protocol.plan import Plan, plan_for
+from wirebond.protocol.plan import Plan
+from wirebond.protocol.planning import plan_for
 
 
 def generate_c(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:

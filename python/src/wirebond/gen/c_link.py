@@ -10,7 +10,7 @@ from wirebond.gen.c_struct import MessageView
 from wirebond.gen.cpp_header import address_type, fields_of
 from wirebond.protocol.model import End, Protocol
 from wirebond.protocol.names import code_name
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 _POLL_SECONDS = 0.005  # the least frequent poll that the default receive ring is meant for
 _FUNCTIONS = (

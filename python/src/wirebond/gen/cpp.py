@@ -49,11 +49,8 @@ from wirebond.protocol.model import (
     Protocol,
     Queue,
 )
-from wirebond.protocol.plan import (
-    MessageRow,
-    Plan,
-    plan_for,
-)
+from wirebond.protocol.plan import MessageRow, Plan
+from wirebond.protocol.planning import plan_for
 
 
 def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from wirebond.gen.cpp_field import bool_literal
 from wirebond.protocol.model import End, MatchOf, Message, Protocol
-from wirebond.protocol.plan import MatchTest, MessageRow, plan_for
+from wirebond.protocol.plan import MatchTest, MessageRow
+from wirebond.protocol.planning import plan_for
 
 
 def _asked(test: MatchTest) -> str:

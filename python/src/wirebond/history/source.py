@@ -18,7 +18,7 @@ from wirebond.link.log_lines import LineLimit, log_names
 from wirebond.link.raw import is_raw
 from wirebond.link.tap import LinkEvent
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import told_by_request
+from wirebond.protocol.planning import told_by_request
 from wirebond.recording.recording import Reads
 
 ENDS = (End.HOST, End.MCU)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wirebond import _engine
 from wirebond.codec import Codec, Message
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 KEPT_BYTES = 1 << 20  # of a live line: ten seconds at 1 Mbaud
 _MOST_DISCARD = 256  # bytes of one entry

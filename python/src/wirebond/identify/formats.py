@@ -13,7 +13,7 @@ from wirebond.codec import Codec
 from wirebond.errors import ProtocolFileError
 from wirebond.protocol import load
 from wirebond.protocol.model import End, PartKind, PayloadRule, Protocol
-from wirebond.protocol.plan import expecting, plan_for, told_by_request
+from wirebond.protocol.planning import expecting, plan_for, told_by_request
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from wirebond.check.frame_facts import ENDS
 from wirebond.identify.evidence import Background, Worth, background, cost_of_kinds, cost_of_places
 from wirebond.identify.formats import Format, View
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 FITS = 20.0  # bits of evidence: bytes of chance give a format as much in 1 of a million streams
 _OTHERS = "other messages"

@@ -10,12 +10,11 @@ import contextlib
 import os
 import select
 import socket
-import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 
@@ -33,13 +32,12 @@ from wirebond.errors import (
     WirebondError,
 )
 from wirebond.link.attached_requests import TAKEN, AttachedRequests
+from wirebond.link.attaching import LOOPBACK, PATIENCE, attach
 from wirebond.link.clock_line import ClockLine
 from wirebond.link.ends import other
 from wirebond.link.engine_settings import SafeValue
-from wirebond.protocol.loader import loads
 from wirebond.protocol.model import End
 
-_PATIENCE = 2.0  # seconds that the server has for an answer
 _DISK_PATIENCE = 30.0  # the same, where it waits for its disk
 _FIRST_WAIT, _LAST_WAIT = 0.02, 1.0  # seconds before it is tried again to connect
 _MOST_WAITING = 65536  # messages that the program has not taken; then the oldest are dropped, counted
@@ -345,7 +343,7 @@ class AttachedLink:
             return
         self.begin_close()
         if threading.current_thread() is not self._thread and self._socket is not None:
-            self._leaves.wait(_PATIENCE)
+            self._leaves.wait(PATIENCE)
             with contextlib.suppress(WirebondError):
                 self._last_stats = self._call(words.Ask(what="stats"))
                 self._last_taken = {tap: self._call(words.TakeTap(tap=tap)) for tap in self._taps}
@@ -398,7 +396,7 @@ class AttachedLink:
                 self._calls[request.id] = calls[-1]
         try:
             self._write_all(requests)
-            until = time.monotonic() + _PATIENCE
+            until = time.monotonic() + PATIENCE
             for call in calls:
                 call.done.wait(max(until - time.monotonic(), 0.0))
         except LinkDownError:
@@ -442,7 +440,7 @@ class AttachedLink:
             raise UsageError(answer["text"])
         return answer["ok"]
 
-    def _exchange(self, request: words._Request, number: int = 0, patience: float = _PATIENCE) -> dict[str, Any]:
+    def _exchange(self, request: words._Request, number: int = 0, patience: float = PATIENCE) -> dict[str, Any]:
         call = _Call()
         request.id = number or self.next_number()
         with self._owned():
@@ -483,7 +481,7 @@ class AttachedLink:
         """:raises PortError: there is no server, or it refuses."""
         address = self._address
         began = time.monotonic()
-        found, answer, splitter, rest = _attach(address, "frames", asks=self._lost_control)
+        found, answer, splitter, rest = attach(address, "frames", asks=self._lost_control)
         welcome = msgspec.convert(answer["ok"], Welcome)
         ended = time.monotonic()
         try:
@@ -494,7 +492,7 @@ class AttachedLink:
         self.welcome = welcome
         with self._lock:
             # On one computer both read the same clock; else the server's time was taken between these two.
-            self._shift = 0.0 if address.path or address.host in _LOOPBACK else (began + ended) / 2 - answer["t"]
+            self._shift = 0.0 if address.path or address.host in LOOPBACK else (began + ended) / 2 - answer["t"]
             self._tick = answer["tick"]
             self._control = welcome.control
             self._splitter = splitter
@@ -624,96 +622,3 @@ class AttachedLink:
         self._control = Control(said["holder"], said["yours"])
         if had_it and not said["yours"] and said["why"] != "released":
             self._lost_control = True
-
-
-def codec_of_server(address: ServerAddress) -> Codec:
-    """The protocol that a server speaks.
-
-    :raises PortError: it cannot be reached, or refuses.
-    """
-    found, answer, _, _ = _attach(address, "none", asks=False)
-    found.close()
-    welcome = msgspec.convert(answer["ok"], Welcome)
-    return Codec(loads(welcome.text, f"{address.text} ({welcome.protocol})"))
-
-
-def _attach(
-    address: ServerAddress, messages: Literal["frames", "none"], asks: bool
-) -> tuple[socket.socket, dict[str, Any], words.Splitter, list[tuple[int, bytes]]]:
-    """A connection to the server, its answer, and what came behind that.
-
-    :raises PortError: it cannot be reached, or refuses.
-    """
-    found = None
-    try:
-        if address.path:
-            found = socket.socket(socket.AF_UNIX)
-            found.settimeout(_PATIENCE)
-            _connect_unix(found, address.path)
-        else:
-            found = socket.create_connection((address.host, address.port), _PATIENCE)
-            found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        name = f"{os.path.basename(sys.argv[0] or 'python')} ({os.getpid()})"  # noqa: PTH119 may be no path
-        request = words.Attach(id=1, token=address.token, name=name, messages=messages, asks=asks)
-        with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # it has refused already, and says why
-            found.sendall(words.json_message(request))
-        splitter = words.Splitter(words.MOST_TO_CLIENT)
-        answer, rest = _first(found, splitter)
-    except (OSError, ValueError) as error:
-        if found is not None:
-            found.close()
-        raise _no_server(address, error) from None
-    if "error" in answer:
-        found.close()
-        raise PortError(f"{address.text}: {answer['text']}", None, address.text)
-    return found, answer, splitter, rest
-
-
-def _connect_unix(found: socket.socket, path: str) -> None:
-    """Where many programs attach at once, the server's queue may be full for a moment."""
-    until = time.monotonic() + _PATIENCE
-    while True:
-        try:
-            found.connect(path)
-        except BlockingIOError:
-            if time.monotonic() > until:
-                raise TimeoutError from None
-            time.sleep(0.01)
-        else:
-            return
-
-
-def _no_server(address: ServerAddress, error: Exception) -> PortError:
-    text = address.text
-    code = error.errno if isinstance(error, OSError) else None
-    if isinstance(error, FileNotFoundError | ConnectionRefusedError):
-        what = f"no server runs at {text}; start one with `wirebond serve FILE PORT`"
-    elif isinstance(error, socket.gaierror):
-        what = f"the name of {text} cannot be found ({error.strerror}); check its spelling"
-    elif isinstance(error, PermissionError):
-        what = f"no permission to attach to {text}; only the user who started the server may"
-    elif isinstance(error, TimeoutError):
-        what = f"{text} does not answer within {_PATIENCE:g} s; check that a Wirebond server runs there"
-    elif isinstance(error, OSError):
-        what = f"cannot attach to {text}: {error.strerror or error}; check its address"
-    else:
-        what = f"{text} is no Wirebond server: it sent {error}; check the address"
-    return PortError(what, code, text)
-
-
-_LOOPBACK = ("127.0.0.1", "::1", "localhost")
-
-
-def _first(found: socket.socket, splitter: words.Splitter) -> tuple[dict[str, Any], list[tuple[int, bytes]]]:
-    """The server's answer to the first message, and what came behind it."""
-    while True:
-        data = found.recv(1 << 16)
-        if not data:
-            raise ValueError("nothing, and closed the connection")
-        messages = list(splitter.feed(data))
-        if messages:
-            kind, body = messages[0]
-            answer = msgspec.json.decode(body) if kind == words.JSON else None
-            if not isinstance(answer, dict) or answer.get("re") != 1:
-                raise ValueError("something else than an answer")
-            return answer, messages[1:]

@@ -11,7 +11,7 @@ from functools import cached_property
 
 from wirebond.codec import Codec, Message
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import plan_for, told_by_request
+from wirebond.protocol.planning import plan_for, told_by_request
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from wirebond import _engine
 from wirebond.codec import Codec
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import Address, End, HeaderField
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 
 def other(end: End) -> End:

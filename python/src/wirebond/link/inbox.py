@@ -28,7 +28,7 @@ from wirebond.link.ends import other
 from wirebond.link.handlers import Handlers, move
 from wirebond.link.requests import RequestBook
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 if TYPE_CHECKING:
     from wirebond.link.settings import Engine

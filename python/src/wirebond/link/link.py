@@ -26,10 +26,11 @@ from wirebond.errors import (
 )
 from wirebond.link import ending
 from wirebond.link.accounts import LinkStats, SendStats
-from wirebond.link.attached_link import AttachedLink, codec_of_server
+from wirebond.link.attached_link import AttachedLink
 from wirebond.link.attached_recordings import ServerRecordings
 from wirebond.link.attached_requests import AttachedRequests
 from wirebond.link.attached_services import AttachedServices
+from wirebond.link.attaching import codec_of_server
 from wirebond.link.clock_line import HostTime
 from wirebond.link.clock_sync import ClockReading
 from wirebond.link.dump import Dump, Piece

@@ -18,7 +18,7 @@ from wirebond.link.log_lines import LogEvent, least_number, log_names, number_of
 from wirebond.link.requests import DEFAULT_TIMEOUT, Outcome, Question, check_timeout, timeout_error
 from wirebond.protocol.model import End
 from wirebond.protocol.model import Message as MessageModel
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 from wirebond.protocol.problems import nearest, no_message
 from wirebond.typed import TypedMessage, TypedRequest, from_message_of, maker_of, message_class, name_and_values
 

@@ -17,7 +17,7 @@ from wirebond.codec import Codec, Message
 from wirebond.errors import RequestTimeoutError, UsageError
 from wirebond.link.ends import Receiver, other
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import plan_for, told_by_request
+from wirebond.protocol.planning import plan_for, told_by_request
 from wirebond.protocol.replies import carried_back, identifying
 
 _NAME = attrgetter("name")

@@ -31,7 +31,7 @@ from wirebond.link.service_values import filled
 from wirebond.link.stamps import LiveClock, Stamper, has_stamps
 from wirebond.ports.port_name import PortName
 from wirebond.protocol.model import End, Service
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 
 if TYPE_CHECKING:
     from wirebond.link.link import Link

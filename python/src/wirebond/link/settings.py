@@ -17,7 +17,7 @@ from wirebond.link.python_ports import LineSettings, PythonOpener
 from wirebond.ports.port_name import ADAPTER_LATENCY, PortName
 from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import MAX_LATENCY, Address, End, Queue, Recover, StopMessage
-from wirebond.protocol.plan import plan_for, told_by_request
+from wirebond.protocol.planning import plan_for, told_by_request
 
 if TYPE_CHECKING:
     from wirebond.link.attached_link import AttachedLink

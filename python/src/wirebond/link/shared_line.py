@@ -9,7 +9,7 @@ from functools import cached_property
 from wirebond.codec import Codec, Message
 from wirebond.errors import MessageError
 from wirebond.protocol.model import Address, End, HeaderField
-from wirebond.protocol.plan import plan_for, told_by_request
+from wirebond.protocol.planning import plan_for, told_by_request
 from wirebond.sim.virtual_mcu import VirtualMcu
 
 _UNKNOWN = "unknown"

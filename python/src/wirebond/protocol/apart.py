@@ -7,7 +7,8 @@ from itertools import combinations, product
 
 from wirebond.protocol.forms import Intervals, meet, some_value
 from wirebond.protocol.model import End, Part, PayloadRule
-from wirebond.protocol.plan import Form, forms
+from wirebond.protocol.plan import Form
+from wirebond.protocol.planning import forms
 
 
 def alike(parts: tuple[Part, ...], sender: End) -> tuple[Form, Form] | None:

@@ -32,7 +32,7 @@ from wirebond.protocol.model import (
     Protocol,
     Subject,
 )
-from wirebond.protocol.plan import mixes_ids
+from wirebond.protocol.planning import mixes_ids
 
 _CANONICAL_TEXT = 1  # its version: raised when it changes, so that old and new hashes do not meet by chance
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from wirebond.codec import Message, Stats
 from wirebond.link.ends import other
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import told_by_request
+from wirebond.protocol.planning import told_by_request
 from wirebond.recording.pieces import KINDS, Pieces
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from wirebond.link.stamps import Stamper, has_stamps
 from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.protocol import loads
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import told_by_request
+from wirebond.protocol.planning import told_by_request
 from wirebond.recording import layout
 from wirebond.recording.notes import Note, notes_from
 from wirebond.recording.pieces import KINDS, PieceFile

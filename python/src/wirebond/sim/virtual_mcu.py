@@ -22,7 +22,7 @@ from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Recover, Service
 from wirebond.protocol.model import Message as MessageModel
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 from wirebond.protocol.replies import carried_back
 from wirebond.protocol.stamps import count_us, stamp_of
 from wirebond.sim.field_rules import clamped, refusing

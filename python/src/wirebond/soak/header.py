@@ -6,7 +6,7 @@ from wirebond.codec import Codec
 from wirebond.gen.cpp import struct_names
 from wirebond.gen.names import namespace
 from wirebond.protocol.model import End, Queue, Stuffing
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 from wirebond.soak.mix import Mix, Turn
 from wirebond.soak.samples import SAMPLES, samples
 from wirebond.soak.tables import rows

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from wirebond.codec import Codec
 from wirebond.errors import UsageError
 from wirebond.protocol.model import End
-from wirebond.protocol.plan import told_by_request
+from wirebond.protocol.planning import told_by_request
 from wirebond.soak.samples import SAMPLES, samples
 
 SEED_PERIOD = 0.001  # seconds: each topic and each task of the overload experiment runs at 1 kHz

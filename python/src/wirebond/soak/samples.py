@@ -8,7 +8,7 @@ from typing import Any
 from wirebond.codec import Codec
 from wirebond.errors import MessageError
 from wirebond.protocol.model import End, Field, FieldKind, Message
-from wirebond.protocol.plan import plan_for
+from wirebond.protocol.planning import plan_for
 from wirebond.sim.virtual_mcu import VirtualMcu
 
 SAMPLES = 64  # of each message: the running number begins again behind so many

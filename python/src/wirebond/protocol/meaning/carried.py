@@ -8,7 +8,8 @@ from wirebond.protocol.forms import Choice, complement, some_value
 from wirebond.protocol.matching import ID_BITS, one_id
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import End, Match, MatchOf, Message, Part, Subject
-from wirebond.protocol.plan import Form, forms
+from wirebond.protocol.plan import Form
+from wirebond.protocol.planning import forms
 
 
 def uncarried(parts: tuple[Part, ...], id_bits: int, message: Message) -> str:

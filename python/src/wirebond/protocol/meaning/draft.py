@@ -24,7 +24,7 @@ from wirebond.protocol.model import (
     Stuffing,
 )
 from wirebond.protocol.payload_rules import MAX_COUNTS, payload_rules
-from wirebond.protocol.plan import forms
+from wirebond.protocol.planning import forms
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.text.yaml_tree import Mapping
 

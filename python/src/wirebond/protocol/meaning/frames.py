@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wirebond.protocol import algorithms, plan
+from wirebond.protocol import algorithms, plan, planning
 from wirebond.protocol.apart import alike
 from wirebond.protocol.forms import header_fields, header_names, parts_of_forms
 from wirebond.protocol.meaning.conditions import read_condition
@@ -416,7 +416,7 @@ class _FrameReader:
 
     def _validate_told_apart(self, parts: tuple[Part, ...], place: Place) -> None:
         for end in (End.HOST, End.MCU):
-            forms = plan.forms(parts, end)
+            forms = planning.forms(parts, end)
             tested = sum(len(form.exclusions) for form in forms)
             if tested > plan.MAX_EXCLUSIONS:
                 self._wrong(
@@ -517,7 +517,7 @@ class _FrameReader:
                 place,
                 "nothing tells this frame from other bytes; add `- magic: 0xAA` in front or a check behind",
             )
-        forms = plan.forms(parts, None)
+        forms = planning.forms(parts, None)
         constants = max(len(form.constants) for form in forms)
         if constants > plan.MAX_CONSTANTS:
             self._wrong(

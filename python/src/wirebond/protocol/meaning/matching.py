@@ -26,7 +26,7 @@ from wirebond.protocol.model import (
     PayloadRule,
 )
 from wirebond.protocol.payload_rules import named_numbers
-from wirebond.protocol.plan import matches_late
+from wirebond.protocol.planning import matches_late
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.matching import MatchText
 from wirebond.protocol.text.yaml_tree import Mapping

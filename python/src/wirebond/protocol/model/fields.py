@@ -1,0 +1,225 @@
+"""Fields: what a value is on the wire, and what it means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from fractions import Fraction
+from math import copysign, floor, lcm
+
+
+class End(StrEnum):
+    """One of the two computers; the sender of a message is one, or both."""
+
+    HOST = "host"
+    MCU = "mcu"
+    BOTH = "both"
+
+
+class ByteOrder(StrEnum):
+    LITTLE = "little"
+    BIG = "big"
+
+
+class BitOrder(StrEnum):
+    """Which bit of a byte, or of a number, comes first."""
+
+    LOW = "low"
+    HIGH = "high"
+
+
+class FieldKind(StrEnum):
+    UNSIGNED = "unsigned"
+    SIGNED = "signed"
+    FLOAT = "float"
+    BOOL = "bool"
+    TEXT = "text"  # UTF-8
+    BYTES = "bytes"
+    PADDING = "padding"  # no value; sent as zeros and ignored on receive, or ``constant``
+    BITS = "bits"  # a number whose bits are shared by ``fields``
+    STRUCT = "struct"  # ``fields``, once or several times
+
+
+class OnRange(StrEnum):
+    """What the handler's side does with a received value outside its range."""
+
+    REJECT = "reject"
+    CLAMP = "clamp"
+
+
+Default = float | int | bool | str | bytes | tuple[float | int | bool | str, ...]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One value of a message, or several.
+
+    ``value = wire * scale + offset`` for numbers.
+
+    How often it occurs: ``count`` elements always; or up to ``max_count`` elements, as many as ``counters`` (fields
+    before it, beside it) say, or as the payload has where there are none; or once, where both are unset. A text or byte
+    string has ``size`` bytes always, or up to ``max_size`` in the same two ways, or up to the byte ``ends_with``, which
+    follows it on the wire and is not in it.
+    """
+
+    name: str
+    kind: FieldKind
+    size: int  # wire bytes of one element; 0 for bit fields, packed elements, structs and strings of varying size
+    order: ByteOrder = ByteOrder.LITTLE
+    count: int | None = None  # elements of a fixed array
+    max_size: int = 0
+    scale: Fraction = Fraction(1)
+    offset: Fraction = Fraction(0)
+    unit: str = ""
+    minimum: float | None = None  # SI
+    maximum: float | None = None  # SI
+    on_range: OnRange = OnRange.REJECT
+    default: Default | None = None  # a tuple for an array
+    enum: tuple[tuple[str, int], ...] = ()
+    flags: tuple[tuple[str, int], ...] = ()  # name, bit number
+    description: str = ""
+    bits: int = 0  # of one element, where that does not begin and end with a byte: a bit field, a packed element
+    sign_magnitude: bool = False  # the top bit is the sign, the others the amount
+    packed: BitOrder | None = None  # elements follow each other bit by bit, from this bit of each byte on
+    first: BitOrder = BitOrder.LOW  # of kind BITS: where its first field lies
+    fields: tuple[Field, ...] = ()  # of kinds BITS and STRUCT
+    max_count: int = 0  # most elements of a list
+    counted_by: str = ""  # the field that tells how many; `state.number` for one among the bits of `state`
+    counted_in_bytes: bool = False  # it tells the bytes of all elements, and not their number
+    bytes_counted_by: str = ""  # the field that tells their bytes beside one that tells their number
+    asked_by: str = ""  # of a list in a reply: the field of the request that says how many elements it wants
+    is_count: bool = False  # it counts others: its value follows from theirs, and is not given
+    ends_with: int | None = None  # of a string: the byte behind it
+    type_name: str = ""  # of kind STRUCT: the type of the file that it is; empty for one of its own
+    clock: End | None = None  # it is a time of this end's clock: when the values of its message were measured
+    constant: int | None = None  # of kind PADDING: the number that its ``width`` bits must be; None: any
+
+    @property
+    def constant_bytes(self) -> bytes:
+        """What a constant that begins and ends with a byte is on the wire."""
+        return (self.constant or 0).to_bytes(self.size, "big" if self.order == ByteOrder.BIG else "little")
+
+    @property
+    def is_scaled(self) -> bool:
+        return self.scale != 1 or self.offset != 0
+
+    @property
+    def common_factors(self) -> tuple[int, int, int]:
+        """``value = (wire * numerator + addend) / denominator`` in whole numbers."""
+        denominator = lcm(self.scale.denominator, self.offset.denominator)
+        return int(self.scale * denominator), int(self.offset * denominator), denominator
+
+    @property
+    def is_exact_in_double(self) -> bool:
+        """Are all whole numbers exact in a double, between a wire number and its value?"""
+        numerator, addend, denominator = self.common_factors
+        largest = (1 << self.width) * abs(numerator) + abs(addend)
+        return self.kind != FieldKind.FLOAT and max(largest, denominator) <= 2**53
+
+    @property
+    def double_factors(self) -> tuple[Fraction | int, int, int, Fraction | int]:
+        """``value = (wire * numerator + addend) / denominator + offset`` as doubles compute it, with one rounding where
+        the whole numbers are exact in a double: then the offset is in the addend."""
+        if self.is_exact_in_double:
+            return *self.common_factors, 0
+        numerator, denominator = self.scale.as_integer_ratio()
+        if max(abs(numerator), denominator) > 2**53:
+            return self.scale, 0, 1, self.offset
+        return numerator, 0, denominator, self.offset
+
+    def lost_digits(self, mantissa: int) -> Fraction:
+        """The most that a scaled integer's value loses, there and back, in floats of this many bits where the whole
+        numbers are not exact.
+
+        Each operation and each constant is off by half a unit in the last place at most (IEEE 754, round to nearest):
+        there are five of the value's size on the way, and three of the offset's.
+        """
+        span = (1 << self.width) * abs(self.scale)
+        return (5 * span + 3 * abs(self.offset)) / (1 << mantissa)
+
+    @property
+    def double_slack(self) -> Fraction | int:
+        """How far a double may lie beyond a bound, and be taken for the bound itself."""
+        return 0 if self.kind == FieldKind.FLOAT or self.is_exact_in_double else self.lost_digits(53)
+
+    @property
+    def width(self) -> int:
+        """Bits of one element."""
+        return self.bits or 8 * self.size
+
+    def wire_bits(self, value: float | int | str) -> int:
+        """The bits on the wire of one integer's value, at the bottom. The value fits: see ``field_values``.
+
+        A scaled value becomes a whole number as in the engine: with the same doubles, halves away from zero.
+        """
+        if isinstance(value, str):
+            number = dict(self.enum)[value]
+        elif self.is_scaled:
+            numerator, addend, denominator, offset = (float(factor) for factor in self.double_factors)
+            wire = ((value - offset) * denominator - addend) / numerator
+            number = int(copysign(floor(abs(wire) + 0.5), wire))
+        else:
+            number = int(value)
+        if self.sign_magnitude and number < 0:
+            return 1 << (self.width - 1) | -number
+        return number & ((1 << self.width) - 1)
+
+    @property
+    def is_string(self) -> bool:
+        return self.kind in (FieldKind.TEXT, FieldKind.BYTES)
+
+    @property
+    def room(self) -> int:
+        """Most bytes of a string's value."""
+        return self.size or self.max_size
+
+    @property
+    def is_list(self) -> bool:
+        """Has it a varying number of elements?"""
+        return self.max_count > 0
+
+    @property
+    def is_variable(self) -> bool:
+        """Does its size on the wire vary?"""
+        return self.is_list or (self.is_string and self.size == 0) or any(f.is_variable for f in self.fields)
+
+    @property
+    def reaches_end(self) -> bool:
+        """Is it as long as the payload is?"""
+        open_ended = self.is_list or (self.is_string and self.size == 0 and self.ends_with is None)
+        return (open_ended and not self.counted_by) or any(f.reaches_end for f in self.fields)
+
+    @property
+    def only_counts(self) -> bool:
+        """Are these bits of which each counts others, or pads? Generated structs have no member for them."""
+        bits = self.fields if self.kind == FieldKind.BITS else ()
+        return any(one.is_count for one in bits) and all(one.is_count or one.kind == FieldKind.PADDING for one in bits)
+
+    @property
+    def counters(self) -> tuple[tuple[str, int], ...]:
+        """The fields that count it, each with what it tells for one element or byte. The first says how many there are;
+        another one agrees with it."""
+        step = 1 if self.is_string else self.element_min_bytes
+        first = ((self.counted_by, step if self.counted_in_bytes else 1),) if self.counted_by else ()
+        return (*first, (self.bytes_counted_by, step)) if self.bytes_counted_by else first
+
+    @property
+    def element_min_bytes(self) -> int:
+        """Least wire bytes of one element; of a bit field, which lies in a number's bytes, 0."""
+        return sum(f.min_wire_bytes for f in self.fields) if self.kind == FieldKind.STRUCT else self.size
+
+    @property
+    def min_wire_bytes(self) -> int:
+        if self.packed is not None:
+            return (self.bits * (self.count or 1) + 7) // 8
+        if self.ends_with is not None:
+            return 1
+        return 0 if self.is_list else self.element_min_bytes * (self.count or 1)
+
+    @property
+    def max_wire_bytes(self) -> int:
+        if self.is_string and self.size == 0:
+            return self.max_size + (self.ends_with is not None)
+        if self.kind == FieldKind.STRUCT:
+            return sum(f.max_wire_bytes for f in self.fields) * (self.max_count or self.count or 1)
+        return self.size * self.max_count if self.is_list else self.min_wire_bytes

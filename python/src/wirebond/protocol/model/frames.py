@@ -1,0 +1,282 @@
+"""Frames: their parts in wire order, checks, conditions, stuffing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from wirebond.protocol.model.fields import ByteOrder, End, Field
+
+
+class PartKind(StrEnum):
+    MAGIC = "magic"
+    CONSTANT = "constant"
+    TAIL = "tail"
+    LENGTH = "length"
+    ID = "id"
+    RESERVED = "reserved"
+    PAYLOAD = "payload"
+    CHECK = "check"
+    FIELD = "field"
+    SEQUENCE = "sequence"
+    BITS = "bits"
+
+
+class PayloadRule(StrEnum):
+    BY_LENGTH = "by_length"
+    FIXED = "fixed"
+    BY_ID = "by_id"
+    REST = "rest"
+
+
+class LengthCounts(StrEnum):
+    """What a length number counts; ``offset`` of the part comes on top."""
+
+    PAYLOAD = "payload"
+    REST = "rest"  # all that follows the length
+    SELF_AND_REST = "self_and_rest"
+    FRAME = "frame"
+
+
+class CheckKind(StrEnum):
+    CRC = "crc"
+    SUM = "sum"
+    XOR = "xor"
+    FLETCHER = "fletcher"
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """A check algorithm by its parameters. CRC parameters as in the reveng catalogue (Rocksoft model)."""
+
+    name: str
+    kind: CheckKind
+    width: int  # bits
+    poly: int = 0
+    init: int = 0
+    refin: bool = False
+    refout: bool = False
+    xorout: int = 0
+    modulus: int = 0  # Fletcher: of both sums; 0: 2 ** (width / 2)
+    negate: bool = False  # two's complement of the value, before xorout
+
+
+class BitRole(StrEnum):
+    """What a run of bits inside a header byte is."""
+
+    ID = "id"
+    LENGTH = "length"
+    FIELD = "field"
+    SEQUENCE = "sequence"
+    CONSTANT = "constant"
+
+
+class Address(StrEnum):
+    """Whose address a header field holds."""
+
+    MCU = "mcu"  # in both directions
+    RECEIVER = "receiver"
+    SENDER = "sender"
+
+
+HeaderDefault = float | int | str  # a name, where the field has an enum
+
+
+@dataclass(frozen=True)
+class HeaderField:
+    """A number of the frame itself that is neither length nor id, such as an address or a sequence number.
+
+    ``value`` says what it means, as for a field of a message: its name, sign, scale, enum or flags. A sender that gives
+    no value sends its end's default.
+    """
+
+    value: Field
+    host_default: HeaderDefault = 0
+    mcu_default: HeaderDefault = 0
+    is_sequence: bool = False
+    per_message: bool = False  # of a sequence: each message has numbers of its own
+    address: Address | None = None
+    broadcast: tuple[HeaderDefault, ...] = ()  # addresses that mean every receiver
+
+    @property
+    def name(self) -> str:
+        return self.value.name
+
+    def default(self, sender: End | None) -> HeaderDefault:
+        """What ``sender`` sends; the host's where the sender is not known, or both."""
+        return self.mcu_default if sender == End.MCU else self.host_default
+
+    def default_bits(self, sender: End | None) -> int:
+        return self.value.wire_bits(self.default(sender))
+
+    @property
+    def broadcast_bits(self) -> tuple[int, ...]:
+        return tuple(self.value.wire_bits(value) for value in self.broadcast)
+
+
+@dataclass(frozen=True)
+class Bits:
+    """A run of bits of a ``bits`` part: (number >> shift) % 2**width."""
+
+    name: str
+    role: BitRole
+    shift: int
+    width: int
+    value: int = 0  # of a constant
+    header: HeaderField | None = None  # of a field or a sequence
+
+    @property
+    def mask(self) -> int:
+        return (1 << self.width) - 1
+
+
+class Subject(StrEnum):
+    """What a condition compares."""
+
+    FIELD = "field"  # of the header, as bits on the wire
+    ID = "id"
+    MAGIC = "magic"  # its bytes as a number, the first one highest
+    SENDER = "sender"  # SENDER_NUMBERS
+    SIZE = "size"  # payload bytes, before trimming and stuffing
+
+
+SENDER_NUMBERS = {End.HOST: 0, End.MCU: 1}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """``subject & mask`` lies in one of ``ranges``. It does not hold where the subject is not in the frame."""
+
+    subject: Subject
+    ranges: tuple[tuple[int, int], ...]  # rising and apart, both bounds included
+    name: str = ""  # of the header field
+    mask: int | None = None  # None: all bits
+    size: int = 0  # bytes of a magic
+
+    def holds(self, value: int) -> bool:
+        masked = value if self.mask is None else value & self.mask
+        return any(low <= masked <= high for low, high in self.ranges)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """When a part is there: all of ``terms`` hold; ``negated``: not all of them."""
+
+    terms: tuple[Comparison | Condition, ...]
+    negated: bool = False
+
+    @property
+    def comparisons(self) -> tuple[Comparison, ...]:
+        """All of them, those of conditions in it, too."""
+        found: list[Comparison] = []
+        for term in self.terms:
+            found += [term] if isinstance(term, Comparison) else term.comparisons
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of a frame, in wire order. ``size`` in bytes is 0 only for the payload."""
+
+    kind: PartKind
+    name: str
+    size: int
+    order: ByteOrder = ByteOrder.LITTLE
+    value: bytes = b""  # magic, constant, tail
+    counts: LengthCounts = LengthCounts.PAYLOAD
+    length_offset: int = 0
+    payload: PayloadRule = PayloadRule.BY_LENGTH
+    fixed_payload: int = 0
+    algorithm: Algorithm | None = None
+    first: int = 0  # check: index of the first part that it covers
+    last: int = 0  # check: index of the last one, inclusive
+    shift: int = 0  # check: value on the wire = check >> shift
+    seeded: bool = False  # check: the message's seed is counted behind the range
+    as_hex: bool = False  # check: sent as hex digits, ``size`` of them
+    alternatives: tuple[bytes, ...] = ()  # magic: any of these, ``value`` is the first
+    by_sender: tuple[tuple[End, bytes], ...] = ()  # magic: another one for each direction
+    length_unit: int = 1  # length: bytes that it counts by
+    trims_zeros: bool = False  # payload: zeros at its end are not sent
+    header: HeaderField | None = None  # field, sequence
+    bits: tuple[Bits, ...] = ()
+    condition: Condition | None = None
+    is_plain: bool = False  # sent as it is, beside parts that are stuffed
+    on_wire: bool = False  # check: over the bytes as they are sent, after stuffing
+
+
+def cobs_overhead(size: int) -> int:
+    """Bytes that COBS adds to ``size`` bytes at most; `cobs_overhead` of core/include/wirebond/format.hpp."""
+    return 1 + size // 254
+
+
+class Stuffing(StrEnum):
+    NONE = "none"
+    COBS = "cobs"
+    ESCAPE = "escape"  # by an escape byte: see ``Escapes``
+    HEX = "hex"  # each byte as two hex digits
+    INSERTION = "insertion"  # a byte behind each place where a sequence stands: see ``Insertion``
+
+
+@dataclass(frozen=True)
+class Escapes:
+    """Byte stuffing by an escape byte: each of ``pairs`` is (byte that must not appear, code behind the escape).
+
+    With ``exclusive_or`` every code is its byte xor that value, and a receiver takes any escaped byte.
+    """
+
+    escape: int
+    exclusive_or: int
+    pairs: tuple[tuple[int, int], ...]
+
+    @property
+    def doubles(self) -> bool:
+        """Is the one stuffed byte sent twice? It is the first byte of both delimiters then."""
+        return self.pairs == ((self.escape, self.escape),)
+
+
+@dataclass(frozen=True)
+class Insertion:
+    """Behind the bytes ``after``, wherever they stand among the stuffed ones, ``byte`` is sent."""
+
+    after: bytes
+    byte: int
+
+
+@dataclass(frozen=True)
+class FrameFormat:
+    """``delimiter`` is None for frames that are found by their magic and size, or ended by silence."""
+
+    parts: tuple[Part, ...]
+    max_payload: int
+    deliver_unknown: bool
+    delimiter: bytes | None = None  # behind a frame
+    stuffing: Stuffing = Stuffing.NONE
+    opening: bytes | None = None  # delimiter before a frame; None: only its end is marked
+    escapes: Escapes | None = None
+    insertion: Insertion | None = None
+    ends_by_silence: bool = False
+    is_strict: bool = False  # a candidate that failed behind its header is not looked through again
+
+    def part(self, kind: PartKind) -> Part | None:
+        return next((p for p in self.parts if p.kind == kind), None)
+
+    @property
+    def is_sized(self) -> bool:
+        """Is it stuffed, and ended by its length and no delimiter?"""
+        return self.delimiter is None and self.stuffing != Stuffing.NONE
+
+    @property
+    def length_on_wire(self) -> bool:
+        """Does the length count the bytes as they are sent? Where it ends a stuffed frame and stands beside them."""
+        return self.is_sized and any(
+            part.is_plain and (part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits))
+            for part in self.parts
+        )
+
+    def overhead(self, size: int) -> int:
+        """Bytes that stuffing adds to ``size`` bytes at most."""
+        if self.stuffing == Stuffing.COBS:
+            return cobs_overhead(size)
+        if self.stuffing == Stuffing.INSERTION and self.insertion is not None:
+            return size // len(self.insertion.after)
+        return 0 if self.stuffing == Stuffing.NONE else size
