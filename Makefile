@@ -5,6 +5,8 @@ SHELL := bash
 
 VENV   := .venv
 PYTHON := $(abspath $(VENV))/bin/python
+# Tests wait for bytes and for deadlines: three for two processors.
+WORKERS := $(shell echo $$(( ($$(nproc) * 3 + 1) / 2 )))
 INTERFACE := $(wildcard $(addprefix python/src/wirebond/,engine_interface.py _engine.pyi link/engine_settings.py \
             protocol/model/*.py protocol/payload_rules.py protocol/plan.py ros2/mapping/packing.py))
 NATIVE := CMakeLists.txt pyproject.toml $(INTERFACE) $(shell find core/include ports/posix python/native -name '*.[ch]pp')
@@ -33,11 +35,11 @@ screenshots: build/setup-test.stamp ## pictures of the console into docs/images 
 
 .PHONY: test
 test: build/setup-test.stamp lint ## everything that must hold, in under ten minutes
-	@$(PYTHON) -m pytest -n 2 --dist worksteal -m "not long"
+	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal -m "not long"
 
 .PHONY: prove
 prove: build/setup-test.stamp ## the long proofs
-	@$(PYTHON) -m pytest -n 2
+	@$(PYTHON) -m pytest -n $(WORKERS)
 
 .PHONY: bench
 bench: build/setup-bench.stamp ## tables of figures, and bench/latest.json (ONLY=name runs one)
