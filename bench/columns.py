@@ -41,7 +41,7 @@ class Entry:
 
 
 def codecs() -> list[tuple[Codec, int]]:
-    """Wirebond, and the peers that are installed, each with the part of the frames that it gets: 1 in so many."""
+    """Wirebond, and the peers that are installed, each with its part of the frames: one in this many."""
     found: list[tuple[Codec, int]] = [(Wirebond(), 1)]
     for module, name, part in PEERS:
         try:

@@ -257,7 +257,7 @@ def random_frame(codec: Codec, source: random.Random) -> bytes:
             return codec.encode(message.name, random_values(message, source))
         except MessageError as error:
             if "and so is its frame" not in str(error):
-                raise  # an empty frame, which nobody could tell from none, is drawn anew
+                raise  # an empty frame, which nobody could tell from none, is drawn again
 
 
 def hard_stream(codec: Codec, source: random.Random, pieces: int) -> bytes:

@@ -213,8 +213,8 @@ def test_a_wrong_worked_example_is_refused_and_read_as_if_it_were_right(rejected
     assert failed == [stretch.rules[-1]]
     right = bytes.fromhex(failed[0].expected)
     at = rejected.frame.rindex(bytes.fromhex(failed[0].found))
-    mended = rejected.frame[:at] + right + rejected.frame[at + 1 :]
-    (message,) = proto.decoder("host").feed(mended)
+    repaired = rejected.frame[:at] + right + rejected.frame[at + 1 :]
+    (message,) = proto.decoder("host").feed(repaired)
     assert f"with check {right.hex().upper()} this is {message.name}: " in stretch.repaired
 
 

@@ -35,7 +35,7 @@ def ranked(data: bytes) -> list[Candidate]:
 
 
 def stream(name: str, source: random.Random, end: End | None = None, frames: int = 80, least: int = 3000) -> bytes:
-    """What a device of this format and its host say, with so many bytes replaced."""
+    """What a device of this format and its host say, with this many bytes replaced."""
     codec, oracle = load(CONTRIB / f"{name}.yaml"), ORACLES[name]
     out = bytearray()
     number = 0

@@ -28,7 +28,7 @@ from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import End, FrameFormat, Stuffing
 
 BATCH = 50  # formats in one program
-FOLDED = 25  # one in so many has a deframer of its own, as firmware has: that takes a second to compile
+FOLDED = 25  # one in this many has a deframer of its own, as firmware has: that takes a second to compile
 SENDERS = (None, End.HOST, End.MCU)
 
 

@@ -98,7 +98,7 @@ class Balance {
 
   static float limited(float value, float limit) { return value > limit ? limit : value < -limit ? -limit : value; }
 
-  /// The motors stop when gains change, and what the old gains summed up is forgotten; the next step begins anew.
+  /// The motors stop when gains change, and what the old gains summed up is forgotten; the next step starts afresh.
   void change(const pid_tuner::Pid& pid) {
     if (pid.idx == balance_index) {
       balance_ = {pid.p, pid.i, pid.d};

@@ -5,7 +5,7 @@
 
 namespace balance {
 
-/// `step` advances by so many seconds, a millisecond or two at a time.
+/// `step` advances by this many seconds, a millisecond or two at a time.
 class Body {
  public:
   void set_motors(float left, float right) { output_ = (left + right) / 2.0F; }

@@ -1,4 +1,4 @@
-// One number among a payload's bytes, and its Python value. Where in the payload it lies is told by the caller.
+// One number among a payload's bytes, and its Python value. The caller says where in the payload it lies.
 #pragma once
 
 #include <nanobind/nanobind.h>

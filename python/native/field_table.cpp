@@ -35,7 +35,7 @@ void read_repeat(FieldTable& table, nb::handle field) {
   const nb::object count = field.attr("count");
   table.max_count = nb::cast<std::uint32_t>(field.attr("max_count"));
   table.stride = nb::cast<std::size_t>(field.attr("element_min_bytes"));
-  if (table.is_string()) {  // one value of so many bytes
+  if (table.is_string()) {  // one value of this many bytes
     table.count = nb::cast<std::uint32_t>(field.attr("size"));
     table.max_count = nb::cast<std::uint32_t>(field.attr("max_size"));
     table.stride = 1;

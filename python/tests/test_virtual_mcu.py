@@ -35,7 +35,7 @@ def test_an_explicit_deadline_holds_its_message_back_until_somebody_recovers() -
     mcu.feed(VELOCITY, 9.0)
     assert mcu.held_back == 1
     assert run(mcu, 9.0, 9.5) == ["velocity is held back by safe_mode until a script calls mcu.recover('safe_mode')"]
-    mcu.feed(VELOCITY, 9.5)  # that is told once
+    mcu.feed(VELOCITY, 9.5)  # which is reported once
     assert run(mcu, 9.5, 9.5) == [] and mcu.held_back == 2
     mcu.recover("safe_mode", 9.5)
     mcu.feed(VELOCITY, 9.6)

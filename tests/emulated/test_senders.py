@@ -45,7 +45,7 @@ def sender_and_count(message: wirebond.Message) -> tuple[int, int]:
 
 
 def talk(link: wirebond.Link, commands: int, expected: int) -> Iterator[wirebond.Message]:
-    """Send the commands, and give what comes meanwhile until so many messages have come."""
+    """Send the commands, and give what comes meanwhile until this many messages have come."""
     sent = received = 0
     end = time.monotonic() + PATIENCE
     while sent < commands or received < expected:

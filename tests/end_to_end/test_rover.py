@@ -160,7 +160,7 @@ def collect(link: wirebond.Link, odometry: int) -> list[wirebond.Message]:
 
 
 def drive(link: wirebond.Link, linear: float, angular: float, odometry: int) -> list[wirebond.Message]:
-    """Command it until so many odometry messages have come."""
+    """Command it until this many odometry messages have come."""
     messages: list[wirebond.Message] = []
     end = time.monotonic() + PATIENCE
     while len(messages) < odometry:

@@ -69,7 +69,7 @@ def fuzz(
     program: tuple[list[str], dict[str, str]] | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> Outcome:
-    """Run ``target`` for so many runs or seconds; new inputs go to ``work``/corpus, findings to ``work``/findings."""
+    """Run ``target`` for this many runs or seconds; new inputs go to ``work``/corpus, findings to ``work``/findings."""
     command, environment = program or command_for(target)
     found, findings = work / "corpus", work / "findings"
     found.mkdir(parents=True, exist_ok=True)

@@ -281,7 +281,7 @@ TEST_CASE("an event of a run that was broken off ends no other run") {
   CHECK(bench.link.send_account().sent == 0);
 }
 
-TEST_CASE("reception begins anew after an error that stopped it, and goes on after one that did not") {
+TEST_CASE("reception restarts after an error that stopped it, and goes on after one that did not") {
   Bench bench;
   bench.poll();
   CHECK(bench.port.receive_starts == 1);
@@ -338,7 +338,7 @@ TEST_CASE("a frame survives restarts and pieces, and every byte is in the accoun
   CHECK(bench.link.receiver().account().settled() + bench.link.receiver().pending() == account.handed_out);
 }
 
-TEST_CASE("bytes that come when a silent line is about to be listened to anew are kept, and reception runs on") {
+TEST_CASE("bytes that come when a silent line is about to be restarted are kept, and reception runs on") {
   for (const bool tells : {false, true}) {
     CAPTURE(tells);
     Bench bench;
@@ -365,7 +365,7 @@ TEST_CASE("bytes that come when a silent line is about to be listened to anew ar
   }
 }
 
-TEST_CASE("a silent line is listened to anew every second, lest the UART hangs") {
+TEST_CASE("a silent line is restarted every second, lest the UART hangs") {
   Bench bench;
   bench.rover.has_odometry = false;
   for (int i = 0; i < 3500; ++i) bench.poll();

@@ -68,7 +68,7 @@ TEST_CASE("a link that works has nothing to say, and each reason has a sentence 
   }
 }
 
-TEST_CASE("what keeps a link down is told: no poll, buffers out of reach, a port that refuses") {
+TEST_CASE("what keeps a link down is reported: no poll, buffers out of reach, a port that refuses") {
   Board<ScriptedPort> board;
   CHECK(board.link.why() == Why::not_polled);
   board.port.is_reachable = false;
@@ -91,7 +91,7 @@ TEST_CASE("what the port says of its settings comes first, but for the tick, whi
   CHECK(board.link.why() == Why::tick_below_uart);
 }
 
-TEST_CASE("a pend that nobody served is pended again by each poll, counted and told") {
+TEST_CASE("a pend that nobody served is pended again by each poll, counted and reported") {
   Board<ScriptedPort> board;
   board.poll();
   board.come();
@@ -125,7 +125,7 @@ TEST_CASE("an interrupt that is pended and finds the port busy has been served")
   CHECK(board.link.counters().unserved_pends == 0);
 }
 
-TEST_CASE("without anything to send a forgotten on_pended is told after a second of silence") {
+TEST_CASE("without anything to send a forgotten on_pended is reported after a second of silence") {
   Board<ScriptedPort> board;
   board.poll(1010, false);
   CHECK(board.link.why() == Why::pends_unserved);

@@ -49,7 +49,7 @@ def addressees(protocol: Protocol, frames: Iterable[Frame], sender: End, own: ob
 
 
 def sequence_of(protocol: Protocol, frames: Iterable[Frame], sender: End | None, peers: int) -> Sequence | None:
-    """What the numbers of these frames tell, where an end remembers so many ``peers``: those that it heard last. None:
+    """What these frames' numbers tell, where an end remembers this many ``peers``: those heard last. None:
     frames have no number, or two senders mix theirs."""
     number = next((described for described in _fields(protocol) if described.is_sequence), None)
     owner = _field_with(protocol, Address.SENDER, Address.MCU if sender == End.MCU else None)

@@ -31,7 +31,7 @@ struct Fixture {
 
 }  // namespace
 
-TEST_CASE("only the newest frame of a slot is sent, and each that it replaces is told") {
+TEST_CASE("only the newest frame of a slot is sent, and each that it replaces is reported") {
   Fixture at;
   CHECK_FALSE(at.push(0, 1));
   CHECK(at.push(0, 2));

@@ -26,7 +26,7 @@ class Pwm {
     }
   }
 
-  /// High for so many counts of each period. `channel`: 0 to 3.
+  /// High for this many counts of each period. `channel`: 0 to 3.
   void set(int channel, std::uint32_t counts) { __HAL_TIM_SET_COMPARE(&handle_, names[channel], counts); }
 
  private:

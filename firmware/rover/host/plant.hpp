@@ -36,7 +36,7 @@ class Wheel {
   std::int64_t taken_ticks_ = 0;
 };
 
-/// Wheels, pose and battery. `step` advances by so many seconds, at most some milliseconds at a time.
+/// Wheels, pose and battery. `step` advances by this many seconds, at most some milliseconds at a time.
 class Plant {
  public:
   Wheel left;

@@ -1,4 +1,4 @@
-// The servo as a process: its number is the first argument. Events: where it is told to turn, and that it lets go.
+// The servo as a process: its number is the first argument. Events: where it is commanded to turn, and that it lets go.
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>

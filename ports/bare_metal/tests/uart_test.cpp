@@ -78,7 +78,7 @@ struct Bench {
 
 }  // namespace
 
-TEST_CASE("bytes go into the ring in circles, and every half of it is told") {
+TEST_CASE("bytes go into the ring in circles, and every half of it is reported") {
   Bench bench;
   bench.uart.received(9, bench);  // before the start: nowhere to put it
   CHECK_FALSE(bench.uart.receiving());

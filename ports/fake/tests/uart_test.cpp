@@ -310,7 +310,7 @@ TEST_CASE("a pended interrupt is served once, also when it is pended twice, and 
   CHECK(bench.log == "p");
 }
 
-TEST_CASE("memory out of the DMA's reach is told") {
+TEST_CASE("memory out of the DMA's reach is reported") {
   Bench bench;
   std::array<std::uint8_t, 8> bytes{};
   CHECK(bench.uart.reaches(bytes.data(), 8));

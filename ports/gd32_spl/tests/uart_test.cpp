@@ -86,7 +86,7 @@ TEST_CASE("received bytes are in the ring up to the position, in circles; idle, 
   CHECK(bench.port.receive_position() == 0);
 }
 
-TEST_CASE("a line error leaves a flag of its kind, which is told once, and no byte is taken away from the DMA") {
+TEST_CASE("a line error leaves a flag of its kind, which is reported once, and no byte is taken away from the DMA") {
   Bench bench;
   CHECK_FALSE(bench.port.receiving());
   REQUIRE(bench.start());
@@ -115,7 +115,7 @@ TEST_CASE("a line error leaves a flag of its kind, which is told once, and no by
   CHECK(bench.board.taken_bytes() == 0);
 }
 
-TEST_CASE("a start begins the ring anew, also while reception runs") {
+TEST_CASE("a start starts the ring again, also while reception runs") {
   Bench bench;
   REQUIRE(bench.start());
   bench.in.put(Bytes{1, 2}, 0);
@@ -176,7 +176,7 @@ TEST_CASE("memory that DMA cannot reach is refused") {
   CHECK_FALSE(bench.port.reaches(reinterpret_cast<const void*>(0x0FFF'FFFF), 2));
 }
 
-TEST_CASE("each mistake in the settings is told by its name") {
+TEST_CASE("each mistake in the settings is reported by its name") {
   using wirebond::Why;
   Bench bench;
   DMA_CHCTL(DMA0, DMA_CH4) |= DMA_CHXCTL_CMEN;

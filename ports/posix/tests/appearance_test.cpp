@@ -27,7 +27,7 @@ void make_file(const std::string& path) { ::close(::open(path.c_str(), O_CREAT |
 
 }  // namespace
 
-TEST_CASE("a file that appears in the folder is told") {
+TEST_CASE("a file that appears in the folder is reported") {
   const std::string folder = new_folder();
   Appearance appearance(folder + "/tty");
   CHECK(appearance.get() < 0);

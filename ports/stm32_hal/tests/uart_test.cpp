@@ -92,7 +92,7 @@ TEST_CASE("received bytes are in the ring up to the position, in circles") {
   CHECK(events.ring[0] == 4);
 }
 
-TEST_CASE("a line error leaves a flag of its kind, which is told once, and bytes go on into the ring") {
+TEST_CASE("a line error leaves a flag of its kind, which is reported once, and bytes go on into the ring") {
   Bench bench;
   REQUIRE(bench.start());
   bench.in.put(1, 0);
@@ -117,7 +117,7 @@ TEST_CASE("a line error leaves a flag of its kind, which is told once, and bytes
   CHECK_FALSE(errors.framing);
 }
 
-TEST_CASE("after an error of the DMA the ring begins anew, and bytes come again") {
+TEST_CASE("after an error of the DMA the ring starts again, and bytes come again") {
   Bench bench;
   REQUIRE(bench.start());
   bench.in.put(Bytes{1, 2}, 0);
@@ -156,7 +156,7 @@ TEST_CASE("an error ends reception, and a start begins it") {
   CHECK(bench.port.receiving());
 }
 
-TEST_CASE("a start while reception runs begins the ring anew, with no HAL_BUSY in the way") {
+TEST_CASE("a start while reception runs starts the ring again, with no HAL_BUSY in the way") {
   Bench bench;
   REQUIRE(bench.start());
   bench.in.put(Bytes{1, 2}, 0);
@@ -197,7 +197,7 @@ TEST_CASE("a stopped run completes never, and another can begin") {
   CHECK(events.log == "t");
 }
 
-TEST_CASE("a run whose DMA dies is told as an error; reception and sending go on after it") {
+TEST_CASE("a run whose DMA dies is reported as an error; reception and sending go on after it") {
   Bench bench;
   REQUIRE(bench.start());
   const Bytes bytes{1, 2, 3};
@@ -237,7 +237,7 @@ TEST_CASE("memory that DMA cannot reach is refused, also where a buffer only tou
   CHECK_FALSE(bench.port.reaches(bytes.data(), 0x1'0000));  // more than the HAL can count
 }
 
-TEST_CASE("each mistake in the settings is told by its name") {
+TEST_CASE("each mistake in the settings is reported by its name") {
   using wirebond::Why;
   Bench bench;
   const auto check = [&] { return bench.port.check(115'200); };

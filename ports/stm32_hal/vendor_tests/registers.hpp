@@ -53,6 +53,6 @@ class Board {
   std::size_t told_place_ = 0;      // of reception, when it last raised something
   std::uint32_t errors_ = 0;        // of the status
   std::uint64_t written_ = 0;       // bytes in memory when the UART's interrupt last ran
-  std::uint32_t receive_left_ = 0;  // as this class last wrote it; another value: the HAL has begun anew
+  std::uint32_t receive_left_ = 0;  // as this class last wrote it; another value: the HAL has started again
   std::uint32_t send_left_ = 0;
 };

@@ -90,7 +90,7 @@ TEST_CASE("the HAL divides 42 MHz into 2 Mbaud without a remainder") {
   CHECK(bench.board.baud_divider() == 21);
 }
 
-TEST_CASE("received bytes are in the ring up to the position, in circles, and each pause is told") {
+TEST_CASE("received bytes are in the ring up to the position, in circles, and each pause is reported") {
   Bench bench;
   CHECK(bench.port.receive_position() == 0);
   REQUIRE(bench.start());
@@ -138,7 +138,7 @@ TEST_CASE("line errors of all kinds never end reception: every byte that DMA mov
   CHECK(events.overruns <= bench.in.count(fake::Fate::overrun));
 }
 
-TEST_CASE("an error of the DMA is told, and a start within it brings bytes again") {
+TEST_CASE("an error of the DMA is reported, and a start within it brings bytes again") {
   Bench bench;
   REQUIRE(bench.start());
   bench.in.put(Bytes{1, 2}, 0);
@@ -153,7 +153,7 @@ TEST_CASE("an error of the DMA is told, and a start within it brings bytes again
   CHECK(events.ring[0] == 6);
 }
 
-TEST_CASE("a start while reception runs begins the ring anew") {
+TEST_CASE("a start while reception runs starts the ring again") {
   Bench bench;
   REQUIRE(bench.start());
   bench.in.put(Bytes{1, 2, 3, 4}, 0);

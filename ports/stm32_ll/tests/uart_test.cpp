@@ -113,7 +113,7 @@ TEST_CASE("line errors of all kinds never end reception: every byte that DMA mov
   CHECK(bench.board.taken_bytes() == 0);
 }
 
-TEST_CASE("an error of the DMA is told, and a start within it brings bytes again") {
+TEST_CASE("an error of the DMA is reported, and a start within it brings bytes again") {
   Bench bench;
   REQUIRE(bench.start());
   bench.in.put(Bytes{1, 2}, 0);
@@ -195,7 +195,7 @@ TEST_CASE("memory that DMA cannot reach is refused") {
   CHECK_FALSE(bench.port.reaches(reinterpret_cast<const void*>(0x0FFF'FFFF), 2));
 }
 
-TEST_CASE("each mistake in the settings is told by its name") {
+TEST_CASE("each mistake in the settings is reported by its name") {
   using wirebond::Why;
   Bench bench;
   CHECK(bench.port.check(115'200) == Why::nothing);

@@ -42,7 +42,7 @@ class Peer {
   }
 
   /// Compare what the MCU's handler got with what came whole into its memory: each once, in order. Frames may be
-  /// missing only where the ring was lapped. (A frame that lost its first bytes may be mended by equal bytes of an
+  /// missing only where the ring was lapped. (A frame that lost its first bytes may be completed by equal bytes of an
   /// earlier one that lost its end, and one that lost its end by the next: nobody can tell.) `complete`: nothing is on
   /// its way.
   void check(const std::vector<std::uint32_t>& delivered, const wirebond::ReceiveAccount& ring,
@@ -58,15 +58,15 @@ class Peer {
         continue;
       }
       for (; next_ < found; ++next_) lost_ += came_[next_].whole;
-      mended_ += !came_[next_++].whole;
+      completed_ += !came_[next_++].whole;
     }
     for (; complete && next_ < came_.size(); ++next_) lost_ += came_[next_].whole;
     // Of what is left of a frame that lost bytes, one in 65536 passes a check of 16 bits.
     REQUIRE(false_ <= (line_errors + laps_) / 2'000);
-    // What mends a frame may be the first byte of another.
-    REQUIRE(lost_ <= (ring.lapped + ring.dropped) / smallest_frame + 2 * laps_ + mended_);
+    // What completes a frame may be the first byte of another.
+    REQUIRE(lost_ <= (ring.lapped + ring.dropped) / smallest_frame + 2 * laps_ + completed_);
     // Nothing holds a frame back for longer than the largest frame takes to come; as long again may pass until the next
-    // one shows that this one was overlapped by a mended frame.
+    // one shows that this one was overlapped by a completed frame.
     std::size_t waiting = next_;
     while (waiting < came_.size() && !came_[waiting].whole) ++waiting;
     if (waiting == came_.size()) return;
@@ -74,17 +74,17 @@ class Peer {
     REQUIRE(memory_bytes_ - (since > waits_since_ ? since : waits_since_) <= 2 * largest_frame);
   }
 
-  /// The MCU restarted: what was in its memory is gone, and nobody's fault; it counts anew.
+  /// The MCU restarted: what was in its memory is gone, and nobody's fault; it counts from the start.
   void mcu_restarted() {
     learn();
     next_ = came_.size();
     whole_run_ = 0;
-    lost_ = mended_ = false_ = laps_ = 0;
+    lost_ = completed_ = false_ = laps_ = 0;
   }
 
   /// Commands that came whole and were written over before they were read.
   std::uint64_t lost() const { return lost_; }
-  std::uint64_t mended() const { return mended_; }
+  std::uint64_t completed() const { return completed_; }
 
   /// Commands that came whole.
   std::uint64_t came() const { return whole_; }
@@ -160,7 +160,7 @@ class Peer {
   std::size_t next_ = 0;      ///< of `came_`: the next that may be delivered
   std::uint64_t whole_ = 0;
   std::uint64_t lost_ = 0;
-  std::uint64_t mended_ = 0;
+  std::uint64_t completed_ = 0;
   std::uint64_t false_ = 0;
   std::uint32_t laps_ = 0;
   std::uint64_t waits_since_ = 0;  ///< `memory_bytes_` at the last lap

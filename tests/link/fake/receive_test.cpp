@@ -45,7 +45,7 @@ TEST_CASE_TEMPLATE("with 1 % of bytes in error every frame that came whole is de
       }
       CHECK(board.handler.commands.size() > board.peer.sent() / 2);
       CHECK(board.handler.commands.size() < board.peer.sent());
-      CHECK(board.peer.mended() * 20 < board.peer.came());
+      CHECK(board.peer.completed() * 20 < board.peer.came());
     }
   }
 }

@@ -82,8 +82,7 @@ TEST_CASE_TEMPLATE("after each of many mishaps the link is back within one large
   }
 }
 
-TEST_CASE_TEMPLATE("silence makes a link stale and begins reception anew, until a frame comes", Wire, Enterprize,
-                   Native) {
+TEST_CASE_TEMPLATE("silence makes a link stale and restarts reception, until a frame comes", Wire, Enterprize, Native) {
   Board<Wire> board(9);
   board.pass(1'000);
   CHECK(board.link->state() == LinkState::stale);

@@ -94,7 +94,7 @@ class Beat(_Request, tag="beat"):
 
 
 class Send(_Request, tag="send"):
-    """One message, by its fields or as a frame. ``reply``: wait for its reply, so many seconds at most."""
+    """One message, by its fields or as a frame. ``reply``: wait for its reply, this many seconds at most."""
 
     message: str = ""
     fields: dict[str, Any] | None = None

@@ -26,7 +26,7 @@ RULE = "check-strength"
 REFERENCE_MIX = (9, 12, 6, 26, 13, 40)  # payload bytes
 BIT_ERROR_RATE = 1e-4  # a bad line, where nearly every damaged frame has one wrong bit
 
-# A burst is a run of up to so many bits, the first and the last wrong, the others by chance.
+# A burst is a run of up to this many bits, the first and the last wrong, the others by chance.
 FAULTS: dict[str, Fault] = {
     "1 bit": wrong_bits(1),
     "2 bits": wrong_bits(2),

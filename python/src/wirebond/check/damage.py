@@ -44,7 +44,7 @@ class Measured:
 
 
 def wrong_bits(number: int) -> Fault:
-    """Exactly so many wrong bits, anywhere in the frame."""
+    """Exactly this many wrong bits, anywhere in the frame."""
 
     def fault(bits: Integers, generator: np.random.Generator) -> Flips:
         places = generator.integers(0, bits[:, None], (len(bits), number))

@@ -65,7 +65,7 @@ def payload_sizes(form: Form, most: int) -> range | None:
 
 
 def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
-    """Bytes that a frame with so many payload bytes takes of the line: its usual form, worst COBS, usual escapes.
+    """Bytes that a frame with this many payload bytes takes of the line: its usual form, worst COBS, usual escapes.
 
     Escaping may double a frame; counted is what random content brings. Where silence ends a frame the sender's pause is
     counted, too.

@@ -61,7 +61,7 @@ class Noise:
 def measure_noise(codec: Codec, sender: End, size: int, seed: int) -> Noise:
     """Decode about ``size`` random bytes as if this end had sent them.
 
-    Where silence ends a frame they come in blocks of 1 to so many bytes as the longest frame has, and they are fewer.
+    Where silence ends a frame they come in blocks of 1 byte to as many as the longest frame has, and they are fewer.
     """
     generator = np.random.default_rng(seed)
     rate = expected_rate(codec.model, sender)

@@ -29,7 +29,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Candidate:
-    """Bytes that could have been a frame. ``extent``: so many wire bytes carry its cause when rescanned in vain.
+    """Bytes that could have been a frame. ``extent``: this many wire bytes carry its cause when rescanned in vain.
 
     The content is stream[begin : end]; the rest of the extent are delimiters. Where frames are found by their start,
     ``end`` is None: the candidate says itself how long it is.

@@ -374,7 +374,7 @@ def _write_list(member: Member, here: _Here, at: int, more: bool) -> list[str]:
 
 
 def _times(spec: Field, count: str) -> str:
-    """Least wire bytes of so many elements."""
+    """Least wire bytes of this many elements."""
     return count if spec.element_min_bytes == 1 else f"{spec.element_min_bytes} * {count}"
 
 

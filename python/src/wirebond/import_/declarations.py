@@ -145,7 +145,7 @@ def _unknown_type(text: str) -> tuple[int, str] | None:
     return None
 
 
-class _Unreadable(Exception):  # noqa: N818  (it ends one struct, and is told in the result)
+class _Unreadable(Exception):  # noqa: N818  (it ends one struct, and is reported in the result)
     pass
 
 

@@ -267,13 +267,13 @@ def complement(allowed: Intervals, most: int) -> Intervals:
 
 
 def can_be(choices: tuple[Choice, ...], width: int) -> bool:
-    """Is there a number of so many bits with which all those of the last one's choices hold?"""
+    """Is there a number of this many bits for which all those of the last one's choices hold?"""
     mine = tuple(choice for choice in choices if choice.number == choices[-1].number)
     return some_value(mine, width) is not None
 
 
 def some_value(choices: tuple[Choice, ...], width: int, prefer: int = 0) -> int | None:
-    """A number of so many bits with which all of these choices hold, with bits of ``prefer`` where that is possible."""
+    """A number of this many bits for which all of these choices hold, with bits of ``prefer`` where possible."""
     seen: set[tuple[int, ...]] = set()
 
     def search(bit: int, value: int) -> int | None:

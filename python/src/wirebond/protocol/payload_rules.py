@@ -21,7 +21,7 @@ class PayloadConstant:
     """A byte that must have ``value`` in the bits of ``mask``."""
 
     at: int
-    behind: int  # so many of the counts say how much farther it lies
+    behind: int  # this many of the counts say how much farther it lies
     mask: int
     value: int
 

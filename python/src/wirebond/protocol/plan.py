@@ -209,7 +209,7 @@ class Plan:
     sends_opening: bool
     stuffing: Stuffing
     escapes: Escapes | None
-    starts: int  # the first so many bytes of ``escapes`` begin frames that their length ends
+    starts: int  # the first this many bytes of ``escapes`` begin frames that their length ends
     insertion: Insertion | None
     length_on_wire: bool  # the length counts the bytes as they are sent, after stuffing
     deliver_unknown: bool

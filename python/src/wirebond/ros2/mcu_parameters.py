@@ -68,7 +68,7 @@ class McuParameters:
         self._pass_on([message])
 
     def _read(self) -> None:
-        """Ask until it answers, and again when the port was away: then it may have begun anew."""
+        """Ask until it answers, and again when the port was away: then it may have restarted."""
         seen = -1
         while not self._closed.is_set():
             reconnects = self._link.stats.reconnects

@@ -48,7 +48,7 @@ class DmaUart {
   /// When a run ends; `never`: none is under way.
   Time next() const { return pended_ ? now_ : completes_at_; }
 
-  /// It is `now`: what has happened since is told to the link, as its interrupts would. `left(bytes, size, end)` is
+  /// It is `now`: what has happened since is reported to the link, as by its interrupts. `left(bytes, size, end)` is
   /// called for each run that is handed over, with the time at which its last bit will have left.
   template <class Link, class Left>
   void run(Time now, Link& link, Left&& left) {

@@ -65,7 +65,7 @@ class PtyWire {
   void script_unplug(Time at, Time length) { unplugs_.push_back({at, at + length}); }
 
   /// Before `run`, as often as wanted: this happens to the first byte that is put onto the line after this time, or to
-  /// so many. Up to 5 ms of line, or one write of a program, may have been put before.
+  /// this many. Up to 5 ms of line, or one write of a program, may have been put before.
   void script_fault(Time at, End from, ScriptedFault::Kind kind, std::uint8_t value, std::uint64_t count) {
     scripted_.push_back({at, from, kind, value, count});
   }

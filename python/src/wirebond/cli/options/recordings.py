@@ -49,7 +49,7 @@ def info(
         bool, typer.Option("--no-repair", help="Leave a recording that was not closed as it is.")
     ] = False,
 ) -> None:
-    """Say what a recording holds. One that was not closed is closed, and what was cut off is told."""
+    """Say what a recording holds. One that was not closed is closed, and what was cut off is reported."""
     from wirebond.recording.command import show_info
 
     raise_from_here()

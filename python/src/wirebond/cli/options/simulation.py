@@ -54,7 +54,7 @@ def sim(
         bool, typer.Option("--stats", help="At the end print as JSON what the MCU received and refused.")
     ] = False,
     clock_drift: Annotated[
-        float, typer.Option(metavar="PPM", help="Its clock is fast by so many parts per million; negative: slow.")
+        float, typer.Option(metavar="PPM", help="Its clock is fast by this many parts per million; negative: slow.")
     ] = 0.0,
 ) -> None:
     """Run a virtual MCU that speaks this protocol, on a pty; print the pty's path."""
