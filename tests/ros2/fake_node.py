@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 from wirebond.ros2.cdr import decode, encode
-from wirebond.ros2.node import Parameter, Qos, Quick
-from wirebond.ros2.types import RosType
+from wirebond.ros2.node import Answer, Parameter, Qos, Quick
+from wirebond.ros2.types import RosType, ServiceType
 
 
 class FakePublisher:
@@ -38,6 +38,8 @@ class FakeNode:
         self.qos: dict[str, Qos] = {}
         self.types: dict[str, str] = {}
         self.take: dict[str, Callable[[dict[str, Any]], None]] = {}
+        self.undecodable: Counter[str] = Counter()
+        self.answer: dict[str, Answer] = {}  # of services
         self.parameters: dict[str, Parameter] = {}
         self.lines: list[tuple[str, str]] = []
         self.cancelled: list[str] = []
@@ -66,6 +68,15 @@ class FakeNode:
                 quick.flush()
 
         self.qos[topic], self.types[topic], self.take[topic] = qos, type_.short, give
+
+    def serve(self, service: str, type_: ServiceType, answer: Answer) -> None:
+        """As a caller gets it: through its bytes."""
+
+        def call(request: dict[str, Any]) -> dict[str, Any]:
+            response = answer(decode(type_.request, encode(type_.request, request)))
+            return decode(type_.response, encode(type_.response, response))
+
+        self.types[service], self.answer[service] = type_.name, call
 
     def declare(self, parameter: Parameter) -> None:
         with self.changed:

@@ -1,4 +1,5 @@
-"""A program of ROS that sets parameters of the node /axis, and says as JSON what came of it. It runs over rclpy."""
+"""A program of ROS that sets parameters of the node /axis and calls its service, and says as JSON what came of it. It
+runs over rclpy."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from typing import Any
 import rclpy
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
+from std_srvs.srv import Trigger
 
 PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 
@@ -31,6 +33,10 @@ def main() -> None:
         (result,) = answer(client.set_parameters([Parameter(name, value=value)])).results
         (now,) = answer(client.get_parameters([name])).values
         print(json.dumps([result.successful, result.reason, now.double_value]))
+    caller = node.create_client(Trigger, "/axis/travel")
+    assert caller.wait_for_service(PATIENCE)
+    called = answer(caller.call_async(Trigger.Request()))
+    print(json.dumps([called.success, called.message]))
     print(json.dumps(node.get_node_names()))
     node.destroy_node()
     rclpy.shutdown()

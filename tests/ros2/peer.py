@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import time
 from collections.abc import Callable
 from typing import Any
@@ -16,12 +17,14 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 from rosbags.typesys import Stores, get_typestore
 
+from wirebond.ros2.dds_services import any_bytes
 from wirebond.ros2.idl import idl_type
-from wirebond.ros2.types import ros_type
+from wirebond.ros2.types import ServiceType, ros_type, service_type
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 _ANY = 0x7F
+_CLIENT = 0x1122334455667788  # as a program over rmw_cyclonedds calls itself
 
 
 class Peer:
@@ -58,6 +61,12 @@ class Peer:
         data = bytes(STORE.serialize_cdr(message, self._topics[topic][1]))
         assert ddspy_write(self._writers[topic]._ref, data + bytes(-len(data) % 4)) == 0
 
+    def serve_calls(self, service: str, type_name: str) -> Calls:
+        """Be a caller of this service, as a program over rmw_cyclonedds is."""
+        type_ = service_type(type_name)
+        assert type_ is not None
+        return Calls(self._participant, service, type_)
+
     def look(self) -> None:
         """Take what has come."""
         for topic, reader in self._readers.items():
@@ -67,14 +76,12 @@ class Peer:
 
     def wait(self, what: Callable[[], Any]) -> Any:
         """Look until this is true; what it gave."""
-        end = time.monotonic() + PATIENCE
-        while True:
+
+        def look() -> Any:
             self.look()
-            found = what()
-            if found:
-                return found
-            assert time.monotonic() < end, {topic: len(seen) for topic, seen in self.seen.items()}
-            time.sleep(0.01)
+            return what()
+
+        return wait(look, lambda: {topic: len(seen) for topic, seen in self.seen.items()})
 
     def next(self, topic: str) -> Any:
         """The next message of this topic that comes after this call."""
@@ -90,6 +97,56 @@ class Peer:
             made = Topic(self._participant, raw or f"rt{topic}", idl_type(type_))
             self._topics[topic] = made, type_.name
         return self._topics[topic][0]
+
+
+def wait(what: Callable[[], Any], about: Callable[[], Any] = lambda: None) -> Any:
+    """Until this is true; what it gave. ``about``: what to say if it never is."""
+    end = time.monotonic() + PATIENCE
+    while not (found := what()):
+        assert time.monotonic() < end, about()
+        time.sleep(0.01)
+    return found
+
+
+class Calls:
+    """Calls one service in the bytes of rmw_cyclonedds: a header, and the request."""
+
+    def __init__(self, participant: DomainParticipant, service: str, type_: ServiceType) -> None:
+        user_data = Policy.Userdata(b"clientid=1.2.3;")
+        qos = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(10), user_data)
+        requests = Topic(participant, f"rq{service}Request", any_bytes(type_.request))
+        responses = Topic(participant, f"rr{service}Reply", any_bytes(type_.response))
+        self._requests: DataWriter[Any] = DataWriter(participant, requests, qos)
+        self._responses: DataReader[Any] = DataReader(participant, responses, qos)
+        self._type = type_
+        self._number = 0
+
+    def is_offered(self) -> bool:
+        """As rmw_cyclonedds asks: is there a reader of requests and a writer of responses with one ``serviceid``?"""
+        writer, reader = self._requests, self._responses
+        readers = [writer.get_matched_subscription_data(one) for one in writer.get_matched_subscriptions()]
+        writers = [reader.get_matched_publication_data(one) for one in reader.get_matched_publications()]
+        return bool({_service_id(one) for one in readers} & {_service_id(one) for one in writers})
+
+    def call(self, request: bytes, header: bool = True) -> tuple[bool, str] | None:
+        """``request``: its bytes in CDR. None: no response came in a second; only without a header it may take less."""
+        self._number += 1
+        numbers = struct.pack("<Qq", _CLIENT, self._number) if header else b""
+        data = request[:4] + numbers + request[4:]
+        assert ddspy_write(self._requests._ref, data + bytes(-len(data) % 4)) == 0
+        end = time.monotonic() + (PATIENCE if header else 0.3)
+        while time.monotonic() < end:
+            for answer, _ in ddspy_take(self._responses._ref, _ANY, 10):
+                assert struct.unpack_from("<Qq", answer, 4) == (_CLIENT, self._number)
+                (size,) = struct.unpack_from("<I", answer, 24)
+                return bool(answer[20]), answer[28 : 28 + size - 1].decode()
+            time.sleep(0.01)
+        return None
+
+
+def _service_id(endpoint: Any) -> str:
+    data = next((policy.data for policy in endpoint.qos if isinstance(policy, Policy.Userdata)), b"")
+    return next(pair for pair in data.decode().split(";") if pair.startswith("serviceid="))
 
 
 def message(type_name: str, *values: Any) -> Any:

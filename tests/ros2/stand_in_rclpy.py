@@ -53,6 +53,7 @@ class Node:
         self.set_parameters: Any = None
         self.services: set[str] = set()  # that other nodes serve
         self.asked: list[str] = []
+        self.served: dict[str, Any] = {}
         self._given = parameters or {}
 
     def create_publisher(self, class_: Any, topic: str, profile: Any, **options: Any) -> Any:
@@ -74,6 +75,10 @@ class Node:
         subscription = Subscription(class_)
         self.subscriptions[topic] = subscription
         return subscription
+
+    def create_service(self, class_: Any, name: str, answer: Any, callback_group: Any) -> Any:
+        self.served[name] = lambda: answer(class_.Request(), class_.Response())
+        return SimpleNamespace()
 
     def declare_parameter(self, name: str, value: Any, descriptor: Any) -> Any:
         self.descriptors[name] = descriptor
@@ -148,6 +153,7 @@ def install(patch: pytest.MonkeyPatch, *, has_take: bool = True) -> list[Node]:
         "rclpy.parameter": {"Parameter": lambda name, value: SimpleNamespace(name=name, value=value)},
         "rclpy.callback_groups": {"CallbackGroup": object},
         "rclpy.subscription": {"Subscription": Subscription},
+        "rclpy.service": {"Service": object},
         "rclpy.impl": {},
         "rclpy.impl.implementation_singleton": {"rclpy_implementation": SimpleNamespace(**implementation)},
         "rclpy.qos": {
@@ -164,6 +170,8 @@ def install(patch: pytest.MonkeyPatch, *, has_take: bool = True) -> list[Node]:
         },
         "action_msgs": {},
         "action_msgs.srv": {"CancelGoal": SimpleNamespace(Request=SimpleNamespace)},
+        "std_srvs": {},
+        "std_srvs.srv": {"Trigger": SimpleNamespace(Request=SimpleNamespace, Response=SimpleNamespace)},
         "rcl_interfaces": {},
         "rcl_interfaces.msg": dict.fromkeys(
             ("FloatingPointRange", "ParameterDescriptor", "SetParametersResult"), SimpleNamespace

@@ -10,7 +10,8 @@ import pytest
 from tests.shared import PROTOCOLS
 from wirebond.codec import Codec, load
 from wirebond.errors import LinkDownError
-from wirebond.ros2.commands import Commands, Throttle
+from wirebond.ros2.commands import Commands
+from wirebond.ros2.throttle import Throttle
 
 
 class FakeLink:

@@ -24,6 +24,17 @@ from wirebond.sim.pty_port import PtyPort
 AXIS = wirebond.load(PROTOCOLS / "linear_axis.yaml")
 
 
+READS = """
+wirebond_ros2: 1
+services:
+  - service: ~/travel
+    type: std_srvs/Trigger
+    message: parameter_read
+    fields: {index: {text: travel}}
+    answer: {success: {from: result, values: {ok: true, no_such_index: false, out_of_range: false}}, message: result}
+"""
+
+
 class Axis:
     """An MCU with three parameters, each from 0 to 10. It answers nothing before it is switched on."""
 
@@ -89,14 +100,15 @@ def test_parameters_are_read_set_and_followed(axis: Axis) -> None:
 
 
 def test_ros_sets_them_over_rclpy(axis: Axis, tmp_path: Path) -> None:
-    """One process has two links, whose nodes have parameters of their own in one file."""
+    """One process has two links, whose nodes have parameters of their own in one file. A service reads one, too."""
     environment = rclpy_environment() | {"ROS_DOMAIN_ID": str(101 + os.getpid() % 100)}
     axis.is_on.set()
     protocol = PROTOCOLS / "linear_axis.yaml"
     nodes = {
-        "axis": {"protocol": str(protocol), "port": axis.line.path},
+        "axis": {"protocol": str(protocol), "port": axis.line.path, "mapping": str(tmp_path / "mapping.yaml")},
         "other": {"protocol": str(protocol), "port": "sim:"},
     }
+    (tmp_path / "mapping.yaml").write_text(READS)
     file = tmp_path / "two.yaml"
     file.write_text(json.dumps({f"/{name}": {"ros__parameters": given} for name, given in nodes.items()}))
     command = [sys.executable, "-m", "wirebond_ros.bridge", *nodes, "--ros-args", "--params-file", str(file)]
@@ -107,9 +119,10 @@ def test_ros_sets_them_over_rclpy(axis: Axis, tmp_path: Path) -> None:
     finally:
         bridge.terminate()
         assert bridge.wait(20) == 0
-    taken, refused, names = map(json.loads, said.splitlines())
+    taken, refused, called, names = map(json.loads, said.splitlines())
     assert taken == [True, "", 0.5]
     assert refused[0] is False
     assert "the MCU refused 11.0 for parameter travel: it is out of range" in refused[1]
     assert refused[2] == 0.5
+    assert called == [True, "ok"]
     assert {"axis", "other"} <= set(names)

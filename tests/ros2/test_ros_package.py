@@ -27,7 +27,7 @@ from tests.shared import PROTOCOLS, ROOT
 from wirebond.errors import UsageError
 from wirebond.ros2.cdr import encode
 from wirebond.ros2.node import LATCHED, Parameter, Qos
-from wirebond.ros2.types import RosType, ros_type
+from wirebond.ros2.types import RosType, ros_type, service_type
 
 PACKAGE = ROOT / "ros2" / "wirebond_ros"
 
@@ -84,6 +84,15 @@ def test_goals_are_cancelled_where_their_action_is_there(adapter: Any) -> None:
     assert inner.asked == ["/navigate_to_pose/_action/cancel_goal"]
 
 
+def test_services_answer(adapter: Any) -> None:
+    inner, type_ = stand_in_rclpy.Node(), service_type("std_srvs/Trigger")
+    assert type_ is not None
+    adapter.RclpyNode(inner).serve("/recover", type_, lambda request: {"success": request == {}, "message": "sent"})
+    assert vars(inner.served["/recover"]()) == {"success": True, "message": "sent"}
+    with pytest.raises(UsageError, match=r"this ROS 2 has no std_srvs/SetBool; .* apt install ros-jazzy-std-srvs"):
+        adapter.RclpyNode(inner).serve("/x", service_type("std_srvs/SetBool"), lambda request: request)
+
+
 def test_parameter_that_is_refused_stays_and_one_that_has_changed_is_not_set_again(adapter: Any) -> None:
     inner = stand_in_rclpy.Node()
     node = adapter.RclpyNode(inner)
@@ -121,7 +130,7 @@ def test_messages_are_taken_in_a_loop_from_the_start_on(adapter: Any) -> None:
         encode(TWIST, {"linear": {"x": 0.3}}),
     ]
     assert [taken.get(timeout=20), taken.get(timeout=20)] == [0.2, 0.3]
-    assert node.undecodable == 1
+    assert node.undecodable == {"/cmd_vel": 1}
     node.close()
 
 

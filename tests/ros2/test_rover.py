@@ -49,7 +49,8 @@ class Served:
     @classmethod
     def over_dds(cls, port: str, name: str, *options: str) -> Served:
         """`wirebond serve --ros2`."""
-        return cls([WIREBOND, "serve", str(DIFFDRIVE), port, "--ros2", "--name", name, *options])
+        environment = os.environ | {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}
+        return cls([WIREBOND, "serve", str(DIFFDRIVE), port, "--ros2", "--name", name, *options], environment)
 
     @classmethod
     def over_rclpy(cls, parameters: dict[str, str], node: str) -> Served:
@@ -300,6 +301,21 @@ def test_other_quality_of_service_is_told(peer: Peer, domain: int) -> None:
     assert "reliability" in peer.wait(lambda: said(peer, "a publisher of /cmd_vel offers less than is asked for"))[0]
     other.listen("/odom", "nav_msgs/Odometry", latched=True)
     assert "durability" in peer.wait(lambda: said(peer, "a subscriber of /odom asks for more than is offered"))[0]
+
+
+@pytest.mark.parametrize("adapter", ["dds"], indirect=True)
+def test_services_answer_programs_over_rmw_cyclonedds(peer: Peer) -> None:
+    nothing = b"\0\1\0\0\0"  # std_srvs/Trigger_Request
+    recover, reset = (peer.serve_calls(name, "std_srvs/Trigger") for name in ("/recover", "/reset_odometry"))
+    peer.wait(lambda: recover.is_offered() and reset.is_offered())
+    assert recover.call(nothing) == (True, "parameter was sent; the protocol has no reply to it")
+    assert any("aa 55 03 00" in line.data for line in peer.seen["/serial_tx_hex"])
+    drive(peer, 0.5, 0.0, 0.3)
+    assert stand_still(peer).pose.pose.position.x > 0.01
+    assert reset.call(nothing) == (True, "the pose begins at zero again")
+    assert peer.next("/odom").pose.pose.position.x < 0.001
+    assert recover.call(nothing, header=False) is None  # as Fast DDS asks
+    peer.wait(lambda: said(peer, "/recover was called, and not answered: the caller's RMW is another"))
 
 
 @pytest.mark.parametrize("adapter", ["dds"], indirect=True)

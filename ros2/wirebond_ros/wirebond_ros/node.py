@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import os
 import threading
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -22,8 +23,9 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from wirebond.errors import UsageError, WirebondError
 from wirebond.ros2.cdr import decode, encode
-from wirebond.ros2.node import Parameter, Qos, Quick, mismatch
-from wirebond.ros2.types import RosType
+from wirebond.ros2.node import Answer, Parameter, Qos, Quick, mismatch
+from wirebond.ros2.types import RosType, ServiceType
+from wirebond_ros.calls import CallLoop
 from wirebond_ros.taking import TakeLoop, Taken
 
 LEVELS = {"debug": "debug", "info": "info", "warning": "warning", "error": "error"}
@@ -46,18 +48,16 @@ class RclpyPublisher:
 
 
 class RclpyNode:
-    """See ``wirebond.ros2.node.Node``. Who makes it spins ``node``.
-
-    :ivar undecodable: received messages that were no message of their type.
-    """
+    """See ``wirebond.ros2.node.Node``. Who makes it spins ``node``."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
-        self.undecodable = 0
+        self.undecodable: Counter[str] = Counter()
         self._parameters: dict[str, Parameter] = {}
         self._started = threading.Event()
         self._updating = threading.local()  # in its thread: the parameter that is set because it has changed
         self._taking = TakeLoop()
+        self._calls = CallLoop(lambda text: self.log("error", text))
         node.add_on_set_parameters_callback(self._set)
 
     def publisher(self, topic: str, type_: RosType, qos: Qos) -> RclpyPublisher:
@@ -93,7 +93,7 @@ class RclpyNode:
             try:
                 values = decode(type_, data)
             except ValueError:
-                self.undecodable += 1
+                self.undecodable[topic] += 1
                 return
             take(values)
 
@@ -113,6 +113,25 @@ class RclpyNode:
             raw=True,
         )
         self._taking.add(Taken(subscription, received, None if quick is None else quick.flush))
+
+    def serve(self, service: str, type_: ServiceType, answer: Answer) -> None:
+        """See ``wirebond.ros2.node.Node``. Where this rclpy has no call that takes a request, its executor waits, too.
+
+        :raises UsageError: this ROS 2 has no such type.
+        """
+
+        def respond(request: Any, response: Any) -> Any:
+            given = {
+                field.name: getattr(request, field.name)
+                for field in type_.request.fields
+                if hasattr(request, field.name)
+            }
+            for name, value in answer(given).items():
+                setattr(response, name, value)
+            return response
+
+        class_ = class_named(type_.name, "srv", is_generated=False)
+        self._calls.add(self.node.create_service(class_, service, respond, callback_group=self._calls.group))
 
     def declare(self, parameter: Parameter) -> None:
         """See ``wirebond.ros2.node.Node``."""
@@ -162,11 +181,13 @@ class RclpyNode:
         self._taking.drop_waiting()
         self._started.set()
         self._taking.start()
+        self._calls.start()
 
     def close(self) -> None:
         """See ``wirebond.ros2.node.Node``."""
         self._started.clear()
         self._taking.close()
+        self._calls.close()
 
     def _teller(self, topic: str, *, is_publisher: bool) -> Callable[[Any], None]:
         def tell(event: Any) -> None:
@@ -198,15 +219,23 @@ def class_of(type_: RosType) -> Any:
 
     :raises UsageError: its package is not installed.
     """
-    package, room, name = type_.name.split("/")
+    return class_named(type_.short, "msg", is_generated=type_.is_generated)
+
+
+def class_named(short: str, room: str, *, is_generated: bool) -> Any:
+    """The class of a type, such as ``std_srvs/Trigger``, which lies in ``msg`` or in ``srv``.
+
+    :raises UsageError: its package is not installed.
+    """
+    package, name = short.split("/")
     try:
         return getattr(importlib.import_module(f"{package}.{room}"), name)
     except (ImportError, AttributeError):
         distribution = os.environ.get("ROS_DISTRO", "jazzy")
         advice = f"install its package: apt install ros-{distribution}-{package.replace('_', '-')}"
-        if type_.is_generated:
+        if is_generated:
             advice = f"write its package by `wirebond gen --lang ros2`, build it with colcon, and source it: {package}"
-        raise UsageError(f"this ROS 2 has no {type_.short}; {advice}") from None
+        raise UsageError(f"this ROS 2 has no {short}; {advice}") from None
 
 
 def _profile(qos: Qos) -> QoSProfile:

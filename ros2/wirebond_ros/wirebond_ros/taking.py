@@ -13,26 +13,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
+
+from wirebond_ros.not_spun import NotSpun
 
 _BUSY_WAIT = 0.0005  # seconds between two looks while messages come
 _IDLE_WAIT = 0.002
 _BUSY_FOR = 0.1  # seconds without a message until a look every `_IDLE_WAIT` is enough
-
-
-class _NotSpun(CallbackGroup):
-    """Entities that the executor leaves alone: subscriptions; their events it serves."""
-
-    def can_execute(self, entity: Any) -> bool:
-        return not isinstance(entity, Subscription)
-
-    def beginning_execution(self, entity: Any) -> bool:  # noqa: ARG002 a method of rclpy
-        return True
-
-    def ending_execution(self, entity: Any) -> None:
-        """Nothing to give back."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +45,7 @@ class TakeLoop:
     """
 
     def __init__(self) -> None:
-        self.group = _NotSpun() if _can_take() else None
+        self.group = NotSpun(Subscription) if _can_take() else None
         self._taken: list[Taken] = []
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ROS 2 topics", daemon=True)

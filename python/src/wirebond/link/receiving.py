@@ -288,22 +288,7 @@ class Receiving:
         :raises QueueFullError: 64 KiB wait already.
         """
         answer: SimpleQueue[Outcome] = SimpleQueue()
-        asked = self._ask(message, values, timeout, header, fields, answer.put)
-        outcome: Outcome | None = None
-        try:
-            try:
-                outcome = answer.get(timeout=timeout)
-            except Empty:
-                self._inbox.requests.withdraw(asked.question)
-                try:
-                    outcome = answer.get_nowait()  # it came meanwhile
-                except Empty:
-                    raise asked.timeout_error() from None
-            return asked.result(outcome)
-        finally:
-            self._inbox.requests.withdraw(asked.question)
-            if outcome is None and not answer.empty() and isinstance(left := answer.get_nowait(), Message):
-                self._inbox.give_reply_back(left)  # a signal ended the wait
+        return self._answer_to(self._ask(message, values, timeout, header, fields, answer.put), answer)
 
     @property
     def aio(self) -> Aio:
@@ -346,6 +331,30 @@ class Receiving:
         typed = None if isinstance(message, str) else getattr(message, "reply_of", from_message_of(type(message)))
         self._inbox.requests.submit(question)
         return Asked(self, question, header or {}, timeout, typed)
+
+    def _answer_to(self, asked: Asked, answer: SimpleQueue[Outcome]) -> Any:
+        """Wait for what ``answer`` gets of this request, and withdraw it."""
+        outcome: Outcome | None = None
+        try:
+            try:
+                outcome = answer.get(timeout=asked.timeout)
+            except Empty:
+                self._inbox.requests.withdraw(asked.question)
+                try:
+                    outcome = answer.get_nowait()  # it came meanwhile
+                except Empty:
+                    raise asked.timeout_error() from None
+            return asked.result(outcome)
+        finally:
+            self._inbox.requests.withdraw(asked.question)
+            if outcome is None and not answer.empty() and isinstance(left := answer.get_nowait(), Message):
+                self._inbox.give_reply_back(left)  # a signal ended the wait
+
+    def _start_request(self, message: str, values: Mapping[str, Any], timeout: float) -> Callable[[], Message]:
+        """As ``request`` in two steps: send it, and by the function that this gives, which must be called, wait."""
+        answer: SimpleQueue[Outcome] = SimpleQueue()
+        asked = self._ask(message, values, timeout, None, {}, answer.put)
+        return lambda: self._answer_to(asked, answer)
 
     def _start_reading(self) -> None:
         self._inbox.start()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from wirebond.errors import LinkDownError, WirebondError
 from wirebond.protocol.model import End
-from wirebond.ros2.commands import Commands, Throttle
+from wirebond.ros2.commands import Commands
 from wirebond.ros2.diagnostics import Diagnostics, deadline_words
 from wirebond.ros2.json_text import from_json
 from wirebond.ros2.mapping.model import BridgeMapping, Incoming, OdometryMapping
@@ -17,7 +17,10 @@ from wirebond.ros2.mcu_parameters import McuParameters
 from wirebond.ros2.node import LATCHED, Node, Parameter, Publisher, Qos, whole_topic
 from wirebond.ros2.pace import Pace
 from wirebond.ros2.serial_topics import SerialTopics
+from wirebond.ros2.services import Services
+from wirebond.ros2.throttle import Throttle
 from wirebond.ros2.topics import Topics, known, stamp_of
+from wirebond.ros2.types import service_type
 
 if TYPE_CHECKING:
     from wirebond import _engine
@@ -56,8 +59,13 @@ class Bridge:
             self._add_incoming(incoming)
         for message in mapping.json_in:
             self._add_json(message)
+        services = Services(link, self.commands, self._take)
+        for one in mapping.services:
+            node.serve(self._whole(one.service), one.type, services.answer(one))
         if mapping.odometry is not None:
             self._declare_wheels(mapping.odometry)
+            if mapping.odometry.reset is not None:
+                self._serve_reset(mapping.odometry.reset)
         self._navigation = None
         if mapping.navigation is not None:
             self._navigation = self._publisher(mapping.navigation.topic, "std_msgs/Bool", LATCHED)
@@ -178,6 +186,17 @@ class Bridge:
 
             value = getattr(mapping.wheels, name)
             self.node.declare(Parameter(f"odometry.{name}", value, 1e-6, limit, text, change))
+
+    def _serve_reset(self, service: str) -> None:
+        pose, type_ = self._topics.pose, service_type("std_srvs/Trigger")
+        assert pose is not None, "the mapping has odometry"
+        assert type_ is not None, "the type is known"
+
+        def answer(_: dict[str, Any]) -> dict[str, Any]:
+            pose.reset()
+            return {"success": True, "message": "the pose begins at zero again"}
+
+        self.node.serve(self._whole(service), type_, answer)
 
     def _emergency_stop(self, values: dict[str, Any]) -> None:
         try:

@@ -6,46 +6,24 @@ import contextlib
 import math
 import sys
 import threading
-import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from wirebond import _engine
 from wirebond.errors import WirebondError
 from wirebond.protocol.model import End, Field, FieldKind, OnRange
+from wirebond.ros2.throttle import Log, Throttle
 
 if TYPE_CHECKING:
+    from wirebond.codec import Message
     from wirebond.link import Link
     from wirebond.ros2.mapping.unpacking import UnpackPlan
 
-Log = Callable[[str, str], None]  # level and text
+_Sent = TypeVar("_Sent")
 _MOST = sys.float_info.max
 _NUMBERS = {float, int, bool}
 _MOST_READY = 256  # frames
-_SAY_EVERY = 1.0  # seconds between two lines about the same thing
-
-
-class Throttle:
-    """A log that says each thing once a second, with how often it happened since. Any thread."""
-
-    def __init__(self, log: Log, clock: Callable[[], float] = time.monotonic) -> None:
-        self._log = log
-        self._clock = clock
-        self._said: dict[str, float] = {}
-        self._more: Counter[str] = Counter()
-        self._lock = threading.Lock()
-
-    def say(self, level: str, about: str, text: str) -> None:
-        """``about`` is what counts as the same thing."""
-        now = self._clock()
-        with self._lock:
-            if now - self._said.get(about, -math.inf) < _SAY_EVERY:
-                self._more[about] += 1
-                return
-            self._said[about] = now
-            more = self._more.pop(about, 0)
-        self._log(level, f"{text} ({more} more since the last line)" if more else text)
 
 
 class RefusedError(Exception):
@@ -84,25 +62,63 @@ class Commands:
         header: Mapping[str, Any] | None = None,
     ) -> bool:
         """Send a message, or repeat it for ``hold`` seconds. False: it was refused, counted, and logged."""
+
+        def leave(fitting: Mapping[str, Any]) -> None:
+            if hold is None:
+                self._link.send(message, fitting, header=header)
+            else:
+                self._link.repeat(message, fitting, hold=hold, header=header)
+
+        try:
+            self._pass(message, values, leave)
+        except RefusedError:
+            return False
+        return True
+
+    def tell(self, message: str, values: Mapping[str, Any]) -> None:
+        """Send a message.
+
+        :raises RefusedError: as ``send`` refuses, and counts, and logs.
+        """
+        self._pass(message, values, lambda fitting: self._link.send(message, fitting))
+
+    def ask(self, message: str, values: Mapping[str, Any], timeout: float) -> Message:
+        """Send a request, and wait for its reply.
+
+        :param timeout: seconds.
+        :raises RefusedError: as ``tell``; or no reply came in time, which is counted and logged, too.
+        """
+        wait = self._pass(message, values, lambda fitting: self._link._start_request(message, fitting, timeout))
+        try:
+            return wait()
+        except WirebondError as error:
+            with self._lock:
+                self.counts["unanswered"] += 1
+            self._throttle.say("warning", f"no answer {message}", str(error))
+            raise RefusedError("no answer", str(error)) from None
+
+    def _pass(self, message: str, values: Mapping[str, Any], leave: Callable[[Mapping[str, Any]], _Sent]) -> _Sent:
+        """Let values leave that fit, now that nothing stops them; what ``leave`` gave.
+
+        :raises RefusedError: they do not; that was counted, and logged.
+        """
         self.flush()
         try:
             fitting, clamped = self._fitting(message, values)
             with self._leaving:
                 if self.why_stopped and message in self._safe:
                     raise RefusedError(self.why_stopped, self.why_stopped)
-                if hold is None:
-                    self._link.send(message, fitting, header=header)
-                else:
-                    self._link.repeat(message, fitting, hold=hold, header=header)
+                sent = leave(fitting)
         except (RefusedError, WirebondError, TypeError) as error:
-            self.refuse(message, str(error), getattr(error, "kind", type(error).__name__))
-            return False
+            kind = getattr(error, "kind", type(error).__name__)
+            self.refuse(message, str(error), kind)
+            raise RefusedError(kind, str(error)) from None
         with self._lock:
             self.counts["sent"] += 1
             self.counts["clamped"] += bool(clamped)
         if clamped:
             self._throttle.say("warning", f"clamp {message}", f"{message} was clamped: {', '.join(clamped)}")
-        return True
+        return sent
 
     def framer(self, plan: UnpackPlan) -> _engine.CdrCommand | None:
         """What makes the frames of a topic's bytes, for ``send_frame``; None where these must be looked at one by one:

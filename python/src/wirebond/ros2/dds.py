@@ -1,8 +1,8 @@
 """A ROS 2 node without ROS: topics over DDS, seen by every ROS 2 program as a node among others.
 
-Names, discovery and types are those of ROS 2 Jazzy. Parameters, services and remaps are not there; a mapping file says
-what they would. ``ddspy_write`` and ``ddspy_take`` are private functions of the package cyclonedds, which is pinned for
-that: they take ready bytes, and so cost half as much as its public ones.
+Names, discovery and types are those of ROS 2 Jazzy. Parameters and remaps are not there; a mapping file says what they
+would. Services are those of one RMW alone, see `dds_services`. ``ddspy_write`` and ``ddspy_take`` are private functions
+of the package cyclonedds, which is pinned for that: they take ready bytes, and so cost half as much as its public ones.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import logging
 import os
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -20,17 +21,21 @@ from cyclonedds._clayer import ddspy_take, ddspy_write
 from cyclonedds.core import DDSException, InstanceState, Policy, ReadCondition, SampleState, ViewState, WaitSet
 from cyclonedds.core import Qos as DdsQos
 from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from wirebond.errors import UsageError
+from wirebond.ros2 import dds_services
 from wirebond.ros2.cdr import decode, encode
+from wirebond.ros2.dds_services import Calls, any_bytes, numbered
 from wirebond.ros2.idl import idl_type
-from wirebond.ros2.node import LATCHED, LEVELS, Parameter, Qos, Quick, mismatch
+from wirebond.ros2.node import LATCHED, LEVELS, Answer, Parameter, Qos, Quick, mismatch
 from wirebond.ros2.pace import Pace
-from wirebond.ros2.types import RosType, ros_type
+from wirebond.ros2.throttle import Throttle
+from wirebond.ros2.types import RosType, ServiceType, ros_type, service_type
 
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 _AT_ONCE = 256  # messages that one call takes
@@ -77,6 +82,7 @@ class _Reader:
     topic: str
     take: Callable[[dict[str, Any]], None]
     quick: Quick | None = None
+    is_of_service: bool = False
 
 
 class DdsPublisher:
@@ -115,11 +121,16 @@ class DdsNode:
         self._readers: list[_Reader] = []
         self._publishers: list[DdsPublisher] = []
         self._told: dict[int, int] = {}  # mismatches by endpoint that were told
-        self.undecodable = 0  # received messages that were no message of their type
+        self.undecodable: Counter[str] = Counter()
+        self._throttle = Throttle(self.log)
+        self._calls = Calls(lambda text: self.log("error", text))
+        self._not_offered: list[str] = []  # services
         self._discovery = DdsPublisher(
             DataWriter(
                 self._participant,
-                self._topic("ros_discovery_info", _known("rmw_dds_common/ParticipantEntitiesInfo"), prefix=""),
+                self._topic(
+                    "ros_discovery_info", idl_type(_known("rmw_dds_common/ParticipantEntitiesInfo")), prefix=""
+                ),
                 _dds_qos(LATCHED),
             ),
             _known("rmw_dds_common/ParticipantEntitiesInfo"),
@@ -131,7 +142,7 @@ class DdsNode:
 
     def publisher(self, topic: str, type_: RosType, qos: Qos) -> DdsPublisher:
         """See ``node.Node``."""
-        writer = DataWriter(self._participant, self._topic(topic, type_), _dds_qos(qos, type_))
+        writer = DataWriter(self._participant, self._topic(topic, idl_type(type_)), _dds_qos(qos, type_))
         self._publishers.append(made := DdsPublisher(writer, type_, topic))
         return made
 
@@ -144,8 +155,29 @@ class DdsNode:
         quick: Quick | None = None,
     ) -> None:
         """See ``node.Node``. Before ``start``."""
-        reader = DataReader(self._participant, self._topic(topic, type_), _dds_qos(qos, type_))
+        reader = DataReader(self._participant, self._topic(topic, idl_type(type_)), _dds_qos(qos, type_))
         self._readers.append(_Reader(reader, type_, topic, take, quick))
+
+    def serve(self, service: str, type_: ServiceType, answer: Answer) -> None:
+        """See ``node.Node``."""
+        if not dds_services.are_possible():
+            self._not_offered.append(service)
+            return
+        user_data = f"serviceid={_gid(self._participant)['data'].hex()}.{len(self._readers)};"
+        requests = DataReader(
+            self._participant,
+            self._topic(f"{service}Request", any_bytes(type_.request), "rq"),
+            _dds_qos(Qos(), type_.request, user_data),
+        )
+        responses = DataWriter(
+            self._participant,
+            self._topic(f"{service}Reply", any_bytes(type_.response), "rr"),
+            _dds_qos(Qos(), type_.response, user_data),
+        )
+        publisher = DdsPublisher(responses, numbered(type_.response), service)
+        take = self._calls.taker(requests, responses, answer, publisher.publish)
+        self._publishers.append(publisher)
+        self._readers.append(_Reader(requests, numbered(type_.request), service, take, is_of_service=True))
 
     def declare(self, parameter: Parameter) -> None:
         """There are no parameter services without ROS: the value of the mapping file holds."""
@@ -153,9 +185,16 @@ class DdsNode:
     def update(self, name: str, value: float) -> None:
         """See ``declare``."""
 
-    def canceller(self, action: str) -> Callable[[], None]:  # noqa: ARG002
-        """Actions need services, which DDS alone does not carry: nothing is cancelled."""
-        return lambda: None
+    def canceller(self, action: str) -> Callable[[], None]:
+        """See ``node.Node``. A request without a goal and a time asks for all of them; its response is not read."""
+        if not dds_services.are_possible():
+            return lambda: None
+        type_ = service_type("action_msgs/CancelGoal")
+        assert type_ is not None, "the type is known"
+        topic = self._topic(f"{action}/_action/cancel_goalRequest", any_bytes(type_.request), "rq")
+        writer = DataWriter(self._participant, topic, _dds_qos(Qos(), type_.request))
+        self._publishers.append(publisher := DdsPublisher(writer, numbered(type_.request), action))
+        return lambda: publisher.publish({})
 
     def log(self, level: str, text: str) -> None:
         """See ``node.Node``: on /rosout, and by Python's logging."""
@@ -179,18 +218,21 @@ class DdsNode:
         """See ``node.Node``."""
         self._announce()
         self._thread.start()
+        if self._not_offered:
+            self.log("warning", _NO_SERVICES.format(", ".join(self._not_offered)))
 
     def close(self) -> None:
         """See ``node.Node``."""
         self._closed.set()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join(5.0)
+        self._calls.close()
 
     # ---- within
 
-    def _topic(self, name: str, type_: RosType, prefix: str = "rt") -> Topic[Any]:
+    def _topic(self, name: str, declared: type[IdlStruct], prefix: str = "rt") -> Topic[Any]:
         if name not in self._topics:
-            self._topics[name] = Topic(self._participant, f"{prefix}{name}", idl_type(type_))
+            self._topics[name] = Topic(self._participant, f"{prefix}{name}", declared)
         return self._topics[name]
 
     def _announce(self) -> None:
@@ -245,12 +287,17 @@ class DdsNode:
                 try:
                     values = decode(reader.type, data)
                 except ValueError:
-                    self.undecodable += 1
+                    self._note_undecodable(reader)
                     continue
                 reader.take(values)
             if len(taken) < _AT_ONCE:
                 break
         return has_come
+
+    def _note_undecodable(self, reader: _Reader) -> None:
+        self.undecodable[reader.topic] += 1
+        if reader.is_of_service:
+            self._throttle.say("warning", reader.topic, f"{reader.topic} was called, and not answered: {_OTHER_RMW}")
 
     def _tell_mismatches(self) -> None:
         """A publisher and a subscriber with other qualities of service do not find each other, and ROS is silent."""
@@ -271,6 +318,11 @@ class DdsNode:
         self.log("warning", mismatch(topic, policy, is_publisher=is_publisher))
 
 
+_NO_SERVICES = (
+    "services are not offered: {}. Without ROS they work with rmw_cyclonedds_cpp alone: set "
+    f"RMW_IMPLEMENTATION={dds_services.RMW} here and in every program that calls them, or run wirebond_ros"
+)
+_OTHER_RMW = f"the caller's RMW is another than {dds_services.RMW}; start it with that, or run wirebond_ros here"
 _POLICIES = {2: "durability", 4: "deadline", 5: "latency budget", 8: "liveliness", 11: "reliability"}
 
 
@@ -284,7 +336,8 @@ def _known(name: str) -> RosType:
     return found
 
 
-def _dds_qos(qos: Qos, type_: RosType | None = None) -> DdsQos:
+def _dds_qos(qos: Qos, type_: RosType | None = None, user_data: str = "") -> DdsQos:
+    """``user_data``: what comes after the type's hash."""
     policies: list[Any] = [
         Policy.Reliability.Reliable(duration(milliseconds=100)) if qos.reliable else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,
@@ -302,5 +355,5 @@ def _dds_qos(qos: Qos, type_: RosType | None = None) -> DdsQos:
             )
         )
     if type_ is not None:
-        policies.append(Policy.Userdata(f"typehash={type_.hash};".encode()))
+        policies.append(Policy.Userdata(f"typehash={type_.hash};{user_data}".encode()))
     return DdsQos(*policies)

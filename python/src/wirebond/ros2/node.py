@@ -6,11 +6,12 @@ Messages are dicts by field name, nested as their type is; a field that is left 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from wirebond.ros2.types import RosType
+from wirebond.ros2.types import RosType, ServiceType
 
 TOPIC = re.compile(r"(/|~/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 NAMESPACE = re.compile(r"/|(/[A-Za-z_][A-Za-z0-9_]*)+")
@@ -74,8 +75,17 @@ class Quick(Protocol):
         ...
 
 
+# Makes the response of a service's request: fields by name, as those of messages.
+Answer = Callable[[dict[str, Any]], dict[str, Any]]
+
+
 class Node(Protocol):
-    """A node of ROS 2. Functions that it calls run in one thread of its own."""
+    """A node of ROS 2. Functions that it calls run in one thread of its own; only those of services do not.
+
+    :ivar undecodable: received messages that were no message of their type, by topic.
+    """
+
+    undecodable: Counter[str]
 
     def publisher(self, topic: str, type_: RosType, qos: Qos) -> Publisher:
         """Publish this topic, whose name is whole."""
@@ -91,6 +101,11 @@ class Node(Protocol):
     ) -> None:
         """Call ``take`` with each message of this topic, whose name is whole. An adapter that has messages as bytes
         asks ``quick`` first."""
+        ...
+
+    def serve(self, service: str, type_: ServiceType, answer: Answer) -> None:
+        """Offer this service, whose name is whole. Before ``start``. ``answer`` may wait: it runs in a thread that
+        holds nothing else up, several at once. An adapter that cannot offer it says so in the log."""
         ...
 
     def declare(self, parameter: Parameter) -> None:

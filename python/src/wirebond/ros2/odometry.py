@@ -23,10 +23,18 @@ class Odometry:
         self._mapping = mapping
         self._every = every
         self._last_t: float | None = None
+        self._is_to_reset = False
+
+    def reset(self) -> None:
+        """Be at (0, 0, 0) before the next ticks. Any thread."""
+        self._is_to_reset = True
 
     def take(self, fields: Mapping[str, Any], t: float) -> None:
         """The ticks since the message before. ``t``: seconds of any clock."""
         mapping, wheels = self._mapping, self._mapping.wheels
+        if self._is_to_reset:
+            self._is_to_reset = False
+            self.x = self.y = self.heading = 0.0
         angles = [2 * math.pi * fields[side] / wheels.ticks_per_turn for side in (mapping.left, mapping.right)]
         left, right = (wheels.radius * angle for angle in angles)
         forward, turned = (left + right) / 2, (right - left) / wheels.separation

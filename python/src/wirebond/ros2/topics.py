@@ -25,10 +25,12 @@ class Topics:
     """Every topic that messages become.
 
     :ivar takers: what each message is given to, by the message's name.
+    :ivar pose: of the mapping's `odometry`.
     """
 
     def __init__(self, codec: Codec, mapping: BridgeMapping, publisher: Publish, warn: Warn) -> None:
         self.takers: dict[str, list[Taker]] = {}
+        self.pose: Odometry | None = None
         self._codec = codec
         self._publisher = publisher
         self._warn = warn
@@ -72,7 +74,7 @@ class Topics:
 
     def _add_odometry(self, mapping: OdometryMapping) -> None:
         every = self._codec.model.message(mapping.message).every
-        pose = Odometry(mapping, every)
+        self.pose = pose = Odometry(mapping, every)
         tells = [(self._publisher(mapping.topic, known("nav_msgs/Odometry"), Qos()), pose.odometry)]
         if mapping.tf:
             tells.append((self._publisher("/tf", known("tf2_msgs/TFMessage"), Qos(depth=100)), pose.transform))

@@ -1,4 +1,4 @@
-"""The message types of ROS 2: fields, constants, hashes. No bytes, no DDS, no protocol."""
+"""The message and service types of ROS 2: fields, constants, hashes. No bytes, no DDS, no protocol."""
 
 from __future__ import annotations
 
@@ -96,6 +96,30 @@ class RosType:
         return self.store.generate_msgdef(self.name, ros_version=2)[0]
 
 
+@dataclass(frozen=True, eq=False)
+class ServiceType:
+    """A service type. ``name`` is as people write it: ``std_srvs/Trigger``."""
+
+    name: str
+    request: RosType
+    response: RosType
+
+
+# Services by the texts of request and response. rosidl gives an empty message a field.
+_NOTHING = "uint8 structure_needs_at_least_one_member"
+_OUTCOME = "bool success\nstring message"
+_SERVICES = {
+    "std_srvs/Empty": (_NOTHING, _NOTHING),
+    "std_srvs/SetBool": ("bool data", _OUTCOME),
+    "std_srvs/Trigger": (_NOTHING, _OUTCOME),
+    "action_msgs/CancelGoal": (
+        "action_msgs/GoalInfo goal_info",
+        "int8 return_code\naction_msgs/GoalInfo[] goals_canceling",
+    ),
+}
+SERVICE_NAMES = tuple(name for name in _SERVICES if name.startswith("std_srvs/"))  # that a mapping may use
+
+
 # Fields that a new message does not begin with zero in.
 DEFAULTS: dict[str, dict[str, Any]] = {"geometry_msgs/msg/Quaternion": {"w": 1.0}}
 RANGES: dict[str, tuple[float, float]] = {
@@ -126,8 +150,24 @@ def _short(name: str) -> str:
     return f"{package}/{last}"
 
 
+@cache
+def service_type(name: str) -> ServiceType | None:
+    """The service type of this name, of two parts or three; None where it is not known.
+
+    :raises UsageError: the package rosbags is not installed.
+    """
+    short = name.replace("/srv/", "/")
+    if short not in _SERVICES:
+        return None
+    whole = short.replace("/", "/srv/")
+    names = [f"{whole}_Request", f"{whole}_Response"]
+    found = types_from(dict(zip(names, _SERVICES[short], strict=True)))
+    return ServiceType(short, *(found[one] for one in names))
+
+
 def types_from(definitions: Mapping[str, str]) -> dict[str, RosType]:
-    """The types of these .msg files, by their names of three parts. They may use each other, and those of ROS 2.
+    """The types of these texts, as .msg files have them, by their names of three parts. They may use each other, and
+    those of ROS 2.
 
     :raises UsageError: the package rosbags is not installed.
     """
@@ -136,7 +176,7 @@ def types_from(definitions: Mapping[str, str]) -> dict[str, RosType]:
 
     parsed: dict[str, Any] = {}
     for name, text in definitions.items():
-        parsed |= get_types_from_msg(text, name)
+        (parsed[name],) = get_types_from_msg(text, name).values()  # under another name where it is part of a service
     store.register(parsed)
     found: dict[str, RosType] = {}
     for name in definitions:

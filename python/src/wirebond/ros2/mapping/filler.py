@@ -175,13 +175,14 @@ class Reading:
         if self.convert is not None:
             return self.convert(value)
         if self.chosen is not None:
-            return self.chosen[_word(value)]
+            return self.chosen[word_of(value)]
         if self.scale != 1.0 or self.offset != 0.0:
             return value * self.scale + self.offset
         return str(value) if self.as_text else value
 
 
-def _word(value: Any) -> str:
+def word_of(value: Any) -> str:
+    """The value as a key of `values`."""
     return ("true" if value else "false") if isinstance(value, bool) else str(value)
 
 

@@ -13,6 +13,7 @@ from wirebond.protocol.text.scalars import Bool, Duration, Name, Period, Text, d
 from wirebond.protocol.text.wording import Syntax
 from wirebond.protocol.text.yaml_tree import Number
 from wirebond.ros2.node import NAMESPACE, TOPIC
+from wirebond.ros2.types import SERVICE_NAMES
 
 _PATH = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z0-9_]+)*")
 _NODE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -178,6 +179,28 @@ class SubscribeSyntax(Syntax):
     qos: QosSyntax | None = Field(None, description="Quality of service.", examples=[{"reliability": "best_effort"}])
 
 
+class ServiceSyntax(Syntax):
+    noun = "an entry of `services`"
+
+    service: Topic = Field(description="Its name.", examples=["motors_enabled"])
+    type: Annotated[str, one_word(*SERVICE_NAMES)] = Field(
+        description="The service's type.", examples=["std_srvs/SetBool"]
+    )
+    message: Name | None = Field(None, description="The message of the host that a call sends.", examples=["enable"])
+    fields: dict[str, SourceValue] = Field({}, description="Each field of the message, and where it comes from.")
+    answer: dict[str, SourceValue] = Field(
+        {},
+        description="`success` and `message` of the response, and where in the reply they come from. Default: any "
+        "reply is a success.",
+    )
+    timeout: Duration | None = Field(None, description="How long a reply may take. Default: 1 s", examples=["500 ms"])
+    recover: Name | None = Field(
+        None,
+        description="In the place of a message: a deadline of the host with `recover: explicit`, which a call ends.",
+        examples=["stop_navigation"],
+    )
+
+
 class OdometrySyntax(Syntax):
     noun = "`odometry`"
 
@@ -191,6 +214,9 @@ class OdometrySyntax(Syntax):
     child_frame: Text = Field("base_link", description="Frame of the robot.", examples=["base_link"])
     topic: Topic = Field("odom", description="Topic of nav_msgs/Odometry.", examples=["odom"])
     tf: Bool = Field(True, description="Whether the pose is published on /tf, too.", examples=[True])
+    reset: Topic | None = Field(
+        None, description="A service of std_srvs/Trigger that sets the pose to zero.", examples=["reset_odometry"]
+    )
     joints: list[Text] = Field(
         [], description="Names of the left and the right joint, for joint_states.", examples=[["left", "right"]]
     )
@@ -243,6 +269,7 @@ class File(Syntax):
     serial: Bool = Field(False, description="Whether frames have topics, as bytes and in hex.", examples=[True])
     publish: list[PublishSyntax] = Field([], description="Messages of the MCU that become typed topics.")
     subscribe: list[SubscribeSyntax] = Field([], description="Topics that become messages of the host.")
+    services: list[ServiceSyntax] = Field([], description="Services that become messages of the host.")
     odometry: OdometrySyntax | None = Field(None, description="The pose of a robot with two driven wheels.")
     poll: list[Name] = Field([], description="Requests that are repeated at their `every`.", examples=[["query"]])
     diagnostics: list[FlagsSyntax] = Field([], description="Flags that /diagnostics names.")

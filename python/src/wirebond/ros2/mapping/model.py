@@ -11,7 +11,7 @@ from wirebond.ros2.mapping.packing import PackPlan
 from wirebond.ros2.mapping.paths import Getter
 from wirebond.ros2.mapping.unpacking import UnpackPlan
 from wirebond.ros2.node import Qos
-from wirebond.ros2.types import RosType
+from wirebond.ros2.types import RosType, ServiceType
 
 HEADER_KEY = ""  # under which a filler finds the frame's own fields: no field of a message has this name
 # Fields of the message and the stamp, as builtin_interfaces/Time: the topic's message.
@@ -57,6 +57,27 @@ class Incoming:
     plan: UnpackPlan | None = None
 
 
+@dataclass(frozen=True)
+class ServiceMapping:
+    """A service whose call sends a message, or ends a deadline.
+
+    :ivar message: of the host; empty: the deadline of ``recover`` ends.
+    :ivar values: the message's fields, read from the request.
+    :ivar has_reply: the message is a request.
+    :ivar timeout: seconds that its reply may take.
+    :ivar answer: fills the response from the reply; None: any reply is a success.
+    """
+
+    service: str
+    type: ServiceType
+    message: str
+    values: tuple[tuple[str, Getter], ...] = ()
+    has_reply: bool = False
+    timeout: float = 1.0
+    answer: Filler | None = None
+    recover: str = ""
+
+
 @dataclass
 class Wheels:
     """The numbers of a robot with two driven wheels, in metres and ticks. They may change while the bridge runs."""
@@ -78,6 +99,7 @@ class OdometryMapping:
     child_frame: str
     topic: str
     tf: bool
+    reset: str | None
     joints: tuple[str, ...]
     pose_deviation: tuple[float, ...]  # x, y, heading
     twist_deviation: tuple[float, ...]  # speed, turn rate
@@ -112,6 +134,7 @@ class BridgeMapping:
     serial: bool = False
     publish: tuple[Outgoing, ...] = ()
     subscribe: tuple[Incoming, ...] = ()
+    services: tuple[ServiceMapping, ...] = ()
     odometry: OdometryMapping | None = None
     poll: tuple[str, ...] = ()
     diagnostics: tuple[FlagsMapping, ...] = ()

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable
-from typing import Any
 
-from wirebond.protocol.model import End, FieldKind, Message, Protocol
+from wirebond.link.requests import DEFAULT_TIMEOUT
+from wirebond.protocol.model import End, FieldKind, Message, Protocol, Recover
 from wirebond.protocol.problems import WHOLE_FILE, Place, Problems, nearest, suggestion
 from wirebond.protocol.text import yaml_tree
 from wirebond.protocol.text.syntax import readable, validate_syntax
@@ -19,6 +18,7 @@ from wirebond.ros2.mapping.grammar import (
     OdometrySyntax,
     PublishSyntax,
     QosSyntax,
+    ServiceSyntax,
     Source,
     SubscribeSyntax,
 )
@@ -29,13 +29,17 @@ from wirebond.ros2.mapping.model import (
     NavigationMapping,
     OdometryMapping,
     Outgoing,
+    ServiceMapping,
     Wheels,
 )
 from wirebond.ros2.mapping.own_types import OwnTypes, own_commands, own_topics
-from wirebond.ros2.mapping.paths import Getter, Leaf, PathError, What, misfit, ros_getter, ros_place, wire_leaf
+from wirebond.ros2.mapping.paths import Getter, PathError, What, ros_place, wire_leaf
+from wirebond.ros2.mapping.sources import Sources
 from wirebond.ros2.mapping.unpacking import unpack_plan
 from wirebond.ros2.node import Qos
-from wirebond.ros2.types import RosType, ros_type, type_names
+from wirebond.ros2.types import RosType, ServiceType, ros_type, service_type, type_names
+
+_LONGEST = 60.0  # seconds that a service may keep its caller waiting
 
 
 def default_mapping(protocol: Protocol) -> BridgeMapping:
@@ -78,10 +82,12 @@ class _Reader:
         self.protocol = protocol
         self.problems = problems
         self.own = OwnTypes(protocol)
+        self.sources = Sources(problems)
 
     def read(self, file: File, root: Mapping, path: str) -> BridgeMapping:
         publish = [self._publish(s, n) for s, n in zip(file.publish, _items(root, "publish"), strict=True)]
         subscribe = [self._subscribe(s, n) for s, n in zip(file.subscribe, _items(root, "subscribe"), strict=True)]
+        services = [self._service(s, n) for s, n in zip(file.services, _items(root, "services"), strict=True)]
         odometry = self._odometry(file.odometry, root.get("odometry"))
         for name, node in zip(file.poll, _items(root, "poll"), strict=True):
             self._polled(name, node.place)
@@ -114,6 +120,7 @@ class _Reader:
                 *own_topics(self.protocol, self.own, End.MCU, "~/{}", typed),
             ),
             subscribe=(*(s for s in subscribe if s is not None), *own_commands(self.protocol, self.own, typed)),
+            services=tuple(s for s in services if s is not None),
             odometry=odometry,
             poll=tuple(file.poll),
             diagnostics=tuple(f for f in flags if f is not None),
@@ -132,22 +139,7 @@ class _Reader:
             return None
         is_own = syntax.fields is None and self._is_own(type_, message, syntax, node)
         tree, before = self.own.tree(message.name) if is_own else Tree(type_), len(self.problems)
-        fields = node.get("fields") if isinstance(node, Mapping) else None
-        for path, source in (syntax.fields or {}).items():
-            key, value = _places(fields, path)
-            try:
-                place = ros_place(type_, path)
-            except PathError as error:
-                self.problems.add(key, str(error))
-                continue
-            if place.leaf.what == What.GROUP:
-                self.problems.add(
-                    key, f"{path} is {place.field.spelled}; map its fields: {', '.join(place.leaf.choices)}"
-                )
-                continue
-            getter = self._source(source, message, place.leaf, place.owner.constants, value)
-            as_text = place.leaf.what == What.TEXT
-            tree.put(place.steps, source_reader(source, getter, place.owner.constants, as_text))
+        self._fill(tree, message, syntax.fields or {}, _in(node, "fields"))
         has_all = len(self.problems) == before
         headers = tree.stamp(syntax.frame, syntax.child_frame)
         if syntax.frame and not headers:
@@ -181,38 +173,62 @@ class _Reader:
                 return None
             getters, plan = self.own.getters(message.name), self.own.plan(message.name)
             return Incoming(syntax.topic, type_, message.name, _qos(syntax.qos), getters, syntax.stale, plan)
-        values: list[tuple[str, Getter]] = []
-        before = len(self.problems)
-        fields = node.get("fields") if isinstance(node, Mapping) else None
-        for name, source in syntax.fields.items():
-            key, value = _places(fields, name)
-            try:
-                target, _ = wire_leaf(message, name)
-                if "." in name:
-                    raise PathError(f"{name} is within a field; map whole fields of {message.name}")
-            except PathError as error:
-                self.problems.add(key, str(error))
-                continue
-            getter = self._from_ros(source, type_, target, value)
-            if getter is not None:
-                values.append((name, getter))
-        missing = [
-            f.name
-            for f in message.fields
-            if f.name not in syntax.fields
-            and f.default is None
-            and f.kind != FieldKind.PADDING
-            and not f.is_count
-            and f.kind not in (FieldKind.STRUCT, FieldKind.BITS)
-        ]
-        if missing:
-            place = _place_in(node, "fields")
-            self.problems.add(place, f"{message.name} needs {', '.join(missing)}, without a default; map it here")
-        plan = None
+        before, plan = len(self.problems), None
+        values = self._values(message, type_, syntax.fields, node)
         if len(self.problems) == before:
             places = {n: (ros_place(type_, s.path).steps if s.path else (), s) for n, s in syntax.fields.items()}
             plan = unpack_plan(message.name, type_, places)
-        return Incoming(syntax.topic, type_, message.name, _qos(syntax.qos), tuple(values), syntax.stale, plan)
+        return Incoming(syntax.topic, type_, message.name, _qos(syntax.qos), values, syntax.stale, plan)
+
+    def _service(self, syntax: ServiceSyntax, node: Node) -> ServiceMapping | None:
+        type_ = service_type(syntax.type)
+        assert type_ is not None, "the grammar has looked"
+        if (syntax.message is None) == (syntax.recover is None):
+            self.problems.add(node.place, "a service needs either `message` or `recover`; write one of them")
+            return None
+        if syntax.recover is not None:
+            return self._recovering(syntax, syntax.recover, type_, node)
+        assert syntax.message is not None, "one of the two is there"
+        message = self._message(syntax.message, End.HOST, _place_in(node, "message"))
+        if message is None:
+            return None
+        values = self._values(message, type_.request, syntax.fields, node)
+        reply = None if message.reply is None else self.protocol.message(message.reply)
+        for key, given in (("answer", syntax.answer), ("timeout", syntax.timeout)):
+            if given and reply is None:
+                self.problems.add(
+                    _place_in(node, key), f"{message.name} has no `reply` in the protocol file; remove this key"
+                )
+        answer = None
+        if syntax.answer and type_.response.field("success") is None:
+            self.problems.add(
+                _place_in(node, "answer"), f"{type_.name} answers nothing; take std_srvs/Trigger, or remove this key"
+            )
+        elif syntax.answer and reply is not None:
+            tree = Tree(type_.response)
+            self._fill(tree, reply, syntax.answer, _in(node, "answer"))
+            answer = tree.filler()
+        timeout = DEFAULT_TIMEOUT if syntax.timeout is None else syntax.timeout
+        if timeout > _LONGEST:
+            self.problems.add(
+                _place_in(node, "timeout"), f"a call waits for {_LONGEST:.0f} s at most; write less, such as 500 ms"
+            )
+        return ServiceMapping(syntax.service, type_, message.name, values, reply is not None, timeout, answer)
+
+    def _recovering(self, syntax: ServiceSyntax, action: str, type_: ServiceType, node: Node) -> ServiceMapping:
+        for key in ("fields", "answer", "timeout"):
+            if _in(node, key) is not None:
+                self.problems.add(_place_in(node, key), "`recover` sends no message; remove this key")
+        self._deadline(action, _place_in(node, "recover"))
+        found = [d for d in self.protocol.deadlines if d.at == End.HOST and d.then == action]
+        if found and found[0].recover != Recover.EXPLICIT:
+            self.problems.add(
+                _place_in(node, "recover"),
+                f"{action} ends by itself; `recover` is for deadlines with `recover: explicit`",
+            )
+        if type_.request.field("data") is not None:
+            self.problems.add(_place_in(node, "type"), "`recover` needs no true or false; write std_srvs/Trigger")
+        return ServiceMapping(syntax.service, type_, "", recover=action)
 
     def _odometry(self, syntax: OdometrySyntax | None, node: Node | None) -> OdometryMapping | None:
         if syntax is None:
@@ -242,6 +258,7 @@ class _Reader:
             syntax.child_frame,
             syntax.topic,
             syntax.tf,
+            syntax.reset,
             tuple(syntax.joints),
             tuple(syntax.pose_deviation),
             tuple(syntax.twist_deviation),
@@ -290,7 +307,56 @@ class _Reader:
             )
         return type_ is own
 
-    # ---- names and values
+    def _fill(self, tree: Tree, message: Message, fields: dict[str, Source], node: Node | None) -> None:
+        """Put the values of this message into a type of ROS. ``fields``: sources by its fields."""
+        for path, source in fields.items():
+            key, value = _places(node, path)
+            try:
+                place = ros_place(tree.type, path)
+            except PathError as error:
+                self.problems.add(key, str(error))
+                continue
+            if place.leaf.what == What.GROUP:
+                self.problems.add(
+                    key, f"{path} is {place.field.spelled}; map its fields: {', '.join(place.leaf.choices)}"
+                )
+                continue
+            getter = self.sources.of_message(source, message, place.leaf, place.owner.constants, value)
+            as_text = place.leaf.what == What.TEXT
+            tree.put(place.steps, source_reader(source, getter, place.owner.constants, as_text))
+
+    def _values(
+        self, message: Message, type_: RosType, fields: dict[str, Source], node: Node
+    ) -> tuple[tuple[str, Getter], ...]:
+        """How each field of this message is read from a type of ROS."""
+        values: list[tuple[str, Getter]] = []
+        for name, source in fields.items():
+            key, value = _places(_in(node, "fields"), name)
+            try:
+                target, _ = wire_leaf(message, name)
+                if "." in name:
+                    raise PathError(f"{name} is within a field; map whole fields of {message.name}")
+            except PathError as error:
+                self.problems.add(key, str(error))
+                continue
+            getter = self.sources.of_topic(source, type_, target, value)
+            if getter is not None:
+                values.append((name, getter))
+        missing = [
+            f.name
+            for f in message.fields
+            if f.name not in fields
+            and f.default is None
+            and f.kind != FieldKind.PADDING
+            and not f.is_count
+            and f.kind not in (FieldKind.STRUCT, FieldKind.BITS)
+        ]
+        if missing:
+            place = _place_in(node, "fields")
+            self.problems.add(place, f"{message.name} needs {', '.join(missing)}, without a default; map it here")
+        return tuple(values)
+
+    # ---- names
 
     def _message(self, name: str, sender: End, place: Place) -> Message | None:
         found = next((m for m in self.protocol.messages if m.name == name), None)
@@ -311,83 +377,6 @@ class _Reader:
             self.problems.add(place, f"there is no message type `{name}` in ROS 2; {hint}")
         return found
 
-    def _source(
-        self, source: Source, message: Message, target: Leaf, constants: dict[str, Any], place: Place
-    ) -> Getter | None:
-        """How the source is read from the message; None for a constant."""
-        if not source.path:
-            self._constant(source.constant, target, place)
-            return None
-        try:
-            given, getter = wire_leaf(message, source.path)
-        except PathError as error:
-            self.problems.add(place, str(error))
-            return None
-        if source.choose:
-            self._choices(source, given, target, constants, place)
-            return getter
-        self._compare(source, given, target, place)
-        return getter
-
-    def _from_ros(self, source: Source, type_: RosType, target: Leaf, place: Place) -> Getter | None:
-        if not source.path:
-            self._constant(source.constant, target, place)
-            return lambda _: source.constant
-        try:
-            found = ros_place(type_, source.path)
-        except PathError as error:
-            self.problems.add(place, str(error))
-            return None
-        getter = ros_getter(found.steps)
-        if source.choose:
-            self.problems.add(place, "`values` is for topics that are published; remove it here")
-            return None
-        self._compare(source, found.leaf, target, place)
-        if source.scale != 1.0 or source.offset != 0.0:
-            return lambda values: getter(values) * source.scale + source.offset
-        return getter
-
-    def _compare(self, source: Source, given: Leaf, target: Leaf, place: Place) -> None:
-        is_linear = source.scale != 1.0 or source.offset != 0.0
-        if is_linear and (given.what not in (What.NUMBER, What.INTEGER) or given.is_list):
-            self.problems.add(place, f"{source.path} is {given.described}; `scale` and `offset` need a number")
-            return
-        shown = Leaf(given.path, What.NUMBER) if is_linear else given
-        fault = misfit(target, shown)
-        if fault:
-            self.problems.add(place, f"{fault}; map another field, or give a number for each value with `values`")
-
-    def _choices(self, source: Source, given: Leaf, target: Leaf, constants: dict[str, Any], place: Place) -> None:
-        possible = ("true", "false") if given.what == What.BOOL else given.choices
-        if not possible or given.is_list:
-            self.problems.add(place, f"{source.path} is {given.described}; `values` needs a flag, a bool or an enum")
-            return
-        if missing := [word for word in possible if word not in source.choose]:
-            self.problems.add(place, f"`values` says nothing of {', '.join(missing)}; write a value for each")
-        for word, value in source.choose.items():
-            if word not in possible:
-                self.problems.add(place, f"{source.path} is never `{word}`; {suggestion(word, possible)}")
-            if isinstance(value, str) and target.what != What.TEXT and value not in constants:
-                names = suggestion(value, list(constants)) if constants else "its type has none: write a number"
-                self.problems.add(place, f"there is no constant `{value}` for {target.path}; {names}")
-            else:
-                self._constant(constants.get(value, value) if isinstance(value, str) else value, target, place)
-
-    def _constant(self, value: Any, target: Leaf, place: Place) -> None:
-        fits = {
-            What.BOOL: isinstance(value, bool),
-            What.NUMBER: isinstance(value, int | float) and not isinstance(value, bool),
-            What.INTEGER: isinstance(value, int) and not isinstance(value, bool),
-            What.FLAGS: isinstance(value, int) and not isinstance(value, bool),
-            What.TEXT: isinstance(value, str),
-            What.NAME: isinstance(value, str) and value in target.choices,
-        }.get(target.what, False)
-        if target.is_list or not fits:
-            self.problems.add(place, f"{value!r:.40} is not possible for {target.path}; write {target.described}")
-        elif isinstance(value, int | float) and not math.isnan(value) and not target.minimum <= value <= target.maximum:
-            low, high = f"{target.minimum:.0f}", f"{target.maximum:.0f}"
-            self.problems.add(place, f"{value!r:.40} is out of the range of {target.path}; write {low} to {high}")
-
 
 def _qos(syntax: QosSyntax | None) -> Qos:
     if syntax is None:
@@ -398,6 +387,10 @@ def _qos(syntax: QosSyntax | None) -> Qos:
 def _items(root: Mapping, key: str) -> Iterable[Node]:
     node = root.get(key)
     return node.items if isinstance(node, Sequence) else ()
+
+
+def _in(node: Node | None, key: str) -> Node | None:
+    return node.get(key) if isinstance(node, Mapping) else None
 
 
 def _place_in(node: Node | None, key: str) -> Place:

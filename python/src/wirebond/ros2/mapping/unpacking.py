@@ -58,10 +58,13 @@ class UnpackPlan:
 
 
 def unpack_plan(message: str, type_: RosType, sources: Mapping[str, tuple[Steps, Source]]) -> UnpackPlan | None:
-    """None where a value is no number and no text, or where the type has something that Wirebond does not read.
+    """None where a value is no number and no text, is chosen by another, or where the type has something that Wirebond
+    does not read.
 
     :param sources: by the message's fields: places in the topic, none for a constant.
     """
+    if any(source.choose for _, source in sources.values()):
+        return None
     slots = {steps: slot for slot, steps in enumerate(dict.fromkeys(steps for steps, _ in sources.values() if steps))}
     try:
         parts = _parts(type_, (), slots)
