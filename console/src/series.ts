@@ -10,12 +10,15 @@ export class Series {
   start = 0;
   end = 0;
 
-  /** What a batch brings. With `replace` these rows are all; else rows at or behind the first new one go before. */
-  take(column: Column, replace: boolean, from: number): void {
+  /** What a batch brings. With `replace` these rows are all; else rows at or behind the first new one go before.
+   *  Returns up to which time rows stay as they were, if those of a replacement have the same pixels. */
+  take(column: Column, replace: boolean, from: number): number {
+    let same = this.lastTime();
     if (replace) this.start = this.end = 0;
     const count = column.t.length;
     const first = firstTime(column.t);
     if (first !== null) while (this.end > this.start && !(this.t[this.end - 1]! < first)) this.end--;
+    if (!replace) same = this.lastTime();
     while (this.start < this.end && !(this.t[this.start]! >= from)) this.start++;
     if (this.start > 0 && this.t[this.start - 1]! < from) this.start--; // the line goes on to the left edge
     this.makeRoom(count);
@@ -23,14 +26,15 @@ export class Series {
     this.low.set(column.low, this.end);
     this.high.set(column.high, this.end);
     this.end += count;
+    return same;
   }
 
   /** Least and greatest of the rows from `from` to `to`; null: there are none. */
   range(from: number, to: number): [number, number] | null {
     let low = Infinity;
     let high = -Infinity;
-    for (let i = this.start; i < this.end; i++) {
-      if (this.t[i]! < from || this.t[i]! > to) continue;
+    for (let i = this.before(from); i < this.end && !(this.t[i]! > to); i++) {
+      if (this.t[i]! < from) continue;
       if (this.low[i]! < low) low = this.low[i]!;
       if (this.high[i]! > high) high = this.high[i]!;
     }
@@ -39,6 +43,32 @@ export class Series {
 
   /** Index of the newest row at or before `t`; -1: there is none, or a gap is there. */
   at(t: number): number {
+    const index = this.countTo(t) - 1;
+    return index >= this.start && !Number.isNaN(this.low[index]!) ? index : -1;
+  }
+
+  /** The row that a line comes from at `t`: the newest at or before it, else the first. */
+  before(t: number): number {
+    return Math.max(this.start, this.countTo(t) - 1);
+  }
+
+  /** The end of the rows that a line needs up to `t`: one at or behind it is the last. */
+  behind(t: number): number {
+    return Math.min(this.end, this.countTo(t) + 1);
+  }
+
+  /** The newest row up to `until` that has a value; -1: none. */
+  last(until = Infinity): number {
+    for (let i = this.countTo(until) - 1; i >= this.start; i--) if (!Number.isNaN(this.low[i]!)) return i;
+    return -1;
+  }
+
+  private lastTime(): number {
+    return this.end > this.start ? this.timeNear(this.end - 1) : -Infinity;
+  }
+
+  /** The end of the rows at or before `t`. */
+  private countTo(t: number): number {
     let low = this.start;
     let high = this.end;
     while (low < high) {
@@ -46,14 +76,7 @@ export class Series {
       if (this.timeNear(middle) <= t) low = middle + 1;
       else high = middle;
     }
-    const index = low - 1;
-    return index >= this.start && !Number.isNaN(this.low[index]!) ? index : -1;
-  }
-
-  /** The newest row that has a value; -1: none. */
-  last(): number {
-    for (let i = this.end - 1; i >= this.start; i--) if (!Number.isNaN(this.low[i]!)) return i;
-    return -1;
+    return low;
   }
 
   /** The time of a row; of the row of a gap that has none, that of the row before. */

@@ -109,6 +109,7 @@ export interface Batch {
   now: number;
   from: number;
   to: number;
+  width: number; // seconds of one pixel
   replace: boolean;
   columns: Column[];
 }
@@ -188,9 +189,11 @@ export class Views {
     };
   }
 
+  /** Changes what is wanted. Saying the same again sends nothing. */
   want(wish: Wish): void {
+    const isSame = JSON.stringify(wish) === JSON.stringify(this.wish);
     this.wish = wish;
-    this.say({ acks: true, views: wish });
+    if (!isSame) this.say({ acks: true, views: wish });
   }
 
   private say(message: Record<string, unknown>): void {

@@ -1,14 +1,18 @@
-// Plots are drawn one in each frame of the browser: together they would make one frame long, and the page would stutter.
-const waiting = new Set<() => void>();
+// Who wants to draw does so in the browser's next frame. One that had to paint much is the last of its frame: several
+// together would make it long, and the page would stutter.
+const waiting = new Set<Draw>();
 let isAsked = false;
 
+/** Says whether it had to paint much. */
+export type Draw = () => boolean;
+
 /** Draws soon. Asking again before that changes nothing. */
-export function drawSoon(draw: () => void): void {
+export function drawSoon(draw: Draw): void {
   waiting.add(draw);
   ask();
 }
 
-export function drawNever(draw: () => void): void {
+export function drawNever(draw: Draw): void {
   waiting.delete(draw);
 }
 
@@ -17,10 +21,9 @@ function ask(): void {
   isAsked = true;
   requestAnimationFrame(() => {
     isAsked = false;
-    const [next] = waiting;
-    if (next) {
+    for (const next of [...waiting]) {
       waiting.delete(next);
-      next();
+      if (next()) break;
     }
     ask();
   });

@@ -3,13 +3,16 @@
 import { readPlace, tokenIn, writePlace, type Place, type ViewName } from "../place";
 
 const TOKEN = "wirebond.token";
+const SETTLED = 200; // ms: browsers refuse an address that changes with each picture
 
 class PlaceState {
   now = $state<Place>(readPlace(location.hash));
   token = $state(takeToken());
+  private timer: ReturnType<typeof setTimeout> | undefined;
 
   constructor() {
     addEventListener("hashchange", () => {
+      clearTimeout(this.timer);
       const token = takeToken();
       if (token) this.token = token;
       this.now = readPlace(location.hash);
@@ -18,14 +21,23 @@ class PlaceState {
 
   /** Shows another view, of the same recording; what belonged to the last one alone goes. */
   open(view: ViewName, more: Partial<Place> = {}): void {
+    clearTimeout(this.timer);
     this.now = { view, recording: this.now.recording, ...more };
     history.pushState(null, "", writePlace(this.now));
   }
 
   /** Changes a part of where we are. */
   set(more: Partial<Place>): void {
+    clearTimeout(this.timer);
     this.now = { ...this.now, ...more };
     history.replaceState(null, "", writePlace(this.now));
+  }
+
+  /** The same of what goes on changing: the address follows when it rests. */
+  slide(more: Partial<Place>): void {
+    clearTimeout(this.timer);
+    this.now = { ...this.now, ...more };
+    this.timer = setTimeout(() => this.set({}), SETTLED);
   }
 }
 function takeToken(): string {

@@ -34,3 +34,19 @@ test("a gap has no value, neither under the cursor nor in the range", () => {
   expect(series.low[series.at(9)]).toBe(50);
   expect(series.range(0, 9)).toEqual([10, 50]);
 });
+
+test("a batch tells up to which time the rows stay as they were", () => {
+  const series = new Series();
+  expect(series.take(column([1, 2, 3], [10, 20, 30]), true, 0)).toBe(-Infinity);
+  expect(series.take(column([3, 4], [31, 40]), false, 0)).toBe(2);
+  expect(series.take(column([], []), false, 0)).toBe(4);
+  expect(series.take(column([1, 2, 3, 4, 5], [10, 20, 31, 41, 50]), true, 0)).toBe(4);
+});
+
+test("a line comes from the row before its left edge and goes to the row behind its right edge", () => {
+  const series = new Series();
+  series.take(column([1, 2, 3, 4, 5], [1, 2, 3, 4, 5]), true, 0);
+  expect([series.before(2.5), series.behind(3.5)]).toEqual([1, 4]);
+  expect([series.before(0), series.behind(9)]).toEqual([0, 5]);
+  expect(series.last(3.5)).toBe(2);
+});

@@ -33,6 +33,7 @@ class PlotFeed:
     plot: Plot
     _sent: dict[str, _Sent] = field(default_factory=dict)
     _is_first: bool = True
+    _newest: float = -math.inf  # of what a fixed range had when it was looked at
 
     def batch(self, history: History, now: float) -> bytes | None:
         """What the client lacks; None: nothing.
@@ -40,18 +41,26 @@ class PlotFeed:
         :raises UsageError: one of the fields cannot be plotted.
         """
         plot = self.plot
-        if plot.seconds is None:
-            return self._fixed(history, now)
-        width = plot.seconds / plot.pixels
-        oldest = now - plot.seconds
-        columns = []
-        is_first = self._is_first
+        if plot.seconds is not None:
+            return self._between(history, now, now - plot.seconds, now)
+        begin, end = plot.begin or 0.0, plot.to or 0.0
+        kept = history.range()
+        newest = -math.inf if kept is None else min(kept[1], end)
+        if newest == self._newest and not self._is_first:
+            return None
+        self._newest = newest
+        return self._between(history, now, begin, end)
+
+    def _between(self, history: History, now: float, begin: float, end: float) -> bytes | None:
+        plot, is_first = self.plot, self._is_first
+        width = (end - begin if plot.seconds is None else plot.seconds) / plot.pixels
         begins: dict[float, list[str]] = {}
         for name in plot.fields:
-            begins.setdefault(self._sent[name].begin if name in self._sent else oldest, []).append(name)
+            begins.setdefault(self._sent[name].begin if name in self._sent else begin, []).append(name)
         found: dict[str, Pixels] = {}
-        for begin, names in begins.items():
-            found.update(zip(names, history.pixels(names, begin, now, width), strict=True))
+        for since, names in begins.items():
+            found.update(zip(names, history.pixels(names, since, end, width), strict=True))
+        columns = []
         for name in plot.fields:
             sent, pixels = self._sent.get(name), found[name]
             if not len(pixels.t):
@@ -59,37 +68,22 @@ class PlotFeed:
             row = float(pixels.t[-1]), float(pixels.low[-1]), float(pixels.high[-1])
             if sent is not None and len(pixels.t) == 1 and _same(row, sent.row):
                 continue
-            self._sent[name] = _Sent(max(math.floor(row[0] / width) * width, oldest), row)
+            self._sent[name] = _Sent(max(math.floor(row[0] / width) * width, begin), row)
             columns.append((name, pixels))
         self._is_first = False
         if not columns and not is_first:
             return None
-        return packed(plot.id, now, oldest, now, columns, replace=is_first)
-
-    def _fixed(self, history: History, now: float) -> bytes | None:
-        """A range that does not move; it is sent again while it reaches beyond what is there."""
-        plot = self.plot
-        begin, end = plot.begin or 0.0, plot.to or 0.0
-        kept = history.range()
-        newest = -math.inf if kept is None else min(kept[1], end)
-        known = self._sent.get("")
-        if known is not None and known.begin == newest:
-            return None
-        self._sent[""] = _Sent(newest, (0.0, 0.0, 0.0))
-        width = (end - begin) / plot.pixels
-        columns = list(zip(plot.fields, history.pixels(plot.fields, begin, end, width), strict=True))
-        return packed(plot.id, now, begin, end, columns, replace=True)
+        head = {"plot": plot.id, "now": now, "from": begin, "to": end, "width": width, "replace": is_first}
+        return packed(head, columns)
 
 
 def _same(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
     return all(a == b or (a != a and b != b) for a, b in zip(one, other, strict=True))  # noqa: PLR0124 NaN
 
 
-def packed(
-    name: str, now: float, begin: float, end: float, columns: list[tuple[str, Pixels]], *, replace: bool
-) -> bytes:
+def packed(head: dict[str, Any], columns: list[tuple[str, Pixels]]) -> bytes:
     """A batch as docs/console-api.md has it."""
-    head: dict[str, Any] = {"plot": name, "now": now, "from": begin, "to": end, "replace": replace, "columns": []}
+    head["columns"] = []
     arrays = []
     for field_name, pixels in columns:
         kind = "f64" if pixels.low.dtype.itemsize == 8 else "f32"

@@ -58,6 +58,7 @@ class _Views:
         self._rounds = 0  # that were sent
         self._seen = 0
         self._has_said = asyncio.Event()
+        self._wants_else = asyncio.Event()
 
     async def run(self, first: Said) -> None:
         """Until the client goes."""
@@ -77,6 +78,7 @@ class _Views:
     def _hear(self, said: Said) -> None:
         if said.views is not None:
             self._wanted = said.views
+            self._wants_else.set()
         if said.acks is not None:
             self._acks = said.acks
         if said.seen is not None:
@@ -97,13 +99,15 @@ class _Views:
         while True:
             begun = time.monotonic()
             wanted, self._wanted = self._wanted, None
+            self._wants_else.clear()
             out = await asyncio.to_thread(self._round, wanted)
             if out and self._acks:
                 self._rounds += 1
                 out.append(encode({"view": "end", "round": self._rounds}).decode())
             for message in out:
                 await self._send(message)
-            await asyncio.sleep(max(begun + ROUND_EVERY - time.monotonic(), 0.0))
+            with contextlib.suppress(TimeoutError):  # who wants something else does not wait for it
+                await asyncio.wait_for(self._wants_else.wait(), max(begun + ROUND_EVERY - time.monotonic(), 0.0))
             while self._acks and self._rounds - self._seen >= _MOST_UNSEEN:
                 self._has_said.clear()
                 await self._has_said.wait()

@@ -11,6 +11,7 @@ from wirebond.errors import UsageError
 MOST_PLOTS = 32
 MOST_FIELDS = 64  # in all plots together
 MOST_FRAMES = 500
+MOST_PIXELS = 12_000  # of one plot: three wide screens, so that a hand that moves the range finds the lines there
 _TIME = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 
 
@@ -36,7 +37,7 @@ class Plot(msgspec.Struct):
     seconds: Annotated[float, msgspec.Meta(gt=0, le=1e8)] | None = None
     begin: _TIME | None = msgspec.field(default=None, name="from")
     to: _TIME | None = None
-    pixels: Annotated[int, msgspec.Meta(ge=10, le=4000)] = 800
+    pixels: Annotated[int, msgspec.Meta(ge=10, le=MOST_PIXELS)] = 800
 
 
 class OfRecording(msgspec.Struct):
