@@ -1,8 +1,10 @@
 """Does an hour of 1 kHz history of eight fields move under the hand, in headless Chromium, and are its peaks kept?
 
 The hour lies in the server's history as if it had just come. Two plots of four fields show all of it; then the pointer
-drags it to and fro, at the scale of an hour, of minutes and of seconds. Pause: between two pictures that have another
-range, while the pointer moves. One sample in the hour is a peak: the picture of the whole hour must have it.
+drags it to and fro, at the scale of an hour, of minutes and of seconds, and pulls it some screens in one direction.
+Pause: between two pictures that have another range, while the pointer moves. Answer: from a movement of the pointer to
+the picture in which all plots show its range or that of a later movement, with the lines of all of the range. A picture
+counts when the frame after it begins. One sample in the hour is a peak: the picture of the whole hour must have it.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 import wirebond
 from bench.console_page import PROTOCOL
@@ -33,22 +35,35 @@ MOVES = 60  # of the pointer at each scale
 SPANS = (HOUR, 300.0, 10.0)  # seconds that are shown while it is dragged
 COMMAND = "make bench ONLY=console_scrub"
 _PIECE = 100_000  # frames that are fed at once
-_LAYOUT = {
+_LAYOUT: dict[str, Any] = {
     "wirebond_layout": 1,
     "protocol": "console_bench",
     "seconds": 3600,
     "plots": [{"fields": [f"state.{name}" for name in names]} for names in ("abcd", "efgh")],
 }
+PULLS = 4  # in one direction, each over most of a screen
 _WATCH = """() => {
-  const seen = (globalThis.seen = []);
+  const seen = (globalThis.seen = { moves: [], pictures: [] });
+  const plots = () => [...document.querySelectorAll('[data-from]')];
+  addEventListener('pointerdown', (event) => {
+    const { dataset } = plots()[0];
+    Object.assign(seen, { x: event.clientX, from: Number(dataset.from), moves: [], pictures: [] });
+  }, true);
+  addEventListener('pointermove', (event) => seen.moves.push([event.timeStamp, event.clientX]), true);
   let last = '';
   const step = (now) => {
-    const drawn = [...document.querySelectorAll('[data-from]')].map((plot) => plot.dataset.from).join(' ');
-    if (drawn !== last) seen.push(now);
-    last = drawn;
+    const drawn = plots().map(({ dataset }) => [Number(dataset.from), dataset.whole === 'true']);
+    if (JSON.stringify(drawn) !== last) seen.pictures.push([now, drawn]);
+    last = JSON.stringify(drawn);
     requestAnimationFrame(step);
   };
   requestAnimationFrame(step);
+}"""
+# Do all plots show where the pointer was last?
+_SHOWN = """(secondsPerPixel) => {
+  const wanted = seen.from + (seen.x - seen.moves.at(-1)[1]) * secondsPerPixel;
+  const last = seen.pictures.at(-1)?.[1] ?? [];
+  return last.length && last.every(([from, isWhole]) => isWhole && Math.abs(from - wanted) < secondsPerPixel / 2);
 }"""
 
 
@@ -95,7 +110,7 @@ def look(browser: Browser, seconds: float = HOUR, moves: int = MOVES) -> dict[st
 
 def _scrub(page: Page, address: str, begin: float, seconds: float, moves: int, folder: Path) -> dict[str, Any]:
     page.goto(f"{address}#/plots?from={begin:.4f}&to={begin + seconds:.4f}")
-    page.wait_for_selector(f"[data-from='{begin:.4f}']")
+    _wait_for(page, begin)
     with page.expect_download() as download:
         page.get_by_role("button", name="CSV").click()
     path = folder / "shown.csv"
@@ -103,32 +118,63 @@ def _scrub(page: Page, address: str, begin: float, seconds: float, moves: int, f
     with path.open() as lines:
         greatest = max(float(row["high"]) for row in csv.DictReader(lines))
     page.evaluate(_WATCH)
-    pauses: list[float] = []
+    found: dict[str, Any] = {"pauses": [], "answers": [], "greatest": greatest}
+    to_and_fro = [0.4 * math.sin(number / moves * 2 * math.pi) for number in range(1, moves + 1)]
+    pull = [-0.8 * number / (moves // 3) for number in range(1, moves // 3 + 1)]
     for span in SPANS:
         middle = begin + seconds / 2
         page.evaluate(f"location.hash = '#/plots?from={middle - span / 2:.4f}&to={middle + span / 2:.4f}'")
-        page.wait_for_selector(f"[data-from='{middle - span / 2:.4f}']")
-        pauses += _drag(page, moves)
-    return {"pauses": pauses, "greatest": greatest}
+        _wait_for(page, middle - span / 2)
+        drags = [(0.5, to_and_fro), *([(0.9, pull)] * PULLS if span < seconds else [])]
+        for at, path in drags:
+            seen, seconds_per_pixel = _drag(page, at, path, span)
+            found["pauses"] += np.diff([t for t, _ in seen["pictures"]]).tolist()
+            found["answers"] += answers(seen, seconds_per_pixel)
+    return found
 
 
-def _drag(page: Page, moves: int) -> list[float]:
-    """Shift and the pointer, to and fro; what passed between two pictures."""
+def _wait_for(page: Page, begin: float) -> None:
+    """Until both plots show all of the range that begins so."""
+    expect(page.locator(f"[data-from='{begin:.4f}'][data-whole=true]")).to_have_count(len(_LAYOUT["plots"]))
+
+
+def _drag(page: Page, at: float, path: list[float], span: float) -> tuple[dict[str, Any], float]:
+    """Shift and the pointer, from one place along a path, in widths of the plot: what the page saw, until the last
+    movement was shown; and how many seconds a pixel is."""
     over = page.locator(".u-over").first
     while (box := over.bounding_box()) is None:
         over.wait_for()  # a plot that changes its height is made again
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    width, y = box["width"], box["y"] + box["height"] / 2
+    x = box["x"] + at * width
     page.keyboard.down("Shift")
     page.mouse.move(x, y)
     page.mouse.down()
-    page.evaluate("seen.length = 0")
-    for number in range(1, moves + 1):
-        page.mouse.move(x + 0.4 * box["width"] * math.sin(number / moves * 2 * math.pi), y)
+    for share in path:
+        page.mouse.move(x + share * width, y)
         page.wait_for_timeout(16)
-    times = page.evaluate("seen")
+    page.wait_for_function(_SHOWN, arg=span / width)
+    seen = page.evaluate("seen")
     page.mouse.up()
     page.keyboard.up("Shift")
-    return [float(pause) for pause in np.diff(times)]
+    return seen, span / width
+
+
+def answers(seen: dict[str, Any], seconds_per_pixel: float) -> list[float]:
+    """Of each movement, milliseconds until a picture answers it."""
+    moves = [(t, seen["from"] + (seen["x"] - x) * seconds_per_pixel) for t, x in seen["moves"]]
+    found = []
+    for number, (moved, _) in enumerate(moves):
+        for t, plots in seen["pictures"]:
+            later = [begin for when, begin in moves[number:] if when <= t]
+            if any(
+                all(is_whole and abs(begin - wanted) < 0.5 * seconds_per_pixel for begin, is_whole in plots)
+                for wanted in later
+            ):
+                found.append(t - moved)
+                break
+        else:
+            raise RuntimeError(f"movement {number} of {len(moves)} was never shown")
+    return found
 
 
 def measure() -> list[Figure]:
@@ -138,4 +184,7 @@ def measure() -> list[Figure]:
         browser.close()
     if found["greatest"] != PEAK:
         raise RuntimeError(f"the peak of {PEAK} is lost: the greatest value shown is {found['greatest']}")
-    return [Figure("console_scrub_ms", max(found["pauses"]), "ms", 100, COMMAND)]
+    return [
+        Figure("console_scrub_ms", max(found["pauses"]), "ms", 100, COMMAND),
+        Figure("console_scrub_answer_ms", max(found["answers"]), "ms", 100, COMMAND),
+    ]
