@@ -291,13 +291,13 @@ def test_a_clock_is_not_moved_by_a_reply_that_is_longer_than_its_request(monkeyp
         thread.start()
         try:
             with wirebond.open(axis, wire.a, 9600) as link:
-                wait_until(lambda: link.clock is not None and link.clock.exchanges >= 5, "five exchanges")
+                # With the bytes in it the error would be more than 21 ms. A busy computer adds its own delays.
+                wait_until(lambda: link.clock is not None and link.clock.error < 0.015, "a small error")
                 assert (found := link.clock) is not None
         finally:
             over.set()
             thread.join()
     assert abs(found.offset - mcu.start) <= found.error
-    assert found.error < 0.015  # with the bytes in it more than 21 ms
 
 
 def test_on_a_line_that_echoes_both_ends_hear_both_and_what_is_sent_at_once_collides() -> None:

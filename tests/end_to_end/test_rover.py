@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from statistics import median
 
 import pytest
 
@@ -110,10 +111,14 @@ def test_silence_is_measured_from_the_last_velocity(process: rover.RoverProcess)
     with wirebond.open(DIFFDRIVE, process.port) as link:
         link.send("parameter", name="clear_safe_mode", value=0)
         process.events()
-        for _ in range(8):  # 2 s of driving at a slow rhythm: no deadline may strike in between
+        in_time, sent = 0, time.monotonic()
+        while in_time < 8:  # 2 s of driving at a slow rhythm: no deadline may strike in between
             link.send("velocity", linear=0.2, angular=0.0)
             time.sleep(0.25)
-            assert [e for e in process.events() if e.endswith(" stop")] == []
+            stops = [e for e in process.events() if e.endswith(" stop")]
+            before, sent = sent, time.monotonic()
+            in_time = in_time + 1 if sent - before < 0.5 else 0  # or this process was held up
+            assert in_time == 0 or stops == []
         wait_for_event(process, "stop")
 
 
@@ -128,7 +133,7 @@ def test_rover_drives_what_it_is_told_and_safe_mode_needs_its_parameter(process:
 
         link.send("parameter", name="clear_safe_mode", value=0)
         messages = drive(link, linear=0.5, angular=0.0, odometry=30)
-        assert ticks(messages)[-1] == pytest.approx(0.5 * 0.05 * 1024 / (3.14159 * 0.065), rel=0.3)
+        assert median(ticks(messages)[10:]) == pytest.approx(0.5 * 0.05 * 1024 / (3.14159 * 0.065), rel=0.3)
         messages = drive(link, linear=0.0, angular=1.0, odometry=30)
         assert messages[-1].fields["left_ticks"] < 0 < messages[-1].fields["right_ticks"]
 
