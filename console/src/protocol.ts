@@ -31,6 +31,12 @@ export interface Message {
   bytes: number;
   fields: Field[];
 }
+/** A message with the values that the file gives it. */
+export interface GivenMessage {
+  message: string;
+  fields: Record<string, unknown>;
+  header: Record<string, unknown>;
+}
 export interface Protocol {
   name: string;
   hash: string;
@@ -47,8 +53,15 @@ export interface Protocol {
   };
   messages: Message[];
   header: Field[];
-  emergency_stop: { message: string; fields: Record<string, unknown>; header?: Record<string, unknown> }[];
-  deadlines: { message: string; at: string; after: number; then: string; recover: string }[];
+  emergency_stop: GivenMessage[];
+  deadlines: {
+    message: string;
+    at: string;
+    after: number;
+    then: string;
+    recover: string;
+    recover_by: GivenMessage | null;
+  }[];
   services: { name: string; messages: Record<string, string> }[];
   parameters: null | { names: Record<string, number>; field: Field; read: string; set: string; value: string };
 }

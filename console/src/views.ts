@@ -29,6 +29,7 @@ export interface LinkView {
   clients: number;
   stopped: boolean;
   struck: unknown[];
+  mcu_deadlines: { deadline: number; since: number | null; unknown: boolean }[];
   rates: {
     seconds: number;
     receive: Record<string, number>;

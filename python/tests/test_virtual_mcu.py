@@ -34,10 +34,15 @@ def test_an_explicit_deadline_holds_its_message_back_until_somebody_recovers() -
     assert run(mcu, 5.5, 9.0) == ["no velocity for 1 s: stop", "no velocity for 3 s: safe_mode"]
     mcu.feed(VELOCITY, 9.0)
     assert mcu.held_back == 1
-    assert run(mcu, 9.0, 9.5) == ["velocity is held back by safe_mode until a script calls mcu.recover('safe_mode')"]
+    assert run(mcu, 9.0, 9.5) == [
+        "velocity is held back by safe_mode until parameter comes with name = clear_safe_mode, value = 0"
+    ]
     mcu.feed(VELOCITY, 9.5)  # which is reported once
     assert run(mcu, 9.5, 9.5) == [] and mcu.held_back == 2
-    mcu.recover("safe_mode", 9.5)
+    mcu.feed(CODEC.encode("parameter", name="max_linear", value=0), 9.5)
+    assert mcu._devices[None].holds_back("velocity")
+    mcu.feed(CODEC.encode("parameter", name="clear_safe_mode", value=0), 9.5)
+    assert mcu.events.pop() == "parameter ends safe_mode"
     mcu.feed(VELOCITY, 9.6)
     assert mcu.held_back == 2
     assert run(mcu, 9.6, 10.5) == []

@@ -42,8 +42,7 @@ def setup(mcu):
 
     @mcu.on("parameter")
     def parameter(message):
-        if message["name"] == "clear_safe_mode":
-            mcu.recover("safe_mode")
+        if message["name"] == "clear_safe_mode":  # the file's `recover_by`
             mcu.report("cleared")
 
     @mcu.on("status_query")

@@ -22,6 +22,8 @@ PHONE = {"width": 390, "height": 844}
 @pytest.fixture(scope="module")
 def shared_desk(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterator[Desk]:
     with desk(tmp_path_factory.mktemp("desk"), browser) as made:
+        made.robot.ready(made.link)
+        made.link.send("velocity", linear=0, angular=0)  # and no more: 3 s later the robot is in its safe mode
         yield made
 
 
@@ -76,7 +78,17 @@ def test_the_pad_drives_while_a_key_is_held_and_stops_when_it_is_let_go(rover: D
     page.keyboard.down("ArrowUp")
     page.keyboard.up("ArrowUp")
     take_control(page)
+    expect(page.locator(".pad")).to_contain_text("The robot ignores this: safe_mode has struck")
+    pad.focus()
+    page.keyboard.down("ArrowUp")
+    expect(page.get_by_text("Sent, and ignored by the robot")).to_be_visible()
+    page.get_by_role("button", name="Ask").click()
+    expect(page.locator(".held")).to_contain_text("errors: encoder")
+    assert serious(page) == []
     assert all(velocity.linear == 0 for velocity in rover.robot.velocities if velocity.t > began)
+    page.get_by_role("button", name="End safe_mode").click()
+    expect(page.locator(".held")).to_have_count(0)
+    page.keyboard.up("ArrowUp")
     driving = rover.drive(page)
     assert driving.linear == 1.0  # half of the range
     page.keyboard.up("ArrowUp")

@@ -56,7 +56,8 @@ class Session {
     return () => this.onLoss.delete(callback);
   }
 
-  send = (message: string, fields: Record<string, unknown>) => this.link.command("send", { message, fields });
+  send = (message: string, fields: Record<string, unknown>, header?: Record<string, unknown>) =>
+    this.link.command("send", { message, fields, header });
   repeat = (message: string, fields: Record<string, unknown>, hold: number) =>
     this.link.command("repeat", { message, fields, hold });
   endSafely = (message: string) => this.link.ask("end_safely", { message });

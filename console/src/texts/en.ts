@@ -237,6 +237,25 @@ export const en = {
     bytesHint: "bytes as hex digits",
     pick: "Message",
   },
+  held: {
+    held: (message: string, seconds: string, _: string) =>
+      `The robot got no ${message} for ${seconds}. It ignores ${message} now, and does not move until it is told to recover.`,
+    silent: (message: string, seconds: string, _: string) =>
+      `The robot got no ${message} for ${seconds}. This ends by itself with the next ${message}.`,
+    unsure: (message: string, seconds: string, then: string) =>
+      `This link has sent no ${message} yet. If the robot was driven before, and then got none for ${seconds}, ${then} holds: it ignores ${message} until it is told to recover.`,
+    since: (time: string) => `since ${time}`,
+    short: (then: string) => `The robot ignores this: ${then} has struck.`,
+    ignored: "Sent, and ignored by the robot",
+    end: (then: string) => `End ${then}`,
+    sends: (message: string, values: string) => `sends ${message}${values && `: ${values}`}`,
+    noWay:
+      "The protocol file does not say how it ends (`recover_by`). The firmware decides: a message of its own, or a button.",
+    says: (message: string) => `The robot says in ${message}:`,
+    neverSaid: "nothing yet",
+    ago: (age: string) => `${age} ago`,
+    ask: "Ask",
+  },
   plots: {
     table: "Table",
     add: "New plot",

@@ -237,6 +237,23 @@ export const zh: Texts = {
     bytesHint: "十六进制字节",
     pick: "消息",
   },
+  held: {
+    held: (message, seconds) =>
+      `下位机已 ${seconds} 没有收到 ${message}。它现在忽略 ${message}，在收到恢复指令之前不会运动。`,
+    silent: (message, seconds) => `下位机已 ${seconds} 没有收到 ${message}。收到下一条 ${message} 后自动恢复。`,
+    unsure: (message, seconds, then) =>
+      `本次连接还没有发送过 ${message}。如果之前有程序驾驶过，之后超过 ${seconds} 没有 ${message}，则 ${then} 已触发：下位机会忽略 ${message}，直到收到恢复指令。`,
+    since: (time) => `自 ${time}`,
+    short: (then) => `下位机忽略此指令：${then} 已触发。`,
+    ignored: "已发送，但被下位机忽略",
+    end: (then) => `解除 ${then}`,
+    sends: (message, values) => `发送 ${message}${values && `：${values}`}`,
+    noWay: "协议文件没有写明如何解除（`recover_by`），由固件决定：专用的消息或按钮。",
+    says: (message) => `下位机在 ${message} 中报告：`,
+    neverSaid: "尚无",
+    ago: (age) => `${age} 前`,
+    ask: "查询",
+  },
   plots: {
     table: "消息表",
     add: "新建曲线图",

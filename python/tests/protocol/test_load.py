@@ -67,6 +67,8 @@ def test_diffdrive_is_what_its_specification_says() -> None:
         "safe_mode",
     )
     assert protocol.deadlines[1].recover == Recover.EXPLICIT
+    by = protocol.deadlines[1].recover_by
+    assert by is not None and by.message == "parameter" and dict(by.values) == {"name": "clear_safe_mode", "value": 0.0}
     (stop,) = protocol.emergency_stop
     assert dict(stop.values) == {"linear": 0.0, "angular": 0.0}
 

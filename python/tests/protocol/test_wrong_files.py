@@ -288,6 +288,18 @@ MEANING = [
     ("at: mcu", "at: @host", "`drive` comes from the host, so the host cannot miss it; write `at: mcu`"),
     ("after: 1 s", "after: @10 ms", "`drive` is due every 0.05 s only"),
     ("then: stop}", "then: stop}\n  - {message: drive, at: mcu, after: 2 s, @then: stop}", "done after 1 s"),
+    (
+        "after: 1 s, then: stop}",
+        "after: 1 s, then: stop, @recover_by: {message: drive, speed: 0, mode: idle}}",
+        "only a deadline with `at: mcu` and `recover: explicit` is ended by a message of its own",
+    ),
+    (
+        "then: stop}",
+        "then: stop, recover: explicit, recover_by: @{message: drive, speed: 0, mode: idle}}",
+        "`drive` is held back itself while `stop` lasts; name another message of the host",
+    ),
+    ("then: stop}", "then: stop, recover: explicit, recover_by: {message: @state}}", "and the host sends `recover_by`"),
+    ("then: stop}", "then: stop, recover: explicit, recover_by: {message: @drve}}", "did you mean `drive`?"),
     ("{message: drive, speed", "{message: @drove, speed", "did you mean `drive`?"),
     ("{message: drive, speed: 0, mode: idle}", "{message: @state}", "comes from the MCU, and the host sends"),
     (

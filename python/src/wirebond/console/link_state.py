@@ -42,6 +42,7 @@ def link_state(served: Served) -> dict[str, Any]:
         "clients": server.client_count,
         "stopped": link.stopped,
         "struck": sorted(link._inbox.struck()),
+        "mcu_deadlines": source.mcu_deadlines.states(now),
         "rates": plain(link.rates().as_dict()),
         "receive": plain(stats.receive.as_dict()),
         "send": plain(asdict(stats.send)),

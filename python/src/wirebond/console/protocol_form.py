@@ -11,7 +11,17 @@ from wirebond.attach.words import is_controlled
 from wirebond.codec import Codec
 from wirebond.history.history import History
 from wirebond.protocol.forms import header_fields
-from wirebond.protocol.model import End, Field, FieldKind, HeaderField, Message, Protocol, Service
+from wirebond.protocol.model import (
+    Deadline,
+    End,
+    Field,
+    FieldKind,
+    GivenMessage,
+    HeaderField,
+    Message,
+    Protocol,
+    Service,
+)
 
 _NUMBERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
 
@@ -37,16 +47,22 @@ def protocol_form(codec: Codec, history: History, path: str, port: str, baud: in
             },
             "messages": [_message(model, history, message) for message in model.messages],
             "header": [_header(field) for field in header_fields(model.format.parts)],
-            "emergency_stop": [
-                {"message": stop.message, "fields": dict(stop.values), "header": dict(stop.header)}
-                for stop in model.emergency_stop
-            ],
-            "deadlines": [asdict(deadline) for deadline in model.deadlines],
+            "emergency_stop": [_given(stop) for stop in model.emergency_stop],
+            "deadlines": [_deadline(deadline) for deadline in model.deadlines],
             "services": [{"name": service.name, "messages": dict(service.messages)} for service in model.services],
             "parameters": _parameters(model, history),
         }
     )
     return form
+
+
+def _deadline(deadline: Deadline) -> dict[str, Any]:
+    by = deadline.recover_by
+    return {**asdict(deadline), "recover_by": None if by is None else _given(by)}
+
+
+def _given(message: GivenMessage) -> dict[str, Any]:
+    return {"message": message.message, "fields": dict(message.values), "header": dict(message.header)}
 
 
 def _message(model: Protocol, history: History, message: Message) -> dict[str, Any]:

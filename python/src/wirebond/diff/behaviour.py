@@ -95,8 +95,10 @@ def _deadlines(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Ch
             sentence = f"is new at the {deadline.at}, after {period(deadline.after)}: {deadline.then}"
         elif was.after != deadline.after:
             sentence = f"after {period(was.after)} became {period(deadline.after)}"
-        else:
+        elif was.recover != deadline.recover:
             sentence = f"recover {was.recover} became {deadline.recover}"
+        else:
+            sentence = "is ended by another message, or by other values (recover_by)"
         effects = _strikes(deadline, routes)
         what, place = f"deadline of {deadline.message}", ("deadlines", index)
         yield changed(what, sentence, effects, place=place) if effects else harmless(what, sentence, place=place)

@@ -7,7 +7,7 @@ from wirebond.check.wording import count, direction, percent, rate, seconds
 from wirebond.doc.examples import values_line
 from wirebond.doc.table import table
 from wirebond.protocol.meaning.messages import spoken
-from wirebond.protocol.model import Parity, Protocol, Recover
+from wirebond.protocol.model import Deadline, GivenMessage, Parity, Protocol, Recover
 
 _RECOVERIES = {
     Recover.NEXT_MESSAGE: "with the next such message",
@@ -71,22 +71,26 @@ def schedule_chapter(protocol: Protocol) -> list[str]:
 def deadlines_chapter(protocol: Protocol) -> list[str]:
     lines: list[str] = []
     if protocol.deadlines:
-        rows = [(d.message, spoken(d.at), seconds(d.after), d.then, _RECOVERIES[d.recover]) for d in protocol.deadlines]
+        rows = [(d.message, spoken(d.at), seconds(d.after), d.then, _ending(d)) for d in protocol.deadlines]
         lines += ["## Deadlines", "", "They run from start-up on, before the first message has come.", ""]
         lines += [*table(("message stays away", "at the", ">for", "then", "ends"), rows), ""]
-    stops = []
-    for stop in protocol.emergency_stop:
-        values = values_line(dict(stop.values))
-        header = values_line(dict(stop.header))
-        stops.append(
-            f"{stop.message}{' with ' + values if values else ''}{', its header with ' + header if header else ''}"
-        )
+    stops = [_given(stop) for stop in protocol.emergency_stop]
     if len(stops) == 1:
         lines += ["## Emergency stop", "", f"The message {stops[0]}.", ""]
     elif stops:
         lines += ["## Emergency stop", "", "These messages, in this order:", ""]
         lines += [*(f"{i}. {stop}" for i, stop in enumerate(stops, 1)), ""]
     return lines
+
+
+def _ending(deadline: Deadline) -> str:
+    by = deadline.recover_by
+    return _RECOVERIES[deadline.recover] if by is None else f"by the message {_given(by)}"
+
+
+def _given(message: GivenMessage) -> str:
+    values, header = values_line(dict(message.values)), values_line(dict(message.header))
+    return f"{message.message}{' with ' + values if values else ''}{', its header with ' + header if header else ''}"
 
 
 def services_chapter(protocol: Protocol) -> list[str]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wirebond.codec import Codec, Message
 from wirebond.history.happenings import Happenings
 from wirebond.history.history import MOST_BYTES, History
+from wirebond.history.mcu_deadlines import McuDeadlines
 from wirebond.history.round_trips import RoundTrips
 from wirebond.history.stream import KEPT_BYTES, Entry, Stream
 from wirebond.link.log_lines import LineLimit, log_names
@@ -59,6 +60,7 @@ class Source:
         self.history = History(codec.model, {end: self.streams[end].tables() for end in ENDS}, most)
         self.happenings = Happenings()
         self.round_trips = RoundTrips()
+        self.mcu_deadlines = McuDeadlines(codec.model)
         self._lock = threading.RLock()  # of what is below, and of the streams
         self._newest: dict[tuple[End, str], Newest] = {}
         model = codec.model
@@ -117,6 +119,8 @@ class Source:
         self.history.add(end, tables)
         with self._lock:
             stream = self.streams[end]
+            if end == End.HOST:
+                self.mcu_deadlines.sent(tables, lambda name, row: _fields(stream, name, tables[name], row))
             for name, table in tables.items():
                 offset = int(table["offset"][-1])
                 raw = stream.raw(offset, int(table["size"][-1]))
@@ -189,3 +193,10 @@ class Source:
                 (end, entry, self.streams[end].message(entry.bytes, entry.name, entry.t) if entry.name else None)
                 for end, entry in found[-most:]
             ]
+
+
+def _fields(stream: Stream, name: str, table: Mapping[str, Any], row: int) -> Mapping[str, Any] | None:
+    """Of a frame whose bytes are kept still."""
+    raw = stream.raw(int(table["offset"][row]), int(table["size"][row]))
+    message = stream.message(raw, name, float(table["t"][row]))
+    return None if message is None else message.fields

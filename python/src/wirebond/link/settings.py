@@ -16,7 +16,7 @@ from wirebond.link.python_link import PythonLink
 from wirebond.link.python_ports import LineSettings, PythonOpener
 from wirebond.ports.port_name import ADAPTER_LATENCY, PortName
 from wirebond.protocol.forms import header_fields
-from wirebond.protocol.model import MAX_LATENCY, Address, End, Queue, Recover, StopMessage
+from wirebond.protocol.model import MAX_LATENCY, Address, End, GivenMessage, Queue, Recover
 from wirebond.protocol.planning import plan_for, told_by_request
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def recent_bytes(baud: int, bits_per_byte: float) -> int:
     return round(min(max(full_line, LEAST_RECENT), MOST_RECENT))
 
 
-def safe_value(codec: Codec, stop: StopMessage, header: Mapping[str, Any] | None) -> SafeValue:
+def safe_value(codec: Codec, stop: GivenMessage, header: Mapping[str, Any] | None) -> SafeValue:
     """What the engine takes for one message of the stop. ``header``: of a frame whose addresses shall have it, too;
     None: what the file says. Only the addresses of that header are taken: with a flag such as "wait for the trigger"
     it would be no stop."""

@@ -14,6 +14,7 @@ from wirebond.protocol.model import (
     Field,
     FieldKind,
     FrameFormat,
+    GivenMessage,
     LengthCounts,
     LinkSettings,
     Message,
@@ -26,7 +27,6 @@ from wirebond.protocol.model import (
     Queue,
     Recover,
     Service,
-    StopMessage,
     Stuffing,
 )
 
@@ -41,6 +41,7 @@ __all__ = [
     "Field",
     "FieldKind",
     "FrameFormat",
+    "GivenMessage",
     "LengthCounts",
     "LinkSettings",
     "Message",
@@ -55,7 +56,6 @@ __all__ = [
     "Queue",
     "Recover",
     "Service",
-    "StopMessage",
     "Stuffing",
     "load",
     "loads",

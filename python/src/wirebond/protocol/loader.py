@@ -48,7 +48,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     messages = read_messages(root.get("messages"), types, problems)
     if draft is not None:
         draft, messages = read_matches(draft, messages, problems)
-    deadlines = references.read_deadlines(root.get("deadlines"), messages, problems)
+    deadlines = references.read_deadlines(root.get("deadlines"), messages, draft, problems)
     emergency_stop = references.read_emergency_stop(root.get("emergency_stop"), messages, draft, problems)
     services = references.read_services(root.get("services"), messages, problems)
     examples = read_examples(root.get("examples"), messages, draft, problems)

@@ -118,6 +118,7 @@ class VirtualMcu:
             self._told_held_back.discard(message.name)
             for device in acting:
                 self._seen(device, message.name, t)
+            self._recover_by(message, t)
             said = {} if self.behaviour is None else self.behaviour.heard(message)
             for header in asked:
                 self._waiting += self._answer(message, header, t, said)
@@ -190,6 +191,14 @@ class VirtualMcu:
 
     # ---- receiving
 
+    def _recover_by(self, message: Message, t: float) -> None:
+        """The file says which message ends a deadline: this one may be it."""
+        for rule in self.codec.model.deadlines:
+            if rule.recover_by is not None and rule.recover_by.is_it(message.name, message.fields):
+                if any(w.holds_back for device in self._devices.values() for w in device.watches if w.rule == rule):
+                    self.events.append(f"{message.name} ends {rule.then}")
+                self.recover(rule.then, t)
+
     def _device(self, address: object, t: float) -> _Device:
         return _Device(address, [_Watch(d, t) for d in self.codec.model.deadlines if d.at == End.MCU])
 
@@ -221,9 +230,12 @@ class VirtualMcu:
         if message in self._told_held_back:
             return
         self._told_held_back.add(message)
-        action = next(w.rule.then for w in device.watches if w.rule.message == message and w.holds_back)
-        whose = f"{message}{self._whose(device)}"
-        self.events.append(f"{whose} is held back by {action} until a script calls mcu.recover({action!r})")
+        rule = next(w.rule for w in device.watches if w.rule.message == message and w.holds_back)
+        whose, until = f"{message}{self._whose(device)}", f"a script calls mcu.recover({rule.then!r})"
+        if (by := rule.recover_by) is not None:
+            values = ", ".join(f"{name} = {_short(value)}" for name, value in by.values)
+            until = f"{by.message} comes{' with ' + values if values else ''}"
+        self.events.append(f"{whose} is held back by {rule.then} until {until}")
 
     def _reject(self, message: Message, devices: int) -> None:
         """As an MCU whose handler does not get it: it meets no deadline, and nothing answers."""
@@ -451,3 +463,7 @@ def _number(described: Field, wave: float) -> float | int:
     value = low + (high - low) * (0.5 + 0.45 * wave)
     whole = described.kind != FieldKind.FLOAT and not described.is_scaled
     return round(value) if whole else value
+
+
+def _short(value: float | str) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -10,10 +10,10 @@ from wirebond.protocol.meaning.draft import Draft
 from wirebond.protocol.meaning.field_values import fit_value, settled
 from wirebond.protocol.meaning.header import read_header_values
 from wirebond.protocol.meaning.messages import Entry, Messages, receiver_of, spoken
-from wirebond.protocol.model import Deadline, End, Field, FieldKind, Message, Recover, Service, StopMessage
+from wirebond.protocol.model import Deadline, End, Field, FieldKind, GivenMessage, Message, Recover, Service
 from wirebond.protocol.names import action_fault, meeting, meeting_fault
 from wirebond.protocol.problems import Place, Problems, suggestion
-from wirebond.protocol.text.grammar import DeadlineSyntax, Services, StopMessageSyntax
+from wirebond.protocol.text.grammar import DeadlineSyntax, GivenMessageSyntax, Services
 from wirebond.protocol.text.syntax import readable
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
@@ -26,16 +26,104 @@ def _find(name: str, place: Place, messages: Messages, problems: Problems) -> En
     return None
 
 
+# ---- a message with its values ---------------------------------------------------------------------
+
+_VALUELESS = (FieldKind.BYTES, FieldKind.PADDING)
+
+
+def _read_given(
+    node: Node | None, what: str, messages: Messages, draft: Draft | None, problems: Problems
+) -> GivenMessage | None:
+    syntax = readable(GivenMessageSyntax, node) if isinstance(node, Mapping) else None
+    if syntax is None or not isinstance(node, Mapping):
+        return None
+    entry = _find(syntax.message, node.value_place("message"), messages, problems)
+    if entry is None or entry.message is None:
+        return None
+    place = node.value_place("message")
+    if not entry.message.sent_by(End.HOST):
+        problems.add(
+            place,
+            f"`{syntax.message}` comes from the MCU, and the host sends {what}; name a message of the host",
+        )
+        return None
+    if entry.complete is None:
+        return None
+    given = {**(syntax.__pydantic_extra__ or {}), **syntax.fields}
+    fields = {field.name: field for field in entry.complete.fields}
+    header_values = syntax.header
+    if not isinstance(header_values, dict):  # one value: it can only be that of a field of the message
+        if "header" not in fields:
+            problems.add(
+                node.value_place("header"),
+                f"`header` has values of the frame's header, by their names; `{syntax.message}` has no field `header`. "
+                "Write for example `header: {servo: 1}`",
+            )
+            return None
+        given.setdefault("header", header_values)
+        header_values = {}
+    inner = node.get("fields")
+    places = {name: inner if name in syntax.fields and isinstance(inner, Mapping) else node for name in given}
+    may_stay_out = settled(entry.complete.fields)
+    unfit = [name for name, field in fields.items() if name not in may_stay_out and not _can_be_given(field)]
+    if unfit:
+        problems.add(
+            place,
+            f"{_listed(unfit)} of `{syntax.message}` cannot be given here; take a message of single values, or "
+            "give the others defaults",
+        )
+        return None
+    missing = [name for name in fields if name not in given and name not in may_stay_out]
+    hidden = [name for name in missing if name in GivenMessageSyntax.model_fields]
+    if hidden:
+        problems.add(place, f"{what} leaves the field `{hidden[0]}` open; add `fields: {{{hidden[0]}: 0}}`")
+    elif missing:
+        problems.add(place, f"{what} leaves {_listed(missing)} open; add for example `{missing[0]}: 0`")
+    values: list[tuple[str, float | int | bool | str]] = []
+    for name, wanted in given.items():
+        if name not in fields:
+            there = suggestion(name, fields) if fields else "it has no fields at all"
+            problems.add(places[name].key_place(name), f"`{syntax.message}` has no field `{name}`; {there}")
+            continue
+        if not _can_be_given(fields[name]):
+            problems.add(
+                places[name].key_place(name),
+                f"`{name}` is no single value and cannot be given here; leave it to its default",
+            )
+            continue
+        value, fault = fit_value(fields[name], wanted)
+        if isinstance(value, float | int | str):
+            names = {number: word for word, number in fields[name].enum}
+            values.append((name, names.get(value, value) if isinstance(value, int) else value))
+        else:
+            problems.add(places[name].value_place(name), fault)
+    header = None if draft is None else read_header_values(header_values, draft.parts, node, problems)
+    return GivenMessage(syntax.message, tuple(values), tuple((header or {}).items()))
+
+
+def _can_be_given(field: Field) -> bool:
+    return field.count is None and not field.is_list and not field.fields and field.kind not in _VALUELESS
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
 # ---- deadlines -----------------------------------------------------------------------------------
 
 
-def read_deadlines(node: Node | None, messages: Messages, problems: Problems) -> tuple[Deadline, ...]:
+def read_deadlines(
+    node: Node | None, messages: Messages, draft: Draft | None, problems: Problems
+) -> tuple[Deadline, ...]:
     deadlines: list[Deadline] = []
     for item in node.items if isinstance(node, Sequence) else ():
         syntax = readable(DeadlineSyntax, item)
         if syntax is None or not isinstance(item, Mapping):
             continue
-        deadline = Deadline(syntax.message, End(syntax.at), syntax.after, syntax.then, Recover(syntax.recover))
+        recover_by = _read_given(item.get("recover_by"), "`recover_by`", messages, draft, problems)
+        deadline = Deadline(
+            syntax.message, End(syntax.at), syntax.after, syntax.then, Recover(syntax.recover), recover_by
+        )
         _validate_deadline(deadline, item, messages, problems)
         for name, other in meeting([*dict.fromkeys(d.then for d in deadlines), deadline.then]):
             problems.add(item.value_place("then"), meeting_fault(name, other))
@@ -70,19 +158,33 @@ def _validate_deadline(deadline: Deadline, node: Mapping, messages: Messages, pr
             f"`{message.name}` is due every {message.every:g} s only, so this deadline would strike "
             "between two messages; write more than that",
         )
+    if deadline.recover_by is not None:
+        _validate_recover_by(deadline, deadline.recover_by.message, node, problems)
+
+
+def _validate_recover_by(deadline: Deadline, by: str, node: Mapping, problems: Problems) -> None:
+    if deadline.at != End.MCU or deadline.recover != Recover.EXPLICIT:
+        problems.add(
+            node.key_place("recover_by"),
+            "only a deadline with `at: mcu` and `recover: explicit` is ended by a message of its own; remove "
+            "`recover_by`, or write both",
+        )
+    elif by == deadline.message:
+        problems.add(
+            node.value_place("recover_by"),
+            f"`{by}` is held back itself while `{deadline.then}` lasts; name another message of the host",
+        )
 
 
 # ---- emergency stop ------------------------------------------------------------------------------
 
-_VALUELESS = (FieldKind.BYTES, FieldKind.PADDING)
-
 
 def read_emergency_stop(
     node: Node | None, messages: Messages, draft: Draft | None, problems: Problems
-) -> tuple[StopMessage, ...]:
-    stops: list[StopMessage] = []
+) -> tuple[GivenMessage, ...]:
+    stops: list[GivenMessage] = []
     for item in node.items if isinstance(node, Sequence) else (node,):
-        stop = _read_stop_message(item, messages, draft, problems)
+        stop = _read_given(item, "the stop", messages, draft, problems)
         if stop is None or not isinstance(item, Mapping):
             continue
         if any(stop.message == other.message for other in stops):
@@ -92,83 +194,6 @@ def read_emergency_stop(
             )
         stops.append(stop)
     return tuple(stops)
-
-
-def _read_stop_message(
-    node: Node | None, messages: Messages, draft: Draft | None, problems: Problems
-) -> StopMessage | None:
-    syntax = readable(StopMessageSyntax, node) if isinstance(node, Mapping) else None
-    if syntax is None or not isinstance(node, Mapping):
-        return None
-    entry = _find(syntax.message, node.value_place("message"), messages, problems)
-    if entry is None or entry.message is None:
-        return None
-    place = node.value_place("message")
-    if not entry.message.sent_by(End.HOST):
-        problems.add(
-            place,
-            f"`{syntax.message}` comes from the MCU, and the host sends the emergency stop; name a message of the host",
-        )
-        return None
-    if entry.complete is None:
-        return None
-    given = {**(syntax.__pydantic_extra__ or {}), **syntax.fields}
-    fields = {field.name: field for field in entry.complete.fields}
-    header_values = syntax.header
-    if not isinstance(header_values, dict):  # one value: it can only be that of a field of the message
-        if "header" not in fields:
-            problems.add(
-                node.value_place("header"),
-                f"`header` has values of the frame's header, by their names; `{syntax.message}` has no field `header`. "
-                "Write for example `header: {servo: 1}`",
-            )
-            return None
-        given.setdefault("header", header_values)
-        header_values = {}
-    inner = node.get("fields")
-    places = {name: inner if name in syntax.fields and isinstance(inner, Mapping) else node for name in given}
-    may_stay_out = settled(entry.complete.fields)
-    unfit = [name for name, field in fields.items() if name not in may_stay_out and not _can_be_given(field)]
-    if unfit:
-        problems.add(
-            place,
-            f"{_listed(unfit)} of `{syntax.message}` cannot be given here; stop with a message of single values, or "
-            "give the others defaults",
-        )
-        return None
-    missing = [name for name in fields if name not in given and name not in may_stay_out]
-    hidden = [name for name in missing if name in StopMessageSyntax.model_fields]
-    if hidden:
-        problems.add(place, f"the stop leaves the field `{hidden[0]}` open; add `fields: {{{hidden[0]}: 0}}`")
-    elif missing:
-        problems.add(place, f"the stop leaves {_listed(missing)} open; add for example `{missing[0]}: 0`")
-    values: list[tuple[str, float | int | bool | str]] = []
-    for name, wanted in given.items():
-        if name not in fields:
-            there = suggestion(name, fields) if fields else "it has no fields at all"
-            problems.add(places[name].key_place(name), f"`{syntax.message}` has no field `{name}`; {there}")
-            continue
-        if not _can_be_given(fields[name]):
-            problems.add(
-                places[name].key_place(name),
-                f"`{name}` is no single value and cannot be given here; leave it to its default",
-            )
-            continue
-        value, fault = fit_value(fields[name], wanted)
-        if isinstance(value, float | int | str):
-            values.append((name, value))
-        else:
-            problems.add(places[name].value_place(name), fault)
-    header = None if draft is None else read_header_values(header_values, draft.parts, node, problems)
-    return StopMessage(syntax.message, tuple(values), tuple((header or {}).items()))
-
-
-def _can_be_given(field: Field) -> bool:
-    return field.count is None and not field.is_list and not field.fields and field.kind not in _VALUELESS
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names)
 
 
 # ---- services ------------------------------------------------------------------------------------

@@ -49,12 +49,12 @@ from wirebond.protocol.model.protocol import (
     Example,
     ExampleScalar,
     ExampleValue,
+    GivenMessage,
     LinkSettings,
     Parity,
     Protocol,
     Recover,
     Service,
-    StopMessage,
 )
 
 __all__ = [
@@ -80,6 +80,7 @@ __all__ = [
     "Field",
     "FieldKind",
     "FrameFormat",
+    "GivenMessage",
     "HeaderDefault",
     "HeaderField",
     "Insertion",
@@ -99,7 +100,6 @@ __all__ = [
     "Queue",
     "Recover",
     "Service",
-    "StopMessage",
     "Stuffing",
     "Subject",
     "cobs_overhead",

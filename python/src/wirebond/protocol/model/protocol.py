@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Union
+from typing import Any, Union
 
 from wirebond.protocol.model.fields import End
 from wirebond.protocol.model.frames import FrameFormat, HeaderDefault, PartKind, PayloadRule
@@ -48,21 +48,27 @@ class LinkSettings:
 
 
 @dataclass(frozen=True)
+class GivenMessage:
+    """A message of the host with the values that the file gives it: that of ``recover_by``, or one of
+    ``emergency_stop``, which stops the robot and ends a lease."""
+
+    message: str
+    values: tuple[tuple[str, float | int | bool | str], ...]
+    header: tuple[tuple[str, HeaderDefault], ...] = ()  # of the frame, where it differs from the host's defaults
+
+    def is_it(self, message: str, fields: Mapping[str, Any]) -> bool:
+        """Is a message with this name and these values the one? Fields that the file does not give do not count."""
+        return message == self.message and all(fields.get(name) == value for name, value in self.values)
+
+
+@dataclass(frozen=True)
 class Deadline:
     message: str
     at: End
     after: float  # seconds
     then: str
     recover: Recover
-
-
-@dataclass(frozen=True)
-class StopMessage:
-    """One message of ``emergency_stop``: what stops the robot, and the safe value that ends a lease."""
-
-    message: str
-    values: tuple[tuple[str, float | int | bool | str], ...]
-    header: tuple[tuple[str, HeaderDefault], ...] = ()  # of the frame, where it differs from the host's defaults
+    recover_by: GivenMessage | None = None  # what the host sends to end an explicit one; None: the file does not say
 
 
 ExampleScalar = float | int | bool | str | bytes
@@ -102,7 +108,7 @@ class Protocol:
     messages: tuple[Message, ...]
     link: LinkSettings = LinkSettings()
     deadlines: tuple[Deadline, ...] = ()
-    emergency_stop: tuple[StopMessage, ...] = ()  # sent and released together, in this order
+    emergency_stop: tuple[GivenMessage, ...] = ()  # sent and released together, in this order
     services: tuple[Service, ...] = ()
     examples: tuple[Example, ...] = ()
     idle: float | None = None  # seconds; None: the default rule

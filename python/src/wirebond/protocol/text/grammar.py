@@ -151,6 +151,39 @@ class MessageSyntax(MessageHead):
 # ---- behaviour -----------------------------------------------------------------------------------
 
 
+class GivenMessageSyntax(Syntax):
+    """A message of the host, with the values of its fields."""
+
+    model_config = ConfigDict(extra="allow")
+    noun = "a message with its values"
+    __pydantic_extra__: dict[str, OwnValue]
+
+    message: Name = Field(description="The message to send; its fields' values stand beside it.", examples=["velocity"])
+    fields: dict[Name, OwnValue] = Field(
+        default_factory=dict,
+        description="Values of its fields, for those that are called `message`, `fields` or `header`.",
+        examples=["{message: 0}"],
+    )
+    header: ValuesOrOne = Field(
+        default_factory=dict,
+        description="Values of the frame's own named fields, where they differ from their defaults. A single value is "
+        "that of the message's field `header`.",
+        examples=["{servo: 0xFE}"],
+    )
+
+
+class StopMessageSyntax(GivenMessageSyntax):
+    """A message of the emergency stop."""
+
+    noun = "a message of `emergency_stop`"
+
+
+class RecoverMessageSyntax(GivenMessageSyntax):
+    """The message that ends a deadline."""
+
+    noun = "the message of `recover_by`"
+
+
 class DeadlineSyntax(Syntax):
     """What happens when a message stays away."""
 
@@ -167,26 +200,11 @@ class DeadlineSyntax(Syntax):
         description="How it ends: by the next message, or by an explicit call.",
         examples=["explicit"],
     )
-
-
-class StopMessageSyntax(Syntax):
-    """A message of the emergency stop, with the values of its fields."""
-
-    model_config = ConfigDict(extra="allow")
-    noun = "a message of `emergency_stop`"
-    __pydantic_extra__: dict[str, OwnValue]
-
-    message: Name = Field(description="The message to send; its fields' values stand beside it.", examples=["velocity"])
-    fields: dict[Name, OwnValue] = Field(
-        default_factory=dict,
-        description="Values of its fields, for those that are called `message`, `fields` or `header`.",
-        examples=["{message: 0}"],
-    )
-    header: ValuesOrOne = Field(
-        default_factory=dict,
-        description="Values of the frame's own named fields, where they differ from their defaults. A single value is "
-        "that of the message's field `header`.",
-        examples=["{servo: 0xFE}"],
+    recover_by: RecoverMessageSyntax | None = Field(
+        None,
+        description="The message that the host sends to end it, with the values of its fields, where `recover` is "
+        "`explicit`. For people and the console; your firmware calls `recover` when it comes.",
+        examples=["{message: parameter, name: clear_safe_mode, value: 0}"],
     )
 
 
