@@ -68,7 +68,20 @@ def test_an_error_stands_at_its_place_and_the_old_file_stays_in_force(edited: Ed
     assert text.input_value()[at:].startswith("u9")
     assert serious(page) == []
     assert edited.file.read_text(encoding="utf-8") == GOOD and edited.link.codec.hash == before
-    page.keyboard.press("Escape")
+    asked: list[str] = []
+    page.once("dialog", lambda dialog: (asked.append(dialog.type), dialog.accept()))
+    page.reload()
+    assert asked == ["beforeunload"]
+    page.get_by_role("button", name="Restore").click()
+    expect(text).to_have_value(GOOD.replace("id: u8", "id: u9"))
+    page.once("dialog", lambda dialog: dialog.accept())
+    page.reload()
+    page.get_by_role("button", name="Discard").click()
+    page.get_by_role("tab", name="Edit and try").click()
+    expect(text).to_have_value(GOOD)
+    page.reload()  # nothing is asked, and nothing is offered
+    expect(page.locator("main")).to_contain_text("Velocity commands")
+    expect(page.get_by_role("button", name="Restore")).to_have_count(0)
     page.keyboard.press("2")
     expect(page.locator("tr", has_text="odometry").locator(".fields")).to_contain_text("left_ticks")
 

@@ -407,6 +407,12 @@ export const en = {
     useFile: "Use it for this port",
     notSavedNew: "This file is only in this page until you save or download it.",
     notSaved: "The file in force stays until you connect with the edited one.",
+    kept: (name: string, when: string) =>
+      `Your changes to ${name} of ${when} are not in force. This browser has kept them.`,
+    keptIsOlder: "The file in force has changed since then.",
+    restoreKept: "Restore",
+    discardKept: "Discard",
+    unsaved: "has unsaved changes",
     connectWith: "Connect with the edited file",
     completions: "Completions",
     saved: (path: string) => `Written to ${path}. What is in force stays until you connect with it.`,
