@@ -14,9 +14,9 @@ export interface Hold {
 
 /** The worst that holds for this message; null: nothing does. */
 export function holdOf(protocol: Protocol | null, link: LinkView | null, message: string): Hold | null {
-  if (!protocol || link?.state === "down") return null;
+  if (!protocol || !link || link.state === "down" || link.port?.startsWith("replay:")) return null;
   const found: Hold[] = [];
-  for (const state of link?.mcu_deadlines ?? []) {
+  for (const state of link.mcu_deadlines ?? []) {
     const deadline = protocol.deadlines[state.deadline];
     if (!deadline || deadline.message !== message) continue;
     const isExplicit = deadline.recover === "explicit";

@@ -82,7 +82,8 @@ def test_a_simulator_a_port_and_a_recording_are_chosen_in_the_page(
     browser: Browser, problems: list[str], robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with Console(port=0, options=Options(may_connect=True)) as console:
+    kept = tmp_path / "kept"
+    with Console(port=0, options=Options(may_connect=True, recordings=kept)) as console:
         page = open_page(browser, console, "link", problems)
         expect(page.locator("main")).to_contain_text("Choose a port and a protocol file")
         page.get_by_role("button", name="Simulator of the chosen file").click()
@@ -97,10 +98,20 @@ def test_a_simulator_a_port_and_a_recording_are_chosen_in_the_page(
         expect(page.get_by_role("row").filter(has_text="▼ odometry")).to_contain_text("20.0 Hz")
         disconnect(page)
 
-        path = tmp_path / "run.mcap"
+        path = kept / "run.mcap"
         with wirebond.open(codec("diffdrive"), str(robot.port)) as link, link.record(path):
             wait_until(lambda: link.stats.receive.messages.get("odometry", 0) > 5, "something to record")
-        connect(page, f"replay:{path}")
+        page.keyboard.press("6")  # without a port
+        page.get_by_role("button", name="Open", exact=True).click()
+        expect(page.locator(".legend .value").first).to_have_text(re.compile(r"\d"))
+        page.keyboard.press("2")
+        expect(page.locator("tr", has_text="odometry").first.locator(".fields")).to_contain_text("left_ticks")
+        page.get_by_role("button", name="Back to live").click()
+
+        page.keyboard.press("1")
+        page.get_by_label("Recording", exact=True).select_option(str(path))
+        page.get_by_role("button", name="Connect", exact=True).click()
+        expect(page.locator("header .name")).to_have_text("diffdrive")  # the recording says so
         expect(page.get_by_role("row").filter(has_text="▼ odometry")).to_be_visible()
         expect(page.get_by_role("status")).to_contain_text("Down")  # it has ended
         expect(page.locator("main")).to_contain_text("has ended")

@@ -27,7 +27,10 @@ class Live {
   entries = $state.raw<Entry[]>([]);
   events = $state.raw<LinkEvent[]>([]);
   recording = $state.raw<{ name: string; from: number; to: number; problems: string[] } | null>(null);
-  protocol = $state.raw<Protocol | null>(null);
+  protocol = $state.raw<Protocol | null>(null); // of the link
+  private recorded = $state.raw<{ name: string; protocol: Protocol | null }>({ name: "", protocol: null });
+  /** Of what is shown: a recording has its own. */
+  readonly shown = $derived(this.recorded.name ? this.recorded.protocol : this.protocol);
   problem = $state(""); // of what was asked for
   private wish: Wish = { ...NONE };
   private isDue = false;
@@ -94,6 +97,21 @@ class Live {
       this.protocolHash = this.protocol.hash;
     } catch {
       this.protocol = null;
+    }
+  }
+
+  /** Shows this recording in place of the link; empty: the link again. */
+  async showRecording(name: string): Promise<void> {
+    this.recording = null;
+    this.problem = "";
+    this.recorded = { name, protocol: null };
+    this.want(name ? { source: { recording: name }, at: undefined } : { source: "live", at: undefined });
+    if (!name) return;
+    try {
+      const protocol = await get<Protocol>(`api/protocol?recording=${encodeURIComponent(name)}`);
+      if (this.recorded.name === name) this.recorded = { name, protocol };
+    } catch (error) {
+      if (this.recorded.name === name) this.problem = error instanceof Error ? error.message : String(error);
     }
   }
 

@@ -6,6 +6,8 @@ import { place } from "./place.svelte";
 /** As `record_start` in docs/server.md. */
 export interface Recorded {
   name: string;
+  path: string;
+  hash: string | null;
   state: "recording" | "closing" | "closed" | "unclosed" | "unreadable";
   started: number | null;
   seconds: number | null;
@@ -45,10 +47,8 @@ class Recordings {
 
   /** Follows the address: asks the server for the recording that it names, or for the live link. */
   follow(): void {
-    const name = place.now.recording;
     this.at = null;
-    live.recording = null;
-    live.want(name ? { source: { recording: name }, at: undefined } : { source: "live", at: undefined });
+    void live.showRecording(place.now.recording ?? "");
   }
 
   scrub(at: number): void {

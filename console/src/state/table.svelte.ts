@@ -19,7 +19,7 @@ export class Table {
   readonly lines = $derived.by(() => {
     const rows = new Map((this.frozen ?? live.rows).map((row) => [`${row.sender}:${row.name}`, row]));
     const all: Line[] = [];
-    for (const message of live.protocol?.messages ?? [])
+    for (const message of live.shown?.messages ?? [])
       for (const sender of message.sender === "both" ? (["mcu", "host"] as const) : [message.sender]) {
         const key = `${sender}:${message.name}`;
         all.push({ key, message, sender, row: rows.get(key) ?? null });

@@ -134,6 +134,9 @@ export const en = {
     fromProtocol: "of the protocol",
     protocolFile: "Protocol file",
     current: (name: string) => `${name}, as now`,
+    recording: "Recording",
+    noRecording: "Replay a recording…",
+    recordedFile: "that of the recording",
     noFile: "none: show the bytes as they come",
     noPortYet: "Choose a port and a protocol file. Without a device, try the simulated rover.",
     simulators: { "sim:rover": "Simulated rover", "sim:": "Simulator of the chosen file" },
@@ -206,6 +209,7 @@ export const en = {
   control: {
     none: "The protocol has no message of the host.",
     pad: "Drive",
+    replayed: "The port replays a recording. What is sent here goes nowhere.",
     padHint: "Hold the pad, or the arrow keys while it has the focus. Letting go stops the robot.",
     padNeeds: "Take control first.",
     padStopped: "The emergency stop is latched.",
@@ -371,6 +375,7 @@ export const en = {
     marked: "Marked.",
     problems: "What is wrong with this recording",
     addNote: "Add a note",
+    reading: "The recording is being read.",
     commandsAreLive: "A recording is shown. What is sent here goes to the robot, now.",
   },
   protocol: {

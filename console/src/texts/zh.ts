@@ -134,6 +134,9 @@ export const zh: Texts = {
     fromProtocol: "按协议",
     protocolFile: "协议文件",
     current: (name) => `${name}（与现在相同）`,
+    recording: "录制",
+    noRecording: "回放一个录制…",
+    recordedFile: "录制自带的协议",
     noFile: "无：按原样显示字节",
     noPortYet: "请选择串口和协议文件。没有设备时可以试用模拟小车。",
     simulators: { "sim:rover": "模拟小车", "sim:": "所选协议的模拟器" },
@@ -206,6 +209,7 @@ export const zh: Texts = {
   control: {
     none: "协议没有上位机发送的消息。",
     pad: "驾驶",
+    replayed: "串口正在回放录制，这里发送的内容不会到达任何设备。",
     padHint: "按住面板，或在面板获得焦点时按住方向键。松开即停。",
     padNeeds: "请先取得控制权。",
     padStopped: "急停已锁定。",
@@ -363,6 +367,7 @@ export const zh: Texts = {
     marked: "已标记。",
     problems: "此录制的问题",
     addNote: "添加备注",
+    reading: "正在读取录制。",
     commandsAreLive: "正在显示录制。这里发送的内容会立即发往机器人。",
   },
   protocol: {

@@ -13,6 +13,7 @@ from starlette.routing import BaseRoute, Route
 from wirebond import paths
 from wirebond.console.answers import RefusedError, answer, body_of, guarded, served_by, worked, worked_by
 from wirebond.console.connector import Options
+from wirebond.console.library import Library
 from wirebond.console.protocol_form import protocol_form
 from wirebond.console.station import Station
 from wirebond.jobs import Worker
@@ -34,12 +35,14 @@ class _Save(msgspec.Struct):
 
 class ProtocolRequests:
     """:param station: whose protocol it is.
+    :param library: of the recordings, which have protocols of their own.
     :param options: which files may be written.
     :param worker: does what takes long.
     """
 
-    def __init__(self, station: Station, options: Options, worker: Worker) -> None:
+    def __init__(self, station: Station, library: Library, options: Options, worker: Worker) -> None:
         self._station = station
+        self._library = library
         self._options = options
         self._worker = worker
         self._first: set[Path] = set()  # files that the page made
@@ -55,13 +58,21 @@ class ProtocolRequests:
             Route("/api/save", guarded(self._save), methods=["POST"]),
         ]
 
-    async def _protocol(self, _: Request) -> Response:
+    async def _protocol(self, request: Request) -> Response:
+        name = request.query_params.get("recording")
+        if name is not None:
+            return await worked(lambda: self._recorded(name))
         served = served_by(self._station)
         link = served.link
         if is_raw(link.codec):
             raise RefusedError(404, "no_protocol", "the console has no protocol yet: it shows raw bytes")
         path = link.codec.model.path
         return answer(protocol_form(link.codec, served.source.history, path, link.port, link.baud))
+
+    def _recorded(self, name: str) -> dict[str, Any]:
+        source = self._library.open(name).source
+        model = source.codec.model
+        return protocol_form(source.codec, source.history, model.path, "", model.link.baud)
 
     async def _document(self, _: Request) -> Response:
         model = served_by(self._station).link.codec.model

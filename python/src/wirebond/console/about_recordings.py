@@ -10,9 +10,8 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response, StreamingResponse
 from starlette.routing import BaseRoute, Route
 
-from wirebond.console.answers import RefusedError, answer, guarded, served_by
+from wirebond.console.answers import RefusedError, answer, guarded
 from wirebond.console.library import Library
-from wirebond.console.station import Station
 from wirebond.recording.export import csv_of
 from wirebond.recording.recording import Recording
 
@@ -20,8 +19,7 @@ from wirebond.recording.recording import Recording
 class RecordingRequests:
     """:param library: where the files are."""
 
-    def __init__(self, station: Station, library: Library) -> None:
-        self._station = station
+    def __init__(self, library: Library) -> None:
         self._library = library
 
     def routes(self) -> list[BaseRoute]:
@@ -32,11 +30,8 @@ class RecordingRequests:
         ]
 
     async def _list(self, _: Request) -> Response:
-        recordings = served_by(self._station).server.recordings
-        if recordings.folder is None:
-            return answer({"folder": None, "recordings": []})
-        found = await run_in_threadpool(recordings.list)
-        return answer({"folder": str(recordings.folder), "recordings": msgspec.to_builtins(found)})
+        folder, found = await run_in_threadpool(self._library.list)
+        return answer({"folder": None if folder is None else str(folder), "recordings": msgspec.to_builtins(found)})
 
     async def _file(self, request: Request) -> Response:
         name = request.path_params["name"]

@@ -12,6 +12,7 @@ from starlette.responses import Response
 
 from wirebond.as_json import encode, plain
 from wirebond.console.connector import HeldError
+from wirebond.console.library import NoPortError
 from wirebond.console.station import Served, Station
 from wirebond.errors import ProtocolFileError, WirebondError
 from wirebond.jobs import Worker, as_json
@@ -59,6 +60,8 @@ def guarded(handler: Handler) -> Handler:
             return answer({"error": error.error, "text": str(error)}, error.status)
         except ProtocolFileError as error:
             return answer({"error": "protocol", "text": str(error), "problems": problems_of(error)}, 422)
+        except NoPortError as error:
+            return answer({"error": "no_link", "text": str(error)}, 404)
         except HeldError as error:
             return answer({"error": "not_in_control", "text": str(error)}, 409)
         except WirebondError as error:

@@ -19,10 +19,10 @@ from wirebond.jobs import Worker
 def routes(station: Station, library: Library, connector: Connector, worker: Worker) -> list[BaseRoute]:
     """By what they are about."""
     return [
-        *ProtocolRequests(station, connector.options, worker).routes(),
+        *ProtocolRequests(station, library, connector.options, worker).routes(),
         *ByteRequests(station, library, worker).routes(),
         *DeviceRequests(station, worker).routes(),
-        *RecordingRequests(station, library).routes(),
+        *RecordingRequests(library).routes(),
         *CommandRequests(station).routes(),
         *PortRequests(connector).routes(),
     ]

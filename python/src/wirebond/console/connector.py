@@ -18,8 +18,10 @@ from wirebond.errors import UsageError
 from wirebond.jobs.protocol_files import EDITED
 from wirebond.link import open_link
 from wirebond.link.raw import raw_codec
+from wirebond.ports.port_name import port_name
 from wirebond.protocol import loads
 from wirebond.protocol.model import LinkSettings
+from wirebond.recording.recording import Recording
 from wirebond.server import Server
 from wirebond.sim.port import NAME as SIMULATED
 
@@ -62,7 +64,8 @@ class Connector:
     def connect(self, port: str, baud: int | None, protocol: str | None, text: str | None, *, over: bool) -> None:
         """Open the port, and show its link. A port that is not there is waited for.
 
-        :param protocol: the path of one of the files that can be chosen; None and no ``text``: raw bytes.
+        :param protocol: the path of one of the files that can be chosen; None and no ``text``: raw bytes, or the
+            protocol of the recording that is replayed.
         :param over: also where a program is in control of the link that is there.
         :raises HeldError: a program is in control.
         :raises WirebondError: the protocol or the port cannot be used; what was there goes on, unless its port is this
@@ -124,6 +127,8 @@ class Connector:
             from wirebond.sim import rover  # noqa: PLC0415 it needs the generator
 
             return load(rover.protocol_file())
+        if name := port_name(port).recording:
+            return Recording(name).codec
         if port == SIMULATED:
             raise UsageError("a simulated MCU needs a protocol; choose one")
         return raw_codec(LinkSettings(baud=baud or LinkSettings().baud))

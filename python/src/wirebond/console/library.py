@@ -6,14 +6,24 @@ import threading
 from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from wirebond.console.station import Station
 from wirebond.errors import UsageError
 from wirebond.history.recorded import recorded_source
 from wirebond.history.source import Source
 from wirebond.recording.recording import Recording
+from wirebond.server.recording_folder import RecordingFolder
+
+if TYPE_CHECKING:
+    from wirebond.attach.words import StoredRecording
+    from wirebond.server.recordings import Recordings
 
 _MOST_OPEN = 3
+
+
+class NoPortError(UsageError):
+    """What is asked for belongs to a port, and there is none."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +37,14 @@ class Replay:
 
 
 class Library:
-    """Keeps the last few open."""
+    """Keeps the last few open.
 
-    def __init__(self, station: Station) -> None:
+    :param folder: of the recordings, as long as no server has one.
+    """
+
+    def __init__(self, station: Station, folder: Path | None = None) -> None:
         self._station = station
+        self._folder = None if folder is None else RecordingFolder(folder.absolute())
         self._lock = threading.Lock()
         self._open: OrderedDict[tuple[Path, int, int], Replay] = OrderedDict()
 
@@ -39,10 +53,17 @@ class Library:
 
         :raises UsageError: there is none of this name.
         """
-        served = self._station.served
-        if served is None:
-            raise UsageError("the console has no port yet, and so no folder of recordings; connect it first")
-        return served.server.recordings.path(name)
+        return self._recordings().path(name)
+
+    def list(self) -> tuple[Path | None, list[StoredRecording]]:
+        """The folder, and its recordings, the newest first; None: there is no folder.
+
+        :raises WirebondError: it cannot be read.
+        """
+        found = self._recordings()
+        if found.folder is None:
+            return None, []
+        return found.folder, found.list() if found.folder.is_dir() else []
 
     def open(self, name: str) -> Replay:
         """A recording, read whole.
@@ -64,3 +85,11 @@ class Library:
                     self._open.popitem(last=False)
             self._open.move_to_end(key)
         return found
+
+    def _recordings(self) -> Recordings | RecordingFolder:
+        served = self._station.served
+        if served is not None:
+            return served.server.recordings
+        if self._folder is None:
+            raise NoPortError("the console has no port yet, and so no folder of recordings; connect it first")
+        return self._folder

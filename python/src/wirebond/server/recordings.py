@@ -16,19 +16,17 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from wirebond.attach.words import RecordingNote, StoredRecording
+from wirebond.attach.words import StoredRecording
 from wirebond.errors import UsageError, WirebondError
 from wirebond.recording.apart import begin_closing
-from wirebond.recording.glance import glance
 from wirebond.recording.notes import annotate
 from wirebond.recording.recorder import Recorder
+from wirebond.server.recording_folder import ENDING, RecordingFolder, by_start
 
 if TYPE_CHECKING:
     from wirebond.link import Link
 
-MOST_LISTED = 1000  # the newest ones
 MOST_MARK = 1000  # characters
-_ENDING = ".mcap"
 
 
 class Recordings:
@@ -47,7 +45,7 @@ class Recordings:
         self._changed = changed
         self._lock = threading.RLock()  # of the recorder
         self._recorder: Recorder | None = None
-        self._known: dict[str, tuple[tuple[int, int], StoredRecording]] = {}  # by name: size and time of the file
+        self._files = None if self.folder is None else RecordingFolder(self.folder)
         self._errors: dict[str, str] = {}  # why those ended early that did
         self._closing: set[str] = set()
         self._to_close: queue.SimpleQueue[Path | None] = queue.SimpleQueue()
@@ -64,7 +62,7 @@ class Recordings:
             if self._recorder is not None and not self._recorder.error:
                 raise UsageError(f"{self._recorder.path.name} is being recorded already; stop that first")
             self._end()
-            path = _new_path(self._folder(), self._link.codec.name)
+            path = _new_path(self._in_folder().folder, self._link.codec.name)
             try:
                 self._recorder = Recorder(self._link, path)
             except OSError as error:
@@ -96,25 +94,14 @@ class Recordings:
         :raises UsageError: the server has no folder.
         :raises WirebondError: the folder cannot be read.
         """
-        folder = self._folder()
-        try:
-            with os.scandir(folder) as entries:
-                found = [(e.stat().st_mtime_ns, e.name) for e in entries if e.name.endswith(_ENDING) and e.is_file()]
-        except OSError as error:
-            raise WirebondError(f"cannot read the folder {folder}: {error.strerror or error}") from None
-        newest = [self._stored(folder / name) for _, name in sorted(found, reverse=True)[:MOST_LISTED]]
-        return sorted((one for one in newest if one is not None), key=lambda one: one.started, reverse=True)
+        return by_start(self._stored(path) for path in self._in_folder().newest())
 
     def path(self, name: str) -> Path:
         """The file of the recording with this name.
 
         :raises UsageError: there is none in the folder.
         """
-        folder = self._folder()
-        path = folder / name
-        if Path(name).name != name or not name.endswith(_ENDING) or "\0" in name or not path.is_file():
-            raise UsageError(f"there is no recording {name!r:.100} in {folder}; list the recordings to see their names")
-        return path
+        return self._in_folder().path(name)
 
     def mark(self, text: str, by: str = "") -> None:
         """Let an event ``mark`` with this text stand in every recording of the link, at this moment.
@@ -183,13 +170,13 @@ class Recordings:
 
     # ---- inside
 
-    def _folder(self) -> Path:
-        if self.folder is None:
+    def _in_folder(self) -> RecordingFolder:
+        if self._files is None:
             raise UsageError(
                 "this server has no folder for recordings; start it with `wirebond serve --recordings FOLDER`, or "
                 "record at the client"
             )
-        return self.folder
+        return self._files
 
     def _end(self) -> StoredRecording | None:
         """None: nothing was being recorded."""
@@ -244,38 +231,14 @@ class Recordings:
         recorder = self._recorder
         if recorder is not None and recorder.path == path:
             return self._current(recorder)
-        try:
-            stat = path.stat()
-            key = stat.st_size, stat.st_mtime_ns
-            known = self._known.get(path.name)
-            found = known[1] if known is not None and known[0] == key else _seen(path)
-        except OSError:
-            self._known.pop(path.name, None)
+        found = self._in_folder().about(path)
+        if found is None:
             return None
-        self._known[path.name] = key, found
         if path.name in self._closing:
             return msgspec.structs.replace(found, state="closing")
         if found.state == "unclosed" and path.name in self._errors:
             return msgspec.structs.replace(found, error=self._errors[path.name])
         return found
-
-
-def _seen(path: Path) -> StoredRecording:
-    try:
-        found = glance(path)
-    except WirebondError as error:
-        return StoredRecording(path.name, str(path), "unreadable", size=path.stat().st_size, error=str(error))
-    return StoredRecording(
-        name=path.name,
-        path=str(path),
-        state="closed" if found.is_closed else "unclosed",
-        started=found.started,
-        seconds=found.seconds,
-        size=found.size,
-        protocol=found.protocol,
-        hash=found.hash,
-        notes=tuple(RecordingNote(note.written.timestamp(), note.text) for note in found.notes),
-    )
 
 
 def _made(folder: Path) -> Path:
@@ -293,8 +256,8 @@ def _made(folder: Path) -> Path:
 
 def _new_path(folder: Path, protocol: str) -> Path:
     base = f"{protocol}-{time.strftime('%Y%m%d-%H%M%S')}"
-    path, number = folder / f"{base}{_ENDING}", 1
+    path, number = folder / f"{base}{ENDING}", 1
     while path.exists():
         number += 1
-        path = folder / f"{base}-{number}{_ENDING}"
+        path = folder / f"{base}-{number}{ENDING}"
     return path
