@@ -98,10 +98,9 @@ build/page.stamp: build/page-packages.stamp $(PAGE)
 	@if [ -e build/page-packages.stamp ]; then setup/page.sh build && touch $@; fi
 
 # Wheels of ROS 2 exist for Linux and Python 3.11 alone. Without them the tests over rclpy are skipped.
-build/rclpy.stamp: tests/ros2/rclpy.txt | build/requirements.stamp
+build/rclpy.stamp: tests/ros2/rclpy.txt setup/rclpy.sh | build/requirements.stamp
 	@echo "Installing a ROS 2 for the tests into build/rclpy"
-	@rm -rf build/rclpy
-	@$(PYTHON) -m pip install --quiet --disable-pip-version-check --no-deps --prefix build/rclpy -r tests/ros2/rclpy.txt || \
+	@setup/rclpy.sh $(PYTHON) build/rclpy || \
 	  echo "tests/ros2/rclpy.txt cannot be installed: what runs over rclpy is left out" >&2
 	@touch $@
 

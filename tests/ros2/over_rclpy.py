@@ -32,5 +32,24 @@ def rclpy_environment() -> dict[str, str]:
     }
 
 
+def build_environment() -> dict[str, str]:
+    """The environment of a `colcon build` with the generators of ROS 2. Without those the test is skipped."""
+    environment = rclpy_environment() | {"PATH": _before("PATH", [Path(sys.executable).parent])}
+    if "AMENT_PREFIX_PATH" not in os.environ:
+        if not (_WHEELS.parent / "share" / "rosidl_default_generators").is_dir():
+            pytest.skip("no generators of ROS 2: make build/rclpy.stamp")
+        environment |= dict.fromkeys(("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH"), str(_WHEELS.parent))
+    return environment
+
+
+def with_package(environment: dict[str, str], prefix: Path) -> dict[str, str]:
+    """The same with a package that was installed there."""
+    site = prefix / _SITE.relative_to(_WHEELS.parent)
+    return environment | {
+        name: os.pathsep.join(filter(None, [str(path), environment.get(name, "")]))
+        for name, path in (("PYTHONPATH", site), ("LD_LIBRARY_PATH", prefix / "lib"), ("AMENT_PREFIX_PATH", prefix))
+    }
+
+
 def _before(variable: str, paths: list[Path]) -> str:
     return os.pathsep.join([*map(str, paths), *filter(None, [os.environ.get(variable)])])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from cyclonedds._clayer import ddspy_take, ddspy_write
@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from wirebond.ros2.dds_services import any_bytes
 from wirebond.ros2.idl import idl_type
-from wirebond.ros2.types import ServiceType, ros_type, service_type
+from wirebond.ros2.types import RosType, ServiceType, ros_type, service_type
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
@@ -30,9 +30,11 @@ _CLIENT = 0x1122334455667788  # as a program over rmw_cyclonedds calls itself
 class Peer:
     """Takes and gives messages of topics, as objects of rosbags."""
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, domain: int, generated: Mapping[str, RosType] | None = None) -> None:
+        """``generated``: types that ROS does not have, by their short names."""
+        self._generated = generated or {}
         self._participant = DomainParticipant(domain)
-        self._topics: dict[str, tuple[Topic[Any], str]] = {}
+        self._topics: dict[str, tuple[Topic[Any], RosType]] = {}
         self._readers: dict[str, DataReader[Any]] = {}
         self._writers: dict[str, DataWriter[Any]] = {}
         self.seen: dict[str, list[Any]] = {}
@@ -58,7 +60,8 @@ class Peer:
 
     def publish(self, topic: str, message: Any) -> None:
         """One message."""
-        data = bytes(STORE.serialize_cdr(message, self._topics[topic][1]))
+        type_ = self._topics[topic][1]
+        data = bytes(type_.store.serialize_cdr(message, type_.name))
         assert ddspy_write(self._writers[topic]._ref, data + bytes(-len(data) % 4)) == 0
 
     def serve_calls(self, service: str, type_name: str) -> Calls:
@@ -72,7 +75,8 @@ class Peer:
         for topic, reader in self._readers.items():
             for data, info in ddspy_take(reader._ref, _ANY, 1000):
                 if info.valid_data:
-                    self.seen[topic].append(STORE.deserialize_cdr(data, self._topics[topic][1]))
+                    type_ = self._topics[topic][1]
+                    self.seen[topic].append(type_.store.deserialize_cdr(data, type_.name))
 
     def wait(self, what: Callable[[], Any]) -> Any:
         """Look until this is true; what it gave."""
@@ -91,11 +95,11 @@ class Peer:
         return self.seen[topic][count]
 
     def _topic(self, topic: str, type_name: str, raw: str = "") -> Topic[Any]:
-        type_ = ros_type(type_name)
+        type_ = self._generated.get(type_name) or ros_type(type_name)
         assert type_ is not None
         if topic not in self._topics:
             made = Topic(self._participant, raw or f"rt{topic}", idl_type(type_))
-            self._topics[topic] = made, type_.name
+            self._topics[topic] = made, type_
         return self._topics[topic][0]
 
 

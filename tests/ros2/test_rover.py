@@ -23,8 +23,10 @@ import pytest
 from tests.ros2.over_rclpy import rclpy_environment
 from tests.ros2.peer import PATIENCE, Peer, message, twist
 from tests.shared import PROTOCOLS
+from wirebond.gen.ros2 import ros2_files
+from wirebond.protocol import load
 from wirebond.ros2.dds import LOOPBACK
-from wirebond.ros2.types import ros_type
+from wirebond.ros2.types import ros_type, types_from
 from wirebond.sim import rover
 
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
@@ -32,8 +34,22 @@ TOPICS = {
     "/odom": "nav_msgs/Odometry", "/tf": "tf2_msgs/TFMessage", "/joint_states": "sensor_msgs/JointState",
     "/battery_state": "sensor_msgs/BatteryState", "/diagnostics": "diagnostic_msgs/DiagnosticArray",
     "/serial_rx_data": "std_msgs/UInt8MultiArray", "/serial_rx_hex": "std_msgs/String",
-    "/serial_tx_hex": "std_msgs/String",
+    "/serial_tx_hex": "std_msgs/String", "/status": "diffdrive_msgs/Status",
 }  # fmt: skip
+# What only `serve --ros2` publishes here. The wheels of rclpy have neither tf2_msgs nor the package of the rover's
+# types, which tests/ros2/test_built_messages.py builds.
+DDS_ONLY = ("/tf", "/status")
+# Types of the package that `wirebond gen --lang ros2` writes, from its files.
+GENERATED = {
+    type_.short: type_
+    for type_ in types_from(
+        {
+            f"diffdrive_msgs/msg/{Path(name).stem}": text
+            for name, text in ros2_files(load(DIFFDRIVE)).items()
+            if name.startswith("msg/")
+        }
+    ).values()
+}
 WIREBOND = str(Path(sys.executable).with_name("wirebond"))
 LATCHED = {"/estop": "std_msgs/Bool", "/navigation_ok": "std_msgs/Bool", "/rosout": "rcl_interfaces/Log"}
 
@@ -53,11 +69,11 @@ class Served:
         return cls([WIREBOND, "serve", str(DIFFDRIVE), port, "--ros2", "--name", name, *options], environment)
 
     @classmethod
-    def over_rclpy(cls, parameters: dict[str, str], node: str) -> Served:
+    def over_rclpy(cls, parameters: dict[str, str], node: str, environment: dict[str, str] | None = None) -> Served:
         """The executable of `wirebond_ros`."""
         given = [text for name, value in parameters.items() for text in ("-p", f"{name}:={value}")]
         command = [sys.executable, "-m", "wirebond_ros.bridge", "--ros-args", "-r", f"__node:={node}", *given]
-        return cls(command, rclpy_environment())
+        return cls(command, environment or rclpy_environment())
 
     def _collect(self) -> None:
         assert self._process.stderr is not None
@@ -108,10 +124,14 @@ def adapter(request: pytest.FixtureRequest) -> str:
 def served(
     adapter: str, domain: int, robot: rover.RoverProcess, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Served]:
+    mapping = tmp_path_factory.mktemp("mapping") / "rover.yaml"
+    text = (PROTOCOLS / "ros2" / "diffdrive.yaml").read_text()
     if adapter == "dds":
-        process = Served.over_dds(robot.port, f"ros-{os.getpid()}")
+        typed = "\n  - {message: status, topic: status, type: diffdrive_msgs/Status}"
+        mapping.write_text(text.replace("publish:", f"publish:{typed}"))
+        process = Served.over_dds(robot.port, f"ros-{os.getpid()}", "--mapping", str(mapping))
     else:
-        mapping = without_tf(tmp_path_factory.mktemp("mapping"))
+        mapping.write_text(text.replace("  joints:", "  tf: false\n  joints:"))
         parameters = {"protocol": str(DIFFDRIVE), "port": robot.port, "mapping": str(mapping)}
         process = Served.over_rclpy(parameters, "diffdrive")
     try:
@@ -120,23 +140,15 @@ def served(
         process.close()
 
 
-def without_tf(folder: Path) -> Path:
-    """The shipped mapping without /tf, whose package of messages the wheels of rclpy do not have."""
-    file = folder / "rover.yaml"
-    text = (PROTOCOLS / "ros2" / "diffdrive.yaml").read_text()
-    file.write_text(text.replace("  joints:", "  tf: false\n  joints:"))
-    return file
-
-
 @pytest.fixture(scope="module")
 def topics(adapter: str) -> dict[str, str]:
     """What the bridge publishes."""
-    return {topic: type_name for topic, type_name in TOPICS.items() if (topic, adapter) != ("/tf", "rclpy")}
+    return {topic: name for topic, name in TOPICS.items() if adapter == "dds" or topic not in DDS_ONLY}
 
 
 @pytest.fixture(scope="module")
 def peer(served: Served, domain: int, topics: dict[str, str]) -> Peer:
-    made = Peer(domain)
+    made = Peer(domain, GENERATED)
     for topic, type_name in topics.items():
         made.listen(topic, type_name)
     for topic, type_name in LATCHED.items():
@@ -211,7 +223,7 @@ def test_ros_sees_a_node_with_its_topics_and_the_hashes_of_their_types(peer: Pee
             found[endpoint.topic_name] = endpoint.type_name, data
             assert endpoint.topic_name == "ros_discovery_info" or endpoint.key.bytes in writers
     for topic, type_name in (topics | LATCHED).items():
-        type_ = ros_type(type_name)
+        type_ = GENERATED.get(type_name) or ros_type(type_name)
         assert type_ is not None
         assert found[f"rt{topic}"] == (type_.dds_name, f"typehash={type_.hash};".encode())
 
@@ -234,6 +246,9 @@ def test_what_the_rover_says_becomes_topics(peer: Peer, topics: dict[str, str]) 
     assert 9 < battery.voltage < 13
     assert (battery.header.frame_id, battery.power_supply_status) == ("base_link", 2)
     assert math.isnan(battery.current)
+    if "/status" in topics:
+        (status,) = peer.wait(lambda: [s for s in peer.seen["/status"] if s.header.stamp == battery.header.stamp])
+        assert (status.battery, status.state) == (pytest.approx(battery.voltage), 0)
     odometry, joints = peer.next("/odom"), peer.seen["/joint_states"][-1]
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
     assert abs(odometry.header.stamp.sec - time.time()) < 5
