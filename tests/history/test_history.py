@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +93,7 @@ def test_a_field_that_does_not_exist_is_a_sentence(field: str) -> None:
 def test_memory_is_bounded_and_the_oldest_rows_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(track, "ROWS", 1024)
     monkeypatch.setattr(track, "BLOCK", 64)
-    most = 150_000
+    most = 400_000
     source, proto = source_of("diffdrive", most=most, keep=10_000), codec("diffdrive")
     frame = proto.encode("odometry", left_ticks=1, right_ticks=2)
     for n in range(300):
@@ -102,6 +103,33 @@ def test_memory_is_bounded_and_the_oldest_rows_go_first(monkeypatch: pytest.Monk
     kept = source.history.range()
     assert kept is not None and kept[0] > 100 and kept[1] > 299
     assert source.history.count(End.MCU, "odometry") == 30_000
+
+
+def resident() -> int:
+    """Bytes of this process that are in memory."""
+    status = Path("/proc/self/status").read_text()
+    return int(re.findall(r"VmRSS:\s+(\d+) kB", status)[0]) << 10
+
+
+def test_the_memory_that_is_told_is_what_it_takes() -> None:
+    source = source_of("diffdrive")
+    columns = source.history.columns(End.MCU, "odometry")
+    values = {column: np.zeros(10_000, np.int16) for column in columns}
+    before, told = resident(), source.history.bytes
+    for n in range(300):
+        source.history.add(End.MCU, {"odometry": {"t": np.arange(n, n + 1, 1e-4), "fields": values}})
+    grown, told = resident() - before, source.history.bytes - told
+    assert told > 300 * 10_000 * (8 + 2 * len(columns))
+    assert grown == pytest.approx(told, rel=0.05)
+
+
+def test_the_bytes_and_frames_that_are_kept_count_as_memory() -> None:
+    source, proto = source_of("diffdrive"), codec("diffdrive")
+    empty = source.history.bytes
+    frame = proto.encode("odometry", left_ticks=1, right_ticks=2)
+    source.feed(End.MCU, [frame * 100] * 100, [float(n) for n in range(100)])
+    rows = source.history.bytes - empty - source.history.beside
+    assert source.history.beside > len(frame) * 10_000 and rows > 10_000 * 12
 
 
 def test_the_line_s_absence_is_a_gap_and_an_event() -> None:

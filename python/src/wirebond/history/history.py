@@ -22,10 +22,12 @@ _NARROW = 16  # bits of a scaled whole number, whose values a small float holds
 class History:
     """:param most: bytes that are kept of all messages; the oldest go first. None: all.
     :param tables: of each end, all messages without rows: they tell the columns.
+    :ivar beside: bytes that are kept beside the rows, and count in.
     """
 
     def __init__(self, model: Protocol, tables: Mapping[End, Mapping[str, Any]], most: int | None = MOST_BYTES) -> None:
         self._most = most
+        self.beside = 0
         self._lock = threading.Lock()
         self._tracks: dict[tuple[End, str], Track] = {}
         self._whole: dict[tuple[End, str], list[tuple[str, str, int]]] = {}  # column, its field, the element or -1
@@ -89,7 +91,7 @@ class History:
             del self._breaks[:-10_000]
 
     def _make_room(self) -> None:
-        while self._most is not None and sum(track.bytes for track in self._tracks.values()) > self._most:
+        while self._most is not None and self._bytes() > self._most:
             droppable = [track for track in self._tracks.values() if len(track.chunks) > 1]
             if not droppable:
                 return
@@ -99,9 +101,12 @@ class History:
 
     @property
     def bytes(self) -> int:
-        """How much memory the rows take."""
+        """How much memory all of it takes."""
         with self._lock:
-            return sum(track.bytes for track in self._tracks.values())
+            return self._bytes()
+
+    def _bytes(self) -> int:
+        return self.beside + sum(track.bytes for track in self._tracks.values())
 
     @property
     def most(self) -> int | None:

@@ -116,6 +116,7 @@ class Source:
         self.happenings.add(event)
 
     def _take(self, end: End, tables: Mapping[str, Any]) -> None:
+        self.history.beside = sum(stream.held_bytes for stream in self.streams.values())
         self.history.add(end, tables)
         with self._lock:
             stream = self.streams[end]

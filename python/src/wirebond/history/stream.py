@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,10 +14,12 @@ from numpy.typing import NDArray
 
 from wirebond import _engine
 from wirebond.codec import Codec, Message
+from wirebond.history.track import OF_ARRAY
 from wirebond.protocol.model import End
 from wirebond.protocol.planning import plan_for
 
 KEPT_BYTES = 1 << 20  # of a live line: ten seconds at 1 Mbaud
+_OF_READ = 72  # bytes of memory: where it ends and when it began, as objects in two lists
 _MOST_DISCARD = 256  # bytes of one entry
 
 
@@ -46,6 +49,10 @@ class _Frames:
     size: NDArray[np.uint32]
     kind: NDArray[np.int64]  # index of the name
 
+    @property
+    def held_bytes(self) -> int:
+        return sum(array.nbytes + OF_ARRAY for array in (self.t, self.offset, self.size, self.kind))
+
 
 class Stream:
     """:param end: that sends these bytes.
@@ -68,6 +75,12 @@ class Stream:
         self._read_ends: list[int] = []  # of the reads whose bytes are kept, as offsets
         self._read_times: list[float] = []
         self._frames: deque[_Frames] = deque()
+        self._frames_bytes = 0
+
+    @property
+    def held_bytes(self) -> int:
+        """Of memory, for what is kept."""
+        return sys.getsizeof(self._bytes) + self._frames_bytes + len(self._read_ends) * _OF_READ
 
     def tables(self) -> dict[str, Any]:
         """The columns of all messages, without rows."""
@@ -123,6 +136,7 @@ class Stream:
         t, offset, size = (np.concatenate([table[key] for table in tables.values()]) for key in ("t", "offset", "size"))
         order = np.argsort(offset, kind="stable")
         self._frames.append(_Frames(t[order], offset[order], size[order], kind[order]))
+        self._frames_bytes += self._frames[-1].held_bytes
 
     def _trim(self) -> None:
         if self._keep is None or len(self._bytes) <= 2 * self._keep:
@@ -133,7 +147,7 @@ class Stream:
         reads = bisect.bisect_right(self._read_ends, self._begin)
         del self._read_ends[:reads], self._read_times[:reads]
         while self._frames and self._frames[0].offset[-1] < self._begin:
-            self._frames.popleft()
+            self._frames_bytes -= self._frames.popleft().held_bytes
 
     # ---- out
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,6 +13,9 @@ from numpy.typing import NDArray
 ROWS = 1 << 16  # of a whole chunk
 BLOCK = 1 << 8  # rows whose least and greatest value a whole chunk knows
 _FIRST_ROWS = 1 << 8
+_MAPPED = 1 << 17  # bytes from which on memory is mapped
+_PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_PRIVATE") else {}  # not on Windows
+OF_ARRAY = 256  # bytes that Python and numpy take for an array beside its values
 Array = NDArray[Any]
 
 
@@ -24,14 +28,27 @@ class Chunk:
 
     def __init__(self, types: Mapping[str, np.dtype[Any]]) -> None:
         self.rows = 0
-        self._t: NDArray[np.float64] = np.empty(_FIRST_ROWS)
-        self._columns: dict[str, Array] = {name: np.empty(_FIRST_ROWS, of) for name, of in types.items()}
-        self._extremes: dict[str, tuple[Array, Array]] = {}
-        self._measure()
+        self._types = types
+        self._hold(_FIRST_ROWS)
 
-    def _measure(self) -> None:
-        held = self._t.nbytes + sum(column.nbytes for column in self._columns.values())
-        self.bytes = held + sum(low.nbytes + high.nbytes for low, high in self._extremes.values())
+    def _hold(self, size: int) -> None:
+        """Memory for so many rows, with those that are there. It is one piece: of many, each is rounded up, and leaves
+        a hole when it is replaced by a longer one."""
+        is_whole = size == ROWS
+        wanted = [(np.dtype(np.float64), size), *((of, size) for of in self._types.values())]
+        if is_whole:
+            wanted += [(of, ROWS // BLOCK) for of in self._types.values() for _ in range(2)]
+        arrays = _in_one_piece(wanted)
+        self.bytes = sum(array.nbytes for array in arrays) + OF_ARRAY * len(arrays)
+        each = iter(arrays)
+        t, columns = next(each), {name: next(each) for name in self._types}
+        if self.rows:
+            t[: self.rows] = self.t
+            for name, column in columns.items():
+                column[: self.rows] = self.column(name)
+        self._t: NDArray[np.float64] = t
+        self._columns = columns
+        self._extremes = {name: (next(each), next(each)) for name in self._types} if is_whole else {}
 
     @property
     def is_whole(self) -> bool:
@@ -54,8 +71,10 @@ class Chunk:
             column[here] = columns[name][begin : begin + count]
         self.rows += count
         if self.is_whole:
-            self._extremes = {name: _extremes_of(column) for name, column in self._columns.items()}
-            self._measure()
+            for name, (low, high) in self._extremes.items():
+                blocks = self._columns[name].reshape(-1, BLOCK)
+                np.fmin.reduce(blocks, axis=1, out=low)
+                np.fmax.reduce(blocks, axis=1, out=high)
         return begin + count
 
     def _reserve(self, rows: int) -> None:
@@ -64,9 +83,7 @@ class Chunk:
             return
         while size < rows:
             size *= 2
-        self._t = _longer(self._t, size)
-        self._columns = {name: _longer(column, size) for name, column in self._columns.items()}
-        self._measure()
+        self._hold(size)
 
     def least_and_greatest(self, names: Sequence[str], edges: NDArray[np.intp]) -> list[tuple[Array, Array]]:
         """Of these columns, of the rows between each two neighbours of ``edges``, which rise. NaN counts only where
@@ -105,15 +122,23 @@ class _Unfolding:
         return least, np.fmax.reduceat(values[: self._end], self._starts)
 
 
-def _extremes_of(column: Array) -> tuple[Array, Array]:
-    blocks = column.reshape(-1, BLOCK)
-    return np.fmin.reduce(blocks, axis=1), np.fmax.reduce(blocks, axis=1)
+def _in_one_piece(wanted: Sequence[tuple[np.dtype[Any], int]]) -> list[Array]:
+    """Arrays of such types and lengths, side by side: the widest first, so that each lies at a multiple of it."""
+    piece = _memory(sum(of.itemsize * size for of, size in wanted))
+    found: list[Array] = [piece] * len(wanted)
+    at = 0
+    for place in sorted(range(len(wanted)), key=lambda place: -wanted[place][0].itemsize):
+        of, size = wanted[place]
+        found[place] = piece[at : at + of.itemsize * size].view(of)
+        at += of.itemsize * size
+    return found
 
 
-def _longer(array: Array, size: int) -> Array:
-    out = np.empty(size, array.dtype)
-    out[: len(array)] = array
-    return out
+def _memory(size: int) -> NDArray[np.uint8]:
+    """So many bytes. Much is mapped by itself, and so goes back to the system as soon as it is dropped."""
+    if size < _MAPPED:
+        return np.empty(size, np.uint8)
+    return np.frombuffer(mmap.mmap(-1, size, **_PRIVATE), np.uint8)
 
 
 class Track:
