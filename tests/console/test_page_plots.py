@@ -62,6 +62,7 @@ def test_a_plot_is_zoomed_moved_paused_and_read_at_the_cursor(rover: Desk) -> No
     is_drawn(page)
     box = page.locator(".u-over").first.bounding_box()
     assert box is not None
+    page.evaluate("document.querySelector('.u-over').dataset.made = 'once'")
     left, right, middle = box["x"] + 0.5 * box["width"], box["x"] + 0.9 * box["width"], box["y"] + box["height"] / 2
     page.mouse.move(left, middle)
     page.mouse.down()
@@ -95,6 +96,7 @@ def test_a_plot_is_zoomed_moved_paused_and_read_at_the_cursor(rover: Desk) -> No
     assert len(values) > 1
     page.get_by_role("button", name="Live", exact=True).click()
     expect(page.get_by_role("button", name="Pause")).to_be_visible()
+    expect(page.locator(".u-over").first).to_have_attribute("data-made", "once")  # no range makes the plot anew
 
 
 def test_the_picture_of_a_long_history_has_its_peaks(browser: Browser) -> None:

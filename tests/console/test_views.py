@@ -120,6 +120,21 @@ def test_a_plot_gets_what_is_new_and_ends_with_every_sample(desk: Desk) -> None:
     assert min(low for low, _ in held[fields[1]].values()) == -5059
 
 
+def test_a_range_that_reaches_into_the_future_gets_only_what_is_new(desk: Desk) -> None:
+    begin = time.monotonic()
+    plot = {"id": "p", "fields": ["odometry.left_ticks"], "from": begin, "to": begin + 60, "pixels": 12000}
+    with desk.look(plots=[plot]) as socket:
+        came = batches(socket)
+        first = next(came)
+        assert first.head["replace"] and first.head["width"] == pytest.approx(60 / 12000)
+        for number in (500, 501, 502):
+            odometry(desk, 1, number)
+            batch = next(came)
+            (_, low, high) = batch.columns["odometry.left_ticks"]
+            assert not batch.head["replace"] and len(low) <= 3 and high[-1] == number
+            assert (batch.head["from"], batch.head["to"]) == (plot["from"], plot["to"])
+
+
 def test_a_wrong_wish_is_a_sentence_and_the_rest_goes_on(desk: Desk) -> None:
     with desk.look(link=True) as socket:
         view(socket, "link")
