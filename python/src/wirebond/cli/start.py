@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 
@@ -13,8 +14,11 @@ end_at_once()  # here, and not in main: only the command imports this module, an
 def main() -> None:
     """Entry point of the installed command."""
     _open_standard_streams()
+    gc.disable()  # what is imported stays, and looking through it for garbage is a tenth of the start
     from wirebond.cli.main import main as run  # noqa: PLC0415 it takes a while, and Ctrl-C may come meanwhile
 
+    gc.freeze()
+    gc.enable()
     code = run()
     ignore()
     sys.exit(code)
