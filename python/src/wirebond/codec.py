@@ -368,10 +368,9 @@ class Codec:
         if header is not None or sender is not None:
             options = {"header": header, "sender": sender}
             refuse_option_for_field("encode", self.model.messages[index], options, values)
-        end = self._end_for(self.model.messages[index], sender)
-        frame_header = {} if header is None else dict(_mapping("header", header))
+        form = self._format_for(self._end_for(self.model.messages[index], sender))
         everything = {**({} if values is None else _mapping(message, values)), **fields}
-        return _engine.encode(self._table, self._format_for(end), index, everything, frame_header)
+        return self._frame_of(index, form, everything, header)
 
     def _end_for(self, message: MessageModel, sender: str | None) -> End:
         """Whose frame is meant."""
@@ -461,6 +460,13 @@ class Codec:
         if sender not in self._formats:
             self._formats[sender] = _engine.FormatTable(plan_for(self.model, sender))
         return self._formats[sender]
+
+    def _frame_of(
+        self, index: int, form: _engine.FormatTable, values: dict[str, Any], header: Mapping[str, Any] | None
+    ) -> bytes:
+        """One frame of the message with this index, in a format of ``_format_for``."""
+        given = {} if header is None else dict(_mapping("header", header))
+        return _engine.encode(self._table, form, index, values, given)
 
     def _address_of(self, header: Mapping[str, Any]) -> int | None:
         """The bits of the address that a frame of the host with these header values is for; None: frames have none.

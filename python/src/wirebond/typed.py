@@ -54,14 +54,14 @@ def load_matching(module: str, file: str | os.PathLike[str], expected: int) -> C
 
 
 def name_and_values(
-    message: str | TypedMessage, values: Mapping[str, Any] | None, fields: Mapping[str, Any]
-) -> tuple[str, Mapping[str, Any]]:
+    message: str | TypedMessage, values: Mapping[str, Any] | None, fields: dict[str, Any]
+) -> tuple[str, dict[str, Any]]:
     """A message that a caller gave by its name and values, or as one object.
 
     :raises UsageError: an object and values as well.
     """
     if isinstance(message, str):
-        return message, {**(values or {}), **fields}
+        return message, {**values, **fields} if values else fields
     if values is not None or fields:
         raise UsageError(f"{type(message).__name__} has its values already; change them with dataclasses.replace")
     return message.NAME, message.values()

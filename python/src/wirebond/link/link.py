@@ -9,6 +9,7 @@ import threading
 import time
 import weakref
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -17,7 +18,6 @@ from wirebond.attach.words import Control
 from wirebond.codec import Codec, load, refuse_option_for_field, stats_from
 from wirebond.errors import (
     LinkDownError,
-    MessageError,
     PortError,
     QueueFullError,
     StoppedError,
@@ -34,7 +34,8 @@ from wirebond.link.attaching import codec_of_server
 from wirebond.link.clock_line import HostTime
 from wirebond.link.clock_sync import ClockReading
 from wirebond.link.dump import Dump, Piece
-from wirebond.link.ends import Receiver, actions_at, other, own_address_field
+from wirebond.link.ends import actions_at, other
+from wirebond.link.frame_maker import Frame, FrameMaker, OwnMessage
 from wirebond.link.inbox import Inbox
 from wirebond.link.line import Line, line_from
 from wirebond.link.parameters import Parameters
@@ -43,20 +44,11 @@ from wirebond.link.rates import DEFAULT_WINDOW, RateMeter, Rates
 from wirebond.link.receiving import Receiving
 from wirebond.link.requests import Outcome, Question
 from wirebond.link.services import Services, may_ask
-from wirebond.link.settings import (
-    MORE_ADDRESSES,
-    engine_settings,
-    latency_of,
-    open_engine,
-    reply_index,
-    safe_value,
-)
+from wirebond.link.settings import engine_settings, latency_of, open_engine
 from wirebond.link.tap import TAP_BYTES, Tap, noted
 from wirebond.ports.permission import no_permission
 from wirebond.ports.port_name import PortName, port_name
-from wirebond.protocol.forms import header_fields
-from wirebond.protocol.model import Address, End, Message
-from wirebond.protocol.problems import no_message
+from wirebond.protocol.model import End
 from wirebond.sim.port import NAME, SimulatedPort
 from wirebond.typed import TypedMessage, name_and_values
 
@@ -119,9 +111,6 @@ class Link(Receiving):
         self.paced = paced
         self.adapter_latency = 0.0 if server is not None else latency_of(codec, name, speed, adapter_latency)
         self._actions = actions_at(codec, self._end)
-        self._receiver = Receiver(codec, self._end)
-        self._header = header_fields(model.format.parts)
-        self._own_messages = {m.name: m for m in model.messages if m.sent_by(self._end)}
         engine_options = engine_settings(codec, speed, paced, hold_back, self.adapter_latency, self._end)
         self._engine: Engine
         try:
@@ -133,10 +122,7 @@ class Link(Receiving):
             if error.errno != errno.EACCES:
                 raise
             raise PortError(no_permission(name.path()), error.errno, name.text) from None
-        self._stop = model.emergency_stop if self._end == End.HOST else ()
-        self._has_safe: set[tuple[str, int]] = set()  # addresses of the stop's messages that have a safe value
-        self._address_field = own_address_field(codec, self._end)
-        self._own_address: int | str | None = None  # what `address` was set to
+        self._frames = FrameMaker(codec, self._end, self._engine)
         if listen not in ("own", "all"):
             self._engine.close()
             raise UsageError(f"listen is {listen!r}; expected 'own' or 'all'")
@@ -187,14 +173,14 @@ class Link(Receiving):
         :raises QueueFullError: 64 KiB wait already: the line does not keep up.
         """
         name, given = name_and_values(message, values, fields)
-        model = self._own_message(name)
+        own = self._frames.message(name)
         if header is not None:
-            refuse_option_for_field("send", model, {"header": header}, given)
-        if model.reply is None:
-            self._leave(name, given, header)()
+            refuse_option_for_field("send", own.model, {"header": header}, given)
+        if own.reply < 0:
+            self._leave(name, self._frames.make(own, given, header))
             return
         self._engine.is_closed()  # in a forked child it raises
-        self._inbox.requests.submit(self._question(name, given, header, None))
+        self._inbox.requests.submit(self._question(own, given, header, None))
 
     def repeat(
         self,
@@ -233,18 +219,13 @@ class Link(Receiving):
                 f"hold is {hold:g} s; expected more than 0 and at most {MAX_HOLD:g} s: call repeat() again in time"
             )
         name, given = name_and_values(message, values, fields)
-        model = self._own_message(name)
+        own = self._frames.message(name)
         options = {"hold": None if hold == DEFAULT_HOLD else hold, "header": header}
-        refuse_option_for_field("repeat", model, options, given)
-        whole = self._with_own_address(header)
-        frame = self._encode(name, given, whole)
-        if model.every is None:
+        refuse_option_for_field("repeat", own.model, options, given)
+        if own.model.every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; use send()")
-        address = self._prepare(name, whole)
-        reply = reply_index(self.codec, name)
-        takes_number = self._takes_number(header)
-        answer = self._engine.repeat(self.codec._index_of(name), frame, hold, reply, takes_number, address)
-        self._raise_for(name, answer)
+        index, data, reply, takes_number, address = self._frames.make(own, given, header)
+        self._raise_for(name, self._engine.repeat(index, data, hold, reply, takes_number, address))
 
     def stop_repeating(self, message: str, *, header: Mapping[str, Any] | None = None) -> None:
         """End the message's lease at once, without a last value. Any thread.
@@ -253,9 +234,9 @@ class Link(Receiving):
         :param header: where frames have addresses: end the lease of this address alone. None: of every address.
         :raises MessageError: the protocol has no such message, or it is the MCU's; or ``header`` has a wrong value.
         """
-        self._own_message(message)
-        address = None if header is None else self._receiver.bits_of(header)
-        self._engine.stop_repeating(self.codec._index_of(message), address)
+        own = self._frames.message(message)
+        address = None if header is None else self._frames.bits_of(header)
+        self._engine.stop_repeating(own.index, address)
 
     def emergency_stop(self) -> None:
         """Send the file's ``emergency_stop``, before all that waits, and go on until ``release_stop()``. Any thread.
@@ -274,7 +255,7 @@ class Link(Receiving):
         :raises UsageError: the protocol has none.
         :raises LinkDownError: the link is closed: nothing can be sent any more.
         """
-        if not self._stop:
+        if self._end == End.MCU or not self.codec.model.emergency_stop:
             reason = f"{self.codec.name} has no emergency_stop" if self._end == End.HOST else "the host sends it"
             raise UsageError(f"no emergency stop was sent: {reason}")
         if not self._engine.stop():
@@ -326,53 +307,19 @@ class Link(Receiving):
 
         :raises UsageError: set where the protocol has none, to a value that its field cannot hold, or to a broadcast.
         """
-        if self._address_field is None:
-            return None
-        return self._address_field[1] if self._own_address is None else self._own_address
+        return self._frames.own_address
 
     @address.setter
     def address(self, value: int | str) -> None:
-        if self._address_field is None:
-            raise UsageError(f"frames of {self.codec.name} have no address of the {self._end}")
-        field = self._address_field[0].value
-        known = dict(field.enum)
-        if not (value in known if isinstance(value, str) else isinstance(value, int) and 0 <= value < 1 << field.width):
-            limit = ", ".join(known) or f"0 to {(1 << field.width) - 1}"
-            raise UsageError(f"address is {value!r}; {field.name} takes {limit}")
-        if value in self._address_field[0].broadcast:
-            raise UsageError(f"address is {value!r}, the broadcast of {field.name}; an end cannot have it as its own")
-        self._own_address = value
-        self._engine.set_address(field.wire_bits(value))
-
-    def _with_own_address(self, header: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-        """With the own address, once it was set, where frames name their sender."""
-        if self._own_address is None:
-            return header
-        named = (Address.SENDER,) if self._end == End.HOST else (Address.SENDER, Address.MCU)
-        sent = next((f for f in self._header if f.address in named), None)
-        if sent is None:
-            return header
-        return {sent.name: self._own_address, **(header or {})}
-
-    def _prepare(self, name: str, header: Mapping[str, Any] | None) -> int:
-        """The bits of the frame's address. A message of the stop gets a safe value for it."""
-        address = self._receiver.bits_of(header or {})
-        if address is None:
-            return 0
-        stop = next((stop for stop in self._stop if stop.message == name), None)
-        if stop is None or (name, address) in self._has_safe or self.stopped:  # a stopped one will be refused
-            return address
-        if not self._engine.note_safe(safe_value(self.codec, stop, self._with_own_address(header) or {})):
-            raise QueueFullError(f"{name} went to {MORE_ADDRESSES} addresses already, and each has its safe value")
-        self._has_safe.add((name, address))
-        return address
+        self._engine.set_address(self._frames.set_own_address(value))
 
     def _end_safely(self, name: str, header: Mapping[str, Any]) -> bool:
         """Send the message's safe value to the address of this header, before all that waits, which is dropped; as the
         end of a lease does. While the port is away it waits, and is the first to leave. False: it has none, or the link
         is closed."""
-        address = self._prepare(name, self._with_own_address(header))
-        return self._engine.end_safely(self.codec._index_of(name), address)
+        own = self._frames.message(name)
+        address = self._frames.address_of(own, self._frames.with_own_address(header))
+        return self._engine.end_safely(own.index, address)
 
     # ---- supervision
 
@@ -566,36 +513,27 @@ class Link(Receiving):
     ) -> None:
         self.close()
 
-    def _encode(self, name: str, values: Mapping[str, Any], header: Mapping[str, Any] | None) -> bytes:
-        is_of_both = self._own_messages[name].sender == End.BOTH
-        return self.codec.encode(name, values, header=header, sender=self._end if is_of_both else None)
-
-    def _leave(self, name: str, values: Mapping[str, Any], header: Mapping[str, Any] | None) -> _Leaving:
-        """One frame that can leave."""
-        whole = self._with_own_address(header)
-        frame = self._encode(name, values, whole)
-        return _Leaving(self, name, frame, self._prepare(name, whole), self._takes_number(header))
+    def _leave(self, message: str, frame: Frame) -> None:
+        answer = self._engine.send(*frame)
+        if answer:
+            raise self._refusal(message, answer)  # a name for it would hold this call, and so the link
 
     def _question(
         self,
-        name: str,
-        values: Mapping[str, Any],
+        own: OwnMessage,
+        values: dict[str, Any],
         header: Mapping[str, Any] | None,
         finish: Callable[[Outcome], None] | None,
     ) -> Question:
-        leave = self._leave(name, values, header)
-        question = self._inbox.requests.question(name, leave.frame, self._with_own_address(header) or {}, finish)
-        question.leave = leave
+        name, frame = own.model.name, self._frames.make(own, values, header)
+        whole = self._frames.with_own_address(header) or {}
+        question = self._inbox.requests.question(name, frame[1], whole, finish)
+        question.leave = partial(self._leave, name, frame)
         return question
-
-    def _takes_number(self, header: Mapping[str, Any] | None) -> bool:
-        """Does the link raise the frame's sequence number? Not where the caller gave it."""
-        return header is None or not any(field.is_sequence and field.name in header for field in self._header)
 
     def _sends_plain(self, name: str) -> bool:
         """Are the frames of this message all that `send` needs: no reply is awaited, and there are no addresses?"""
-        has_address = self._address_field is not None or self.codec._address is not None
-        return self._own_message(name).reply is None and not has_address
+        return self._frames.message(name).reply < 0 and not self._frames.has_addresses
 
     def _send_all(self, frames: list[tuple[int, bytes]]) -> list[WirebondError | None]:
         """As `send` for each of these frames, with the index of its message, for which `_sends_plain` holds; what
@@ -611,7 +549,7 @@ class Link(Receiving):
 
     def _raise_for(self, message: str, answer: int) -> None:
         if answer:
-            raise self._refusal(message, answer)  # a name for it would hold this frame, and so the link
+            raise self._refusal(message, answer)
 
     def _refusal(self, message: str, answer: int) -> WirebondError:
         """What the engine's answer means, which is not 0."""
@@ -624,36 +562,6 @@ class Link(Receiving):
             return LinkDownError(f"{message} was not sent: {why}")
         assert answer == _FULL
         return QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
-
-    def _own_message(self, message: str) -> Message:
-        """A message that this end sends.
-
-        :raises MessageError: the protocol has no such message, or it is the other end's.
-        """
-        found = self._own_messages.get(message) if isinstance(message, str) else None
-        if found is not None:
-            return found
-        known = [m.name for m in self.codec.model.messages]
-        if message not in known:
-            raise MessageError(no_message(self.codec.name, message, known))
-        raise MessageError(f"{message} is sent by the {other(self._end)}, not by the {self._end}")
-
-
-class _Leaving:
-    """A frame on its way out: called once, it sends, or raises why not."""
-
-    def __init__(self, link: Link, message: str, frame: bytes, address: int, takes_number: bool) -> None:
-        self._link = link
-        self._message = message
-        self.frame = frame
-        self._address = address
-        self._takes_number = takes_number
-
-    def __call__(self) -> None:
-        codec = self._link.codec
-        index, reply = codec._index_of(self._message), reply_index(codec, self._message)
-        answer = self._link._engine.send(index, self.frame, reply, self._takes_number, self._address)
-        self._link._raise_for(self._message, answer)
 
 
 def open_link(

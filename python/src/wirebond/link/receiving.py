@@ -17,13 +17,13 @@ from wirebond.link.inbox import Inbox, Latest
 from wirebond.link.log_lines import LogEvent, least_number, log_names, number_of
 from wirebond.link.requests import DEFAULT_TIMEOUT, Outcome, Question, check_timeout, timeout_error
 from wirebond.protocol.model import End
-from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.planning import plan_for
 from wirebond.protocol.problems import nearest, no_message
 from wirebond.typed import TypedMessage, TypedRequest, from_message_of, maker_of, message_class, name_and_values
 
 if TYPE_CHECKING:
     from wirebond.link.aio import Aio
+    from wirebond.link.frame_maker import FrameMaker, OwnMessage
     from wirebond.link.settings import Engine
 
 _T = TypeVar("_T", bound=TypedMessage)
@@ -65,6 +65,7 @@ class Receiving:
     port: str
     _engine: Engine
     _inbox: Inbox
+    _frames: FrameMaker
     _actions: list[str]
     _end: End
     _aio: Aio | None = None
@@ -317,17 +318,17 @@ class Receiving:
         values: Mapping[str, Any] | None,
         timeout: float,
         header: Mapping[str, Any] | None,
-        fields: Mapping[str, Any],
+        fields: dict[str, Any],
         finish: Callable[[Outcome], None],
     ) -> Asked:
         """Send a request; ``finish`` gets what comes of it."""
         check_timeout(timeout)
         name, given = name_and_values(message, values, fields)
-        model = self._own_message(name)
+        own = self._frames.message(name)
         options = {"timeout": None if timeout == DEFAULT_TIMEOUT else timeout, "header": header}
-        refuse_option_for_field("request", model, options, given)
+        refuse_option_for_field("request", own.model, options, given)
         self._start_reading()
-        question = self._question(name, given, header, finish)
+        question = self._question(own, given, header, finish)
         typed = None if isinstance(message, str) else getattr(message, "reply_of", from_message_of(type(message)))
         self._inbox.requests.submit(question)
         return Asked(self, question, header or {}, timeout, typed)
@@ -433,13 +434,10 @@ class Receiving:
             raise UsageError(f"header is {dict(header)!r:.80}, which does not say who sent the message; {advice}")
         return _engine.header_bits(self.codec._format_for(other(self._end)), dict(header))[plan.peer]
 
-    def _own_message(self, message: str) -> MessageModel:
-        raise NotImplementedError
-
     def _question(
         self,
-        name: str,
-        values: Mapping[str, Any],
+        own: OwnMessage,
+        values: dict[str, Any],
         header: Mapping[str, Any] | None,
         finish: Callable[[Outcome], None] | None,
     ) -> Question:

@@ -116,13 +116,12 @@ def _sending(recording: Recording, link: Link) -> Callable[[Chunk], object]:
     end = End(link.role)
     decoder = recording._decoder(end)
     own = recording._direction_of(end)
-    numbers = {field.name for field in link._header if field.is_sequence}
 
     def take(chunk: Chunk) -> None:
         if chunk.direction != own:
             return
         for message in decoder.idle(chunk.before) + decoder.feed(chunk.bytes, chunk.before):
-            header = {name: value for name, value in message.header.items() if name not in numbers}
+            header = link._frames.without_number(message.header)
             if message.name != "unknown":
                 link.send(message.name, message.fields, header=header or None)
 

@@ -26,7 +26,6 @@ from wirebond.errors import (
     WirebondError,
 )
 from wirebond.link.services import Services
-from wirebond.link.settings import reply_index
 from wirebond.link.tap import TAP_BYTES
 from wirebond.protocol.model import End
 
@@ -103,7 +102,8 @@ class Commands:
                 return {"error": refused[0], "text": refused[1]}
             if book.holder != before:
                 self._server.tell_control("taken")
-            key = (link.codec._index_of(name), link._prepare(name, header))
+            own = link._frames.message(name)
+            key = (own.index, link._frames.address_of(own, header))
         if isinstance(request, words.Repeat):
             self._repeat(client, request, frame, header)
             return _OK
@@ -119,40 +119,39 @@ class Commands:
         """The frame to be sent, and its header. A frame that came as bytes must be one of the message that it is said
         to be: what moves the robot is told apart by that."""
         codec, link = self._link.codec, self._link
-        message = link._own_message(request.message)
+        own = link._frames.message(request.message)
         if request.frame is None:
-            header = link._with_own_address(request.header)
-            return link._encode(message.name, request.fields or {}, header), header or {}
+            header = link._frames.with_own_address(request.header)
+            return link._frames.encode(own, request.fields or {}, header), header or {}
         decoder = codec.decoder(self._end)
         found = [*decoder.feed(request.frame), *decoder.finish()]
-        if len(found) != 1 or found[0].name != message.name or len(found[0].raw) != len(request.frame):
-            raise MessageError(f"the frame is not one whole frame of {message.name}")
+        if len(found) != 1 or found[0].name != own.model.name or len(found[0].raw) != len(request.frame):
+            raise MessageError(f"the frame is not one whole frame of {own.model.name}")
         return request.frame, found[0].header
 
     def _send(self, request: words.Send, frame: bytes, header: Mapping[str, Any]) -> None:
         link = self._link
-        codec, name = link.codec, request.message
-        address = link._prepare(name, header)
-        index, reply = codec._index_of(name), reply_index(codec, name)
-        link._raise_for(name, link._engine.send(index, frame, reply, self._takes_number(request), address))
+        own = link._frames.message(request.message)
+        address = link._frames.address_of(own, header)
+        link._leave(request.message, (own.index, frame, own.reply, self._takes_number(request), address))
 
     def _takes_number(self, request: words.Send | words.Repeat) -> bool:
-        return request.takes_number if request.frame is not None else self._link._takes_number(request.header)
+        return request.takes_number if request.frame is not None else self._link._frames.takes_number(request.header)
 
     def _repeat(self, client: Client, request: words.Repeat, frame: bytes, header: Mapping[str, Any]) -> None:
         from wirebond.link.link import MAX_HOLD  # noqa: PLC0415
 
-        link = self._link
-        codec, name = link.codec, request.message
+        link, name = self._link, request.message
+        own = link._frames.message(name)
         if not 0 < request.hold <= MAX_HOLD:
             raise UsageError(f"hold is {request.hold:g} s; expected more than 0 and at most {MAX_HOLD:g} s")
-        if codec.model.message(name).every is None:
+        if own.model.every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; send it")
-        address = link._prepare(name, header)
-        index, reply = codec._index_of(name), reply_index(codec, name)
-        answer = link._engine.repeat(index, frame, request.hold, reply, self._takes_number(request), address)
+        address = link._frames.address_of(own, header)
+        takes_number = self._takes_number(request)
+        answer = link._engine.repeat(own.index, frame, request.hold, own.reply, takes_number, address)
         link._raise_for(name, answer)
-        client.leases[index, address] = time.monotonic() + request.hold
+        client.leases[own.index, address] = time.monotonic() + request.hold
 
     def end_leases(self, client: Client, *, also_sent: bool) -> None:
         """What it repeats ends with its safe value; with ``also_sent``, so does all that moves and that it sent."""
@@ -248,13 +247,13 @@ class Commands:
                 self._server.book.may_take_by_command(client.number)
             case words.StopRepeating():
                 self._must_hold(client, request.message)
-                index = link.codec._index_of(link._own_message(request.message).name)
+                index = link._frames.message(request.message).index
                 engine.stop_repeating(index, request.address)
                 for key in [k for k in client.leases if k[0] == index and request.address in (None, k[1])]:
                     del client.leases[key]
             case words.EndSafely():
                 self._must_hold(client, request.message)
-                return engine.end_safely(link.codec._index_of(link._own_message(request.message).name), request.address)
+                return engine.end_safely(link._frames.message(request.message).index, request.address)
             case words.About():
                 question = client.questions.get(request.request)
                 if question is None:
