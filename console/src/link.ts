@@ -5,6 +5,7 @@ export const BEAT_EVERY = 100; // ms, while this page is in control
 export const OLDEST_TICK = 250; // ms: a command is not even sent when the server's newest tick is older
 const LONGEST_WAIT = 2000; // ms between two attempts to connect
 const ANSWER_WITHIN = 3000; // ms
+const REPLY_WITHIN = 1; // seconds that the robot may take
 
 export type Phase = "connecting" | "attached" | "lost" | "refused";
 export interface Control {
@@ -129,16 +130,16 @@ export class AttachLink {
   }
 
   /** A request to the robot, and its reply. */
-  request(message: string, fields: Record<string, unknown>, seconds = 1): Promise<Reply> {
+  request(message: string, fields: Record<string, unknown>, header?: Record<string, unknown>): Promise<Reply> {
     const id = this.next;
     const reply = new Promise<Reply>((resolve, reject) => {
       const timer = setTimeout(
         () => this.settle(this.replies, id)?.reject(new Refusal("no_reply", this.texts.noReply())),
-        seconds * 1000 + ANSWER_WITHIN,
+        REPLY_WITHIN * 1000 + ANSWER_WITHIN,
       );
       this.replies.set(id, { resolve: (value) => resolve(value as Reply), reject, timer });
     });
-    this.command("send", { message, fields, reply: seconds }).catch((error: Refusal) =>
+    this.command("send", { message, fields, header, reply: REPLY_WITHIN }).catch((error: Refusal) =>
       this.settle(this.replies, id)?.reject(error),
     );
     return reply;

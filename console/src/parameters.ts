@@ -22,6 +22,13 @@ const isPlain = (field: Field) => field.count === null && field.max_count === nu
 const isValue = (field: Field) =>
   field.kind === "number" && isPlain(field) && (!field.is_integer || Boolean(field.unit));
 
+/** Does this end a deadline, so that it is no parameter, although it is sent as one? */
+const isCommand = (protocol: Protocol, message: string, selector: Record<string, unknown>) =>
+  protocol.deadlines.some(
+    ({ recover_by: by }) =>
+      by?.message === message && Object.entries(selector).every(([name, value]) => by.fields[name] === value),
+  );
+
 export function sourcesOf(protocol: Protocol): Source[] {
   const sources: Source[] = [];
   const find = (name: string | null) => protocol.messages.find((message) => message.name === name) ?? null;
@@ -69,12 +76,14 @@ export function sourcesOf(protocol: Protocol): Source[] {
     const value = read ? find(read.reply) : has(find(message.reply)) ? find(message.reply) : null;
     const parameters =
       named.length === 1 && values.length === 1
-        ? Object.keys(named[0]!.values ?? {}).map((name) => ({
-            key: name,
-            label: name,
-            field: values[0]!,
-            selector: { [named[0]!.name]: name },
-          }))
+        ? Object.keys(named[0]!.values ?? {})
+            .filter((name) => !isCommand(protocol, message.name, { [named[0]!.name]: name }))
+            .map((name) => ({
+              key: name,
+              label: name,
+              field: values[0]!,
+              selector: { [named[0]!.name]: name },
+            }))
         : values.map((field) => ({ key: field.name, label: field.name, field, selector: {} }));
     sources.push({ name: message.name, isService: false, set: message, read, value, selectors, parameters });
   }

@@ -19,6 +19,12 @@ export interface Field {
   fields: Field[] | null;
   columns: string[];
 }
+/** A field of the frame itself, beside the message. */
+export interface HeaderField extends Field {
+  is_sequence: boolean;
+  address: string | null; // whose it is: `mcu` or `receiver` is who a frame of the host is for
+}
+export type Header = Record<string, unknown>;
 export interface Message {
   name: string;
   id: number | null;
@@ -52,7 +58,7 @@ export interface Protocol {
     port: string | null;
   };
   messages: Message[];
-  header: Field[];
+  header: HeaderField[];
   emergency_stop: GivenMessage[];
   deadlines: {
     message: string;
@@ -108,6 +114,17 @@ export function initialFields(fields: Field[]): Record<string, unknown> {
   return Object.fromEntries(
     fields.filter((field) => !field.is_count).map((field) => [field.name, initialValue(field)]),
   );
+}
+
+/** Fields of the frame that a command may set. Numbers that the link counts, and its own address, are none. */
+export const headerFields = (protocol: Protocol | null) =>
+  protocol?.header.filter((field) => !field.is_sequence && field.address !== "sender") ?? [];
+
+/** The address that a frame of the host with this header is for, as a number; undefined: frames have none. */
+export function addressOf(protocol: Protocol | null, header: Header): number | undefined {
+  const field = protocol?.header.find((one) => one.address === "mcu" || one.address === "receiver");
+  const value = field && (header[field.name] ?? field.default);
+  return typeof value === "string" ? field?.values?.[value] : typeof value === "number" ? value : undefined;
 }
 
 /** Digits behind the point that show one step of the wire, at most 6. */

@@ -20,7 +20,7 @@ from wirebond.console import Console, Options
 
 SELECTIONS = ("", "?message=mcu:odometry", "?message=host:velocity", "?message=nothing", "?message=parameter")
 SIZES = ((300, 200), (390, 844), (800, 500), (1280, 720), (1920, 1080))
-FILES = [str(PROTOCOLS / f"{name}.yaml") for name in ("diffdrive", "linear_axis", "pid_tuner")]
+FILES = [str(PROTOCOLS / f"{name}.yaml") for name in ("diffdrive", "linear_axis", "pid_tuner", "servo_bus")]
 
 
 @pytest.mark.long

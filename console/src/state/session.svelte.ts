@@ -1,6 +1,7 @@
 // The page's one connection for commands, as the views read it: are we attached, who is in control, what was refused.
 import { AttachLink, Refusal, type Control, type Phase, type Reply, type Welcome } from "../link";
 import { address } from "../http";
+import type { Header } from "../protocol";
 import { notices } from "./notices.svelte";
 import { place } from "./place.svelte";
 import { words } from "./words.svelte";
@@ -56,13 +57,14 @@ class Session {
     return () => this.onLoss.delete(callback);
   }
 
-  send = (message: string, fields: Record<string, unknown>, header?: Record<string, unknown>) =>
+  send = (message: string, fields: Record<string, unknown>, header?: Header) =>
     this.link.command("send", { message, fields, header });
-  repeat = (message: string, fields: Record<string, unknown>, hold: number) =>
-    this.link.command("repeat", { message, fields, hold });
-  endSafely = (message: string) => this.link.ask("end_safely", { message });
+  repeat = (message: string, fields: Record<string, unknown>, hold: number, header?: Header) =>
+    this.link.command("repeat", { message, fields, hold, header });
+  endSafely = (message: string, address?: number) => this.link.ask("end_safely", { message, address });
   ask = (what: string, keys: Record<string, unknown> = {}) => this.link.ask(what, keys);
-  request = (message: string, fields: Record<string, unknown>): Promise<Reply> => this.link.request(message, fields);
+  request = (message: string, fields: Record<string, unknown>, header?: Header): Promise<Reply> =>
+    this.link.request(message, fields, header);
 
   async take(over = false): Promise<void> {
     await this.attempt(this.link.ask("take", { over }));

@@ -80,9 +80,14 @@ test("gains that a message sets are read back by the request whose reply has the
   expect(source?.parameters.map((one) => one.key)).toEqual(["p", "i", "d"]);
 });
 
-test("a message that names its one value has a parameter for each name", () => {
-  const name = field("name", { kind: "enum", values: { max_linear: 1, max_angular: 2 } });
-  const rover = { ...pid, messages: [message("parameter", "host", [name, field("value")])] } as Protocol;
+test("a message that names its one value has a parameter for each name that is no command", () => {
+  const name = field("name", { kind: "enum", values: { clear: 0, max_linear: 1, max_angular: 2 } });
+  const recover_by = { message: "parameter", fields: { name: "clear", value: 0 }, header: {} };
+  const rover = {
+    ...pid,
+    messages: [message("parameter", "host", [name, field("value")])],
+    deadlines: [{ message: "velocity", at: "mcu", after: 3, then: "safe_mode", recover: "explicit", recover_by }],
+  } as Protocol;
   expect(sourcesOf(rover)[0]?.parameters).toMatchObject([
     { selector: { name: "max_linear" } },
     { selector: { name: "max_angular" } },

@@ -2,9 +2,11 @@ import { expect, test } from "vitest";
 import { clamp, drivable, valueAt } from "../drive";
 import { asPython, bytesOf } from "../frame";
 import {
+  addressOf,
   ageText,
   clockText,
   digitsOf,
+  headerFields,
   initialFields,
   numberText,
   type Field,
@@ -140,4 +142,17 @@ test("a batch of a plot is read in place, arrays at multiples of 8 bytes", () =>
   const batch = readBatch(data);
   expect([...batch.columns[0]!.low]).toEqual([4, NaN, 6]);
   expect([batch.columns[1]!.t[0], batch.columns[1]!.low[0], batch.columns[1]!.high[0]]).toEqual([7, 8, 9]);
+});
+
+test("a command says whom it is for, as a number; what the link counts or is itself is not asked for", () => {
+  const header = [
+    { ...field({ name: "servo", default: 1 }), is_sequence: false, address: "mcu" },
+    { ...field({ name: "from", default: 9 }), is_sequence: false, address: "sender" },
+    { ...field({ name: "number", default: 0 }), is_sequence: true, address: null },
+  ];
+  const bus = { header } as unknown as Protocol;
+  expect(headerFields(bus).map((one) => one.name)).toEqual(["servo"]);
+  expect(addressOf(bus, { servo: 3 })).toBe(3);
+  expect(addressOf(bus, {})).toBe(1);
+  expect(addressOf({ header: [] } as unknown as Protocol, {})).toBeUndefined();
 });

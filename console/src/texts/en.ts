@@ -237,6 +237,7 @@ export const en = {
     true: "on",
     false: "off",
     add: "Add",
+    header: "Header of the frame",
     noFields: "This message has no fields.",
     bytesHint: "bytes as hex digits",
     pick: "Message",

@@ -237,6 +237,7 @@ export const zh: Texts = {
     true: "开",
     false: "关",
     add: "添加",
+    header: "帧头字段",
     noFields: "这条消息没有字段。",
     bytesHint: "十六进制字节",
     pick: "消息",
