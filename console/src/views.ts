@@ -20,6 +20,7 @@ export interface LinkView {
   connecting?: { port: string; why: string } | null;
   state: "up" | "stale" | "down";
   why: string;
+  heard: number | null;
   protocol: string;
   hash: string;
   port: string;

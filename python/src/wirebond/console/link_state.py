@@ -10,7 +10,9 @@ import msgspec
 
 from wirebond.as_json import plain
 from wirebond.console.station import Served
+from wirebond.link.ends import other
 from wirebond.link.raw import is_raw
+from wirebond.protocol.model import End
 
 
 def short_state(served: Served) -> tuple[Any, ...]:
@@ -33,6 +35,7 @@ def link_state(served: Served) -> dict[str, Any]:
         "connected": True,
         "state": link.state,
         "why": link.why,
+        "heard": source.heard(other(End(link.role))),
         "protocol": None if is_raw(link.codec) else link.codec.name,
         "hash": f"{link.codec.hash:016x}",
         "port": link.port,

@@ -167,6 +167,11 @@ class Source:
                 found.message = self.streams[end].message(found.raw, name, found.t)
             return found
 
+    def heard(self, end: End) -> float | None:
+        """When the newest frame of this end came; None: none did."""
+        with self._lock:
+            return max((found.t for (of, _), found in self._newest.items() if of == end), default=None)
+
     def newest_until(self, end: End, name: str, until: float) -> Newest | None:
         """The same, of those that came until then; where the bytes are kept."""
         with self._lock:
