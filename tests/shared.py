@@ -11,6 +11,7 @@ import pytest
 
 import wirebond
 from wirebond.protocol.apart import ends_look_alike
+from wirebond.protocol.loader import loads
 from wirebond.protocol.model import Protocol
 from wirebond.protocol.planning import ids_collide
 
@@ -62,6 +63,12 @@ def rejected_vectors() -> list[Rejected]:
 
 def codec(name: str) -> wirebond.Codec:
     return wirebond.load(PROTOCOLS / f"{name}.yaml")
+
+
+def codec_without_latest(name: str) -> wirebond.Codec:
+    """For tests that send many of a message at once, and expect each of them to leave."""
+    text = (PROTOCOLS / f"{name}.yaml").read_text(encoding="utf-8")
+    return wirebond.Codec(loads(text.replace("queue: latest", "queue: normal")))
 
 
 def account_closes(stats: wirebond.Stats) -> bool:

@@ -13,7 +13,7 @@ import pytest
 import wirebond
 from tests.emulated.build import HERE, build
 from tests.emulated.machine import PATIENCE, STALLS, Machine
-from tests.shared import account_closes, codec
+from tests.shared import account_closes, codec_without_latest
 
 SENDERS = 5  # four tasks and an interrupt
 COMMAND_BYTES = 19
@@ -70,7 +70,7 @@ def test_what_four_tasks_and_an_interrupt_send_arrives_once_and_in_order(frames:
     program = build(HERE / "programs" / "senders.cpp", "enterprize", definitions=[f"FRAMES={frames}U"])
     with (
         Machine(program) as machine,
-        wirebond.open(codec("enterprize"), machine.ports[0], adapter_latency=STALLS) as link,
+        wirebond.open(codec_without_latest("enterprize"), machine.ports[0], adapter_latency=STALLS) as link,
     ):
         arrived: Counter[int] = Counter()
         for message in talk(link, commands, SENDERS * frames):
