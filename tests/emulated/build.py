@@ -13,7 +13,7 @@ from pathlib import Path
 import wirebond
 from tests.conformance.build import run
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.gen import generate_cpp
+from wirebond.gen import generate_c, generate_cpp
 
 HERE = Path(__file__).parent
 BOARD = HERE / "board"
@@ -24,6 +24,7 @@ KERNEL_FILES = ("tasks.c", "list.c", "portable/GCC/ARM_CM4F/port.c")
 
 PROCESSOR = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
 FLAGS = [*PROCESSOR, "-g1", "-ffunction-sections", "-fdata-sections"]
+C_FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror"]
 CPP_FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics"]
 LINK_FLAGS = ["-nostartfiles", "--specs=nano.specs", "-Wl,--gc-sections", "-Wl,--fatal-warnings"]
 
@@ -39,37 +40,46 @@ def build(
     program: Path,
     protocol: str,
     *,
+    in_c: Path | None = None,
     includes: Sequence[Path] = (),
     definitions: Sequence[str] = (),
     optimise: str = "-O2",
 ) -> Path:
     """The ELF file of ``program``, a C++ file, with the kernel and the header of ``protocols/<protocol>.yaml``.
-    ``optimise``: the program's level; the kernel's is always -O2.
+    ``in_c``: a file in C beside it, with the protocol's generated C. ``optimise``: the program's level; the kernel's is
+    always -O2.
 
     It is compiled only if none of the same sources, flags and compiler is there. Several processes may ask at once.
     AssertionError with the compiler's words when it does not compile.
     """
     BUILD.mkdir(parents=True, exist_ok=True)
     tree = kernel()
-    flags = [*FLAGS, optimise, *CPP_FLAGS, *(f"-D{definition}" for definition in definitions)]
+    common = [*FLAGS, optimise, *(f"-D{definition}" for definition in definitions)]
+    flags = [*common, *CPP_FLAGS]
     with tempfile.TemporaryDirectory(dir=BUILD) as name:
         folder = Path(name)
-        headers = generate_cpp(wirebond.load(PROTOCOLS / f"{protocol}.yaml").model, folder / "generated")
+        model = wirebond.load(PROTOCOLS / f"{protocol}.yaml").model
+        generated = (generate_cpp if in_c is None else generate_c)(model, folder / "generated")
         shared = (TASKS, *includes)
         own = [*BOARD.iterdir(), program, *(path for base in shared for path in base.rglob("*.[ch]pp"))]
+        own += [] if in_c is None else [in_c, *in_c.parent.glob("*.h")]
         version = run(["arm-none-eabi-g++", "--version"])
         how = [version, *flags, *LINK_FLAGS, *KERNEL_FILES, tree.parent.name]
         content = hashlib.sha256("\0".join(how).encode())
-        for path in sorted([*headers, *own]):
+        for path in sorted([*generated, *own]):
             content.update(path.name.encode() + b"\0" + path.read_bytes())
         elf = BUILD / f"{program.stem}_{content.hexdigest()[:16]}.elf"
         if elf.exists():
             return elf
         made = folder / "made"
-        sources = [str(path) for path in (program, BOARD / "startup.cpp", BOARD / "kernel.cpp", *_kernel_objects(tree))]
+        sources = [program, BOARD / "startup.cpp", BOARD / "kernel.cpp", *_kernel_objects(tree)]
+        sources += [path for path in generated if path.suffix == ".cpp"]
         folders = [f"-I{path}" for path in (BOARD, folder / "generated", *shared)]
         cpp = ["arm-none-eabi-g++", *flags, *folders, *_kernel_includes(tree)]
-        run([*cpp, *sources, *LINK_FLAGS, "-T", str(BOARD / "stm32f405.ld"), "-o", str(made)])
+        if in_c is not None:
+            sources.append(folder / "in_c.o")
+            run(["arm-none-eabi-gcc", *common, *C_FLAGS, *folders, "-c", str(in_c), "-o", str(sources[-1])])
+        run([*cpp, *map(str, sources), *LINK_FLAGS, "-T", str(BOARD / "stm32f405.ld"), "-o", str(made)])
         shutil.move(made, elf)  # a rename within one file system: others see all of it or nothing
         return elf
 

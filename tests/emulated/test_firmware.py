@@ -15,8 +15,7 @@ import pytest
 import wirebond
 from tests.emulated.build import HERE, build
 from tests.emulated.machine import PATIENCE, STALLS, Machine
-from tests.shared import PROTOCOLS, ROOT, codec
-from wirebond.protocol.loader import loads
+from tests.shared import ROOT, codec, codec_without_latest
 
 FIRMWARE = ROOT / "firmware"
 
@@ -45,17 +44,39 @@ def cut_frames(link: wirebond.Link) -> int:
     return link.stats.receive.rejected_candidates["incomplete"]
 
 
-def test_a_board_with_a_mistake_says_what_it_is() -> None:
-    build_of_echo = build(
-        ROOT / "tests" / "emulated" / "programs" / "mistakes.cpp", "enterprize", includes=[FIRMWARE / "echo"]
+# Of each mistake the first words of what a link says: by its port's answer about the settings, and by what happened,
+# for a port that knows no setting.
+NOTHING = "nothing is known to be wrong"
+MISTAKES = {
+    "none": (NOTHING, NOTHING),
+    "interrupt off": ("the UART's interrupt is off", "the UART's interrupt was pended and `on_pended` was not called"),
+    "no line for pends": ("the UART's interrupt was pended and `on_pended` was not called",) * 2,
+    "DMA in normal mode": ("the receive DMA is in normal mode", "reception ends by itself"),
+    "no receive DMA": ("the UART has no receive DMA", "the port does not start reception"),
+    "no transmit DMA": ("the UART has no transmit DMA", "nothing that is sent leaves"),
+    "wrong baud rate": ("the UART has another baud rate", "bytes come, and no frame is among them"),
+    "tick below the UART": ("the HAL's tick cannot interrupt", NOTHING),
+    "UART not initialised": ("the UART is not initialised", "no valid frame comes"),
+}
+
+
+def test_a_board_with_a_mistake_says_what_it_is_in_cpp_and_c() -> None:
+    programs = HERE / "programs"
+    small = [f"ENTERPRIZE_LINK_{what}" for what in (f"COUNT={len(MISTAKES)}", "RECEIVE_BYTES=256", "SEND_BYTES=256")]
+    elf = build(
+        programs / "mistakes.cpp",
+        "enterprize",
+        in_c=programs / "mistakes_in_c.c",
+        includes=[FIRMWARE / "echo"],
+        definitions=small,
     )
-    with Machine(build_of_echo) as machine:
-        for mistake in ("interrupt off", "no line for pends"):
-            said = machine.line()
-            assert said.startswith(f"{mistake}: the UART's interrupt was pended and `on_pended` was not called"), said
-            counted, _, value = machine.line().rpartition(" ")
-            assert counted == "unserved_pends"
-            assert int(value) > 900
+    with Machine(elf) as machine:
+        for mistake, (by_settings, by_running) in MISTAKES.items():
+            for language in ("C++", "C"):
+                said = machine.line().split(" | ")
+                assert said[:2] == [mistake, language]
+                assert said[2].startswith(by_settings), said
+                assert said[3].startswith(by_running), said
 
 
 # The emulated UART has no baud rate: bytes come as fast as they are taken, and what the ring cannot hold is lost where
@@ -72,10 +93,7 @@ def test_a_board_with_a_mistake_says_what_it_is() -> None:
 def test_echo_sends_back_what_came_on_two_links_at_once(optimise: str, at_once: int) -> None:
     commands = [{"x_vel": float(n), "y_vel": 0.5 * n, "w_vel": -1.0 * n} for n in range(200)]
     others = [command | {"w_vel": 7.0} for command in commands]
-    text = (PROTOCOLS / "enterprize.yaml").read_text(encoding="utf-8")
-    enterprize = wirebond.Codec(
-        loads(text.replace("queue: latest", "queue: normal"))
-    )  # each of many sent at once leaves
+    enterprize = codec_without_latest("enterprize")  # each of many sent at once leaves
     with (
         Machine(program("echo", "enterprize", optimise=optimise)) as machine,
         wirebond.open(enterprize, machine.ports[0], adapter_latency=STALLS) as first,

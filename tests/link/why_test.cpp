@@ -153,6 +153,18 @@ TEST_CASE("runs that never end are told") {
   CHECK(board.link.why() == Why::runs_not_completed);
 }
 
+TEST_CASE("a port that takes no run, as without a DMA, is told, and one that is busy at first is not") {
+  Board<ScriptedPort> board;
+  board.poll();
+  board.port.refuses_transmit = true;
+  REQUIRE(board.link.send(diffdrive::Status{}) == wirebond::Status::ok);
+  board.poll(50);
+  board.come();
+  CHECK(board.link.why() == Why::nothing);
+  board.poll(100);
+  CHECK(board.link.why() == Why::runs_not_completed);
+}
+
 TEST_CASE("bytes without a frame, silence, and polls that came too late") {
   Board<ScriptedPort> board;
   board.poll();

@@ -16,12 +16,15 @@ class EmulatedUart {
   explicit EmulatedUart(SoftwareDma& dma) : dma_(dma) {}
 
   bool start_receive(std::uint8_t* ring, std::size_t size) {
+    if (!dma_.settings.has_receive) return false;
     dma_.start_receive(ring, size);
     return true;
   }
-  bool receiving() const { return true; }  // nothing in this machine ends it
+  bool receiving() const { return dma_.receiving(); }
   std::size_t receive_position() const { return dma_.receive_position(); }
-  bool start_transmit(const std::uint8_t* bytes, std::size_t size) { return dma_.start_transmit(bytes, size); }
+  bool start_transmit(const std::uint8_t* bytes, std::size_t size) {
+    return dma_.settings.has_transmit && dma_.start_transmit(bytes, size);
+  }
   void stop_transmit() { dma_.stop_transmit(); }
   void pend() { dma_.raise(Events::pended); }
 

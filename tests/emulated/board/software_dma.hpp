@@ -37,6 +37,13 @@ class SoftwareDma {
   SoftwareDma(const SoftwareDma&) = delete;
   SoftwareDma& operator=(const SoftwareDma&) = delete;
 
+  /// How the project has set it up. Before anything runs.
+  struct Settings {
+    bool has_receive = true;
+    bool has_transmit = true;
+    bool is_circular = true;  ///< false: reception ends with its first round
+  } settings;
+
   // ---- driver side: any context
 
   /// Begin circular reception, from the ring's first byte.
@@ -50,6 +57,9 @@ class SoftwareDma {
     nvic::enable(pace_interrupt_);
     nvic::enable(usart_interrupt_);
   }
+
+  /// False before the start, and where the first round has ended reception.
+  bool receiving() const { return ring_ != nullptr; }
 
   std::size_t receive_position() const { return position_; }
 
@@ -87,12 +97,19 @@ class SoftwareDma {
       nvic::disable(usart_interrupt_);        // to clear `receive_interrupt` does not end the machine's request
       return;
     }
+    hear(static_cast<std::uint8_t>(usart_.data));
+  }
+
+  /// A byte is in the UART's data register.
+  void hear(std::uint8_t byte) {
+    if (ring_ == nullptr) return;
     ++received_in_tick_;
     if (!is_ticking_) start_pace();
-    ring_[position_] = static_cast<std::uint8_t>(usart_.data);
+    ring_[position_] = byte;
     const std::size_t next = position_ + 1 == ring_size_ ? 0 : position_ + 1;
     position_ = next;
     idle_is_told_ = false;
+    if (next == 0 && !settings.is_circular) ring_ = nullptr;
     if (next == 0 || next == ring_size_ / 2) raise(Events::received);
   }
 

@@ -68,6 +68,14 @@ inline void set_priority(Interrupt interrupt, std::uint8_t priority) {
       static_cast<std::uint8_t>(priority << 4);
 }
 
+inline std::uint8_t priority(Interrupt interrupt) {
+  return static_cast<std::uint8_t>(
+      reinterpret_cast<volatile std::uint8_t*>(0xE000E400)[static_cast<std::uint32_t>(interrupt)] >> 4);
+}
+
+/// With a bit for each interrupt: is it enabled?
+inline const Register* const enabled = reinterpret_cast<const Register*>(0xE000E100);
+
 namespace detail {
 
 /// Of registers with a bit for each interrupt, where writing 1 does something and 0 nothing.
@@ -83,6 +91,7 @@ inline void disable(Interrupt interrupt) { detail::write_bit(0xE000E180, interru
 
 /// Ask for `interrupt` to run. Any context.
 inline void pend(Interrupt interrupt) { detail::write_bit(0xE000E200, interrupt); }
+inline void forget(Interrupt interrupt) { detail::write_bit(0xE000E280, interrupt); }
 
 }  // namespace nvic
 

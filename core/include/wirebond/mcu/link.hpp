@@ -351,6 +351,8 @@ class Link : private SendPause<Protocol::pause_us>,
   static constexpr std::uint32_t echo_timeout_us =
       Protocol::end == End::mcu ? transmit_timeout_us / 2 : transmit_timeout_us + Receives::idle_us;
 
+  /// `why` names a port that has refused so many runs in its polls, and taken none.
+  static constexpr std::uint32_t retries_when_stuck = 100;
   /// `why` names the line where there are more errors than one in this many bytes.
   static constexpr std::uint32_t bytes_per_error = 1'000;
   /// The same for runs that collide, in frames.

@@ -15,7 +15,8 @@ inline Why Link<Protocol, Handler, Port, Memory>::why() const {
   if (state() == LinkState::down) return Why::port_refuses;
   if (unserved_in_row_ >= 2) return Why::pends_unserved;
   if (reception_stops_ || (!port_.receiving() && !handshake_.look().restart())) return Why::reception_stops;
-  if (transmit_timeouts_ != 0 && send_account().sent == 0) return Why::runs_not_completed;
+  const bool is_stuck = transmit_timeouts_ != 0 || transmit_retries_ >= retries_when_stuck;
+  if (is_stuck && send_account().sent == 0) return Why::runs_not_completed;
   if (echo().collisions() != 0 && echo().echoed() == 0) return Why::no_echo;
   const bool heard = heard_frames() != 0;
   if (!heard && (receiver_.bytes() != 0 || line_errors_ != 0)) return Why::nothing_understood;

@@ -22,7 +22,7 @@ typedef enum wirebond_why {
   WIREBOND_WHY_PORT_REFUSES,              ///< the port does not start reception
   WIREBOND_WHY_PENDS_UNSERVED,            ///< the interrupt was pended, and nobody called `on_pended`
   WIREBOND_WHY_RECEPTION_STOPS,           ///< reception ends without an error event
-  WIREBOND_WHY_RUNS_NOT_COMPLETED,        ///< what was handed to DMA never ends
+  WIREBOND_WHY_RUNS_NOT_COMPLETED,        ///< DMA takes no run, or what it took never ends
   WIREBOND_WHY_NO_ECHO,                   ///< `echo: true`, and nothing that was sent came back
   WIREBOND_WHY_NOTHING_UNDERSTOOD,        ///< bytes or line errors came, and never a frame
   WIREBOND_WHY_NOTHING_HEARD,             ///< no valid frame came for a second, or none yet
@@ -61,8 +61,8 @@ static inline const char* wirebond_why_text(wirebond_why_t why) {
       return "reception ends by itself: set the receive DMA to circular mode, and call `on_error` in the error "
              "callback";
     case WIREBOND_WHY_RUNS_NOT_COMPLETED:
-      return "what is sent never ends: call `on_transmitted` in the transmit-complete callback, and enable the "
-             "interrupts of the UART and of its transmit DMA";
+      return "nothing that is sent leaves: has the UART a transmit DMA in normal mode? Call `on_transmitted` in the "
+             "transmit-complete callback, and enable the interrupts of the UART and of its transmit DMA";
     case WIREBOND_WHY_NO_ECHO:
       return "nothing that is sent comes back, and the protocol file says `echo: true`: is the transceiver's driver "
              "enabled while this end sends, and its receiver always? Without an echo, remove that line";
