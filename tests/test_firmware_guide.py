@@ -78,14 +78,14 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def write_c_project(project: Path, source: str = "rover_link.c") -> None:
+def write_c_project(project: Path, port: str = "stm32_hal") -> None:
     """What docs/c.md has of an STM32 project, in the place of the C++."""
     diffdrive = load(PROTOCOLS / "diffdrive.yaml")
     generate_c(diffdrive, project / "generated")
-    write_files(project / "generated", port_files_in_c("stm32_hal"))
-    (project / "Core/Src/rover_link.cpp").unlink()
-    text = next(block for block in blocks("c", "c") if "WIREBOND_STM32_HAL_PORT" in block)
-    (project / "Core/Src" / source).write_text(text, encoding="utf-8")
+    write_files(project / "generated", port_files_in_c(port))
+    (project / "Core/Src/rover_link.cpp").unlink(missing_ok=True)
+    text = next(block for block in blocks("c", "c") if f"WIREBOND_{port.upper()}_PORT" in block)
+    (project / "Core/Src/rover_link.c").write_text(text, encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -159,10 +159,14 @@ def test_it_compiles_against_the_vendors_hal(family: str, callbacks: str, projec
         for text in blocks_for_stm32():
             source.write_text(text if family == "f4" else with_channels(text), encoding="utf-8")
             run("arm-none-eabi-g++", *flags, *folder, "-c", source, "-o", "block.o", cwd=project)
-        write_c_project(project)
-        for part in ("Core/Src/rover_link.c", "generated/wirebond_stm32_hal.c"):
-            c = ["-std=c99", "-Os", *STRICT, *TARGET]
-            run("arm-none-eabi-gcc", *c, *folder, "-c", part, "-o", "part.o", cwd=project)
+        for port in ("stm32_hal", "stm32_ll"):
+            write_c_project(project, port)
+            user = project / "Core/Src/rover_link.c"
+            if family != "f4":
+                user.write_text(with_channels(user.read_text(encoding="utf-8")), encoding="utf-8")
+            for part in (user, f"generated/wirebond_{port}.c"):
+                c = ["-std=c99", "-Os", *STRICT, *TARGET]
+                run("arm-none-eabi-gcc", *c, *folder, "-c", part, "-o", "part.o", cwd=project)
 
 
 DRIVES = """\
@@ -316,27 +320,64 @@ def test_so_it_is_with_the_vendors_own_drivers(project: Path) -> None:
     run("./bad_line", cwd=project)
 
 
-# What a project may do wrong, and the first words of what its link says of it.
+# What a project may do wrong, by its port, and the first words of what its link says of it.
 MISTAKES = {
-    "none": "nothing is known to be wrong",
-    "interrupt off": "the UART's interrupt is off",
-    "no line for pends": "the UART's interrupt was pended and `on_pended` was not called",
-    "DMA in normal mode": "the receive DMA is in normal mode",
-    "no receive DMA": "the UART has no receive DMA",
-    "no transmit DMA": "the UART has no transmit DMA",
-    "wrong baud rate": "the UART has another baud rate",
-    "tick below the UART": "the HAL's tick cannot interrupt",
-    "UART not initialised": "the UART is not initialised",
+    "stm32_hal": {
+        "none": "nothing is known to be wrong",
+        "interrupt off": "the UART's interrupt is off",
+        "no line for pends": "the UART's interrupt was pended and `on_pended` was not called",
+        "DMA in normal mode": "the receive DMA is in normal mode",
+        "no receive DMA": "the UART has no receive DMA",
+        "no transmit DMA": "the UART has no transmit DMA",
+        "wrong baud rate": "the UART has another baud rate",
+        "tick below the UART": "the HAL's tick cannot interrupt",
+        "UART not initialised": "the UART is not initialised",
+    },
+    "stm32_ll": {
+        "none": "nothing is known to be wrong",
+        "interrupt off": "the UART's interrupt is off",
+        "DMA in normal mode": "the receive DMA is in normal mode",
+        "no receive DMA": "the UART has no receive DMA",
+        "no transmit DMA": "the UART has no transmit DMA",
+        "wrong baud rate": "bytes come, and no frame is among them",  # registers do not tell the clock
+        "UART not initialised": "the UART is not initialised",
+    },
+}
+MAKES_A_MISTAKE = {
+    "stm32_hal": """\
+extern "C" void USART3_IRQHandler(void) {
+  if (mistake != "no line for pends") rover_link_pended();
+}
+
+static void make_it() {
+  if (mistake == "interrupt off") nvic_registers = {};
+  if (mistake == "DMA in normal mode") huart3.hdmarx->Init.Mode = DMA_NORMAL;
+  if (mistake == "no receive DMA") huart3.hdmarx = nullptr;
+  if (mistake == "no transmit DMA") huart3.hdmatx = nullptr;
+  if (mistake == "wrong baud rate") huart3.Init.BaudRate = 57600;
+  if (mistake == "tick below the UART") uwTickPrio = 15;
+  if (mistake == "UART not initialised") huart3.gState = huart3.RxState = HAL_UART_STATE_RESET;
+}
+""",
+    "stm32_ll": """\
+static void make_it() {
+  if (mistake == "interrupt off") nvic_registers = {};
+  if (mistake == "DMA in normal mode") DMA1_Stream1->CR = DMA_SxCR_MINC;
+  if (mistake == "no receive DMA") DMA1_Stream1->CR = 0;
+  if (mistake == "no transmit DMA") DMA1_Stream3->CR = 0;
+  if (mistake == "UART not initialised") USART3->CR1 = 0;
+}
+""",
 }
 MISTAKEN = """\
-// A project with a mistake on the double of the HAL: both ends send for two seconds, then it prints what its link says.
+// A project with a mistake on simulated registers: both ends send for two seconds, then it prints what its link says.
 #include <cstdio>
 #include <string>
 
 #include "board.hpp"
 #include "diffdrive.hpp"
-#include "stm32f4xx_hal.h"
 #include "wirebond/fake/line.hpp"
+#include "wirebond/sim/uart.hpp"
 
 extern "C" void rover_link_pended(void);
 extern "C" void rover_link_poll(std::uint32_t now_us);
@@ -344,30 +385,24 @@ extern "C" const char* rover_link_why(void);
 
 static std::string mistake;
 
-extern "C" void USART3_IRQHandler(void) {
-  if (mistake != "no line for pends") rover_link_pended();
-}
-
+MAKES_A_MISTAKE
 int main(int, char** arguments) {
   mistake = arguments[1];
   wirebond::fake::Line in{diffdrive::baud, 10};
   wirebond::fake::Line out{diffdrive::baud, 10};
   wirebond::fake::Uart hardware{in, out};
   Board board{hardware};
-  if (mistake == "interrupt off") nvic_registers = {};
-  if (mistake == "DMA in normal mode") huart3.hdmarx->Init.Mode = DMA_NORMAL;
-  if (mistake == "no receive DMA") huart3.hdmarx = nullptr;
-  if (mistake == "no transmit DMA") huart3.hdmatx = nullptr;
-  if (mistake == "wrong baud rate") huart3.Init.BaudRate = 9600;
-  if (mistake == "tick below the UART") uwTickPrio = 15;
-  if (mistake == "UART not initialised") huart3.gState = huart3.RxState = HAL_UART_STATE_RESET;
+  make_it();
+  wirebond::sim::UartReceiver heard({diffdrive::baud}, {mistake == "wrong baud rate" ? 57'600 : diffdrive::baud});
   wirebond::fake::Time now = 0;
   for (int i = 0; i < 2000; ++i) {
     if (i % 10 == 0) {
       unsigned char frame[diffdrive::Velocity::Info::max_frame_bytes];
       std::size_t size = 0;
       if (diffdrive::encode(diffdrive::Velocity{}, frame, sizeof frame, size) != wirebond::Status::ok) return 1;
-      in.put(frame, size, now);
+      const auto put = [&](std::uint8_t byte) { in.put(byte, now); };
+      heard.take(frame, size, put);
+      heard.rest(put);
     }
     board.run(now += 1'000'000);
     rover_link_poll(static_cast<std::uint32_t>(now / 1000));
@@ -377,40 +412,58 @@ int main(int, char** arguments) {
 """
 
 
+@pytest.mark.parametrize("port", MISTAKES)
 @pytest.mark.parametrize("language", ["C++", "C"])
-def test_each_mistake_in_a_project_is_said_by_its_link(language: str, project: Path) -> None:
-    ports = ROOT / "ports"
+def test_each_mistake_in_a_project_is_said_by_its_link(language: str, port: str, project: Path) -> None:
     main = project / "Core/Src/mistaken.cpp"
-    main.write_text(MISTAKEN, encoding="utf-8")
+    main.write_text(MISTAKEN.replace("MAKES_A_MISTAKE", MAKES_A_MISTAKE[port]), encoding="utf-8")
     source = project / "Core/Src/rover_link.cpp"
     made: list[Path] = []
-    includes = [
-        f"-I{folder}"
-        for folder in (project / "generated", project / "Core/Inc", ports / "stm32_hal/tests", ports / "fake/include")
-    ]
-    quick = ["-O0", "-Wall", "-Wextra", "-Werror"]
+    includes = on_board(project, port)
     if language == "C":
-        write_c_project(project)
+        write_c_project(project, port)
         made = [project / "generated" / f"diffdrive{kind}.cpp" for kind in ("", "_link")]
-        source = compile_c(project, "-O0", includes)
-    double = ports / "stm32_hal/tests/stm32f4xx_hal.cpp"
-    run("c++", "-std=c++17", *quick, *includes, main, source, *made, double, "-o", "mistaken", cwd=project)
-    for mistake, words in MISTAKES.items():
+        source = compile_c(project, "-O0", includes, port=port)
+    elif port == "stm32_ll":
+        text = next(text for text in blocks("cpp") if "stm32_ll/uart.hpp" in text)
+        why = 'extern "C" const char* rover_link_why(void) { return text_of(rover_link.why()); }\n'
+        source.write_text(text + why, encoding="utf-8")
+    quick = ["-O0", "-Wall", "-Wextra", "-Werror"]
+    run("c++", "-std=c++17", *quick, *includes, main, source, *made, double(port), "-o", "mistaken", cwd=project)
+    for mistake, words in MISTAKES[port].items():
         said = subprocess.run([project / "mistaken", mistake], capture_output=True, text=True, check=True).stdout
-        assert said.startswith(words), mistake
+        assert said.startswith(words), f"{mistake}: {said}"
 
 
-def compile_c(project: Path, level: str, includes: list[str], source: str = "rover_link.c") -> Path:
+def on_board(project: Path, port: str) -> list[str]:
+    """Where the project's files lie, and the board of the port's own tests."""
+    ports = ROOT / "ports"
+    own = [project / "generated", project / "Core/Inc"]
+    others = [ports / port / "tests", ports / "fake/include", ROOT / "sim/include"]
+    return [f"-I{folder}" for folder in own + others]
+
+
+def double(port: str) -> Path:
+    """What stands for the vendor's code and registers there."""
+    return ROOT / "ports" / port / "tests" / ("board.cpp" if port == "stm32_ll" else "stm32f4xx_hal.cpp")
+
+
+def compile_c(
+    project: Path, level: str, includes: list[str], source: str = "rover_link.c", port: str = "stm32_hal"
+) -> Path:
     """The C of a project in one object: the user's source and the port's."""
-    parts = [project / "Core/Src" / source, project / "generated/wirebond_stm32_hal.c"]
-    for part in parts:
-        run("gcc", "-std=c99", level, *STRICT, *includes, "-c", part, "-o", f"{part.stem}.o", cwd=project)
-    run("ld", "-r", *(f"{part.stem}.o" for part in parts), "-o", f"c{level}.o", cwd=project)
+    strict = ["gcc", "-std=c99", level, *STRICT, *includes]
+    run(*strict, "-c", project / "Core/Src" / source, "-o", "source.o", cwd=project)
+    in_c = project / f"generated/wirebond_{port}.c"
+    run(*strict, "-c", in_c, "-o", "port.o", cwd=project)
+    if port == "stm32_ll":  # whose registers notice each access: the same file as C++
+        run("c++", "-x", "c++", "-std=c++17", level, *STRICT, *includes, "-c", in_c, "-o", "port.o", cwd=project)
+    run("ld", "-r", "source.o", "port.o", "-o", f"c{level}.o", cwd=project)
     return project / f"c{level}.o"
 
 
 STARTED = """\
-// What `--starter` wrote, on the double of the HAL: frames come and go, and its link has nothing to say.
+// What `--starter` wrote, on simulated registers: frames come and go, and its link has nothing to say.
 #include <cstdio>
 
 #include "board.hpp"
@@ -421,7 +474,9 @@ extern "C" void usart3_link_pended(void);
 extern "C" void usart3_link_poll(std::uint32_t now_us);
 extern "C" const char* usart3_link_why(void);
 
+#ifdef HAL_UART_MODULE_ENABLED  // CubeMX's handler, with the line that the file asks for
 extern "C" void USART3_IRQHandler(void) { usart3_link_pended(); }
+#endif
 
 int main() {
   wirebond::fake::Line in{diffdrive::baud, 10};
@@ -442,10 +497,11 @@ int main() {
 """
 
 
+@pytest.mark.parametrize("port", ["stm32_hal", "stm32_ll"])
 @pytest.mark.parametrize("language", ["cpp", "c"])
-def test_the_file_that_starter_writes_works_as_it_is(language: str, project: Path) -> None:
+def test_the_file_that_starter_writes_works_as_it_is(language: str, port: str, project: Path) -> None:
     command = ["gen", str(PROTOCOLS / "diffdrive.yaml"), "--lang", language, "--out", str(project / "generated")]
-    command += ["--port", "stm32_hal", "--uart", "USART3", "--starter"]
+    command += ["--port", port, "--uart", "USART3", "--starter"]
     assert wirebond(command) == 0
     source = project / "Core/Src" / f"usart3_link.{language}"
     text = source.read_text(encoding="utf-8")
@@ -454,21 +510,18 @@ def test_the_file_that_starter_writes_works_as_it_is(language: str, project: Pat
     source.write_text(filled, encoding="utf-8")
     assert wirebond(command) == 2  # it is the user's now
     assert source.read_text(encoding="utf-8") == filled
-    for level in ("-O0", "-Os"):
+    includes = on_board(project, port)
+    for level in ("-O0", "-Os") if port == "stm32_hal" else ("-Os",):
         compiler = ["arm-none-eabi-g++", "-std=c++17", "-fno-exceptions", "-fno-rtti"]
         if language == "c":
             compiler = ["arm-none-eabi-gcc", "-std=c99"]
-        folders = ["-Igenerated", "-ICore/Inc"]
-        run(*compiler, level, *TARGET, *STRICT, *folders, "-c", source, "-o", "source.o", cwd=project)
+        run(*compiler, level, *TARGET, *STRICT, *includes, "-c", source, "-o", "source.o", cwd=project)
     main = project / "Core/Src/started.cpp"
     main.write_text(STARTED, encoding="utf-8")
-    ports = ROOT / "ports"
-    folders = [project / "generated", project / "Core/Inc", ports / "stm32_hal/tests", ports / "fake/include"]
-    includes = [f"-I{folder}" for folder in folders]
-    others: list[Path] = [ports / "stm32_hal/tests/stm32f4xx_hal.cpp"]
+    others: list[Path] = [double(port)]
     if language == "c":
         others += [project / "generated" / f"diffdrive{kind}.cpp" for kind in ("", "_link")]
-        others.append(compile_c(project, "-Os", includes, "usart3_link.c"))
+        others.append(compile_c(project, "-Os", includes, "usart3_link.c", port))
     else:
         others.append(source)
     run("c++", "-std=c++17", "-O0", *includes, main, *others, "-o", "started", cwd=project)
@@ -483,7 +536,7 @@ def test_the_file_that_starter_writes_works_as_it_is(language: str, project: Pat
     [
         (["--starter"], "--starter and --uart go together"),
         (["--uart", "USART3", "--starter"], "--starter is for one --port"),
-        (["--port", "posix", "--uart", "USART3", "--starter"], "--starter is for one --port"),
+        (["--port", "posix", "--uart", "USART3", "--starter"], "which is stm32_hal or stm32_ll"),
         (["--port", "stm32_hal", "--uart", "huart3", "--starter"], "expected a UART as the vendor's headers call it"),
         (["--port", "stm32_hal", "--uart", "USART3", "--starter", "--amalgamate"], "leave --amalgamate out"),
         (["--port", "stm32_hal", "--uart", "USART3", "--starter", "--check"], "which --check does not look at"),

@@ -288,10 +288,12 @@ def test_cpp_compiles(block: Block, generated: Path, tmp_path: Path) -> None:
 def port_folders(block: Block, folder: Path) -> list[str]:
     """Where the ports that the block includes lie, and the doubles of their vendors' headers."""
     ports = sorted(set(re.findall(r"wirebond/(\w+)/", block.text)))
+    ports += re.findall(r'"wirebond_(\w+)\.h"', block.text)  # in C
     (folder / "usart.h").write_text(
         '#include "stm32f4xx_hal.h"\nextern UART_HandleTypeDef huart2, huart3;\n', encoding="utf-8"
     )
-    return [f"-I{folder}", *(f"-I{ROOT / 'ports' / port / part}" for port in ports for part in ("include", "tests"))]
+    parts = [ROOT / "ports" / port / part for port in ports for part in ("include", "tests", "c")]
+    return [f"-I{part}" for part in (folder, *parts, ROOT / "ports" / "stm32" / "include")]
 
 
 @pytest.mark.parametrize("block", blocks_of("c"), ids=by_place)
@@ -304,9 +306,7 @@ def test_c_compiles_and_needs_no_cpp_library(block: Block, generated: Path, tmp_
         objects.append(str(tmp_path / f"{name}.o"))
         made = run(*CXX, f"-I{generated}", "-c", str(generated / f"{name}.cpp"), "-o", objects[-1])
         assert made.returncode == 0, made.stderr
-    stm32 = ROOT / "ports" / "stm32_hal"
-    folders = [f"-I{generated}", *port_folders(block, tmp_path), f"-I{stm32 / 'tests'}", f"-I{stm32 / 'c'}"]
-    compile_and_run(block, [*CC, *folders, str(source), *objects], tmp_path)
+    compile_and_run(block, [*CC, f"-I{generated}", *port_folders(block, tmp_path), str(source), *objects], tmp_path)
 
 
 def compile_and_run(block: Block, compiler: list[str], folder: Path) -> None:

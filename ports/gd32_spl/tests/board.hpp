@@ -10,10 +10,10 @@ extern "C" void DMA0_Channel3_IRQHandler();
 extern "C" void DMA0_Channel4_IRQHandler();
 
 /// Gives the library's functions a simulated UART to stand for; its `run` lets time pass. Addresses have 32 bits here
-/// too: all buffers lie near `memory`.
+/// too: all buffers are static, and so lie near the double's registers.
 class Board {
  public:
-  Board(wirebond::fake::Uart& uart, std::uint8_t* memory);
+  explicit Board(wirebond::fake::Uart& uart);
   ~Board();
   Board(const Board&) = delete;
   Board& operator=(const Board&) = delete;

@@ -19,8 +19,8 @@ struct Channel {
 
 struct Registers {
   Uart* uart = nullptr;
-  std::uint8_t* memory = nullptr;
   std::array<Channel, 8> channels{};
+  std::uint32_t control_0 = USART_CTL0_UEN;
   std::uint32_t control_2 = 0;
   std::uint32_t status = 0;
   bool idle_enabled = false;
@@ -33,10 +33,11 @@ Channel& of(dma_channel_enum channel) { return registers.channels[channel]; }
 
 }  // namespace
 
-Board::Board(Uart& uart, std::uint8_t* memory) {
+Board::Board(Uart& uart) {
   registers = {};
   registers.uart = &uart;
-  registers.memory = memory;
+  of(DMA_CH4).control = DMA_CHXCTL_MNAGA | DMA_CHXCTL_CMEN;
+  of(DMA_CH3).control = DMA_CHXCTL_MNAGA;
 }
 
 Board::~Board() { registers = {}; }
@@ -90,6 +91,7 @@ void Board::on_pended() {
 }
 
 std::uint32_t& DMA_CHCTL(std::uint32_t, dma_channel_enum channel) { return of(channel).control; }
+std::uint32_t& USART_CTL0(std::uint32_t) { return registers.control_0; }
 std::uint32_t& USART_CTL2(std::uint32_t) { return registers.control_2; }
 std::uint32_t& USART_STAT0(std::uint32_t) { return registers.status; }
 
@@ -115,8 +117,9 @@ void dma_channel_disable(std::uint32_t, dma_channel_enum channel) {
 }
 
 void dma_memory_address_config(std::uint32_t, dma_channel_enum channel, std::uint32_t address) {
-  const auto base = static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(registers.memory));
-  of(channel).memory = registers.memory + static_cast<std::int32_t>(address - base);
+  auto* const near = reinterpret_cast<std::uint8_t*>(&registers);
+  const auto base = static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(near));
+  of(channel).memory = near + static_cast<std::int32_t>(address - base);
 }
 
 void dma_transfer_number_config(std::uint32_t, dma_channel_enum channel, std::uint32_t number) {
@@ -148,6 +151,8 @@ std::uint16_t usart_data_receive(std::uint32_t) {
 }
 
 void usart_interrupt_enable(std::uint32_t, usart_interrupt_enum) { registers.idle_enabled = true; }
+
+void usart_interrupt_disable(std::uint32_t, usart_interrupt_enum) { registers.idle_enabled = false; }
 
 FlagStatus usart_interrupt_flag_get(std::uint32_t, usart_interrupt_flag_enum) {
   return (registers.status & USART_STAT0_IDLEF) != 0 ? SET : RESET;

@@ -15,6 +15,8 @@
 #define DMA_CHXCTL_FTFIE 2u
 #define DMA_CHXCTL_HTFIE 4u
 #define DMA_CHXCTL_CMEN 32u
+#define DMA_CHXCTL_MNAGA 128u
+#define USART_CTL0_UEN 8192u
 #define USART_STAT0_PERR 1u
 #define USART_STAT0_FERR 2u
 #define USART_STAT0_NERR 4u
@@ -31,6 +33,7 @@ enum usart_interrupt_enum { USART_INT_IDLE };
 enum usart_interrupt_flag_enum { USART_INT_FLAG_IDLE };
 
 std::uint32_t& DMA_CHCTL(std::uint32_t dma, dma_channel_enum channel);  // registers, macros in the vendor's
+std::uint32_t& USART_CTL0(std::uint32_t usart);
 std::uint32_t& USART_CTL2(std::uint32_t usart);
 std::uint32_t& USART_STAT0(std::uint32_t usart);
 
@@ -44,6 +47,7 @@ FlagStatus dma_interrupt_flag_get(std::uint32_t dma, dma_channel_enum channel, s
 void dma_interrupt_flag_clear(std::uint32_t dma, dma_channel_enum channel, std::uint32_t flag);
 std::uint16_t usart_data_receive(std::uint32_t usart);
 void usart_interrupt_enable(std::uint32_t usart, usart_interrupt_enum interrupt);
+void usart_interrupt_disable(std::uint32_t usart, usart_interrupt_enum interrupt);
 FlagStatus usart_interrupt_flag_get(std::uint32_t usart, usart_interrupt_flag_enum flag);
 void NVIC_SetPendingIRQ(IRQn_Type interrupt);
 

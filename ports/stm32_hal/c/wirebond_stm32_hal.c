@@ -1,7 +1,7 @@
 // See wirebond_stm32_hal.h.
 #include "wirebond_stm32_hal.h"
 
-#include "wirebond/stm32_hal/reach.h"
+#include "wirebond/stm32/reach.h"
 
 static void drive(void* uart, bool on) {
   const wirebond_stm32_hal_t* const port = uart;
@@ -35,9 +35,7 @@ bool wirebond_stm32_hal_receiving(void* uart) { return handle_of(uart)->RxState 
 
 size_t wirebond_stm32_hal_receive_position(void* uart) {
   UART_HandleTypeDef* const handle = handle_of(uart);
-  const size_t size = handle->RxXferSize;
-  const size_t position = size - __HAL_DMA_GET_COUNTER(handle->hdmarx);
-  return position == size ? 0 : position;  // the counter may be read at 0, before it starts the next round
+  return wirebond_ring_position(handle->RxXferSize, __HAL_DMA_GET_COUNTER(handle->hdmarx));
 }
 
 void wirebond_stm32_hal_stop_receive(void* uart) { (void)HAL_UART_AbortReceive(handle_of(uart)); }
@@ -60,19 +58,18 @@ void wirebond_stm32_hal_pend(void* uart) { NVIC_SetPendingIRQ(((wirebond_stm32_h
 
 bool wirebond_stm32_hal_reaches(void* uart, const void* bytes, size_t size) {
   (void)uart;
-  return size <= 0xFFFF && wirebond_stm32_dma_reaches(WIREBOND_STM32_FAMILY, (uintptr_t)bytes, size);
+  return wirebond_stm32_dma_reaches(WIREBOND_STM32_FAMILY, (uintptr_t)bytes, size);
 }
 
 wirebond_why_t wirebond_stm32_hal_check(void* uart, uint32_t baud) {
   UART_HandleTypeDef* const handle = handle_of(uart);
   const IRQn_Type interrupt = ((wirebond_stm32_hal_t*)uart)->interrupt;
-  const uint32_t number = (uint32_t)interrupt;
   if (handle->gState == HAL_UART_STATE_RESET) return WIREBOND_WHY_UART_NOT_SET_UP;
   if (handle->hdmarx == NULL) return WIREBOND_WHY_NO_RECEIVE_DMA;
   if (handle->hdmatx == NULL) return WIREBOND_WHY_NO_TRANSMIT_DMA;
   if (handle->hdmarx->Init.Mode != DMA_CIRCULAR) return WIREBOND_WHY_RECEIVE_DMA_NOT_CIRCULAR;
   if (handle->Init.BaudRate != baud) return WIREBOND_WHY_BAUD_DIFFERS;
-  if ((NVIC->ISER[number / 32] >> number % 32 & 1) == 0) return WIREBOND_WHY_INTERRUPT_OFF;
+  if (!wirebond_interrupt_enabled(NVIC->ISER, (uint32_t)interrupt)) return WIREBOND_WHY_INTERRUPT_OFF;
   return uwTickPrio >= NVIC_GetPriority(interrupt) ? WIREBOND_WHY_TICK_BELOW_UART : WIREBOND_WHY_NOTHING;
 }
 
@@ -84,14 +81,8 @@ wirebond_line_errors_t wirebond_stm32_hal_take_line_errors(void* uart) {
   flags = handle->Instance->ISR;
   handle->Instance->ICR = UART_CLEAR_PEF | UART_CLEAR_FEF | UART_CLEAR_NEF | UART_CLEAR_OREF;
 #else
-  // F1, F2, F4: this read, and that of the next byte by DMA, clear the flags. To read the byte here could take it away
-  // from the DMA. So flags are old as long as no byte came.
-  wirebond_stm32_hal_t* const port = uart;
-  const uint32_t left = __HAL_DMA_GET_COUNTER(handle->hdmarx);
-  const uint32_t status = handle->Instance->SR;
-  flags = left == port->left_at_look ? status & ~port->status_at_look : status;
-  port->status_at_look = status;
-  port->left_at_look = left;
+  const uint32_t left = __HAL_DMA_GET_COUNTER(handle->hdmarx);  // F1, F2, F4
+  flags = wirebond_new_flags(&((wirebond_stm32_hal_t*)uart)->look, handle->Instance->SR, left);
 #endif
   errors.framing = (flags & UART_FLAG_FE) != 0;
   errors.noise = (flags & UART_FLAG_NE) != 0;

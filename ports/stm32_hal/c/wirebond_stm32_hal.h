@@ -20,6 +20,7 @@
 #endif
 
 #include "wirebond/mcu/c_api.h"
+#include "wirebond/mcu/dma_uart.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -29,10 +30,9 @@ extern "C" {
 ///     static wirebond_stm32_hal_t uart = {.handle = &huart3, .interrupt = USART3_IRQn};
 typedef struct wirebond_stm32_hal {
   UART_HandleTypeDef* handle;
-  IRQn_Type interrupt;      ///< the UART's own
-  void (*drive)(bool on);   ///< RS-485: switches the transceiver's driver by a pin; NULL: there is none
-  uint32_t status_at_look;  ///< this and the next one are the port's
-  uint32_t left_at_look;
+  IRQn_Type interrupt;          ///< the UART's own
+  void (*drive)(bool on);       ///< RS-485: switches the transceiver's driver by a pin; NULL: there is none
+  wirebond_status_look_t look;  ///< the port's
 } wirebond_stm32_hal_t;
 
 /// The port of this UART, for ..._link_open; the table may be `const`. `clock`: NULL, or the clock that the poll is

@@ -5,55 +5,24 @@
 
 #include <array>
 #include <cstdint>
-#include <cstring>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "board.hpp"
 #include "stm32f4xx_hal.h"
+#include "wirebond/fake/port_contract.hpp"
 
 namespace fake = wirebond::fake;
-using Bytes = std::vector<std::uint8_t>;
+using contract::Bytes;
 
 namespace {
 
-/// In the place of a Link: writes down its events, and restarts reception as a Link does.
-struct Events {
-  wirebond::stm32_hal::Uart uart{huart3, USART3_IRQn};
-  std::array<std::uint8_t, 16> ring{};
-  std::string log;
-  bool started = false;
+contract::Events<wirebond::stm32_hal::Uart> events{huart3, USART3_IRQn};
 
-  void on_received() { log += 'r'; }
-  void on_transmitted() { log += 't'; }
-  void on_error() {
-    log += 'e';
-    started = uart.start_receive(ring.data(), ring.size());
-  }
-  void on_pended() { log += 'p'; }
-};
-
-Events events;
-
-/// A fresh board and fresh events for each test.
-struct Bench {
-  fake::Line in{1'000'000, 10};
-  fake::Line out{1'000'000, 10};
-  fake::Uart uart{in, out};
-  Board board{uart};
-  wirebond::stm32_hal::Uart& port = events.uart;
-
-  Bench() {
-    events.ring = {};
-    events.log.clear();
-    events.started = false;
+struct Bench : contract::Bench<Board, wirebond::stm32_hal::Uart> {
+  Bench() : contract::Bench<Board, wirebond::stm32_hal::Uart>(::events) {
 #if USE_HAL_UART_REGISTER_CALLBACKS == 1
-    REQUIRE(wirebond::stm32_hal::register_events<events>(huart3));
+    REQUIRE(wirebond::stm32_hal::register_events<::events>(huart3));
 #endif
   }
-
-  bool start() { return port.start_receive(events.ring.data(), events.ring.size()); }
 };
 
 }  // namespace
@@ -74,48 +43,7 @@ void HAL_UART_ErrorCallback(UART_HandleTypeDef* handle) {
 void USART3_IRQHandler(void) { events.on_pended(); }
 }
 
-TEST_CASE("received bytes are in the ring up to the position, in circles") {
-  Bench bench;
-  CHECK(bench.port.receive_position() == 0);  // before the first start
-  REQUIRE(bench.start());
-  bench.in.put(Bytes{1, 2, 3}, 0);
-  bench.board.run(50'000);
-  CHECK(bench.port.receive_position() == 3);
-  CHECK(events.ring[2] == 3);
-  CHECK(events.log == "r");
-  bench.in.put(Bytes(13, 9), 50'000);
-  bench.board.run(180'000);
-  CHECK(bench.port.receive_position() == 0);
-  bench.in.put(Bytes{4}, 200'000);
-  bench.board.run(300'000);
-  CHECK(bench.port.receive_position() == 1);
-  CHECK(events.ring[0] == 4);
-}
-
-TEST_CASE("a line error leaves a flag of its kind, which is reported once, and bytes go on into the ring") {
-  Bench bench;
-  REQUIRE(bench.start());
-  bench.in.put(1, 0);
-  bench.in.put(2, 0, fake::Fault::framing);
-  bench.in.put(3, 0, fake::Fault::overrun);
-  bench.board.run(50'000);
-  CHECK(events.log == "r");
-  wirebond::LineErrors errors = bench.port.take_line_errors();
-  CHECK(errors.framing);
-  CHECK(errors.overrun);
-  CHECK_FALSE(errors.noise);
-  CHECK_FALSE(errors.parity);
-  bench.port.pend();
-  bench.board.run(60'000);
-  CHECK_FALSE(bench.port.take_line_errors().any());  // the status still has it, for no byte came
-  bench.in.put(7, 60'000, fake::Fault::noise);
-  bench.board.run(90'000);
-  CHECK(bench.port.receive_position() == 3);
-  CHECK(events.ring[2] == bench.in.bytes().back().seen);
-  errors = bench.port.take_line_errors();
-  CHECK(errors.noise);
-  CHECK_FALSE(errors.framing);
-}
+PORT_KEEPS_ITS_CONTRACT(Bench);
 
 TEST_CASE("after an error of the DMA the ring starts again, and bytes come again") {
   Bench bench;
@@ -123,13 +51,13 @@ TEST_CASE("after an error of the DMA the ring starts again, and bytes come again
   bench.in.put(Bytes{1, 2}, 0);
   bench.uart.raise_now(fake::Event::dma_error);
   bench.board.run(20'000);
-  CHECK(events.log.front() == 'e');
-  CHECK(events.started);
+  CHECK(bench.events.log.front() == 'e');
+  CHECK(bench.events.is_started);
   bench.board.run(50'000);
   const std::size_t place = bench.port.receive_position();
   bench.in.put(7, 50'000);
   bench.board.run(60'000);
-  CHECK(events.ring[place] == 7);
+  CHECK(bench.events.ring[place] == 7);
 }
 
 TEST_CASE("a start is refused while the HAL still stops DMA, and works afterwards") {
@@ -142,7 +70,7 @@ TEST_CASE("a start is refused while the HAL still stops DMA, and works afterward
   REQUIRE_FALSE(bench.uart.receiving());
   CHECK_FALSE(bench.start());
   bench.board.run(70'000);
-  CHECK(events.started);
+  CHECK(bench.events.is_started);
 }
 
 TEST_CASE("an error ends reception, and a start begins it") {
@@ -156,45 +84,12 @@ TEST_CASE("an error ends reception, and a start begins it") {
   CHECK(bench.port.receiving());
 }
 
-TEST_CASE("a start while reception runs starts the ring again, with no HAL_BUSY in the way") {
-  Bench bench;
-  REQUIRE(bench.start());
-  bench.in.put(Bytes{1, 2}, 0);
-  bench.board.run(50'000);
-  CHECK(bench.start());
-  CHECK(bench.port.receive_position() == 0);
-}
-
-TEST_CASE("a run leaves whole, and completes once") {
-  Bench bench;
-  const Bytes bytes{1, 2, 3};
-  REQUIRE(bench.port.start_transmit(bytes.data(), bytes.size()));
-  CHECK_FALSE(bench.port.start_transmit(bytes.data(), bytes.size()));  // HAL_BUSY
-  bench.board.run(100'000);
-  CHECK(events.log == "t");
-  CHECK(bench.out.read(100'000) == bytes);
-  CHECK(bench.port.start_transmit(bytes.data(), bytes.size()));
-}
-
 TEST_CASE("HAL_ERROR at a start is an answer, and the next start works") {
   Bench bench;
   bench.uart.refuse_transmits(1);
   const Bytes bytes{1};
   CHECK_FALSE(bench.port.start_transmit(bytes.data(), bytes.size()));
   CHECK(bench.port.start_transmit(bytes.data(), bytes.size()));
-}
-
-TEST_CASE("a stopped run completes never, and another can begin") {
-  Bench bench;
-  const Bytes bytes{1, 2, 3};
-  REQUIRE(bench.port.start_transmit(bytes.data(), bytes.size()));
-  bench.board.run(15'000);
-  bench.port.stop_transmit();
-  bench.board.run(100'000);
-  CHECK(events.log.empty());
-  CHECK(bench.port.start_transmit(bytes.data(), bytes.size()));
-  bench.board.run(200'000);
-  CHECK(events.log == "t");
 }
 
 TEST_CASE("a run whose DMA dies is reported as an error; reception and sending go on after it") {
@@ -205,20 +100,12 @@ TEST_CASE("a run whose DMA dies is reported as an error; reception and sending g
   bench.board.run(5'000);
   bench.uart.kill_transmit();
   bench.board.run(50'000);
-  CHECK(events.log == "e");
-  CHECK(events.started);
+  CHECK(bench.events.log == "e");
+  CHECK(bench.events.is_started);
   CHECK(bench.port.start_transmit(bytes.data(), bytes.size()));
 }
 
-TEST_CASE("pend runs the UART's own handler") {
-  Bench bench;
-  bench.port.pend();
-  CHECK(events.log.empty());
-  bench.board.run(1);
-  CHECK(events.log == "p");
-}
-
-TEST_CASE("memory that DMA cannot reach is refused, also where a buffer only touches it") {
+TEST_CASE("each family has memory that DMA cannot reach, and a buffer that only touches it is refused") {
   static_assert(WIREBOND_STM32_FAMILY == WIREBOND_STM32_F4);
   constexpr auto reaches = wirebond_stm32_dma_reaches;
   CHECK(reaches(WIREBOND_STM32_F4, 0x2000'0000, 1024));
@@ -231,10 +118,7 @@ TEST_CASE("memory that DMA cannot reach is refused, also where a buffer only tou
   CHECK_FALSE(reaches(WIREBOND_STM32_H7, 0x0000'0000, 64));
   CHECK(reaches(WIREBOND_STM32_H7, 0x2400'0000, 64));
   CHECK(reaches(WIREBOND_STM32_OTHER, 0x1000'0000, 64));
-  Bench bench;
-  std::array<std::uint8_t, 1> bytes{};
-  CHECK(bench.port.reaches(bytes.data(), 1));
-  CHECK_FALSE(bench.port.reaches(bytes.data(), 0x1'0000));  // more than the HAL can count
+  CHECK_FALSE(reaches(WIREBOND_STM32_OTHER, 0x1000'0000, 0x1'0000));  // more than DMA can count
 }
 
 TEST_CASE("each mistake in the settings is reported by its name") {

@@ -13,6 +13,11 @@ namespace {
 wirebond::fake::Uart* pended_uart = nullptr;
 constexpr std::uint32_t error_flags = USART_SR_PE | USART_SR_FE | USART_SR_NE | USART_SR_ORE;
 
+std::uint8_t* bytes_at(std::uint32_t address) {
+  auto* const near = reinterpret_cast<std::uint8_t*>(&usart3_registers);
+  return near + static_cast<std::int32_t>(address - static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(near)));
+}
+
 bool is_set(std::uint32_t value, std::uint32_t bits) { return (value & bits) != 0; }
 
 }  // namespace
@@ -21,7 +26,7 @@ void NVIC_SetPendingIRQ(IRQn_Type interrupt) {
   if (interrupt == USART3_IRQn) pended_uart->pend();
 }
 
-Board::Board(wirebond::fake::Uart& uart, std::uint8_t* memory) : uart_(uart), memory_(memory) {
+Board::Board(wirebond::fake::Uart& uart) : uart_(uart) {
   usart3_registers = {};
   dma1_registers = {};
   for (DMA_Stream_TypeDef& stream : dma1_streams) stream = {};
@@ -29,16 +34,12 @@ Board::Board(wirebond::fake::Uart& uart, std::uint8_t* memory) : uart_(uart), me
   nvic_registers.ISER[USART3_IRQn / 32] = 1u << USART3_IRQn % 32;
   usart3_registers.CR1 = USART_CR1_UE;
   usart3_registers.CR3 = USART_CR3_EIE;  // a project that had the HAL before
-  DMA1_Stream1->CR = DMA_SxCR_CIRC;
+  DMA1_Stream1->CR = DMA_SxCR_MINC | DMA_SxCR_CIRC;
+  DMA1_Stream3->CR = DMA_SxCR_MINC;
   pended_uart = &uart;
 }
 
 Board::~Board() { pended_uart = nullptr; }
-
-std::uint8_t* Board::bytes_at(std::uint32_t address) const {
-  const auto base = static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(memory_));
-  return memory_ + static_cast<std::int32_t>(address - base);
-}
 
 void Board::run(wirebond::fake::Time until) {
   using wirebond::fake::OnLineError;
@@ -78,12 +79,13 @@ void Board::show_progress() {
 }
 
 void Board::serve_uart() {
+  if (!is_set(nvic_registers.ISER[USART3_IRQn / 32], 1u << USART3_IRQn % 32)) return;
   show_progress();
   const bool was_idle = is_set(usart3_registers.SR, USART_SR_IDLE);
   const int reads = usart3_registers.DR.reads;
   USART3_IRQHandler();
   if (usart3_registers.DR.reads != reads) {
-    if (!was_idle) ++taken_bytes_;
+    was_idle ? ++idles_ended_ : ++taken_bytes_;
     usart3_registers.SR.bits &= ~(USART_SR_IDLE | error_flags);
   }
   obey();
@@ -92,6 +94,10 @@ void Board::serve_uart() {
 void Board::on_received() {
   show_progress();
   const std::size_t place = uart_.receive_position();
+  if (place == 0 && !is_set(DMA1_Stream1->CR, DMA_SxCR_CIRC)) {  // the stream ends with its round
+    DMA1_Stream1->CR = DMA1_Stream1->CR & ~DMA_SxCR_EN;
+    uart_.stop_receive();
+  }
   if (place == 0 || place == size_ / 2) {
     const std::uint32_t wanted = place == 0 ? DMA_SxCR_TCIE : DMA_SxCR_HTIE;
     if (is_set(DMA1_Stream1->CR, wanted)) DMA1_Stream1_IRQHandler();

@@ -6,15 +6,11 @@
 #include "stm32f4xx.h"
 #include "wirebond/fake/uart.hpp"
 
-// The handlers of the vector table. The test defines them.
-extern "C" void USART3_IRQHandler();
-extern "C" void DMA1_Stream1_IRQHandler();
-
 /// Sets the registers up as a project does; its `run` lets time pass, and the hardware obey. Addresses have 32 bits
-/// here too: all buffers lie near `memory`.
+/// here too: all buffers are static, and so lie near the registers.
 class Board {
  public:
-  Board(wirebond::fake::Uart& uart, std::uint8_t* memory);
+  explicit Board(wirebond::fake::Uart& uart);
   ~Board();
   Board(const Board&) = delete;
   Board& operator=(const Board&) = delete;
@@ -26,6 +22,8 @@ class Board {
   void starve_transmitter();
   /// Reads of the data register while the line was not idle.
   int taken_bytes() const { return taken_bytes_; }
+  /// Idle events that the port ended, by a read of the data register.
+  int idles_ended() const { return idles_ended_; }
 
   // what the hardware raises
   void on_received();
@@ -34,15 +32,14 @@ class Board {
   void on_pended();
 
  private:
-  std::uint8_t* bytes_at(std::uint32_t address) const;
   void obey();
   void show_progress();
   void serve_uart();
 
   wirebond::fake::Uart& uart_;
-  std::uint8_t* memory_;
   std::uint32_t size_ = 0;          // of the ring
   std::uint32_t receive_left_ = 0;  // as the hardware last wrote it; another value: reception was started again
   std::uint64_t written_ = 0;       // bytes in memory when an interrupt last ran
   int taken_bytes_ = 0;
+  int idles_ended_ = 0;
 };

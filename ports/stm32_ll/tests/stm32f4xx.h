@@ -1,41 +1,48 @@
 // A test double of the vendor's device header: the registers and bits that the port uses, as RM0090 (chapters 10 and
-// 30) describes them. Behind them stands the UART of fake/.
+// 30) describes them. Behind them stands the UART of fake/. In C there are the names alone, for what a user writes: the
+// port's own file in C is compiled as C++ here, so that the double sees each access.
 #pragma once
 
-#include <cstdint>
+#include <stdint.h>
 
 #define STM32F4
 
+#ifdef __cplusplus
 /// Writing 0 clears a flag, writing 1 changes none.
 class FlagRegister {
  public:
-  operator std::uint32_t() const { return bits; }
-  void operator=(std::uint32_t written) { bits &= written; }
+  operator uint32_t() const { return bits; }
+  void operator=(uint32_t written) { bits &= written; }
 
-  std::uint32_t bits = 0;
+  uint32_t bits = 0;
 };
 
 /// A read of it behind the status ends what the status said, and may take a byte away from the DMA.
 class DataRegister {
  public:
-  operator std::uint32_t() const {
+  operator uint32_t() const {
     ++reads;
     return 0;
   }
   mutable int reads = 0;
 };
 
-struct USART_TypeDef {
+extern "C" {
+#else
+typedef volatile uint32_t FlagRegister, DataRegister;
+#endif
+
+typedef struct {
   FlagRegister SR;
   DataRegister DR;
-  volatile std::uint32_t BRR, CR1, CR2, CR3, GTPR;
-};
-struct DMA_TypeDef {
-  volatile std::uint32_t LISR, HISR, LIFCR, HIFCR;
-};
-struct DMA_Stream_TypeDef {
-  volatile std::uint32_t CR, NDTR, PAR, M0AR, M1AR, FCR;
-};
+  volatile uint32_t BRR, CR1, CR2, CR3, GTPR;
+} USART_TypeDef;
+typedef struct {
+  volatile uint32_t LISR, HISR, LIFCR, HIFCR;
+} DMA_TypeDef;
+typedef struct {
+  volatile uint32_t CR, NDTR, PAR, M0AR, M1AR, FCR;
+} DMA_Stream_TypeDef;
 
 #define USART_SR_PE 1u
 #define USART_SR_FE 2u
@@ -55,6 +62,7 @@ struct DMA_Stream_TypeDef {
 #define DMA_SxCR_HTIE 8u
 #define DMA_SxCR_TCIE 16u
 #define DMA_SxCR_CIRC 256u
+#define DMA_SxCR_MINC 1024u
 
 extern USART_TypeDef usart3_registers;
 extern DMA_TypeDef dma1_registers;
@@ -64,10 +72,18 @@ extern DMA_Stream_TypeDef dma1_streams[8];
 #define DMA1_Stream1 (&dma1_streams[1])
 #define DMA1_Stream3 (&dma1_streams[3])
 
-enum IRQn_Type { USART3_IRQn = 39 };
-struct NVIC_Type {
-  std::uint32_t ISER[8];
-};
+typedef enum { USART3_IRQn = 39 } IRQn_Type;
+typedef struct {
+  uint32_t ISER[8];
+} NVIC_Type;
 extern NVIC_Type nvic_registers;
 #define NVIC (&nvic_registers)
 void NVIC_SetPendingIRQ(IRQn_Type interrupt);
+
+// The handlers of the vector table, which a user writes.
+void USART3_IRQHandler(void);
+void DMA1_Stream1_IRQHandler(void);
+
+#ifdef __cplusplus
+}
+#endif

@@ -91,7 +91,7 @@ def generate(
     for name in written:
         console.print(plain(str(name)), soft_wrap=True)
     if starter is not None:
-        _write_starter(model, out, language, starter)
+        _write_starter(model, out, language, ports[0], starter)
     return 0
 
 
@@ -105,9 +105,9 @@ def _port_files(port: str, language: str, amalgamate: bool) -> dict[str, str]:
     return {name: amalgamated(text, core_headers() | port_headers(port)) for name, text in own.items()}
 
 
-def _write_starter(model: Protocol, out: Path, language: str, starter: Starter) -> None:
+def _write_starter(model: Protocol, out: Path, language: str, port: str, starter: Starter) -> None:
     path = starter_path(out, starter.uart, language)
-    write_new(path, starter_text(model, starter.uart, language))
+    write_new(path, starter_text(model, starter.uart, language, port))
     console.print(plain(f"{path}: yours to fill in; its first lines say what goes into CubeMX's files"), soft_wrap=True)
 
 

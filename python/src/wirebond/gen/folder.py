@@ -14,7 +14,8 @@ from wirebond.whole_file import write_whole
 
 # The ports that a firmware may be given. `fake` is for tests.
 PORTS = ("arduino", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "stm32_ll", "usb_cdc")
-PORTS_IN_C = ("stm32_hal",)
+PORTS_IN_C = ("stm32_hal", "stm32_ll")
+_OF_VENDOR = {"stm32_hal": "stm32", "stm32_ll": "stm32"}  # what all ports of a vendor share, in a folder like theirs
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -46,13 +47,18 @@ def core_headers() -> dict[str, str]:
 
 
 def port_headers(port: str) -> dict[str, str]:
-    """The text of each header of a port, by the name under which it is included. They need no others."""
-    return _headers(port_include(port))
+    """The text of each header of a port, by the name under which it is included. They need those of the core alone."""
+    return {name: text for folder in _folders(port) for name, text in _headers(folder).items()}
 
 
 def port_files_in_c(port: str) -> dict[str, str]:
     """The text of each file of a port in C, by its name in the folder: a source, its header, and what they include."""
-    return _texts(port_include(port), "*.h") | _texts(port_in_c(port), "*.h", "*.c")
+    headers = {name: text for folder in _folders(port) for name, text in _texts(folder, "*.h").items()}
+    return headers | _texts(port_in_c(port), "*.h", "*.c")
+
+
+def _folders(port: str) -> list[Path]:
+    return [port_include(name) for name in (_OF_VENDOR.get(port), port) if name is not None]
 
 
 def _headers(folder: Path) -> dict[str, str]:

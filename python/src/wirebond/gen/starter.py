@@ -15,7 +15,12 @@ from wirebond.gen.names import identifier, namespace
 from wirebond.protocol.model import End, Protocol
 
 # The ports that there is a first source file for.
-STARTER_PORTS = ("stm32_hal",)
+STARTER_PORTS = ("stm32_hal", "stm32_ll")
+# Which DMA and which of its streams receive and send for a UART of an F4 (RM0090, 10.3.3); other families differ.
+_STREAMS = {
+    "USART1": (2, 2, 7), "USART2": (1, 5, 6), "USART3": (1, 1, 3), "UART4": (1, 2, 4), "UART5": (1, 0, 7),
+    "USART6": (2, 1, 6), "UART7": (1, 3, 1), "UART8": (1, 6, 0),
+}  # fmt: skip
 
 
 def starter_path(out: Path, uart: str, language: str) -> Path:
@@ -28,8 +33,8 @@ def starter_path(out: Path, uart: str, language: str) -> Path:
     return (sources if sources.is_dir() else folder) / f"{_prefix_and_handle(uart)[0]}_link{_ending(language)}"
 
 
-def starter_text(protocol: Protocol, uart: str, language: str) -> str:
-    """The file's text, for the UART that the vendor's headers call ``uart``.
+def starter_text(protocol: Protocol, uart: str, language: str, port: str) -> str:
+    """The file's text, for the UART that the vendor's headers call ``uart``, by one of ``STARTER_PORTS``.
 
     :raises UsageError: that is no UART's name.
     """
@@ -39,8 +44,11 @@ def starter_text(protocol: Protocol, uart: str, language: str) -> str:
         "uart": uart,
         "prefix": prefix,
         "handle": handle,
+        **_wiring(uart),
     }
-    return render(f"starter{_ending(language)}.j2", **values, **(_in_c if language == "c" else _in_cpp)(protocol))
+    return render(
+        f"starter_{port}{_ending(language)}.j2", **values, **(_in_c if language == "c" else _in_cpp)(protocol)
+    )
 
 
 def _in_c(protocol: Protocol) -> dict[str, object]:
@@ -67,6 +75,14 @@ def _in_cpp(protocol: Protocol) -> dict[str, object]:
         ],
         "actions": list(dict.fromkeys(identifier(deadline.then) for deadline in here)),
     }
+
+
+def _wiring(uart: str) -> dict[str, object]:
+    """What is connected to it, where the port does without the HAL: on an F4, or by the first channels of a G4."""
+    dma, receive, transmit = _STREAMS.get(uart, (1, 1, 2))
+    carrier = f"DMA{dma}_{'Stream' if uart in _STREAMS else 'Channel'}"
+    names = f"{uart}, DMA{dma}, {carrier}{receive}, {receive}, {carrier}{transmit}, {transmit}, {uart}_IRQn"
+    return {"wiring": names, "receive": f"{carrier}{receive}"}
 
 
 def _own(protocol: Protocol) -> set[str]:

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/mcu/dma_uart.h"
 #include "wirebond/mcu/line_errors.hpp"
 #include "wirebond/mcu/why.hpp"
 
@@ -55,14 +56,10 @@ class Uart {
     return true;
   }
 
-  /// What the USART's status says since the last call. This read, and that of the next byte by DMA, clear the flags.
-  /// So flags are old as long as no byte came.
+  /// What the USART's status says since the last call.
   LineErrors take_line_errors() {
     const std::uint32_t left = dma_transfer_number_get(wiring_.dma, wiring_.receive_channel);
-    const std::uint32_t status = USART_STAT0(wiring_.usart);
-    const std::uint32_t flags = left == left_at_look_ ? status & ~status_at_look_ : status;
-    status_at_look_ = status;
-    left_at_look_ = left;
+    const std::uint32_t flags = wirebond_new_flags(&look_, USART_STAT0(wiring_.usart), left);
     return {(flags & USART_STAT0_FERR) != 0, (flags & USART_STAT0_NERR) != 0, (flags & USART_STAT0_ORERR) != 0,
             (flags & USART_STAT0_PERR) != 0};
   }
@@ -72,8 +69,13 @@ class Uart {
 
   /// Any context.
   std::size_t receive_position() const {
-    const std::size_t position = size_ - dma_transfer_number_get(wiring_.dma, wiring_.receive_channel);
-    return position == size_ ? 0 : position;  // the counter may be read at 0, before it starts the next round
+    return wirebond_ring_position(size_, dma_transfer_number_get(wiring_.dma, wiring_.receive_channel));
+  }
+
+  /// Where a link is stopped.
+  void stop_receive() {
+    usart_interrupt_disable(wiring_.usart, USART_INT_IDLE);
+    static_cast<void>(stop(wiring_.receive_channel));
   }
 
   /// A run is complete when DMA has read it: its last two bytes are then in the USART, and the next run follows them
@@ -103,11 +105,16 @@ class Uart {
     return size <= 0xFFFF && (address + size <= 0x1000'0000 || address >= 0x1001'0000);
   }
 
-  /// For Link::why: what is wrong with the settings. The library does not tell the baud rate.
+  /// For Link::why: what is wrong with the settings. A channel that does not step through memory was never set up. The
+  /// baud rate is not compared: the library has no function that tells it.
   Why check(std::uint32_t) const {
-    if ((DMA_CHCTL(wiring_.dma, wiring_.receive_channel) & DMA_CHXCTL_CMEN) == 0) return Why::receive_dma_not_circular;
-    const auto number = static_cast<std::uint32_t>(wiring_.interrupt);
-    return (NVIC->ISER[number / 32] >> number % 32 & 1u) == 0 ? Why::interrupt_off : Why::nothing;
+    const std::uint32_t receive = DMA_CHCTL(wiring_.dma, wiring_.receive_channel);
+    if ((USART_CTL0(wiring_.usart) & USART_CTL0_UEN) == 0) return Why::uart_not_set_up;
+    if ((receive & DMA_CHXCTL_MNAGA) == 0) return Why::no_receive_dma;
+    if ((DMA_CHCTL(wiring_.dma, wiring_.transmit_channel) & DMA_CHXCTL_MNAGA) == 0) return Why::no_transmit_dma;
+    if ((receive & DMA_CHXCTL_CMEN) == 0) return Why::receive_dma_not_circular;
+    const bool is_enabled = wirebond_interrupt_enabled(NVIC->ISER, static_cast<std::uint32_t>(wiring_.interrupt));
+    return is_enabled ? Why::nothing : Why::interrupt_off;
   }
 
   // ---- the three handlers
@@ -166,8 +173,7 @@ class Uart {
 
   Wiring wiring_;
   std::size_t size_ = 0;
-  std::uint32_t status_at_look_ = 0;
-  std::uint32_t left_at_look_ = 0;
+  wirebond_status_look_t look_{};
 };
 
 }  // namespace wirebond::gd32_spl

@@ -18,9 +18,10 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "wirebond/mcu/dma_uart.h"
 #include "wirebond/mcu/line_errors.hpp"
 #include "wirebond/mcu/why.hpp"
-#include "wirebond/stm32_hal/reach.h"
+#include "wirebond/stm32/reach.h"
 
 extern "C" uint32_t uwTickPrio;  // of the HAL: the priority of its tick
 
@@ -60,13 +61,8 @@ class Uart {
     const std::uint32_t flags = handle_.Instance->ISR;
     handle_.Instance->ICR = UART_CLEAR_PEF | UART_CLEAR_FEF | UART_CLEAR_NEF | UART_CLEAR_OREF;
 #else
-    // F1, F2, F4: this read, and that of the next byte by DMA, clear the flags. To read the byte here could take it
-    // away from the DMA. So flags are old as long as no byte came.
-    const std::uint32_t left = __HAL_DMA_GET_COUNTER(handle_.hdmarx);
-    const std::uint32_t status = handle_.Instance->SR;
-    const std::uint32_t flags = left == left_at_look_ ? status & ~status_at_look_ : status;
-    status_at_look_ = status;
-    left_at_look_ = left;
+    const std::uint32_t left = __HAL_DMA_GET_COUNTER(handle_.hdmarx);  // F1, F2, F4
+    const std::uint32_t flags = wirebond_new_flags(&look_, handle_.Instance->SR, left);
 #endif
     return {(flags & UART_FLAG_FE) != 0, (flags & UART_FLAG_NE) != 0, (flags & UART_FLAG_ORE) != 0,
             (flags & UART_FLAG_PE) != 0};
@@ -77,9 +73,7 @@ class Uart {
 
   /// Any context.
   std::size_t receive_position() const {
-    const std::size_t size = handle_.RxXferSize;
-    const std::size_t position = size - __HAL_DMA_GET_COUNTER(handle_.hdmarx);
-    return position == size ? 0 : position;  // the counter may be read at 0, before it starts the next round
+    return wirebond_ring_position(handle_.RxXferSize, __HAL_DMA_GET_COUNTER(handle_.hdmarx));
   }
 
   /// Where a link is stopped.
@@ -96,10 +90,9 @@ class Uart {
   /// Any task, any interrupt.
   void pend() { NVIC_SetPendingIRQ(interrupt_); }
 
-  /// The HAL counts bytes in 16 bits.
+  /// The HAL counts bytes in 16 bits, and DMA does not reach all memory.
   bool reaches(const void* bytes, std::size_t size) const {
-    const auto address = reinterpret_cast<std::uintptr_t>(bytes);
-    return size <= 0xFFFF && wirebond_stm32_dma_reaches(WIREBOND_STM32_FAMILY, address, size);
+    return wirebond_stm32_dma_reaches(WIREBOND_STM32_FAMILY, reinterpret_cast<std::uintptr_t>(bytes), size);
   }
 
   /// For Link::why: what is wrong with the settings of CubeMX. The priorities are compared as HAL_Init groups them: no
@@ -110,8 +103,7 @@ class Uart {
     if (handle_.hdmatx == nullptr) return Why::no_transmit_dma;
     if (handle_.hdmarx->Init.Mode != DMA_CIRCULAR) return Why::receive_dma_not_circular;
     if (handle_.Init.BaudRate != baud) return Why::baud_differs;
-    const auto number = static_cast<std::uint32_t>(interrupt_);
-    if ((NVIC->ISER[number / 32] >> number % 32 & 1u) == 0) return Why::interrupt_off;
+    if (!wirebond_interrupt_enabled(NVIC->ISER, static_cast<std::uint32_t>(interrupt_))) return Why::interrupt_off;
     return uwTickPrio >= NVIC_GetPriority(interrupt_) ? Why::tick_below_uart : Why::nothing;
   }
 
@@ -128,8 +120,7 @@ class Uart {
   UART_HandleTypeDef& handle_;
   IRQn_Type interrupt_;
 #ifndef UART_CLEAR_FEF
-  std::uint32_t status_at_look_ = 0;
-  std::uint32_t left_at_look_ = 0;
+  wirebond_status_look_t look_{};
 #endif
 };
 

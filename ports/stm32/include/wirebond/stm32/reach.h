@@ -1,6 +1,7 @@
-// Which memory the DMA of a UART cannot reach, by STM32 family. Addresses only. C99 and C++.
-#ifndef WIREBOND_STM32_HAL_REACH_H
-#define WIREBOND_STM32_HAL_REACH_H
+// Which memory the DMA of a UART cannot reach, by STM32 family: for all ports of that vendor. Addresses only. C99 and
+// C++.
+#ifndef WIREBOND_STM32_REACH_H
+#define WIREBOND_STM32_REACH_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -28,9 +29,10 @@ typedef enum wirebond_stm32_family {
 #define WIREBOND_STM32_FAMILY WIREBOND_STM32_OTHER
 #endif
 
-/// Can DMA1 and DMA2 of this family reach all of `address .. address + size - 1`?
+/// Can DMA1 and DMA2 of this family reach all of `address .. address + size - 1`, and count it in their 16 bits?
 static inline bool wirebond_stm32_dma_reaches(wirebond_stm32_family_t family, uintptr_t address, size_t size) {
   const uintptr_t end = address + size;
+  if (size > 0xFFFF) return false;
   switch (family) {
     case WIREBOND_STM32_F4:  // the core-coupled memory hangs on the core's data bus alone (RM0090, 2.1)
       return end <= 0x10000000 || address >= 0x10010000;
