@@ -11,7 +11,7 @@ export class Series {
   end = 0;
 
   /** What a batch brings. With `replace` these rows are all; else rows at or behind the first new one go before.
-   *  Returns up to which time rows stay as they were, if those of a replacement have the same pixels. */
+   *  Returns up to which time rows stay as they were; with `replace` up to which there were any. */
   take(column: Column, replace: boolean, from: number): number {
     let same = this.lastTime();
     if (replace) this.start = this.end = 0;
@@ -27,6 +27,24 @@ export class Series {
     this.high.set(column.high, this.end);
     this.end += count;
     return same;
+  }
+
+  /** Are the rows from `from` to `to` those of this column? */
+  agrees(column: Column, from: number, to: number): boolean {
+    const isMeant = (t: number) => t >= from && t <= to;
+    let mine = this.start;
+    const skip = () => {
+      while (mine < this.end && !isMeant(this.t[mine]!)) mine++;
+    };
+    for (let i = 0; i < column.t.length; i++) {
+      if (!isMeant(column.t[i]!)) continue;
+      skip();
+      if (mine === this.end) return false;
+      for (const name of ["t", "low", "high"] as const) if (!Object.is(this[name][mine], column[name][i])) return false;
+      mine++;
+    }
+    skip();
+    return mine === this.end;
   }
 
   /** Least and greatest of the rows from `from` to `to`; null: there are none. */
@@ -63,7 +81,8 @@ export class Series {
     return -1;
   }
 
-  private lastTime(): number {
+  /** Of the newest row. */
+  lastTime(): number {
     return this.end > this.start ? this.timeNear(this.end - 1) : -Infinity;
   }
 

@@ -55,8 +55,7 @@ export class Strips {
       if (!(index * seconds >= from && (index + 1) * seconds <= to)) this.remove(index);
   }
 
-  /** All is to be painted again. */
-  forget(): void {
+  private forget(): void {
     for (const index of [...this.painted.keys()]) this.remove(index);
   }
 

@@ -50,3 +50,13 @@ test("a line comes from the row before its left edge and goes to the row behind 
   expect([series.before(0), series.behind(9)]).toEqual([0, 5]);
   expect(series.last(3.5)).toBe(2);
 });
+
+test("rows agree with a column where both have the same times and values", () => {
+  const series = new Series();
+  series.take(column([1, 2, 3, 4, 5], [1, NaN, 3, 4, 5]), true, 0);
+  expect(series.agrees(column([2, 3, 4, 6], [NaN, 3, 4, 6]), 2, 4.5)).toBe(true);
+  expect(series.agrees(column([2, 3, 4], [NaN, 3, 9]), 2, 4.5)).toBe(false);
+  expect(series.agrees(column([2, 3], [NaN, 3]), 2, 4.5)).toBe(false);
+  expect(series.agrees(column([2, 3, 3.5, 4], [NaN, 3, 3, 4]), 2, 4.5)).toBe(false);
+  expect(series.agrees(column([9], [9]), 6, 8)).toBe(true);
+});
