@@ -16,8 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Playwright, expect
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT
@@ -254,14 +253,11 @@ def undescribed_device() -> Iterator[Console]:
 
 
 @contextmanager
-def chromium(*arguments: str) -> Iterator[Browser]:
-    if not PAGE.exists():
-        pytest.skip("the page is not built: that needs Node, as setup/page.sh says")
+def chromium(playwright: Playwright, *arguments: str) -> Iterator[Browser]:
     expect.set_options(timeout=PATIENCE * 1000)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", *arguments])
-        yield browser
-        browser.close()
+    browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", *arguments])
+    yield browser
+    browser.close()
 
 
 def take_control(page: Page) -> None:

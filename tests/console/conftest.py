@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Playwright, sync_playwright
 from playwright.sync_api import Error as BrowserError
 from websockets.sync.client import ClientConnection, connect
 
@@ -118,13 +118,31 @@ def make_desk(folder: Path, **options: Any) -> Iterator[Desk]:
     pty.close()
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with browsers.chromium() as started:
+@pytest.fixture(scope="package")
+def playwright() -> Iterator[Playwright]:
+    """One for all tests of this folder: a thread can have no second one."""
+    if not browsers.PAGE.exists():
+        pytest.skip("the page is not built: that needs Node, as setup/page.sh says")
+    with sync_playwright() as started:
         yield started
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
+def browser(playwright: Playwright) -> Iterator[Browser]:
+    """One for all; each test begins without tabs."""
+    with browsers.chromium(playwright) as started:
+        yield started
+
+
+@pytest.fixture(autouse=True)
+def no_tab_stays(request: pytest.FixtureRequest) -> Iterator[None]:
+    yield
+    started = getattr(request.node, "funcargs", {}).get("browser")
+    if started is not None:
+        browsers.close_tabs(started)
+
+
+@pytest.fixture(scope="package")
 def shared_rover(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterator[browsers.Desk]:
     with browsers.desk(tmp_path_factory.mktemp("desk"), browser) as made:
         yield made
@@ -132,7 +150,7 @@ def shared_rover(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> 
 
 @pytest.fixture
 def rover(shared_rover: browsers.Desk) -> Iterator[browsers.Desk]:
-    """One robot and one server for the tests of a file; each begins without tabs."""
+    """One robot and one server for the tests of several files; each begins without tabs."""
     shared_rover.problems.clear()
     yield shared_rover
     browsers.close_tabs(shared_rover.browser)

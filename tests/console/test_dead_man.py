@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Playwright, expect
 
 from tests.console.browser import CHROMIUM, Desk, chromium, desk, wait_until
 from tests.relay import Relay
@@ -22,8 +22,8 @@ WORD = f"--user-agent-product={time.monotonic_ns()}"  # names this file's Chromi
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium(WORD) as started:
+def browser(playwright: Playwright) -> Iterator[Browser]:
+    with chromium(playwright, WORD) as started:
         yield started
 
 

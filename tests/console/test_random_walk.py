@@ -12,9 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Error, Page
+from playwright.sync_api import Browser, Error, Page
 
-from tests.console.browser import VIEWS, Robot, chromium, open_page
+from tests.console.browser import VIEWS, Robot, open_page
 from tests.shared import PROTOCOLS
 from wirebond.console import Console, Options
 
@@ -25,12 +25,14 @@ FILES = [str(PROTOCOLS / f"{name}.yaml") for name in ("diffdrive", "linear_axis"
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
-def test_a_random_walk_finds_no_error_of_the_page(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_random_walk_finds_no_error_of_the_page(
+    seed: int, browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     chance, problems = random.Random(seed), list[str]()
     robot = Robot(tmp_path)
     try:
-        with chromium() as browser, Console(port=0, options=Options(may_connect=True)) as console:
+        with Console(port=0, options=Options(may_connect=True)) as console:
             page = open_page(browser, console, problems=problems)
             steps: list[Callable[[], object]] = [
                 *[lambda: _go(page, chance)] * 9,
