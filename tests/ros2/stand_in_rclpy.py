@@ -116,7 +116,9 @@ class Node:
 
 
 class Executor:
-    """Spins each of its nodes in turn."""
+    """Spins each of its nodes in turn, and then ROS has ended."""
+
+    has_ended = False
 
     def __init__(self) -> None:
         self._nodes: list[Node] = []
@@ -124,9 +126,11 @@ class Executor:
     def add_node(self, node: Node) -> None:
         self._nodes.append(node)
 
-    def spin(self) -> None:
+    def spin_once(self, timeout_sec: float) -> None:
+        assert timeout_sec > 0
         for node in self._nodes:
             node.spin()
+        Executor.has_ended = True
 
 
 def install(patch: pytest.MonkeyPatch, *, has_take: bool = True) -> list[Node]:
@@ -134,6 +138,7 @@ def install(patch: pytest.MonkeyPatch, *, has_take: bool = True) -> list[Node]:
 
     :param has_take: whether this rclpy has the call that a take loop needs.
     """
+    Executor.has_ended = False
     implementation = {"Subscription": Subscription if has_take else object}
     nodes: list[Node] = []
     policies = SimpleNamespace(RELIABLE="reliable", BEST_EFFORT="best effort")
@@ -143,6 +148,7 @@ def install(patch: pytest.MonkeyPatch, *, has_take: bool = True) -> list[Node]:
             "init": lambda args: None,
             "create_node": lambda name: nodes.pop(),
             "try_shutdown": lambda: None,
+            "ok": lambda: not Executor.has_ended,
         },
         "rclpy.executors": {
             "ExternalShutdownException": type("ExternalShutdownException", (Exception,), {}),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -58,9 +59,11 @@ class Served:
     """A running bridge."""
 
     def __init__(self, command: list[str], environment: dict[str, str] | None = None) -> None:
+        environment = (environment or os.environ) | {"PYTHONFAULTHANDLER": "1"}
         self._process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
         self._lines: queue.Queue[str] = queue.Queue()
-        threading.Thread(target=self._collect, daemon=True).start()
+        self._collecting = threading.Thread(target=self._collect, daemon=True)
+        self._collecting.start()
 
     @classmethod
     def over_dds(cls, port: str, name: str, *options: str) -> Served:
@@ -88,8 +91,16 @@ class Served:
                 return line
 
     def close(self) -> None:
+        """End it. If it does not end, say where its threads are."""
         self._process.terminate()
-        assert self._process.wait(PATIENCE) == 0
+        try:
+            code = self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.send_signal(signal.SIGABRT)
+            self._process.wait(PATIENCE)
+            self._collecting.join(PATIENCE)
+            raise AssertionError("".join(self._lines.get() for _ in range(self._lines.qsize()))) from None
+        assert code == 0
 
 
 @pytest.fixture(scope="module")

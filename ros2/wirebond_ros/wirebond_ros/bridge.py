@@ -28,6 +28,9 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
 }
 
 
+_LOOK_EVERY = 1.0  # seconds between two looks whether ROS has ended
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Until Ctrl-C, or until ROS ends. 1: a parameter or a file is wrong, and the log says what.
 
@@ -48,9 +51,15 @@ def main(arguments: list[str] | None = None) -> int:
                     node.get_logger().fatal(str(error))
                     return 1
                 executor.add_node(node)
-            executor.spin()
+            while rclpy.ok():
+                # A signal that comes while the executor begins to wait does not always wake it.
+                executor.spin_once(timeout_sec=_LOOK_EVERY)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except Exception:
+        if rclpy.ok():
+            raise
+        # ROS has ended while a node was being made: each call of rclpy says so in its own way.
     finally:
         rclpy.try_shutdown()
     return 0
@@ -69,7 +78,7 @@ def _bridge(node: Any) -> Iterator[None]:
         mapping = replace(mapping, node=node.get_name(), namespace=node.get_namespace())
         face = RclpyNode(node)
         bridge = Bridge(link, face, mapping)
-        thread = threading.Thread(target=bridge.run, name=f"bridge of {mapping.node}", daemon=True)
+        thread = threading.Thread(target=_run, args=[bridge], name=f"bridge of {mapping.node}", daemon=True)
         thread.start()
         try:
             yield
@@ -77,6 +86,15 @@ def _bridge(node: Any) -> Iterator[None]:
             bridge.close()
             thread.join(5.0)
             face.close()
+
+
+def _run(bridge: Bridge) -> None:
+    try:
+        bridge.run()
+    except Exception:
+        if rclpy.ok():
+            raise
+        # ROS has ended, and the bridge was about to publish.
 
 
 def _open(settings: dict[str, Any]) -> wirebond.Link:
