@@ -167,6 +167,17 @@ def test_diagnostics_name_the_flags_and_the_deadlines(rover: Bench) -> None:
     rover.node.wait(lambda: "no odometry for 0.5 s" in worst().get("diffdrive: deadlines", ""))
 
 
+def test_diagnostics_name_topics_whose_messages_cannot_be_read(rover: Bench) -> None:
+    def topics() -> tuple[int, str, dict[str, str]]:
+        status = next(s for s in rover.node.published["/diagnostics"][-1]["status"] if s["name"] == "diffdrive: topics")
+        return status["level"], status["message"], {pair["key"]: pair["value"] for pair in status["values"]}
+
+    rover.node.undecodable["/cmd_vel"] += 3
+    facts = {"/cmd_vel: messages not of its type": "3"}
+    rover.node.wait(lambda: topics() == (1, "what came on /cmd_vel was not of its type", facts))
+    rover.node.wait(lambda: topics() == (0, "all messages are of their types", facts))
+
+
 def test_wheels_are_parameters(rover: Bench) -> None:
     radius = rover.node.parameters["odometry.radius"]
     assert (radius.value, radius.maximum) == (0.0325, 10.0)

@@ -185,6 +185,13 @@ def said(peer: Peer, text: str) -> list[str]:
     return [line.msg for line in peer.seen["/rosout"] if text in line.msg]
 
 
+def diagnosed(peer: Peer, what: str, message: str = "") -> dict[str, str]:
+    """The newest values of this status, with such a message; empty: there was none."""
+    statuses = [s for array in peer.seen["/diagnostics"] for s in array.status if s.name == f"diffdrive: {what}"]
+    found = [status for status in statuses if message in status.message]
+    return {pair.key: pair.value for pair in found[-1].values} if found else {}
+
+
 def heading(orientation: Any) -> float:
     return 2 * math.atan2(orientation.z, orientation.w)
 
@@ -296,9 +303,7 @@ def test_commands_that_cannot_be_are_clamped_or_refused_and_counted(driving: Pee
     driving.publish("/cmd_vel", twist(0.0, 0.0))
 
     def counts() -> dict[str, str]:
-        statuses = driving.seen["/diagnostics"][-1].status
-        values = next(s.values for s in statuses if s.name == "diffdrive: commands")
-        return {pair.key: pair.value for pair in values}
+        return diagnosed(driving, "commands")
 
     assert driving.wait(lambda: int(counts()["refused"]) >= 5 and int(counts()["clamped"]) >= 5)
     assert len(said(driving, "linear is nan")) == 1
@@ -318,6 +323,8 @@ def test_frames_of_a_topic_are_sent_under_the_same_rules(driving: Peer) -> None:
     driving.wait(drives)
     send("aa 55 01 f4 01 00 00 00 00 ff 0d")  # of the specification's examples, whose check is wrong
     driving.wait(lambda: said(driving, "11 of its 11 bytes are no frame of diffdrive"))
+    facts = driving.wait(lambda: diagnosed(driving, "serial_tx_data", "in the last second bytes came that are no"))
+    assert facts["bytes: check mismatch"] == "11"
     stand_still(driving)
 
 

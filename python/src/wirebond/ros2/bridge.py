@@ -81,7 +81,7 @@ class Bridge:
         self._parameters = None
         if self._model.service("parameter") is not None:
             self._parameters = McuParameters(link, node, self._throttle.say, self._take)
-        self._diagnostics = Diagnostics(link, self.commands, mapping.node, mapping.diagnostics)
+        self._diagnostics = Diagnostics(link, self.commands, mapping, node, self._serial)
         self._diagnostics_out = self._publisher("/diagnostics", "diagnostic_msgs/DiagnosticArray", Qos())
 
     def run(self) -> None:

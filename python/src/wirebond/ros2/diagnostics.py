@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from wirebond.protocol.model import Deadline, End
-from wirebond.ros2.mapping.model import FlagsMapping
+from wirebond.ros2.mapping.model import BridgeMapping, FlagsMapping
+from wirebond.ros2.node import Node
 
 if TYPE_CHECKING:
     from wirebond.link import Link
     from wirebond.ros2.commands import Commands
+    from wirebond.ros2.serial_topics import SerialTopics
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
 _OF_STATE = {"up": OK, "stale": WARN, "down": ERROR}
@@ -19,17 +22,23 @@ _OF_STATE = {"up": OK, "stale": WARN, "down": ERROR}
 class Diagnostics:
     """What to say of one link. One thread at a time."""
 
-    def __init__(self, link: Link, commands: Commands, node: str, flags: tuple[FlagsMapping, ...]) -> None:
+    def __init__(
+        self, link: Link, commands: Commands, mapping: BridgeMapping, node: Node, serial: SerialTopics | None
+    ) -> None:
         self._link = link
         self._commands = commands
-        self._node = node
-        self._flags = flags
+        self._node = mapping.node
+        self._flags = mapping.diagnostics
+        self._unreadable = node.undecodable
+        self._serial = serial
         self._deadlines = [d for d in link.codec.model.deadlines if d.at == End.HOST]
-        self._refused = 0
+        self._before: Counter[str] = Counter()  # counts at the message before
 
     def message(self, stamp: Mapping[str, int]) -> dict[str, Any]:
         """The message for now."""
-        statuses = [self._of_link(), self._of_commands(), *map(self._of_flags, self._flags)]
+        statuses = [self._of_link(), self._of_commands(), self._of_topics(), *map(self._of_flags, self._flags)]
+        if self._serial is not None:
+            statuses.append(self._of_serial(self._serial))
         if self._deadlines:
             statuses.append(self._of_deadlines())
         return {"header": {"stamp": stamp}, "status": statuses}
@@ -50,10 +59,30 @@ class Diagnostics:
 
     def _of_commands(self) -> dict[str, Any]:
         counts = dict(self._commands.counts)
-        new, self._refused = counts["refused"] - self._refused, counts["refused"]
+        new = self._new("refused", counts["refused"])
         level = WARN if new or self._commands.why_stopped else OK
         text = self._commands.why_stopped or (f"{new} refused in the last second" if new else "none refused")
         return self._status("commands", level, text, counts)
+
+    def _of_topics(self) -> dict[str, Any]:
+        counts = dict(self._unreadable)
+        new = [topic for topic, count in counts.items() if self._new(topic, count)]
+        text = f"what came on {', '.join(new)} was not of its type" if new else "all messages are of their types"
+        facts = {f"{topic}: messages not of its type": count for topic, count in counts.items()}
+        return self._status("topics", WARN if new else OK, text, facts)
+
+    def _of_serial(self, serial: SerialTopics) -> dict[str, Any]:
+        new = self._new("serial", serial.unknown_frames + sum(serial.undecodable.values()))
+        name = self._link.codec.name
+        text = f"in the last second bytes came that are no frame of {name}" if new else "all bytes are frames"
+        facts = {"frames": serial.frames, "frames with an unknown id": serial.unknown_frames}
+        facts |= {f"bytes: {cause.replace('_', ' ')}": count for cause, count in serial.undecodable.items()}
+        return self._status("serial_tx_data", WARN if new else OK, text, facts)
+
+    def _new(self, what: str, count: int) -> int:
+        """How much this count has grown since the message before."""
+        before, self._before[what] = self._before[what], count
+        return count - before
 
     def _of_flags(self, flags: FlagsMapping) -> dict[str, Any]:
         name = f"{flags.message} {flags.field}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,12 @@ _BYTES = "std_msgs/UInt8MultiArray"
 
 
 class SerialTopics:
-    """The topics ``serial_rx_data``, ``serial_rx_hex``, ``serial_tx_hex``, and from ROS ``serial_tx_data``."""
+    """The topics ``serial_rx_data``, ``serial_rx_hex``, ``serial_tx_hex``, and from ROS ``serial_tx_data``.
+
+    :ivar frames: of ``serial_tx_data``.
+    :ivar unknown_frames: of them those whose id the file does not know.
+    :ivar undecodable: bytes of ``serial_tx_data`` that are no frame, by cause.
+    """
 
     def __init__(
         self,
@@ -28,6 +34,8 @@ class SerialTopics:
         publisher: Callable[[str, str, Qos], Publisher],
         subscribe: Callable[[str, str, Qos, Callable[[dict[str, Any]], None]], None],
     ) -> None:
+        self.frames = self.unknown_frames = 0
+        self.undecodable: Counter[str] = Counter()
         self._codec = link.codec
         self._commands = commands
         self._rx_data = publisher("serial_rx_data", _BYTES, Qos())
@@ -56,14 +64,18 @@ class SerialTopics:
         decoder = self._codec.decoder(sender="host")
         data = bytes(values["data"])
         messages = [*decoder.feed(data, t=time.monotonic()), *decoder.finish()]
+        self.frames += len(messages)
         for message in messages:
             if message.sender in (End.HOST, End.BOTH):
                 self._commands.send(message.name, message.fields, header=message.header or None)
             else:
+                self.unknown_frames += 1
                 self._commands.refuse(
                     "serial_tx_data", f"its frame has the id {message.id:#x}, which the file does not know"
                 )
-        if lost := sum(decoder.stats.discarded_bytes.values()):
+        discarded = {cause: count for cause, count in decoder.stats.discarded_bytes.items() if count}
+        self.undecodable.update(discarded)
+        if lost := sum(discarded.values()):
             self._commands.refuse(
                 "serial_tx_data", f"{lost} of its {len(data)} bytes are no frame of {self._codec.name}"
             )
