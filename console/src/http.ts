@@ -1,5 +1,6 @@
 // Requests to the server of this page, beside its own address. Errors become sentences.
 import { place } from "./state/place.svelte";
+import { words } from "./state/words.svelte";
 
 export function address(path: string, scheme: "http" | "ws" = "http"): string {
   const url = new URL(path, location.href.replace(/#.*/, ""));
@@ -9,6 +10,15 @@ export function address(path: string, scheme: "http" | "ws" = "http"): string {
 
 function headers(): Record<string, string> {
   return place.token ? { Authorization: `Bearer ${place.token}` } : {};
+}
+
+/** As `fetch`, with a sentence where there is no server to answer. */
+async function ask(path: string, more: RequestInit): Promise<Response> {
+  try {
+    return await fetch(address(path), more);
+  } catch {
+    throw new Error(words.t.link.noServer);
+  }
 }
 
 async function read<T>(response: Response): Promise<T> {
@@ -24,17 +34,17 @@ async function read<T>(response: Response): Promise<T> {
 }
 
 export async function get<T>(path: string): Promise<T> {
-  return read<T>(await fetch(address(path), { headers: headers() }));
+  return read<T>(await ask(path, { headers: headers() }));
 }
 
 export async function post<T>(path: string, body: unknown): Promise<T> {
   const json = { ...headers(), "Content-Type": "application/json" };
-  return read<T>(await fetch(address(path), { method: "POST", headers: json, body: JSON.stringify(body) }));
+  return read<T>(await ask(path, { method: "POST", headers: json, body: JSON.stringify(body) }));
 }
 
 /** Fetches a file with the token, and hands it to the reader under this name. */
 export async function download(path: string, name: string): Promise<void> {
-  const response = await fetch(address(path), { headers: headers() });
+  const response = await ask(path, { headers: headers() });
   if (!response.ok) await read(response);
   save(await response.blob(), name);
 }

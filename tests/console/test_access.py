@@ -76,6 +76,12 @@ def test_a_name_that_was_bound_anew_to_this_computer_is_refused(desk: Desk, host
         assert "not this console" in answer["text"]
 
 
+def test_a_browser_that_is_refused_shows_a_sentence(desk: Desk) -> None:
+    status, page = desk.ask("/", headers={"Host": "<b>robot:1", "Accept": "text/html,*/*"})
+    assert status == 403
+    assert b"not this console" in page and b"&lt;b&gt;robot" in page and b"<b>" not in page
+
+
 @pytest.mark.parametrize("host", ["localhost", "127.0.0.1", "[::1]", "192.168.1.7"])
 def test_addresses_of_a_computer_are_no_names_that_can_be_bound_anew(host: str) -> None:
     guard = Guard(8765, None)

@@ -115,6 +115,7 @@ def test_control_is_handed_over_only_by_a_deliberate_act(rover: Desk) -> None:
     driving = rover.drive(first)
     second.locator("header").get_by_role("button", name="Take over").click()
     expect(second.get_by_text("You are in control")).to_be_visible()
+    expect(first.get_by_role("log")).to_contain_text("Another program has taken control over")
     rover.robot.wait_for(lambda v: v.linear == 0, driving.t)
     expect(first.get_by_text("You are in control")).not_to_be_visible()
     assert rover.robot.velocities[-1].linear == 0
@@ -199,6 +200,9 @@ def test_a_page_without_the_token_says_so_and_shows_nothing(rover: Desk) -> None
         page.goto(console.address.split("#")[0])
         expect(page.get_by_role("status")).to_contain_text("refuses this page")
         expect(page.get_by_text("odometry")).to_have_count(0)
+        page.get_by_label("Address or token").fill(console.address)
+        page.get_by_role("button", name="Try again").click()
+        shows_the_robot(page)
         page.goto("about:blank")
         page.goto(console.address)
         shows_the_robot(page)

@@ -102,6 +102,7 @@ class Live {
 
   /** Shows this recording in place of the link; empty: the link again. */
   async showRecording(name: string): Promise<void> {
+    if (name !== this.recorded.name) this.events = this.rows = []; // they are of what was shown before
     this.recording = null;
     this.problem = "";
     this.recorded = { name, protocol: null };

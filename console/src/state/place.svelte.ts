@@ -19,6 +19,12 @@ class PlaceState {
     });
   }
 
+  /** Tries again with this token, or with that of an address that the reader copied whole. */
+  useToken(text: string): void {
+    sessionStorage.setItem(TOKEN, tokenIn(text.slice(text.indexOf("#") + 1)) ?? text.trim());
+    location.reload();
+  }
+
   /** Shows another view, of the same recording; what belonged to the last one alone goes. */
   open(view: ViewName, more: Partial<Place> = {}): void {
     clearTimeout(this.timer);

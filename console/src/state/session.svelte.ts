@@ -96,7 +96,10 @@ class Session {
   private setControl(control: Control): void {
     const had = this.control.yours;
     this.control = control;
-    if (had && !control.yours) for (const callback of this.onLoss) callback();
+    if (!had || control.yours) return;
+    for (const callback of this.onLoss) callback();
+    const why = words.t.top.controlLost[control.why];
+    if (why) notices.say(why, "bad");
   }
 }
 export const session = new Session();

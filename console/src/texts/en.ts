@@ -34,6 +34,10 @@ export const en = {
     controlYours: "You are in control",
     controlOther: (name: string) => `${name} is in control`,
     controlNone: "No program is in control",
+    controlLost: {
+      "taken over": "Another program has taken control over. What you drove has stopped.",
+      silent: "The server did not hear this page for 0.3 s, so your control has ended. What you drove has stopped.",
+    } as Record<string, string>,
     take: "Take control",
     takeOver: "Take over",
     release: "Release",
@@ -150,6 +154,12 @@ export const en = {
     log: "Commands and who sent them",
     downloadLog: "Download the log",
     clients: (count: number) => (count === 1 ? "1 program attached" : `${count} programs attached`),
+  },
+  token: {
+    title: "The server refuses this page’s token",
+    text: "`wirebond serve` printed an address with the token behind `#`. Open that address, or put it in here.",
+    field: "Address or token",
+    use: "Try again",
   },
   stale: {
     silent: (age: string) => `No frame has come for ${age}. Is the robot on, and the cable in?`,

@@ -34,6 +34,10 @@ export const zh: Texts = {
     controlYours: "由你控制",
     controlOther: (name) => `${name} 正在控制`,
     controlNone: "当前无人控制",
+    controlLost: {
+      "taken over": "另一个程序接管了控制权。你驾驶的已停止。",
+      silent: "服务器 0.3 秒没有收到本页面的消息，你的控制权已结束。你驾驶的已停止。",
+    },
     take: "取得控制权",
     takeOver: "接管",
     release: "释放",
@@ -150,6 +154,12 @@ export const zh: Texts = {
     log: "指令及其发送者",
     downloadLog: "下载日志",
     clients: (count) => `${count} 个程序已接入`,
+  },
+  token: {
+    title: "服务器拒绝了本页面的令牌",
+    text: "`wirebond serve` 打印的地址在 `#` 之后带有令牌。请打开该地址，或在此输入。",
+    field: "地址或令牌",
+    use: "重试",
   },
   stale: {
     silent: (age) => `已 ${age} 没有收到任何帧。请检查下位机是否通电、线缆是否连接。`,

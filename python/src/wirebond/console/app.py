@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,9 @@ _NOT_BUILT = """<!doctype html><meta charset="utf-8"><title>Wirebond</title>
 <p>The page was not built: this is a clone of the source, and building it needs Node 20 or newer.
 Install Node, run <code>make build/page.stamp</code>, start the server again, and load this address.
 Programs can use the console as it is.</p>"""
+_NOT_HERE = """<!doctype html><meta charset="utf-8"><title>Wirebond</title>
+<p>This console does not answer here: {}.</p>
+<p>Through a tunnel, use the same port at both ends: <code>ssh -L 8765:localhost:8765 robot</code>.</p>"""
 _HEADERS = (
     (b"content-security-policy", b"default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
      b"font-src 'self' data:; connect-src 'self'; worker-src 'self' blob:; frame-ancestors 'none'; base-uri 'none'"),
@@ -76,7 +80,10 @@ class Guarded:
         origin = headers.get(b"origin") if needs_origin else None
         refused = guard.refuses(headers.get(b"host", ""), origin)
         if refused is not None:
-            await _refuse(scope, receive, send, 403, "not_here", refused)
+            if scope["type"] == "http" and "text/html" in headers.get(b"accept", ""):
+                await HTMLResponse(_NOT_HERE.format(html.escape(refused)), 403)(scope, receive, send)
+            else:
+                await _refuse(scope, receive, send, 403, "not_here", refused)
             return
         if scope["type"] == "http" and scope["path"].startswith("/api/"):
             given = headers.get(b"authorization", "").removeprefix("Bearer ")
