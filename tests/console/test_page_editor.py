@@ -88,6 +88,10 @@ def test_an_error_stands_at_its_place_and_the_old_file_stays_in_force(edited: Ed
 @pytest.mark.long
 def test_recorded_bytes_decode_under_the_edited_file_before_it_is_saved_and_used(edited: Edited) -> None:
     page, text = edited.editor()
+    page.get_by_role("tab", name="Findings").click()
+    page.get_by_role("button", name="line ").first.click()
+    at = text.evaluate("area => area.selectionStart")
+    assert text.input_value()[at:].startswith("  - check: xor8")
     name = "left_wheel"
     text.fill(GOOD.replace("left_ticks", name))
     expect(page.locator(".results")).to_contain_text(f"{name} ")

@@ -51,6 +51,11 @@ def test_a_recording_is_marked_noted_and_downloaded_as_mcap_and_csv(rover: Desk,
     download.value.save_as(table)
     rows = table.read_text().splitlines()
     assert rows[0] == "t,left_ticks,right_ticks" and len(rows) > 5
+    page.get_by_role("button", name="Open", exact=True).click()
+    page.get_by_role("button", name="wheel slips").click()
+    slider = page.get_by_role("slider", name="Position in the recording")
+    assert abs(float(slider.input_value()) - marks[0].t) < 0.01
+    page.get_by_role("button", name="Back to live").click()
 
 
 def test_a_recording_that_was_cut_short_opens_as_far_as_it_goes_and_says_what_is_lost(rover: Desk) -> None:

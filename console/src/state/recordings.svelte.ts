@@ -1,5 +1,6 @@
 // The server's recordings, and which one is shown in place of the live link.
 import { get } from "../http";
+import type { LinkEvent } from "../views";
 import { live } from "./live.svelte";
 import { place } from "./place.svelte";
 
@@ -23,6 +24,8 @@ class Recordings {
   all = $state.raw<Recorded[]>([]);
   folder = $state("");
   problem = $state("");
+  /** What happened in all of it; `live.events` ends where the reader is. */
+  happened = $state.raw<LinkEvent[]>([]);
   /** Where the reader is in the recording; null: at its end. */
   at = $state<number | null>(null);
 
@@ -48,7 +51,13 @@ class Recordings {
   /** Follows the address: asks the server for the recording that it names, or for the live link. */
   follow(): void {
     this.at = null;
+    this.happened = [];
     void live.showRecording(place.now.recording ?? "");
+  }
+
+  /** Keeps what happened in the whole recording: at its end, all of it is shown. */
+  keep(): void {
+    if (this.at === null && live.recording) this.happened = live.events;
   }
 
   scrub(at: number): void {
