@@ -17,8 +17,9 @@ POSIX = ROOT / "ports" / "posix" / "include"
 FLAGS = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Werror"]  # as the engine is built
 
 
-def build(name: str, protocol: Path = PROTOCOL) -> Path:
-    """``bench/<name>.cpp``, compiled beside the generated header of the protocol: by default the benchmarks' own."""
+def build(name: str, protocol: Path = PROTOCOL, *includes: Path) -> Path:
+    """``bench/<name>.cpp``, compiled beside the generated header of the protocol: by default the benchmarks' own.
+    ``includes``: more folders of headers."""
     generated = BUILD / "generated"
     generate_cpp(wirebond.load(protocol).model, generated)
     program = BUILD / name
@@ -28,7 +29,7 @@ def build(name: str, protocol: Path = PROTOCOL) -> Path:
         *FLAGS,
         f"-I{generated}",
         f"-I{paths.core_include()}",
-        f"-I{POSIX}",
+        *(f"-I{folder}" for folder in (POSIX, *includes)),
         str(source),
         "-o",
         str(program),

@@ -14,6 +14,7 @@ from bench import (
     loaded_round_trip,
     m4_cost,
     m4_runtime,
+    mcu_line,
     native,
     reconnect,
     round_trip,
@@ -32,6 +33,11 @@ NO_TABLES = ("servo_bus", "native", "enterprize", "contrib/sphero", "contrib/xbe
 def test_intact_frames_survive_their_neighbours_faults() -> None:
     for figure in collateral.measure(frames=20_000):
         assert figure.value <= 1, figure.key  # a false frame may overlap an intact one: 7 in a million at the reference
+
+
+@LONG
+def test_the_mcus_clock_and_its_bad_line_keep_their_goals() -> None:
+    assert all(figure.met for figure in mcu_line.measure())
 
 
 def test_perfect_line_loses_nothing_at_any_chunk_size() -> None:
