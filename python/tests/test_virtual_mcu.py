@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 
-from tests.shared import PROTOCOLS
+from tests.shared import PROTOCOLS, ROOT
 
 import wirebond
 from wirebond import Codec
@@ -47,6 +47,22 @@ def test_an_explicit_deadline_holds_its_message_back_until_somebody_recovers() -
     assert mcu.held_back == 2
     assert run(mcu, 9.6, 10.5) == []
     assert run(mcu, 10.5, 13.0) == ["no velocity for 1 s: stop", "no velocity for 3 s: safe_mode"]
+
+
+def test_a_parameter_that_breaks_its_fields_rule_is_refused_as_a_link_refuses_it() -> None:
+    tuned, loose = (wirebond.load(ROOT / "tests" / "link" / f"{name}.yaml") for name in ("tuned", "loose"))
+    mcu = VirtualMcu(tuned, 0.0)
+
+    def answers(message: str, to: int = 1, **fields: float) -> list[dict[str, float]]:
+        frames = mcu.feed(loose.encode(message, fields, header={"to": to}), 1.0)
+        return [dict(answer.fields) for answer in tuned.decoder("mcu").feed(frames)]
+
+    assert answers("set", index=1, value=4) == [{"index": 1, "value": 4, "result": 0}]
+    assert answers("set", index=1, value=11) == [{"index": 1, "value": 4, "result": 2}]
+    assert answers("set", index=2, value=1) == [{"index": 2, "value": 0, "result": 1}]
+    assert answers("read", index=9) == [{"index": 9, "value": 0, "result": 1}]
+    assert answers("set", to=0xFF, index=1, value=11) == []
+    assert mcu.rejected == 4
 
 
 BUS = Codec(

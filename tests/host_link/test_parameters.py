@@ -108,7 +108,9 @@ def test_a_refusal_has_the_mcus_reason_in_words() -> None:
     with linked(NAMED, Named()) as (link, _):
         parameters = link.parameters
         with pytest.raises(
-            ParameterError, match="refused 101 for parameter ki: it is out of range; 6 stays in force"
+            ParameterError,
+            match=r"refused 101 for parameter ki: it is out of range; 6 stays in force\. "
+            r"The file here allows -1000 to 1000, and the MCU less",
         ) as e:
             parameters.set("ki", 101)
         assert (e.value.parameter, e.value.reason, e.value.value) == ("ki", "out_of_range", 6)

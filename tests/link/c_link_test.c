@@ -402,6 +402,9 @@ static void ask(const uint8_t* frame, size_t size) {
     ask(frame, size);                                                                \
   } while (0)
 
+/// A frame of parameter_set, index 1, whose value is NaN, which no encoder makes.
+static const uint8_t not_a_number[] = {0x00, 0x03, 0x77, 0x01, 0x01, 0x05, 0xC0, 0x7F, 0xC1, 0x64, 0x00};
+
 static void serve(void) {
   static struct arm arm;
   static struct host host;
@@ -460,6 +463,10 @@ static void serve(void) {
   ASK(set, native_encode_parameter_set);
   expect(host.value.result == NATIVE_PARAMETER_VALUE_RESULT_OUT_OF_RANGE, "a value out of range is not refused");
   expect(values[1] == -0.25F && arm.stored == 1, "a value out of range is taken");
+  memset(&host.value, 0, sizeof host.value);
+  ask(not_a_number, sizeof not_a_number);
+  expect(host.value.result == NATIVE_PARAMETER_VALUE_RESULT_OUT_OF_RANGE && host.value.value == -0.25F,
+         "a value that breaks its field's rule is not refused");
   ASK(read, native_encode_parameter_read);
   expect(host.value.result == NATIVE_PARAMETER_VALUE_RESULT_NO_SUCH_INDEX, "an index that is none has a value");
 

@@ -18,7 +18,7 @@ CALLS = ["-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]  # else each c
 def test_every_rule_of_the_link_holds(tmp_path: Path) -> None:
     for name in ("diffdrive", "native"):
         generate_cpp(load(PROTOCOLS / f"{name}.yaml"), tmp_path)
-    for name in ("aging", "bus", "quiet", "peers", "seeded", "seeded_blocks", "seeded_escaped"):
+    for name in ("aging", "bus", "quiet", "peers", "tuned", "loose", "seeded", "seeded_blocks", "seeded_escaped"):
         generate_cpp(load(ROOT / "tests" / "link" / f"{name}.yaml"), tmp_path)
     generate_cpp(load(ROOT / "python" / "tests" / "gen" / "every_header.yaml"), tmp_path)
     program = tmp_path / "link_test"

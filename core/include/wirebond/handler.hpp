@@ -124,6 +124,16 @@ struct NeverIn<Source, std::void_t<typename Source::NeverSent>> {
 template <class Handler, class Source>
 inline constexpr bool has_ons_of_right_end = OnsOfRightEnd<Handler, typename NeverIn<Source>::Messages>::value;
 
+/// Does it want to hear of this message, too, where its field rules keep it away from `on`? For the services of a link.
+template <class Nothing, class Handler, class... MessageAndHeader>
+struct HasOnRejectedOf : std::false_type {};
+template <class Handler, class... MessageAndHeader>
+struct HasOnRejectedOf<
+    std::void_t<decltype(std::declval<Handler&>().on_rejected(std::declval<const MessageAndHeader&>()...))>, Handler,
+    MessageAndHeader...> : std::true_type {};
+template <class Handler, class... MessageAndHeader>
+inline constexpr bool has_on_rejected = HasOnRejectedOf<void, Handler, MessageAndHeader...>::value;
+
 template <class Handler, class = void>
 struct HasUnknown : std::false_type {};
 template <class Handler>

@@ -215,7 +215,12 @@ WIREBOND_INLINE bool hand_over_both(Message& message, const Header& header, Hand
   const Violation found = violations(message) | violations(header);
   if (found != Violation::none) {
     counts.count(found);
-    if (rejects(found)) return false;
+    if (rejects(found)) {
+      if constexpr (has_on_rejected<Handler, Message, Header>) {
+        if (!rejects(violations(header))) handler.on_rejected(static_cast<const Message&>(message), header);
+      }
+      return false;
+    }
     if constexpr (HasClamp<Message>::value) clamp(message);
   }
   if constexpr (HasOnWithHeader<Handler, Message, Header>::value) {
@@ -259,7 +264,12 @@ bool hand_over(const Frame& frame, Handler& handler, Violations& counts) {
     const Violation found = violations(message);
     if (found != Violation::none) {
       counts.count(found);
-      if (rejects(found)) return false;
+      if (rejects(found)) {
+        if constexpr (detail::has_on_rejected<Handler, Message>) {
+          handler.on_rejected(static_cast<const Message&>(message));
+        }
+        return false;
+      }
       if constexpr (detail::HasClamp<Message>::value) clamp(message);
     }
     if constexpr (detail::HasOn<Handler, Message>::value) handler.on(static_cast<const Message&>(message));

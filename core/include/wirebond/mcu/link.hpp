@@ -427,6 +427,13 @@ class Link : private SendPause<Protocol::pause_us>,
       }
       if constexpr (std::is_base_of_v<Subscribed, Handler>) Subscription<Message>::publish(message, header...);
     }
+    /// A request that breaks a field's rule does not act; that of a parameter is refused, so that nobody waits.
+    template <class Message, class... Header>
+    std::enable_if_t<detail::asks_parameter<Protocol, Message>> on_rejected(const Message& message,
+                                                                            const Header&... header) {
+      if (link.addressee() != Addressee::own) return;
+      link.answer(detail::parameter_refusal<Protocol>(message, link.handler_), header...);
+    }
     void unknown(const Frame& frame) { hand_over_unknown<Receives>(frame, link.handler_); }
   };
 

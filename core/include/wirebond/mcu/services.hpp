@@ -10,6 +10,7 @@
 
 #include "wirebond/message.hpp"
 #include "wirebond/number.hpp"
+#include "wirebond/violation.hpp"
 
 namespace wirebond {
 
@@ -111,6 +112,32 @@ Value parameter_value([[maybe_unused]] Handler& handler, std::size_t index, Para
   if (!is_there) result = ParameterResult::no_such_index;
   answer.result = static_cast<decltype(answer.result)>(result);
   return answer;
+}
+
+/// Is this a request of the parameter service?
+template <class Protocol, class Message>
+inline constexpr bool asks_parameter = std::is_same_v<Message, typename Protocol::Parameter::Read> ||
+                                       std::is_same_v<Message, typename Protocol::Parameter::Set>;
+
+/// The answer to such a request whose fields break a rule of the file, so that it does not act: what is wrong is the
+/// index, or the value that was to be set.
+template <class Protocol, class Message, class Handler>
+typename Protocol::Parameter::Value parameter_refusal(const Message& message, Handler& handler) {
+  using Value = typename Protocol::Parameter::Value;
+  using Read = typename Protocol::Parameter::Read;
+  ParameterResult result = ParameterResult::no_such_index;
+  if constexpr (!std::is_same_v<Message, Read>) {
+    Read read{};
+    read.index = static_cast<decltype(read.index)>(message.index);
+    if (!rejects(violations(read))) result = ParameterResult::out_of_range;
+  }
+  if (result == ParameterResult::no_such_index) {
+    Value answer{};
+    answer.index = static_cast<decltype(answer.index)>(message.index);
+    answer.result = static_cast<decltype(answer.result)>(result);
+    return answer;
+  }
+  return parameter_value<Value>(handler, static_cast<std::size_t>(message.index), result);
 }
 
 constexpr unsigned hello_version = 1;  ///< of the hello service itself

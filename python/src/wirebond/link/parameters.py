@@ -236,7 +236,10 @@ class Parameters:
                 parameter=str(parameter),
                 reason="wrong_index",
             )
-        value = fields["value"]
+        value, here = fields["value"], ""
+        limits = next(f for f in self._set.fields if f.name == "value")
+        if limits.minimum is not None and limits.maximum is not None:
+            here = f". The file here allows {limits.minimum:g} to {limits.maximum:g}, and the MCU less"
         if self._value.kind == FieldKind.FLOAT and self._value.size == 4:
             value = shortest(value)
         result = fields["result"]
@@ -247,7 +250,7 @@ class Parameters:
             _NO_SUCH_INDEX: ("no_such_index", f"the MCU has no parameter {parameter}"),
             _OUT_OF_RANGE: (
                 "out_of_range",
-                f"the MCU refused {asked} for parameter {parameter}: it is out of range; {value} stays in force",
+                f"the MCU refused {asked} for parameter {parameter}: it is out of range; {value} stays in force{here}",
             ),
         }.get(number, (str(result), f"the MCU refused parameter {parameter}: {result}; {value} stays in force"))
         raise ParameterError(words, parameter=str(parameter), reason=reason, value=value)

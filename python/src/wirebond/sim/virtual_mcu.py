@@ -113,6 +113,8 @@ class VirtualMcu:
                 continue
             if message.violations:
                 self._reject(message, len(acting))
+                for header in asked:
+                    self._waiting += self._refusal(message, header, t)
                 continue
             self._told_rejected.discard(message.name)
             self._told_held_back.discard(message.name)
@@ -238,11 +240,24 @@ class VirtualMcu:
         self.events.append(f"{whose} is held back by {rule.then} until {until}")
 
     def _reject(self, message: Message, devices: int) -> None:
-        """As an MCU whose handler does not get it: it meets no deadline, and nothing answers."""
+        """As an MCU whose handler does not get it: it meets no deadline."""
         self.rejected += devices
         if message.name not in self._told_rejected:
             self._told_rejected.add(message.name)
             self.events.append(f"{message.name} is rejected: {message.violations[0]}")
+
+    def _refusal(self, message: Message, header: dict[str, Any], t: float) -> list[bytes]:
+        """What a link's parameter service answers to it. Nothing else answers a message that breaks a field's rule."""
+        service = self.codec.model.service("parameter")
+        roles = {} if service is None else dict(service.messages)
+        if service is None or message.name not in (roles["read"], roles["set"]):
+            return []
+        reply = self.codec.model.message(roles["value"])
+        values = self._made_up(reply, t) | self._parameter(message.name, message.fields, service, acts=False)
+        try:
+            return [self._frame(reply.name, values, header)]
+        except MessageError:
+            return []  # the answer cannot carry this index either
 
     def _answer(self, message: Message, header: dict[str, Any], t: float, said: dict[str, Any]) -> list[bytes]:
         """``said``: values of the reply that a script gives."""
@@ -276,21 +291,29 @@ class VirtualMcu:
             return self._parameter(message, given, parameter)
         return {}
 
-    def _parameter(self, message: str, values: Mapping[str, Any], service: Service) -> dict[str, Any]:
-        """It has the parameters that the file names, or the first eight; each with the range that the file gives."""
+    def _parameter(
+        self, message: str, values: Mapping[str, Any], service: Service, *, acts: bool = True
+    ) -> dict[str, Any]:
+        """It has the parameters that the file names, or the first eight; each with the range that the file gives.
+        ``acts``: the request keeps the rules of its fields."""
         roles = {role: self.codec.model.message(name) for role, name in service.messages}
         value = next(f for f in roles["set"].fields if f.name == "value")
         index_field = next(f for f in self.codec.model.message(message).fields if f.name == "index")
         names, given = dict(index_field.enum), values["index"]
         index = names.get(given, given)
+        answered = next(f for f in roles["value"].fields if f.name == "index")
+        answer = {"index": given if answered.enum else index}
         nearest = 0.0 if value.minimum is None else max(value.minimum, 0.0)
         initial = nearest if value.maximum is None else min(nearest, value.maximum)
-        if index not in (names.values() if names else range(_PARAMETERS)):
-            return {"value": initial, "result": 1}
-        if message == roles["set"].name:
+        sets = message == roles["set"].name
+        if index not in (names.values() if names else range(_PARAMETERS)) or not (acts or sets):
+            return answer | {"value": initial, "result": 1}
+        if not acts:
+            return answer | {"value": self._parameters.get(index, initial), "result": 2}
+        if sets:
             self._parameters[index] = values["value"]
             self.events.append(f"parameter {given} is now {decimal_text(values['value'], 6)}")
-        return {"value": self._parameters.get(index, initial), "result": 0}
+        return answer | {"value": self._parameters.get(index, initial), "result": 0}
 
     def _clock_us(self, t: float) -> int:
         """Its own clock, which begins at 0 and has 32 bits."""
