@@ -248,9 +248,12 @@ def test_ros_sees_a_node_with_its_topics_and_the_hashes_of_their_types(peer: Pee
 
 def test_commands_drive_the_rover_and_their_silence_stops_it(driving: Peer, robot: rover.RoverProcess) -> None:
     before = driving.next("/odom")
-    drive(driving, 0.5, 0.0, 0.7)
-    moving = driving.next("/odom")
-    assert moving.twist.twist.linear.x == pytest.approx(0.5, rel=0.1)
+
+    def is_fast() -> bool:
+        driving.publish("/cmd_vel", twist(0.5, 0.0))
+        return bool(driving.seen["/odom"][-1].twist.twist.linear.x == pytest.approx(0.5, rel=0.1))
+
+    driving.wait(is_fast)
     robot.events()
     # No command any more: after 500 ms the bridge sends the stop. The rover's own deadline would strike after 1 s.
     driving.wait(lambda: driving.seen["/odom"][-1].twist.twist.linear.x < 0.1)
