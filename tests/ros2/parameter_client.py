@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from std_srvs.srv import Trigger
 
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
+PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
 
 
 def main() -> None:

@@ -74,6 +74,7 @@ class Bridge:
         if mapping.emergency_stop is not None:
             self._subscribe(mapping.emergency_stop, "std_msgs/Bool", Qos(), self._emergency_stop)
         self._serial = SerialTopics(link, self.commands, self._publisher, self._subscribe) if mapping.serial else None
+        self._was_down = False
         self._oldest = 0.0  # seconds: the age of a message when it became a topic, since the latency was last published
         self._latency = None
         if mapping.latency is not None:
@@ -103,6 +104,7 @@ class Bridge:
                 if now >= next_diagnosis:
                     next_diagnosis = now + _DIAGNOSE_EVERY
                     self._set_navigation()
+                    self._tell_state()
                     self._diagnostics_out.publish(self._diagnostics.message(stamp_of(self.node.now_ns())))
                     self._tell_latency()
                 pace.wait()
@@ -141,6 +143,15 @@ class Bridge:
                 self._serial.take_received(message)
 
         self._oldest = max(self._oldest, time.monotonic() - oldest)
+
+    def _tell_state(self) -> None:
+        """That the port or the server is away, and that it is back."""
+        is_down = self.link.state == "down"
+        if is_down and not self._was_down:
+            self.node.log("error", self.link.why)
+        elif self._was_down and not is_down:
+            self.node.log("info", f"the link is back: {self.link.port}")
+        self._was_down = is_down
 
     def _tell_latency(self) -> None:
         if self._latency is not None and self._oldest:

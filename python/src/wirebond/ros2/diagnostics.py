@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from wirebond.errors import LinkDownError
 from wirebond.protocol.model import Deadline, End
 from wirebond.ros2.mapping.model import BridgeMapping, FlagsMapping
 from wirebond.ros2.node import Node
@@ -44,17 +46,18 @@ class Diagnostics:
         return {"header": {"stamp": stamp}, "status": statuses}
 
     def _of_link(self) -> dict[str, Any]:
-        state, stats = self._link.state, self._link.stats
-        received = stats.receive
+        state = self._link.state
         words = {"up": "messages come", "stale": "the port is open, and no message came for a second"}
-        facts = {
-            "port": self._link.port,
-            "received frames": received.frames,
-            "discarded bytes": sum(received.discarded_bytes.values()),
-            "sent frames": stats.send.sent,
-            "reconnects": stats.reconnects,
-            "collisions": stats.collisions,
-        }
+        facts: dict[str, Any] = {"port": self._link.port}
+        with contextlib.suppress(LinkDownError):  # the server is away, which has the counts
+            stats = self._link.stats
+            facts |= {
+                "received frames": stats.receive.frames,
+                "discarded bytes": sum(stats.receive.discarded_bytes.values()),
+                "sent frames": stats.send.sent,
+                "reconnects": stats.reconnects,
+                "collisions": stats.collisions,
+            }
         return self._status("link", _OF_STATE[state], words.get(state) or self._link.why, facts)
 
     def _of_commands(self) -> dict[str, Any]:

@@ -68,11 +68,13 @@ class McuParameters:
         self._pass_on([message])
 
     def _read(self) -> None:
-        """Ask until it answers, and again when the port was away: then it may have restarted."""
-        seen = -1
+        """Ask until it answers, and again when the port or the server was away: then it may have restarted."""
+        seen: int | None = None
         while not self._closed.is_set():
-            reconnects = self._link.stats.reconnects
-            if reconnects != seen:
+            reconnects = self._reconnects()
+            if reconnects is None:
+                seen = None
+            elif reconnects != seen:
                 try:
                     found = self._link.parameters.list()
                 except WirebondError as error:
@@ -83,6 +85,13 @@ class McuParameters:
                     for name, value in found.items():
                         self._declare(name, value)
             self._closed.wait(_AGAIN)
+
+    def _reconnects(self) -> int | None:
+        """How often the port came back; None: the server is away."""
+        try:
+            return self._link.stats.reconnects
+        except LinkDownError:
+            return None
 
     def _declare(self, name: str, value: float) -> None:
         with self._lock:

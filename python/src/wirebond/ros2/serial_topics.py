@@ -7,12 +7,14 @@ from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from wirebond.errors import WirebondError
 from wirebond.protocol.model import End
 from wirebond.ros2.node import Publisher, Qos
 
 if TYPE_CHECKING:
     from wirebond.codec import Message
     from wirebond.link import Link
+    from wirebond.link.tap import Tap
     from wirebond.ros2.commands import Commands
 
 _TAP_BYTES = 1 << 18  # that wait for the bridge: 2 s of both directions at 2 Mbaud
@@ -42,7 +44,8 @@ class SerialTopics:
         self._rx_hex = publisher("serial_rx_hex", "std_msgs/String", Qos())
         self._tx_hex = publisher("serial_tx_hex", "std_msgs/String", Qos())
         subscribe("serial_tx_data", _BYTES, Qos(), self._send)
-        self._tap = link.tap(_TAP_BYTES)
+        self._link = link
+        self._tap: Tap | None = None
         self._sent = self._codec.decoder(sender="host")
 
     def take_received(self, message: Message) -> None:
@@ -51,8 +54,17 @@ class SerialTopics:
         self._rx_hex.publish({"data": f"RX: {message.raw.hex(' ')}"})
 
     def take_sent(self) -> None:
-        """What the link sent since the last call."""
-        for piece in self._tap.take().pieces:
+        """What the link sent since the last call. A server that is away has taken its tap along: then a new one is
+        opened when it is back."""
+        try:
+            if self._tap is None:
+                self._tap = self._link.tap(_TAP_BYTES)
+                self._sent = self._codec.decoder(sender="host")
+            pieces = self._tap.take().pieces
+        except WirebondError:
+            self._tap = None
+            return
+        for piece in pieces:
             data: bytes | None = getattr(piece, "bytes", None)
             if data is None or getattr(piece, "direction", "") != "sent":
                 continue
