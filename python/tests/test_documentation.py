@@ -289,6 +289,7 @@ def port_folders(block: Block, folder: Path) -> list[str]:
     """Where the ports that the block includes lie, and the doubles of their vendors' headers."""
     ports = sorted(set(re.findall(r"wirebond/(\w+)/", block.text)))
     ports += re.findall(r'"wirebond_(\w+)\.h"', block.text)  # in C
+    ports += ["freertos"] if '"FreeRTOS.h"' in block.text else []
     (folder / "usart.h").write_text(
         '#include "stm32f4xx_hal.h"\nextern UART_HandleTypeDef huart2, huart3;\n', encoding="utf-8"
     )
