@@ -122,6 +122,22 @@ export function refusal(reply: Record<string, unknown>, message: Message | null)
   return number === 0 ? null : String(result);
 }
 
+/** Values of a file that this page has exported, or that Python's `link.parameters.save` has written, as YAML or JSON.
+ *  Throws with the line that is none. */
+export function readValues(text: string): Record<string, number> {
+  const values: Record<string, number> = {};
+  const lines = text.trimStart().startsWith("{")
+    ? Object.entries(JSON.parse(text) as Record<string, unknown>).map(([name, value]) => `${name}: ${String(value)}`)
+    : text.split(/\r?\n/);
+  for (const line of lines) {
+    const found = /^([^\s#:][^:]*):\s+(\S+)\s*(?:#.*)?$/.exec(line);
+    const value = Number(found?.[2] ?? NaN);
+    if (found && Number.isFinite(value)) values[found[1]!.trim()] = value;
+    else if (!/^\s*(#.*)?$/.test(line)) throw new Error(line.trim().slice(0, 80));
+  }
+  return values;
+}
+
 export function asYaml(values: Record<string, number>): string {
   return Object.entries(values)
     .map(([name, value]) => `${name}: ${value}\n`)

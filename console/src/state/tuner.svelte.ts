@@ -142,8 +142,8 @@ export class Tuner {
     return Object.fromEntries(this.parameters.map((parameter) => [parameter.key, this.of(parameter).wanted]));
   }
 
-  saveSet(name: string): void {
-    this.sets = { ...this.sets, [name]: this.values() };
+  saveSet(name: string, values = this.values()): void {
+    this.sets = { ...this.sets, [name]: values };
     localStorage.setItem(this.key(), JSON.stringify(this.sets));
   }
 

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { asCpp, asYaml, isSame, refusal, sourcesOf } from "../parameters";
+import { asCpp, asYaml, isSame, readValues, refusal, sourcesOf } from "../parameters";
 import type { Field, Message, Protocol } from "../protocol";
 import { analyse, stillness } from "../step";
 
@@ -111,4 +111,17 @@ test("a set is exported as YAML and as C++", () => {
   expect(asCpp({ p: 10, "d.x": 0.5 }, "my gains")).toContain(
     "inline constexpr float p = 10.0F;\ninline constexpr float d_x = 0.5F;",
   );
+});
+
+test("a set that was exported is read again, and so is what Python wrote; another file is told by its line", () => {
+  const values = { kp: 1.5, "0": -2e-7 };
+  expect(readValues(asYaml(values))).toEqual(values);
+  expect(readValues("# Parameters of axis, as its MCU had them.\nkp: 1.5\r\n\nki: 2 # slow\n")).toEqual({
+    kp: 1.5,
+    ki: 2,
+  });
+  expect(readValues(JSON.stringify(values, null, 2))).toEqual(values);
+  expect(() => readValues("kp: 1\nnot a value")).toThrow("not a value");
+  expect(() => readValues("kp: fast")).toThrow("kp: fast");
+  expect(() => readValues("{")).toThrow();
 });

@@ -344,6 +344,9 @@ export const en = {
     sets: "Named sets",
     setName: "Name of the set",
     saveSet: "Save these values",
+    openSet: "Open a file",
+    wrongSet: (line: string) =>
+      `This file has no values of parameters. A line is \`name: number\`, and here one is: ${line}`,
     noSets: "No set saved yet.",
     restore: "Restore",
     compare: "Compare",

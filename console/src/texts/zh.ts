@@ -349,6 +349,8 @@ export const zh: Texts = {
     sets: "命名参数组",
     setName: "参数组名称",
     saveSet: "保存这些值",
+    openSet: "打开文件",
+    wrongSet: (line) => `此文件不是参数值。每行应为“名称: 数值”，而这里有：${line}`,
     noSets: "还没有保存参数组。",
     restore: "恢复",
     compare: "比较",
