@@ -531,6 +531,20 @@ def test_the_file_that_starter_writes_works_as_it_is(language: str, port: str, p
     assert int(left[1]) == 30 * 11  # odometry, every 50 ms
 
 
+def test_a_port_beside_one_amalgamated_header_needs_no_other(project: Path) -> None:
+    for port in ("stm32_hal", "stm32_ll"):
+        for language, compiler in (("cpp", ["g++", "-std=c++17"]), ("c", ["gcc", "-std=c99"])):
+            out = project / f"{port}_{language}"
+            gen = ["gen", str(PROTOCOLS / "diffdrive.yaml"), "--lang", language, "--port", port, "--amalgamate"]
+            assert wirebond([*gen, "--out", str(out)]) == 0
+            user = [text for text in blocks(language, {"cpp": "firmware", "c": "c"}[language]) if port in text.lower()]
+            source = out / f"user.{language}"
+            source.write_text(user[0].replace("diffdrive_link.hpp", "diffdrive.hpp"), encoding="utf-8")
+            parts = [source, *out.glob("wirebond_*.c")]
+            folders = [f"-I{folder}" for folder in (out, ROOT / "ports" / port / "tests", project / "Core/Inc")]
+            run(*compiler, *STRICT, *folders, "-fsyntax-only", *parts, cwd=project)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

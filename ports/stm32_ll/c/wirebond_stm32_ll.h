@@ -4,7 +4,7 @@
 #define WIREBOND_STM32_LL_H
 
 #include "wirebond/mcu/c_api.h"
-#include "wirebond/stm32_ll/registers.h"  // first: it finds the device header
+#include "wirebond/stm32_ll/registers.h"
 
 #ifdef __cplusplus
 extern "C" {

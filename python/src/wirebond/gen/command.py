@@ -96,11 +96,11 @@ def generate(
 
 
 def _port_files(port: str, language: str, amalgamate: bool) -> dict[str, str]:
-    if language != "c":
-        return port_headers(port)
-    files = port_files_in_c(port)
+    files = port_files_in_c(port) if language == "c" else port_headers(port)
     if not amalgamate:
         return files
+    if language != "c":  # a port's headers lie beside each other as ever; the core is in each
+        return {name: amalgamated(text, core_headers()) for name, text in files.items()}
     own = {name: text for name, text in files.items() if "/" not in name}
     return {name: amalgamated(text, core_headers() | port_headers(port)) for name, text in own.items()}
 

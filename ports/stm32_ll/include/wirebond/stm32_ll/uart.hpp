@@ -7,7 +7,7 @@
 
 #include "wirebond/mcu/line_errors.hpp"
 #include "wirebond/mcu/why.hpp"
-#include "wirebond/stm32_ll/registers.h"  // first: it finds the device header
+#include "wirebond/stm32_ll/registers.h"
 
 namespace wirebond::stm32_ll {
 
