@@ -339,6 +339,22 @@ def test_other_quality_of_service_is_told(peer: Peer, domain: int) -> None:
     assert "durability" in peer.wait(lambda: said(peer, "a subscriber of /odom asks for more than is offered"))[0]
 
 
+@pytest.mark.parametrize("adapter", ["dds"], indirect=True)  # over rclpy it is the RMW's to tell
+def test_other_type_is_told(peer: Peer, domain: int) -> None:
+    other = Peer(domain)
+    other.advertise("/cmd_vel", "geometry_msgs/TwistStamped")
+    sends = (
+        "a publisher of /cmd_vel sends geometry_msgs/TwistStamped, and geometry_msgs/Twist is expected: they exchange"
+    )
+    peer.wait(lambda: said(peer, sends))
+    other.listen("/odom", "geometry_msgs/PoseStamped")
+    expects = (
+        "a subscriber of /odom expects geometry_msgs/PoseStamped, and nav_msgs/Odometry is published: they exchange"
+    )
+    peer.wait(lambda: said(peer, expects))
+    assert len(said(peer, sends)) == 1
+
+
 @pytest.mark.parametrize("adapter", ["dds"], indirect=True)
 def test_services_answer_programs_over_rmw_cyclonedds(peer: Peer) -> None:
     nothing = b"\0\1\0\0\0"  # std_srvs/Trigger_Request

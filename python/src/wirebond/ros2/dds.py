@@ -31,6 +31,7 @@ from wirebond.errors import UsageError
 from wirebond.ros2 import dds_services
 from wirebond.ros2.cdr import decode, encode
 from wirebond.ros2.dds_services import Calls, any_bytes, numbered
+from wirebond.ros2.dds_types import TypeWatch
 from wirebond.ros2.idl import idl_type
 from wirebond.ros2.node import LATCHED, LEVELS, Answer, Parameter, Qos, Quick, mismatch
 from wirebond.ros2.pace import Pace
@@ -91,14 +92,14 @@ class DdsPublisher:
     def __init__(self, writer: DataWriter[Any], type_: RosType, topic: str) -> None:
         self.entity = writer
         self.topic = topic
-        self._type = type_
+        self.type = type_
 
     def publish(self, values: Mapping[str, Any]) -> None:
         """Send one message. Any thread.
 
         :raises ValueError, TypeError, struct.error: a value is not of its field's type.
         """
-        self.publish_bytes(encode(self._type, values))
+        self.publish_bytes(encode(self.type, values))
 
     def publish_bytes(self, data: bytes) -> None:
         """Send a message that is encoded already."""
@@ -123,6 +124,7 @@ class DdsNode:
         self._told: dict[int, int] = {}  # mismatches by endpoint that were told
         self.undecodable: Counter[str] = Counter()
         self._throttle = Throttle(self.log)
+        self._types = TypeWatch(self._participant, lambda text: self.log("warning", text))
         self._calls = Calls(lambda text: self.log("error", text))
         self._not_offered: list[str] = []  # services
         self._discovery = DdsPublisher(
@@ -300,7 +302,8 @@ class DdsNode:
             self._throttle.say("warning", reader.topic, f"{reader.topic} was called, and not answered: {_OTHER_RMW}")
 
     def _tell_mismatches(self) -> None:
-        """A publisher and a subscriber with other qualities of service do not find each other, and ROS is silent."""
+        """A publisher and a subscriber with other qualities of service, or other types, do not find each other, and ROS
+        is silent."""
         for publisher in self._publishers:
             entity: Any = publisher.entity
             status = entity.get_offered_incompatible_qos_status()
@@ -309,11 +312,17 @@ class DdsNode:
             entity = reader.entity
             status = entity.get_requested_incompatible_qos_status()
             self._tell(entity, status, reader.topic, is_publisher=False)
+        self._types.look(
+            {publisher.topic: publisher.type for publisher in self._publishers},
+            {reader.topic: reader.type for reader in self._readers if not reader.is_of_service},
+        )
 
     def _tell(self, entity: Any, status: Any, topic: str, *, is_publisher: bool) -> None:
         if status is None or status.total_count <= self._told.get(entity._ref, 0):
             return
         self._told[entity._ref] = status.total_count
+        if status.last_policy_id == _TYPE:
+            return  # `TypeWatch` says which types these are
         policy = _POLICIES.get(status.last_policy_id, f"policy {status.last_policy_id}")
         self.log("warning", mismatch(topic, policy, is_publisher=is_publisher))
 
@@ -323,6 +332,7 @@ _NO_SERVICES = (
     f"RMW_IMPLEMENTATION={dds_services.RMW} here and in every program that calls them, or run wirebond_ros"
 )
 _OTHER_RMW = f"the caller's RMW is another than {dds_services.RMW}; start it with that, or run wirebond_ros here"
+_TYPE = 24  # the policy that another type breaks
 _POLICIES = {2: "durability", 4: "deadline", 5: "latency budget", 8: "liveliness", 11: "reliability"}
 
 

@@ -151,6 +151,16 @@ def mismatch(topic: str, policy: str, *, is_publisher: bool) -> str:
     return f"{who} ({policy}): they exchange nothing; give both the same `qos`"
 
 
+def type_mismatch(topic: str, theirs: str, own: str, *, is_publisher: bool) -> str:
+    """The sentence for another node that has another type on a topic; ``is_publisher``: of this node's publisher."""
+    who = (
+        f"a subscriber of {topic} expects {theirs}, and {own} is published"
+        if is_publisher
+        else f"a publisher of {topic} sends {theirs}, and {own} is expected"
+    )
+    return f"{who}: they exchange nothing; give both the same `type`"
+
+
 def whole_topic(topic: str, namespace: str, node: str) -> str:
     """``cmd_vel`` in its namespace, ``~/status`` below the node, ``/odom`` as it is."""
     if topic.startswith("/"):
