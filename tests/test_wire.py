@@ -18,7 +18,7 @@ import pytest
 import wirebond
 from tests.host_link.drivers import no_engine_ports
 from tests.host_link.mcu import wait_until
-from tests.shared import codec
+from tests.shared import PATIENCE, codec
 from wirebond.cli.main import main
 from wirebond.diagnosis.uart import misread
 from wirebond.errors import UsageError
@@ -30,7 +30,6 @@ from wirebond.wire.command import line_shape
 from wirebond.wire.process import DIRECTIONS
 from wirebond.wire.script import read_script
 
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 DATA = bytes(i % 251 for i in range(3000))
 
 SHARED_LINE = """

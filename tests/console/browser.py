@@ -19,7 +19,7 @@ from typing import Any
 from playwright.sync_api import Browser, Page, Playwright, expect
 
 import wirebond
-from tests.shared import PROTOCOLS, ROOT
+from tests.shared import PATIENCE, PROTOCOLS, ROOT
 from wirebond.console import Console, Options
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
@@ -27,7 +27,6 @@ from wirebond.sim.pty_port import PtyPort
 CHROMIUM = Path("/usr/bin/chromium")
 AXE = ROOT / "console" / "node_modules" / "axe-core" / "axe.min.js"
 PAGE = ROOT / "python" / "src" / "wirebond" / "console" / "page" / "index.html"
-PATIENCE = 15.0  # seconds: a bound for slow machines, not an expectation
 VIEWS = ("link", "messages", "plots", "control", "tuning", "recordings", "protocol")
 
 # The robot says when each velocity came, on a clock that all processes of this computer share.

@@ -21,13 +21,12 @@ from websockets.sync.client import ClientConnection, connect
 
 import wirebond
 from tests.console import browser as browsers
-from tests.shared import ROOT, codec
+from tests.shared import PATIENCE, ROOT, codec
 from wirebond.console import Console
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
 
 PICTURES = ROOT / "build" / "screenshots"
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 
 
 @dataclass

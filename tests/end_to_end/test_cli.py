@@ -14,14 +14,13 @@ import pytest
 
 import wirebond
 from tests.command import run
-from tests.shared import PROTOCOLS, ROOT, codec
+from tests.shared import PATIENCE, PROTOCOLS, ROOT, codec
 from wirebond.cli.main import main
 from wirebond.sim.pty_port import PtyPort
 
 COMMAND = [str(Path(sys.executable).with_name("wirebond"))]
 DIFFDRIVE = str(PROTOCOLS / "diffdrive.yaml")
 NATIVE = str(PROTOCOLS / "native.yaml")
-PATIENCE = 20.0
 
 
 def test_check_finds_no_error_in_the_files_that_come_with_it(capsys: pytest.CaptureFixture[str]) -> None:

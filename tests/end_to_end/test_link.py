@@ -13,11 +13,9 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.shared import PROTOCOLS, ROOT, account_closes, codec
+from tests.shared import PATIENCE, PROTOCOLS, ROOT, account_closes, codec
 from wirebond import LinkDownError, MessageError, PortError, StoppedError, UsageError
 from wirebond.sim.pty_port import PtyPort
-
-PATIENCE = 10.0  # seconds: a bound for slow machines, not an expectation
 
 
 @pytest.fixture

@@ -17,10 +17,9 @@ from statistics import median
 import pytest
 
 import wirebond
-from tests.shared import PROTOCOLS
+from tests.shared import PATIENCE, PROTOCOLS
 from wirebond.sim import rover
 
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 
 HOST = """

@@ -17,12 +17,11 @@ from typing import Any
 import pytest
 
 import wirebond
-from tests.shared import PROTOCOLS, ROOT, codec
+from tests.shared import PATIENCE, PROTOCOLS, ROOT, codec
 from wirebond.gen import generate_cpp
 from wirebond.sim.bus import Bus
 from wirebond.sim.process import FirmwareProcess
 
-PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
 FILE = PROTOCOLS / "servo_bus.yaml"
 FIRMWARE = ROOT / "firmware"
 FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O0", "-pthread"]

@@ -16,13 +16,13 @@ from typing import Any
 import pytest
 
 import wirebond
+from tests.shared import PATIENCE
 from wirebond import _engine
 from wirebond.errors import LinkDownError, QueueFullError, StoppedError
 from wirebond.link import DEFAULT_HOLD, engine_settings
 from wirebond.protocol.model import End
 from wirebond.sim.pty_port import PtyPort
 
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 _FAR_END = Path(__file__).with_name("far_end.py")
 _ERRORS: dict[int, Callable[[str], Exception]] = {
     1: LinkDownError,

@@ -9,10 +9,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import wirebond
+from tests.shared import PATIENCE
 from wirebond.protocol.model import End
 from wirebond.sim.pty_port import PtyPort
-
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 
 
 def wait_until(condition: Callable[[], object], what: str) -> None:

@@ -14,12 +14,11 @@ import pytest
 
 import wirebond
 from tests.host_link.protocol import manipulator
-from tests.shared import account_closes, few_or_many
+from tests.shared import PATIENCE, account_closes, few_or_many
 from wirebond import LinkDownError, PortError, QueueFullError
 from wirebond.sim.pty_port import PtyPort
 
 pytestmark = pytest.mark.usefixtures("ports")
-PATIENCE = 30.0  # seconds: a bound for slow machines, not an expectation
 
 
 class Device:

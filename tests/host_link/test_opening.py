@@ -14,12 +14,11 @@ import pytest
 
 import wirebond
 from tests.host_link.protocol import manipulator
-from tests.shared import account_closes
+from tests.shared import PATIENCE, account_closes
 from wirebond import LinkDownError, PortError, UsageError
 from wirebond.sim.pty_port import PtyPort
 
 pytestmark = pytest.mark.usefixtures("ports")
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 POSE = manipulator().encode("pose", x=7)
 ARM = manipulator().encode("arm", torque=5)
 

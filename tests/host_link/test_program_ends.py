@@ -15,11 +15,10 @@ import pytest
 
 import wirebond
 from tests.host_link.protocol import manipulator
-from tests.shared import few_or_many
+from tests.shared import PATIENCE, few_or_many
 from wirebond.sim.pty_port import PtyPort
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE = 30.0  # seconds: a bound for slow machines, not an expectation
 FAST = {"speed": 1000, "turn": 7}
 SAFE = {"speed": 0, "turn": 0}
 

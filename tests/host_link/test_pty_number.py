@@ -12,11 +12,10 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.shared import codec
+from tests.shared import PATIENCE, codec
 from wirebond.sim.pty_port import PtyPort
 
 pytestmark = pytest.mark.usefixtures("ports")
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 _LOCAL_MODES = 3
 
 

@@ -14,7 +14,7 @@ import wirebond
 from tests.host_link.drivers import balances
 from tests.host_link.mcu import linked, wait_until
 from tests.host_link.protocol import manipulator
-from tests.shared import account_closes, codec
+from tests.shared import PATIENCE, account_closes, codec
 from wirebond import Codec, LinkStats, QueueFullError, SequenceStats, UsageError
 from wirebond.codec import Stats
 from wirebond.link import SendStats
@@ -22,8 +22,6 @@ from wirebond.link.rates import LONGEST_WINDOW, RateMeter, rates_between
 from wirebond.protocol import loads
 from wirebond.protocol.model import End, Protocol
 from wirebond.sim.pty_port import PtyPort
-
-PATIENCE = 20.0
 
 
 def look(

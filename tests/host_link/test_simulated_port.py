@@ -10,12 +10,11 @@ import time
 import pytest
 
 import wirebond
-from tests.shared import PROTOCOLS
+from tests.shared import PATIENCE, PROTOCOLS
 from wirebond.cli.main import main
 from wirebond.errors import UsageError
 
 FILE = PROTOCOLS / "diffdrive.yaml"
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 
 
 def simulations() -> int:

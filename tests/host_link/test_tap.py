@@ -10,14 +10,13 @@ import pytest
 
 import wirebond
 from tests.host_link.protocol import manipulator
+from tests.shared import PATIENCE
 from wirebond import _engine
 from wirebond.errors import UsageError
 from wirebond.link import engine_settings
 from wirebond.link.tap import Chunk, LinkEvent, Tap
 from wirebond.protocol.model import End
 from wirebond.sim.pty_port import PtyPort
-
-PATIENCE = 20.0
 
 
 def core_of(codec: wirebond.Codec) -> _engine.LinkCore:

@@ -19,12 +19,11 @@ from serial.rfc2217 import PortManager
 
 import wirebond
 from tests.host_link.protocol import manipulator
-from tests.shared import account_closes
+from tests.shared import PATIENCE, account_closes
 from wirebond import PortError
 from wirebond.sim.pty_port import PtyPort
 
 pytestmark = pytest.mark.filterwarnings("ignore:set.* is deprecated")  # of pyserial's RFC 2217
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 SER2NET = shutil.which("ser2net") or "/usr/sbin/ser2net"
 POSE = manipulator().encode("pose", x=255)  # 255 is a command of Telnet: it has to be escaped
 NOTE = {"number": 0xFFFFFFFF, "text": b"\xff\xff\xfa\x00\r\n\r\x11\x13"}

@@ -14,10 +14,9 @@ import pytest
 
 import wirebond
 from tests.host_link.protocol import manipulator
-from tests.shared import ROOT
+from tests.shared import PATIENCE, ROOT
 from wirebond.sim.pty_port import PtyPort
 
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 HOLD = 0.3
 FAST, SAFE = 1000, 0
 

@@ -18,7 +18,6 @@ from wirebond.sim.process import FirmwareProcess
 from wirebond.sim.pty_port import PtyPort
 
 FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O0", "-pthread"]
-PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
 PEERS = Path(__file__).parent
 
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.shared import PROTOCOLS
+from tests.shared import PATIENCE, PROTOCOLS
 from wirebond import recording as recordings
 from wirebond.server import Server
 
-PATIENCE = 20.0
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 
 

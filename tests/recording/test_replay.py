@@ -14,7 +14,7 @@ import pytest
 
 import wirebond
 from tests.recording.made import WALL_NS, drive, made
-from tests.shared import PROTOCOLS, codec
+from tests.shared import PATIENCE, PROTOCOLS, codec
 from wirebond import recording as recordings
 from wirebond.cli.main import main
 from wirebond.errors import PortError, UsageError
@@ -23,7 +23,6 @@ from wirebond.recording.into_firmware import RecordedFirmware, replay_into_firmw
 from wirebond.sim import rover
 from wirebond.sim.pty_port import PtyPort
 
-PATIENCE = 20.0
 DIFFDRIVE = codec("diffdrive")
 
 

@@ -17,12 +17,12 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 from rosbags.typesys import Stores, get_typestore
 
+from tests.shared import PATIENCE
 from wirebond.ros2.dds_services import any_bytes
 from wirebond.ros2.idl import idl_type
 from wirebond.ros2.types import RosType, ServiceType, ros_type, service_type
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 _ANY = 0x7F
 _CLIENT = 0x1122334455667788  # as a program over rmw_cyclonedds calls itself
 

@@ -361,9 +361,14 @@ def test_services_answer_programs_over_rmw_cyclonedds(peer: Peer) -> None:
     recover, reset = (peer.serve_calls(name, "std_srvs/Trigger") for name in ("/recover", "/reset_odometry"))
     peer.wait(lambda: recover.is_offered() and reset.is_offered())
     assert recover.call(nothing) == (True, "parameter was sent; the protocol has no reply to it")
-    assert any("aa 55 03 00" in line.data for line in peer.seen["/serial_tx_hex"])
-    drive(peer, 0.5, 0.0, 0.3)
-    assert stand_still(peer).pose.pose.position.x > 0.01
+    peer.wait(lambda: any("aa 55 03 00" in line.data for line in peer.seen["/serial_tx_hex"]))
+
+    def has_moved() -> bool:
+        drive(peer, 0.5, 0.0, 0.1)
+        return bool(peer.seen["/odom"][-1].pose.pose.position.x > 0.01)
+
+    peer.wait(has_moved)
+    stand_still(peer)
     assert reset.call(nothing) == (True, "the pose begins at zero again")
     assert peer.next("/odom").pose.pose.position.x < 0.001
     assert recover.call(nothing, header=False) is None  # as Fast DDS asks

@@ -11,7 +11,7 @@ import rclpy
 from diffdrive_msgs.msg import Odometry, Status, Velocity
 from std_msgs.msg import String
 
-PATIENCE = 30.0  # seconds: a bound for slow machines, not an expectation
+PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
 COMMAND = "TX: aa 55 01 f4 01 00 00"  # of 0.5 m/s
 
 

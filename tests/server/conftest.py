@@ -12,11 +12,10 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.shared import codec
+from tests.shared import PATIENCE, codec
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
 
-PATIENCE = 20.0  # seconds: a bound for slow machines, not an expectation
 WRITER = Path(__file__).with_name("writer.py")
 
 
