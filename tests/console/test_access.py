@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from tests.console.conftest import PATIENCE, Desk, hear, make_desk, say
+from tests.console.conftest import Desk, hear, make_desk, say
+from tests.shared import PATIENCE
 from wirebond.console import Console
 from wirebond.console.guard import Guard
 from wirebond.errors import PortError, UsageError

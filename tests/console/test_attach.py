@@ -12,7 +12,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 import wirebond
-from tests.console.conftest import PATIENCE, Desk, hear, say
+from tests.console.conftest import Desk, hear, say
+from tests.shared import PATIENCE
 from wirebond.attach import words
 from wirebond.console import attach_socket
 

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from tests.console.conftest import PATIENCE, Desk, hear, say, view
-from tests.shared import ROOT, codec
+from tests.console.conftest import Desk, hear, say, view
+from tests.shared import PATIENCE, ROOT, codec
 from wirebond.cli.main import main
 from wirebond.cli.web import with_web_address
 from wirebond.console import Console, Options

@@ -7,7 +7,8 @@ import time
 from typing import cast
 
 import wirebond
-from tests.console.conftest import PATIENCE, Desk
+from tests.console.conftest import Desk
+from tests.shared import PATIENCE
 from wirebond.cli.demo_console import drive
 from wirebond.sim.rover import RoverProcess
 

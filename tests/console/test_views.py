@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.console.conftest import PATIENCE, Desk, batches, hear, say, view, wait_until
+from tests.console.conftest import Desk, batches, hear, say, view, wait_until
+from tests.shared import PATIENCE
 
 
 def odometry(desk: Desk, count: int, first: int = 0) -> None:

@@ -13,9 +13,9 @@ import pytest
 
 import wirebond
 from tests.host_link.drivers import no_engine_ports
-from tests.host_link.mcu import PATIENCE, Mcu, linked, wait_until
+from tests.host_link.mcu import Mcu, linked, wait_until
 from tests.host_link.protocol import manipulator
-from tests.shared import ROOT
+from tests.shared import PATIENCE, ROOT
 from wirebond import _engine
 from wirebond.link import engine_settings
 from wirebond.link.python_link import PythonLink

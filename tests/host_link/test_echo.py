@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 import wirebond
-from tests.host_link.drivers import PATIENCE
 from tests.host_link.mcu import wait_until
 from tests.host_link.protocol import TEXT, manipulator
+from tests.shared import PATIENCE
 from wirebond import _engine
 from wirebond.cli.dump import dump_text
 from wirebond.cli.main import main

@@ -8,8 +8,8 @@ import time
 import pytest
 
 import wirebond
-from tests.host_link.mcu import PATIENCE, Mcu, linked, wait_until
-from tests.shared import codec
+from tests.host_link.mcu import Mcu, linked, wait_until
+from tests.shared import PATIENCE, codec
 from wirebond import MessageError, UsageError
 from wirebond.latency import Measurement, measure, probe_for
 from wirebond.link import Link

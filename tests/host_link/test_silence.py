@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.host_link.drivers import PATIENCE, VirtualDriver
+from tests.host_link.drivers import VirtualDriver
+from tests.shared import PATIENCE
 from wirebond import _engine
 from wirebond.errors import ProtocolFileError, UsageError
 from wirebond.link import engine_settings

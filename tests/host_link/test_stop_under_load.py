@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.host_link.drivers import PATIENCE, PythonDriver, ThreadDriver, VirtualDriver
+from tests.host_link.drivers import PythonDriver, ThreadDriver, VirtualDriver
 from tests.host_link.protocol import manipulator
+from tests.shared import PATIENCE
 from wirebond.errors import LinkDownError
 from wirebond.protocol import loads
 from wirebond.sim.pty_port import PtyPort

@@ -14,7 +14,8 @@ from pyubx2 import SET, UBXMessage, UBXReader
 
 import wirebond
 from tests.contrib.cases import CONTRIB
-from tests.peers.cable import PATIENCE, cable, device
+from tests.peers.cable import cable, device
+from tests.shared import PATIENCE
 
 MANY = 200
 

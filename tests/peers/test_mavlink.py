@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import common
 
 import wirebond
 from tests.contrib.cases import CONTRIB
-from tests.peers.cable import PATIENCE, cable, device
+from tests.peers.cable import cable, device
+from tests.shared import PATIENCE
 
 MANY = 600  # more than a sequence number counts
 

@@ -20,7 +20,8 @@ from pymodbus.server import ModbusSerialServer
 
 import wirebond
 from tests.contrib.cases import CONTRIB
-from tests.peers.cable import PATIENCE, cable, device
+from tests.peers.cable import cable, device
+from tests.shared import PATIENCE
 
 
 @pytest.fixture(scope="module")

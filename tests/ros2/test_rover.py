@@ -22,8 +22,8 @@ import numpy as np
 import pytest
 
 from tests.ros2.over_rclpy import rclpy_environment
-from tests.ros2.peer import PATIENCE, Peer, message, twist
-from tests.shared import PROTOCOLS
+from tests.ros2.peer import Peer, message, twist
+from tests.shared import PATIENCE, PROTOCOLS
 from wirebond.gen.ros2 import ros2_files
 from wirebond.protocol import load
 from wirebond.ros2.dds import LOOPBACK

@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.server.conftest import PATIENCE, Served, wait_until
-from tests.shared import PROTOCOLS
+from tests.server.conftest import Served, wait_until
+from tests.shared import PATIENCE, PROTOCOLS
 from wirebond import recording as recordings
 from wirebond.attach import words
 from wirebond.cli.main import main

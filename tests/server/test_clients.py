@@ -22,8 +22,8 @@ import msgspec
 import pytest
 
 import wirebond
-from tests.server.conftest import PATIENCE, Served, wait_until
-from tests.shared import PROTOCOLS, ROOT, account_closes, few_or_many
+from tests.server.conftest import Served, wait_until
+from tests.shared import PATIENCE, PROTOCOLS, ROOT, account_closes, few_or_many
 from wirebond import LinkDownError, PortError, UsageError
 from wirebond.attach import words
 from wirebond.server import Server
