@@ -37,7 +37,9 @@ def main() -> None:
     assert caller.wait_for_service(PATIENCE)
     called = answer(caller.call_async(Trigger.Request()))
     print(json.dumps([called.success, called.message]))
-    print(json.dumps(node.get_node_names()))
+    (best_effort,) = node.get_publishers_info_by_topic("/axis/state")
+    print(json.dumps([best_effort.qos_profile.reliability.name, node.count_publishers("/axis/counters")]))
+    print(json.dumps([f"{namespace.rstrip('/')}/{name}" for name, namespace in node.get_node_names_and_namespaces()]))
     node.destroy_node()
     rclpy.shutdown()
 

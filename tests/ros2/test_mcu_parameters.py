@@ -35,6 +35,9 @@ services:
 """
 
 
+BEST_EFFORT = {"qos_overrides": {"/axis/state": {"publisher": {"reliability": "best_effort"}}}}
+
+
 class Axis:
     """An MCU with three parameters, each from 0 to 10. It answers nothing before it is switched on."""
 
@@ -100,18 +103,26 @@ def test_parameters_are_read_set_and_followed(axis: Axis) -> None:
 
 
 def test_ros_sets_them_over_rclpy(axis: Axis, tmp_path: Path) -> None:
-    """One process has two links, whose nodes have parameters of their own in one file. A service reads one, too."""
+    """One process has two links, whose nodes have parameters of their own in one file. A service reads one, too.
+    Overrides of qualities of service, remaps and namespaces hold."""
     environment = rclpy_environment() | {"ROS_DOMAIN_ID": str(101 + os.getpid() % 100)}
     axis.is_on.set()
     protocol = PROTOCOLS / "linear_axis.yaml"
     nodes = {
-        "axis": {"protocol": str(protocol), "port": axis.line.path, "mapping": str(tmp_path / "mapping.yaml")},
+        "axis": {
+            "protocol": str(protocol),
+            "port": axis.line.path,
+            "mapping": str(tmp_path / "mapping.yaml"),
+            **BEST_EFFORT,
+        },
         "other": {"protocol": str(protocol), "port": "sim:"},
     }
     (tmp_path / "mapping.yaml").write_text(READS)
     file = tmp_path / "two.yaml"
-    file.write_text(json.dumps({f"/{name}": {"ros__parameters": given} for name, given in nodes.items()}))
-    command = [sys.executable, "-m", "wirebond_ros.bridge", *nodes, "--ros-args", "--params-file", str(file)]
+    file.write_text(json.dumps({f"/**/{name}": {"ros__parameters": given} for name, given in nodes.items()}))
+    remaps = ("axis:/axis/link_counters:=/axis/counters", "other:__ns:=/robot1")
+    options = ["--params-file", str(file), *(text for remap in remaps for text in ("-r", remap))]
+    command = [sys.executable, "-m", "wirebond_ros.bridge", *nodes, "--ros-args", *options]
     bridge = subprocess.Popen(command, env=environment)
     try:
         client = [sys.executable, str(Path(__file__).with_name("parameter_client.py")), "mcu.travel", "0.5", "11.0"]
@@ -120,10 +131,11 @@ def test_ros_sets_them_over_rclpy(axis: Axis, tmp_path: Path) -> None:
     finally:
         bridge.terminate()
         assert bridge.wait(20) == 0
-    taken, refused, called, names = map(json.loads, said.stdout.splitlines())
+    taken, refused, called, topics, names = map(json.loads, said.stdout.splitlines())
     assert taken == [True, "", 0.5]
     assert refused[0] is False
     assert "the MCU refused 11.0 for parameter travel: it is out of range" in refused[1]
     assert refused[2] == 0.5
     assert called == [True, "ok"]
-    assert {"axis", "other"} <= set(names)
+    assert topics == ["BEST_EFFORT", 1]
+    assert {"/axis", "/robot1/other"} <= set(names)
