@@ -31,7 +31,7 @@ from wirebond.sim.pty_port import PtyPort
 HOUR = 3600.0
 RATE = 1000  # messages a second
 PEAK = 32_000
-MOVES = 60  # of the pointer at each scale
+MOVES = 120  # of the pointer at each scale
 SPANS = (HOUR, 300.0, 10.0)  # seconds that are shown while it is dragged
 COMMAND = "make bench ONLY=console_scrub"
 _PIECE = 100_000  # frames that are fed at once
@@ -150,8 +150,7 @@ def _drag(page: Page, at: float, path: list[float], span: float) -> tuple[dict[s
     page.mouse.move(x, y)
     page.mouse.down()
     for share in path:
-        page.mouse.move(x + share * width, y)
-        page.wait_for_timeout(16)
+        page.mouse.move(x + share * width, y)  # returns when the page has heard of it
     page.wait_for_function(_SHOWN, arg=span / width)
     seen = page.evaluate("seen")
     page.mouse.up()
