@@ -379,7 +379,7 @@ void Link::run() {
     lock.lock();
     planned_us_ = 0;  // awake
     std::uint64_t ignored;
-    static_cast<void>(!::read(wakeup_.get(), &ignored, sizeof ignored));
+    if (watched[0].revents != 0) static_cast<void>(!::read(wakeup_.get(), &ignored, sizeof ignored));
     if (port_.is_open()) {
       read_some();
     } else {
@@ -412,13 +412,14 @@ void Link::read_some() {
 }
 
 void Link::write_some() {
+  if (core_.outbox().is_empty() || !port_.is_open()) return;
+  int held = 0;  // what the driver knows of; a UART or an adapter may hold more
+  if (::ioctl(port_.get(), TIOCOUTQ, &held) == 0 && held > 0) {
+    core_.link().driver_holds(static_cast<std::size_t>(held), monotonic_us());
+  }
   while (port_.is_open()) {
     const std::uint64_t now = monotonic_us();
-    int held = 0;  // what the driver knows of; a UART or an adapter may hold more
-    if (::ioctl(port_.get(), TIOCOUTQ, &held) == 0 && held > 0) {
-      core_.link().driver_holds(static_cast<std::size_t>(held), now);
-    }
-    const Outgoing out = core_.to_write(now);
+    const Outgoing out = core_.to_write(now, true);
     if (out.size == 0) return;
     const ssize_t done = opener_->write(port_.get(), out.bytes, out.size);
     if (done < 0 && errno != EAGAIN && errno != EINTR) return go_down(errno, now);

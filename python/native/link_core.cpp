@@ -93,6 +93,7 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
       queue_frames_(new QueuedFrame[max_queued_frames + setup_.every_us.size() + setup_.more_addresses]),
       values_(setup_.every_us.size() + setup_.more_addresses),
       leaving_(setup_.largest_frame),
+      together_(max_together_bytes),
       counts_(setup_.protocol->messages().size(), 0),
       sent_(setup_.every_us.size(), 0),
       sequence_(setup_.receive),
@@ -137,6 +138,8 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
   memory.outbox.safe_capacity = safe_values_.size();
   memory.outbox.leaving = leaving_.data();
   memory.outbox.leaving_capacity = leaving_.size();
+  memory.outbox.together = together_.data();
+  memory.outbox.together_capacity = together_.size();
   memory.outbox.numbers = numbers_.get();
   memory.outbox.sent_by_message = sent_.data();
   memory.deadlines = {setup_.deadlines.data(), setup_.deadlines.size(), deadline_since_.data(), deadline_marks_.data()};
@@ -242,7 +245,9 @@ void LinkCore::tell(LinkChange change) {
   changes_.push_back(change);
 }
 
-Outgoing LinkCore::to_write(std::uint64_t now_us) { return to_write_ = link_->to_write(now_us); }
+Outgoing LinkCore::to_write(std::uint64_t now_us, bool together) {
+  return to_write_ = link_->to_write(now_us, together && echo_ == nullptr);
+}
 
 void LinkCore::written(std::size_t size, std::uint64_t now_us) {
   if (size != 0) {
@@ -561,11 +566,11 @@ void bind_link_core(nb::module_& m) {
           "poll", [](LinkCore& self, std::uint64_t now) { self.poll(now); }, nb::arg("now"))
       .def(
           "to_write",
-          [](LinkCore& self, std::uint64_t now) {
-            const Outgoing out = self.to_write(now);
+          [](LinkCore& self, std::uint64_t now, bool together) {
+            const Outgoing out = self.to_write(now, together);
             return nb::bytes(reinterpret_cast<const char*>(out.bytes), out.size);
           },
-          nb::arg("now"))
+          nb::arg("now"), nb::arg("together") = false)
       .def(
           "hand_over", [](LinkCore& self, std::uint64_t now) { return self.hand_over(now); }, nb::arg("now"))
       .def(

@@ -91,6 +91,7 @@ class LinkCore {
  public:
   static constexpr std::size_t max_queued_bytes = 65536;
   static constexpr std::size_t max_queued_frames = 16384;
+  static constexpr std::size_t max_together_bytes = 4096;
   static constexpr std::size_t max_waiting_messages = 65536;
   /// What this computer may be late to hear an echo: to wait longer only tells a collision later.
   static constexpr std::uint64_t scheduling_us = 100'000;
@@ -116,8 +117,9 @@ class LinkCore {
   void recover_deadline(std::uint8_t action, std::uint64_t now_us);
   /// That of `link()`, and when own bytes are not expected to come back any more.
   std::uint64_t next_due(std::uint64_t now_us) const;
-  /// Those of `link()`; what was written is kept for `recent`.
-  Outgoing to_write(std::uint64_t now_us);
+  /// Those of `link()`; what was written is kept for `recent`. An echo is compared frame by frame: then none leave
+  /// together.
+  Outgoing to_write(std::uint64_t now_us, bool together = false);
   void written(std::size_t size, std::uint64_t now_us);
   void port_up(std::uint64_t now_us);
   /// `why`: the sentence that says it; empty where the link ends.
@@ -181,6 +183,7 @@ class LinkCore {
   std::vector<SafeValue> safe_values_;
   std::deque<std::vector<std::uint8_t>> safe_frames_;  ///< of addresses that the file does not name
   std::vector<std::uint8_t> leaving_;
+  std::vector<std::uint8_t> together_;
   std::vector<std::uint64_t> next_numbers_;  ///< one, or one for each message
   std::vector<std::uint8_t> numbering_;      ///< scratch
   std::unique_ptr<FrameNumbers> numbers_;    ///< null: frames have no sequence number

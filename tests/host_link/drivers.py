@@ -164,7 +164,7 @@ class VirtualDriver(Driver):
         while self.is_plugged:
             if self.tells_what_it_holds:
                 self.core.driver_holds(len(self._buffer), self.now)
-            data = self.core.to_write(self.now)
+            data = self.core.to_write(self.now, together=True)
             if not data:
                 return
             room = min(len(data), self.buffer_bytes - len(self._buffer))

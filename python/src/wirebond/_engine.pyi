@@ -214,8 +214,8 @@ class LinkCore:
         """A read found nothing."""
     def poll(self, now: int) -> None:
         """Do what is due."""
-    def to_write(self, now: int) -> bytes:
-        """The bytes that may be written now."""
+    def to_write(self, now: int, together: bool = False) -> bytes:
+        """The bytes that may be written now: of one frame, or ``together`` of several that nothing else concerns."""
     def hand_over(self, now: int) -> bytes:
         """As ``to_write``, for a driver that writes while others send: all but the last byte count as written, so that
         the frame is under way; ``written(1)`` follows when the port took them. One lone byte counts at once."""

@@ -50,8 +50,12 @@ class FrameQueue {
 
   /// The first one; only where there is one.
   const QueuedFrame& front() const { return frames_[first_]; }
+  /// The one behind `index` others; only where there is one.
+  const QueuedFrame& at(std::size_t index) const { return frames_[(first_ + index) % frame_capacity_]; }
   /// Copies its bytes to `out`, which holds `front().size`.
-  void copy_front(std::uint8_t* out) const { read(first_byte_, out, front().size); }
+  void copy_front(std::uint8_t* out) const { copy_front(out, front().size); }
+  /// The same for as many as have `size` bytes together.
+  void copy_front(std::uint8_t* out, std::size_t size) const { read(first_byte_, out, size); }
   void pop() {
     used_ -= front().size;
     first_byte_ = wrapped(first_byte_ + front().size);

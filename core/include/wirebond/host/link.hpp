@@ -112,9 +112,9 @@ class HostLink {
   }
 
   /// The bytes to hand over now; then call `written` with how many the port took. Tells the deframer first which
-  /// answer to expect: none can come before the first byte of its request leaves.
-  Outgoing to_write(std::uint64_t now_us) {
-    const Outgoing out = outbox_.to_write(now_us);
+  /// answer to expect: none can come before the first byte of its request leaves. `together`: see HostOutbox.
+  Outgoing to_write(std::uint64_t now_us, bool together = false) {
+    const Outgoing out = outbox_.to_write(now_us, together);
     if (out.size != 0 && out.reply >= 0) {
       deframer_.expect(out.reply);
       addressing_.asks(out.reply, out.address);

@@ -44,7 +44,7 @@ struct HostSendAccount {
   }
 };
 
-/// The bytes to hand over next. `size` 0: none now.
+/// The bytes to hand over next: of one frame, or of several that ask for no reply. `size` 0: none now.
 struct Outgoing {
   const std::uint8_t* bytes = nullptr;
   std::size_t size = 0;
@@ -67,7 +67,7 @@ class HostOutbox {
  public:
   /// The caller's, and outlives this object. `leases` has one entry for each message of the protocol, by index, and
   /// behind these any number for further addresses. `safe_values` has room for `safe_capacity`; the first `safe_count`
-  /// are those of the file. `leaving` holds the largest frame.
+  /// are those of the file. `leaving` holds the largest frame, and `together` what `to_write` gives at once.
   struct Memory {
     std::uint8_t* bytes = nullptr;
     std::size_t byte_capacity = 0;
@@ -81,6 +81,8 @@ class HostOutbox {
     std::size_t safe_capacity = 0;
     std::uint8_t* leaving = nullptr;
     std::size_t leaving_capacity = 0;
+    std::uint8_t* together = nullptr;  ///< null: frames leave one by one
+    std::size_t together_capacity = 0;
     FrameNumbers* numbers = nullptr;  ///< null: frames have no sequence number
     /// Counts what left, one for each of `message_count`; null: not counted.
     std::uint64_t* sent_by_message = nullptr;
@@ -277,11 +279,8 @@ class HostOutbox {
     is_blocked_ = false;
     if (written_ != 0) {
       account_.aborted += 1;
-      written_ = leaving_size_ = 0;
-      if (SafeValue* const safe = safe_under_way_) {
-        if (!safe->waits) offer_safe(*safe);
-        safe_under_way_ = nullptr;
-      }
+      if (safe_under_way_ != nullptr && !safe_under_way_->waits) offer_safe(*safe_under_way_);
+      end_of_frame();
     }
     account_.expired += queue_.drop([](const QueuedFrame&) { return true; });
     for (std::size_t i = 0; i < memory_.lease_count; ++i) memory_.leases[i].waits = false;
@@ -289,13 +288,22 @@ class HostOutbox {
 
   // ---- writing
 
-  /// What to hand to the port now. Call `written` before anything else.
-  Outgoing to_write(std::uint64_t now_us) {
+  /// What to hand to the port now. Call `written` before anything else. `together`: frames that may leave now, and that
+  /// nothing else is to be known of, are given at once; else one by one.
+  Outgoing to_write(std::uint64_t now_us, bool together = false) {
     if (!is_up_) return {};
-    if (written_ != 0) return {memory_.leaving + written_, leaving_size_ - written_, -1, 0};
+    if (written_ != 0) return {leaving_ + written_, leaving_size_ - written_, -1, 0};
     expire(now_us);
     leaving_size_ = next_size();
     if (leaving_size_ == 0 || !pacing_.may_begin(leaving_size_, now_us)) return {};
+    if (const std::size_t size = together ? several(now_us) : 0; size > leaving_size_) {
+      queue_.copy_front(memory_.together, size);
+      leaving_ = memory_.together;
+      leaving_message_ = queue_.front().message;
+      takes_number_ = false;
+      return {leaving_, size, -1, 0};
+    }
+    leaving_ = memory_.leaving;
     return copy_next();
   }
 
@@ -303,15 +311,22 @@ class HostOutbox {
   void written(std::size_t size, std::uint64_t now_us) {
     is_blocked_ = size == 0;
     if (size == 0) return;
-    if (written_ == 0) take_next();
     pacing_.written(size, now_us);
-    written_ += size;
     account_.sent_bytes += size;
-    if (written_ < leaving_size_) return;
-    account_.sent += 1;
-    if (memory_.sent_by_message != nullptr && leaving_message_ >= 0) memory_.sent_by_message[leaving_message_] += 1;
-    written_ = leaving_size_ = 0;
-    safe_under_way_ = nullptr;
+    for (;;) {
+      if (written_ == 0) take_next();
+      const std::size_t of_frame = std::min(size, leaving_size_ - written_);
+      written_ += of_frame;
+      size -= of_frame;
+      if (written_ < leaving_size_) return;
+      account_.sent += 1;
+      if (memory_.sent_by_message != nullptr && leaving_message_ >= 0) memory_.sent_by_message[leaving_message_] += 1;
+      leaving_ += leaving_size_;
+      end_of_frame();
+      if (size == 0) return;
+      leaving_size_ = queue_.front().size;  // it was given with the frame before it
+      leaving_message_ = queue_.front().message;
+    }
   }
 
   /// The port took nothing, and says when it will.
@@ -465,6 +480,24 @@ class HostOutbox {
     return frame.is_value() ? memory_.leases[frame.lease].size() : frame.size;
   }
 
+  /// How many bytes the first frames of the queue have that may leave at once; 0: the next one leaves alone.
+  std::size_t several(std::uint64_t now_us) const {
+    if (memory_.numbers != nullptr || waiting_safe() != nullptr) return 0;
+    std::size_t size = 0;
+    for (std::size_t i = 0; i < queue_.size(); ++i) {
+      const QueuedFrame& frame = queue_.at(i);
+      if (frame.is_value() || frame.reply >= 0 || frame.size > memory_.together_capacity - size) break;
+      if (i != 0 && !pacing_.may_follow(size, frame.size, now_us)) break;
+      size += frame.size;
+    }
+    return size;
+  }
+
+  void end_of_frame() {
+    written_ = leaving_size_ = 0;
+    safe_under_way_ = nullptr;
+  }
+
   Outgoing copy_next() {
     if (const SafeValue* const safe = waiting_safe()) {
       std::memcpy(memory_.leaving, safe->frame(), safe->size());
@@ -506,7 +539,8 @@ class HostOutbox {
   std::uint64_t max_age_us_;
   std::size_t safe_count_;
   HostSendAccount account_;
-  std::size_t written_ = 0;  ///< of the frame under way; 0: none has begun
+  const std::uint8_t* leaving_ = nullptr;  ///< the frame that `to_write` gave last, or the first of several
+  std::size_t written_ = 0;                ///< of the frame under way; 0: none has begun
   std::size_t leaving_size_ = 0;
   std::int16_t leaving_message_ = -1;
   bool takes_number_ = false;  ///< what `to_write` gave last

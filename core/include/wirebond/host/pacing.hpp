@@ -49,6 +49,10 @@ class Pacing {
     if (pause_us_ != 0) return now_us >= pause_ends_us();
     return !is_paced() || waiting_us(now_us) <= room_us(size);
   }
+  /// The same directly behind others, which have `ahead` bytes and are handed over with it.
+  constexpr bool may_follow(std::size_t ahead, std::size_t size, std::uint64_t now_us) const {
+    return pause_us_ == 0 && (!is_paced() || waiting_us(now_us) + line_us(ahead) <= room_us(size));
+  }
 
   /// When to try again after `may_begin` said no: early enough that the line does not run dry, and not for each frame.
   constexpr std::uint64_t begins_at_us(std::size_t size, std::uint64_t now_us) const {
