@@ -109,7 +109,8 @@ class Handlers:
 
     def want(self, name: str) -> bool:
         """Is there a handler for messages of this name?"""
-        return any(h.name is None or h.name == name for h in self._of_messages)
+        handlers = self._of_messages
+        return bool(handlers) and any(h.name is None or h.name == name for h in handlers)
 
     def move_from(self, messages: deque[Message], count: int) -> None:
         """The first ``count`` of these wait for their turn from now on. One thread at a time."""

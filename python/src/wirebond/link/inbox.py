@@ -151,6 +151,8 @@ class Inbox:
             with contextlib.suppress(IndexError):
                 taken.extend(map(call, (self._given_back.popleft,)))
                 return True
+        if timeout <= 0 and self._queue.empty() and not self.ended.is_set():
+            return False  # an exception for it would cost more than a message
         found: list[Message | None] = []
         try:
             if timeout > 0:
@@ -246,6 +248,8 @@ class Inbox:
         self._tell()
 
     def _drop_oldest(self) -> None:
+        if self._queue.qsize() <= MAX_WAITING:
+            return
         with contextlib.suppress(Empty):
             while self._queue.qsize() > MAX_WAITING:
                 self._dropped += self._queue.get_nowait() is not None
