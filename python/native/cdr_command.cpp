@@ -202,17 +202,27 @@ nb::object CdrCommand::fitting(const Value& value, const nb::object& found) {
   return given >= value.least && given <= value.greatest ? nb::object(nb::float_(given)) : nb::object();
 }
 
+nb::list CdrCommand::frames(nb::list messages, std::size_t first) const {
+  nb::list out;
+  for (; first < messages.size(); ++first) {
+    const nb::object found = frame(nb::cast<nb::bytes>(messages[first]));
+    if (!found.is_valid()) break;
+    out.append(found);
+  }
+  return out;
+}
+
 nb::object CdrCommand::frame(nb::bytes data) const {
   const auto* const bytes = static_cast<const std::uint8_t*>(data.data());
-  if (data.size() < encapsulation_bytes || bytes[0] != 0 || bytes[1] > 1) return nb::none();
+  if (data.size() < encapsulation_bytes || bytes[0] != 0 || bytes[1] > 1) return {};
   std::vector<nb::object> slots(slots_);
   Walk walk(bytes + encapsulation_bytes, data.size() - encapsulation_bytes,
             bytes[1] == 1 ? ByteOrder::little : ByteOrder::big, slots);
-  if (!walk.all(parts_)) return nb::none();
+  if (!walk.all(parts_)) return {};
   nb::dict fields = nb::steal<nb::dict>(steal(PyDict_Copy(constants_.ptr())).release());
   for (const Value& value : values_) {
     const nb::object given = fitting(value, slots[value.slot]);
-    if (!given.is_valid()) return nb::none();
+    if (!given.is_valid()) return {};
     fields[value.name] = given;
   }
   try {
@@ -221,7 +231,7 @@ nb::object CdrCommand::frame(nb::bytes data) const {
     return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
   } catch (nb::python_error& error) {  // the engine refuses it: Python says so
     if (!error.matches(PyExc_Exception)) throw;
-    return nb::none();
+    return {};
   }
 }
 

@@ -24,9 +24,9 @@ class CdrCommand {
   static std::unique_ptr<CdrCommand> make(std::shared_ptr<const ProtocolTable> protocol,
                                           std::shared_ptr<const FormatTable> format, nb::handle plan, nb::dict bounds);
 
-  /// The wire bytes for a topic's bytes, which come from any program of the network; None: Python's turn. About 1 µs.
-  /// Any thread, with the GIL.
-  nb::object frame(nb::bytes data) const;
+  /// The wire bytes for each of these topic's bytes, which come from any program of the network, from `first` on, up to
+  /// one that is Python's turn. About 1 µs each. Any thread, with the GIL.
+  nb::list frames(nb::list messages, std::size_t first) const;
 
  private:
   enum class Times : std::uint8_t { one, array, sequence };
@@ -53,6 +53,8 @@ class CdrCommand {
   class Walk;
 
   static Part read_part(nb::handle part);
+  /// Invalid where it is Python's turn.
+  nb::object frame(nb::bytes data) const;
   static nb::object fitting(const Value& value, const nb::object& found);
 
   std::shared_ptr<const ProtocolTable> protocol_;

@@ -3,6 +3,7 @@
 
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <type_traits>
@@ -189,7 +190,16 @@ bool CdrPacker::put(const Value& value, std::uint64_t raw, std::uint8_t* to) {
   return store_float(to, value.code, si);
 }
 
-nb::object CdrPacker::pack(const Message& message, std::int64_t stamp_ns) const {
+nb::list CdrPacker::pack(nb::list messages, nb::list stamps_ns) const {
+  nb::list out;
+  const std::size_t count = std::min(messages.size(), stamps_ns.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    out.append(pack_one(nb::cast<const Message&>(messages[i]), nb::cast<std::int64_t>(stamps_ns[i])));
+  }
+  return out;
+}
+
+nb::object CdrPacker::pack_one(const Message& message, std::int64_t stamp_ns) const {
   constexpr std::int64_t second_ns = 1'000'000'000;
   const Event& event = message.event();
   const Batch& batch = message.batch();
@@ -209,6 +219,17 @@ nb::object CdrPacker::pack(const Message& message, std::int64_t stamp_ns) const 
   const std::uint8_t* const payload = batch.bytes.data() + event.payload_at;
   for (const Value& value : values_) {
     if (!put(value, load_raw(*value.field, payload + value.place, value.index), to + value.at)) return nb::none();
+  }
+  return out;
+}
+
+nb::list stamps_ns(nb::list messages, std::int64_t ahead_ns) {
+  nb::list out;
+  for (nb::handle each : messages) {
+    Message& message = nb::cast<Message&>(each);
+    const nb::object stamp = message.stamp();
+    const double seconds = stamp.is_none() ? message.time() : nb::cast<double>(stamp);
+    out.append(static_cast<std::int64_t>(seconds * 1e9) + ahead_ns);
   }
   return out;
 }

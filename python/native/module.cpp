@@ -128,10 +128,11 @@ NB_MODULE(_engine, m) {
 
   nb::class_<CdrPacker>(m, "CdrPacker")
       .def_static("make", &CdrPacker::make, "protocol"_a, "plan"_a)
-      .def("pack", &CdrPacker::pack, "message"_a, "stamp_ns"_a);
+      .def("pack", &CdrPacker::pack, "messages"_a, "stamps_ns"_a);
+  m.def("stamps_ns", &stamps_ns, "messages"_a, "ahead_ns"_a);
   nb::class_<CdrCommand>(m, "CdrCommand")
       .def_static("make", &CdrCommand::make, "protocol"_a, "format"_a, "plan"_a, "bounds"_a)
-      .def("frame", &CdrCommand::frame, "data"_a);
+      .def("frames", &CdrCommand::frames, "messages"_a, "first"_a = 0);
 
   m.def("encode", &encode, "protocol"_a, "format"_a, "index"_a, "values"_a, "header"_a, "form"_a = -1);
   m.def("header_bits", &header_bits, "format"_a, "header"_a);

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
 from wirebond.ros2.cdr import decode, encode
 from wirebond.ros2.node import Answer, Parameter, Qos, Quick
+from wirebond.ros2.subscriber import Subscriber
 from wirebond.ros2.types import RosType, ServiceType
 
 
@@ -21,12 +22,12 @@ class FakePublisher:
 
     def publish(self, values: Mapping[str, Any]) -> None:
         """As a subscriber gets it: through its bytes."""
-        self.publish_bytes(encode(self._type, values))
+        self.publish_encoded((encode(self._type, values),))
 
-    def publish_bytes(self, data: bytes) -> None:
-        received = decode(self._type, data)
+    def publish_encoded(self, messages: Iterable[bytes]) -> None:
+        received = [decode(self._type, data) for data in messages]
         with self._node.changed:
-            self._node.published[self._topic].append(received)
+            self._node.published[self._topic] += received
             self._node.changed.notify_all()
 
 
@@ -60,12 +61,14 @@ class FakeNode:
     ) -> None:
         """``quick`` is asked first, as an adapter with bytes does."""
 
+        def note_undecodable() -> None:
+            self.undecodable[topic] += 1
+
+        subscriber = Subscriber(type_, take, note_undecodable, quick)
+
         def give(values: dict[str, Any]) -> None:
-            data = encode(type_, values)
-            if quick is None or not quick.take(data):
-                take(decode(type_, data))
-            if quick is not None:
-                quick.flush()
+            subscriber.give([encode(type_, values)])
+            subscriber.flush()
 
         self.qos[topic], self.types[topic], self.take[topic] = qos, type_.short, give
 

@@ -17,14 +17,21 @@ _SITE = _WHEELS / f"python{sys.version_info.major}.{sys.version_info.minor}" / "
 
 
 def rclpy_environment() -> dict[str, str]:
-    """The environment of a process that runs `wirebond_ros` over rclpy, on this computer alone. Without rclpy the test
-    is skipped."""
+    """As `find_rclpy`. Without rclpy the test is skipped."""
+    found = find_rclpy()
+    if found is None:
+        pytest.skip("no rclpy: source ROS 2, or make build/rclpy.stamp")
+    return found
+
+
+def find_rclpy() -> dict[str, str] | None:
+    """The environment of a process that runs `wirebond_ros` over rclpy, on this computer alone; None: there is none."""
     if importlib.util.find_spec("rclpy") is not None:
         paths, libraries = [PACKAGE], list[Path]()
     elif (_SITE / "rclpy" / "__init__.py").is_file():
         paths, libraries = [_SITE, PACKAGE], [_WHEELS, *sorted(_SITE.glob("ros_*.libs"))]
     else:
-        pytest.skip("no rclpy: source ROS 2, or make build/rclpy.stamp")
+        return None
     return os.environ | {
         "PYTHONPATH": _before("PYTHONPATH", paths),
         "LD_LIBRARY_PATH": _before("LD_LIBRARY_PATH", libraries),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import nullcontext
 from functools import cache
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -27,6 +28,7 @@ class Subscription:
     def __init__(self, class_: Any) -> None:
         self.msg_type = class_
         self.handle = self
+        self.event_handlers: list[Any] = []
         self.waiting: list[bytes] = []
 
     def take_message(self, class_: Any, raw: bool) -> tuple[bytes, None] | None:
@@ -38,6 +40,22 @@ class Subscription:
 
     def __exit__(self, *_: object) -> None:
         pass
+
+
+class WaitSet:
+    """Waits a little, whatever comes."""
+
+    def __init__(self, *_: Any) -> None:
+        pass
+
+    def clear_entities(self) -> None:
+        pass
+
+    def add_subscription(self, _: Any) -> None:
+        pass
+
+    def wait(self, timeout_ns: int) -> None:
+        time.sleep(min(timeout_ns * 1e-9, 0.002))
 
 
 class Node:
@@ -54,10 +72,11 @@ class Node:
         self.services: set[str] = set()  # that other nodes serve
         self.asked: list[str] = []
         self.served: dict[str, Any] = {}
+        self.context = SimpleNamespace(handle=nullcontext(), ok=lambda: True)
         self._given = parameters or {}
 
     def create_publisher(self, class_: Any, topic: str, profile: Any, **options: Any) -> Any:
-        assert set(options) == {"event_callbacks", "qos_overriding_options"}
+        assert set(options) == {"callback_group", "event_callbacks", "qos_overriding_options"}
         self.profiles[topic] = profile
         kept = self.published.setdefault(topic, [])
 
@@ -67,7 +86,7 @@ class Node:
             assert type_ is not None
             kept.append(decode(type_, message))
 
-        return SimpleNamespace(publish=publish)
+        return SimpleNamespace(publish=publish, event_handlers=[])
 
     def create_subscription(self, class_: Any, topic: str, take: Any, profile: Any, **options: Any) -> Any:
         assert options["raw"]
@@ -139,7 +158,7 @@ def install(patch: pytest.MonkeyPatch, *, has_take: bool = True) -> list[Node]:
     :param has_take: whether this rclpy has the call that a take loop needs.
     """
     Executor.has_ended = False
-    implementation = {"Subscription": Subscription if has_take else object}
+    implementation = {"Subscription": Subscription if has_take else object, "WaitSet": WaitSet}
     nodes: list[Node] = []
     policies = SimpleNamespace(RELIABLE="reliable", BEST_EFFORT="best effort")
     durability = SimpleNamespace(TRANSIENT_LOCAL="transient local", VOLATILE="volatile")
@@ -158,8 +177,6 @@ def install(patch: pytest.MonkeyPatch, *, has_take: bool = True) -> list[Node]:
         "rclpy.node": {"Node": Node},
         "rclpy.parameter": {"Parameter": lambda name, value: SimpleNamespace(name=name, value=value)},
         "rclpy.callback_groups": {"CallbackGroup": object},
-        "rclpy.subscription": {"Subscription": Subscription},
-        "rclpy.service": {"Service": object},
         "rclpy.impl": {},
         "rclpy.impl.implementation_singleton": {"rclpy_implementation": SimpleNamespace(**implementation)},
         "rclpy.qos": {

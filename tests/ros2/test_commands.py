@@ -120,13 +120,13 @@ def test_the_same_thing_is_said_once_a_second_with_how_often_it_happened() -> No
     ]
 
 
-def frame_of(link: FakeLink, **fields: float) -> tuple[int, bytes]:
-    return link.codec._index_of("velocity"), link.codec.encode("velocity", fields)
+def frames_of(link: FakeLink, **fields: float) -> tuple[int, list[bytes]]:
+    return link.codec._index_of("velocity"), [link.codec.encode("velocity", fields)]
 
 
 def test_frames_leave_together_with_the_flush_and_before_what_is_sent_later(commands: Commands, link: FakeLink) -> None:
     for speed in (0.1, 0.2):
-        commands.send_frame(*frame_of(link, linear=speed, angular=0.0))
+        commands.send_frames(*frames_of(link, linear=speed, angular=0.0))
     assert link.sent == []
     commands.send("velocity", {"linear": 0.3, "angular": 0.0})
     assert [round(values["linear"], 3) for _, values, _ in link.sent] == [0.1, 0.2, 0.3]
@@ -135,8 +135,8 @@ def test_frames_leave_together_with_the_flush_and_before_what_is_sent_later(comm
 
 
 def test_frame_that_waits_when_navigation_stops_is_refused(commands: Commands, link: FakeLink, said: list[str]) -> None:
-    commands.send_frame(*frame_of(link, linear=0.5, angular=0.0))
-    commands.send_frame(link.codec._index_of("status_query"), link.codec.encode("status_query"))
+    commands.send_frames(*frames_of(link, linear=0.5, angular=0.0))
+    commands.send_frames(link.codec._index_of("status_query"), [link.codec.encode("status_query")])
     commands.stop("no odometry")
     commands.flush()
     assert [name for name, _, _ in link.sent] == ["no more velocity", "velocity", "status_query"]
@@ -150,7 +150,7 @@ def test_frames_that_the_link_refuses_are_counted_and_said_once(
 ) -> None:
     link.is_down = True
     for _ in range(3):
-        commands.send_frame(*frame_of(link, linear=0.5, angular=0.0))
+        commands.send_frames(*frames_of(link, linear=0.5, angular=0.0))
     commands.flush()
     assert (commands.counts["refused"], link.sent) == (3, [])
     assert said == ["warning: velocity was not sent: the port is away"]

@@ -142,7 +142,7 @@ def compare(codec: Codec, messages: list[Message], draw: random.Random) -> int:
         packer = None if topic.plan is None else _engine.CdrPacker.make(codec._table, topic.plan)
         for message in messages if packer is not None else ():
             stamp_ns = draw.choice(STAMPS_NS)
-            found = packer.pack(message, stamp_ns) if packer is not None else None
+            (found,) = packer.pack([message], [stamp_ns])
             if message.name != topic.message:
                 assert found is None
                 continue
@@ -195,7 +195,7 @@ def test_message_of_another_protocol_is_not_packed() -> None:
     assert packer is not None
     rover = shipped("diffdrive")
     (status,) = rover.decoder("mcu").feed(rover.encode("status", battery=12.0, errors=[], state=[]))
-    assert packer.pack(status, 0) is None
+    assert packer.pack([status], [0]) == [None]
 
 
 @pytest.mark.parametrize(

@@ -119,8 +119,13 @@ class CdrPacker:
         """:param plan: a ``wirebond.ros2.mapping.packing.PackPlan``.
         :returns: None: a value has no place that is the same in every payload.
         """
-    def pack(self, message: Message, stamp_ns: int) -> bytes | None:
-        """:returns: the topic's bytes with this stamp; None: a value is not of its type, or it is another message."""
+    def pack(self, messages: list[Message], stamps_ns: list[int]) -> list[bytes | None]:
+        """:returns: for each the topic's bytes with its stamp; None: a value is not of its type, or it is another
+        message.
+        """
+
+def stamps_ns(messages: list[Message], ahead_ns: int) -> list[int]:
+    """When each came, or its own stamp where it has one: in nanoseconds, ``ahead_ns`` later."""
 
 class CdrCommand:
     """The bytes (CDR) of a ROS 2 topic as the frame of a command. Any thread may use it."""
@@ -133,8 +138,10 @@ class CdrCommand:
         :param bounds: least and greatest value of each number of the message.
         :returns: None: the protocol has no such message.
         """
-    def frame(self, data: bytes) -> bytes | None:
-        """:returns: the frame; None: the bytes are no message, or a value is not within its bounds."""
+    def frames(self, messages: list[bytes], first: int = 0) -> list[bytes]:
+        """:returns: the frame of each, from ``first`` on, up to one whose bytes are no message, or that has a value
+        which is not within its bounds.
+        """
 
 class Follower:
     """Bytes of one end that go on coming, to columns. One thread at a time."""

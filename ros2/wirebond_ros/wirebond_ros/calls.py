@@ -13,7 +13,6 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.service import Service
 
 from wirebond_ros.not_spun import NotSpun
 
@@ -29,7 +28,7 @@ class CallLoop:
 
     def __init__(self, fail: Callable[[str], None]) -> None:
         """``fail``: takes the sentence for an answer that could not be made."""
-        self.group = NotSpun(Service) if _can_take() else None
+        self.group = NotSpun() if _can_take() else None
         self._fail = fail
         self._services: list[Any] = []
         self._closed = threading.Event()

@@ -10,7 +10,7 @@ import importlib
 import os
 import threading
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from action_msgs.srv import CancelGoal
@@ -22,8 +22,9 @@ from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy, qos
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from wirebond.errors import UsageError, WirebondError
-from wirebond.ros2.cdr import decode, encode
+from wirebond.ros2.cdr import encode
 from wirebond.ros2.node import Answer, Parameter, Qos, Quick, mismatch
+from wirebond.ros2.subscriber import Subscriber
 from wirebond.ros2.types import RosType, ServiceType
 from wirebond_ros.calls import CallLoop
 from wirebond_ros.taking import TakeLoop, Taken
@@ -40,11 +41,12 @@ class RclpyPublisher:
 
     def publish(self, values: Mapping[str, Any]) -> None:
         """Send one message. Any thread."""
-        self._publisher.publish(encode(self._type, values))
+        self.publish_encoded((encode(self._type, values),))
 
-    def publish_bytes(self, data: bytes) -> None:
+    def publish_encoded(self, messages: Iterable[bytes]) -> None:
         """See ``wirebond.ros2.node.Publisher``. Any thread."""
-        self._publisher.publish(data)
+        for data in messages:
+            self._publisher.publish(data)
 
 
 class RclpyNode:
@@ -56,7 +58,7 @@ class RclpyNode:
         self._parameters: dict[str, Parameter] = {}
         self._started = threading.Event()
         self._updating = threading.local()  # in its thread: the parameter that is set because it has changed
-        self._taking = TakeLoop()
+        self._taking = TakeLoop(node.context)
         self._calls = CallLoop(lambda text: self.log("error", text))
         node.add_on_set_parameters_callback(self._set)
 
@@ -69,9 +71,11 @@ class RclpyNode:
             class_of(type_),
             topic,
             _profile(qos),
+            callback_group=self._taking.group,
             event_callbacks=PublisherEventCallbacks(incompatible_qos=self._teller(topic, is_publisher=True)),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
+        self._taking.add_events(publisher)
         return RclpyPublisher(publisher, type_)
 
     def subscribe(
@@ -87,20 +91,15 @@ class RclpyNode:
         :raises UsageError: this ROS 2 has no such type.
         """
 
-        def received(data: bytes) -> None:
-            if not self._started.is_set() or (quick is not None and quick.take(data)):
-                return
-            try:
-                values = decode(type_, data)
-            except ValueError:
-                self.undecodable[topic] += 1
-                return
-            take(values)
+        def note_undecodable() -> None:
+            self.undecodable[topic] += 1
+
+        subscriber = Subscriber(type_, take, note_undecodable, quick)
 
         def received_alone(data: bytes) -> None:
-            received(data)
-            if quick is not None:
-                quick.flush()
+            if self._started.is_set():
+                subscriber.give([data])
+                subscriber.flush()
 
         subscription = self.node.create_subscription(
             class_of(type_),
@@ -112,7 +111,8 @@ class RclpyNode:
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             raw=True,
         )
-        self._taking.add(Taken(subscription, received, None if quick is None else quick.flush))
+        self._taking.add(Taken(subscription, subscriber))
+        self._taking.add_events(subscription)
 
     def serve(self, service: str, type_: ServiceType, answer: Answer) -> None:
         """See ``wirebond.ros2.node.Node``. Where this rclpy has no call that takes a request, its executor waits, too.

@@ -8,17 +8,13 @@ from rclpy.callback_groups import CallbackGroup
 
 
 class NotSpun(CallbackGroup):
-    """For entities of one class; others of the group, such as their events, the executor serves."""
+    """For subscriptions, services, and the events of publishers and subscriptions."""
 
-    def __init__(self, kind: type) -> None:
-        super().__init__()
-        self._kind = kind
+    def can_execute(self, entity: Any) -> bool:  # noqa: ARG002 a method of rclpy, as the next one
+        return False
 
-    def can_execute(self, entity: Any) -> bool:
-        return not isinstance(entity, self._kind)
-
-    def beginning_execution(self, entity: Any) -> bool:  # noqa: ARG002 a method of rclpy
-        return True
+    def beginning_execution(self, entity: Any) -> bool:  # noqa: ARG002
+        return False
 
     def ending_execution(self, entity: Any) -> None:
         """Nothing to give back."""

@@ -1,52 +1,60 @@
-"""Subscriptions that one thread empties in a loop. rclpy's executor waits for each message alone: at about 9 000
-messages a second it needs a whole core, and the loop a sixth of one.
+"""Subscriptions and events that one thread serves in a loop. rclpy's executor waits for each message alone: at about
+9 000 messages a second it needs a whole core, and the loop a sixth of one. With Fast DDS the events of a subscription
+wake the executor for each of its messages, too, so they are looked at here.
 
-The call `take_message` is what the executor itself uses, and is not documented. Where a version of rclpy lacks it, the
-executor serves the subscriptions as it does all others.
+The loop uses calls of rclpy that its executor uses, and that are not documented. Where a version of rclpy lacks them,
+the executor serves all.
 """
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.subscription import Subscription
 
+from wirebond.ros2.pace import Pace
+from wirebond.ros2.subscriber import Subscriber
 from wirebond_ros.not_spun import NotSpun
 
-_BUSY_WAIT = 0.0005  # seconds between two looks while messages come
-_IDLE_WAIT = 0.002
-_BUSY_FOR = 0.1  # seconds without a message until a look every `_IDLE_WAIT` is enough
+_AT_ONCE = 256  # messages of one subscription before the next one's turn
+_GATHER = 0.001  # seconds that messages may wait for others at a high rate
+_BUSY_FOR = 0.005  # seconds without a message until the thread sleeps until one comes
+_WAKE_NS = 100_000_000  # how long the end of the node may have to wait
+_LOOK_EVERY = 1.0  # seconds between two looks for events while messages come
 
 
 @dataclass(frozen=True)
 class Taken:
-    """A subscription of rclpy, what takes its messages, and what is called when no more have come for the moment."""
+    """A subscription of rclpy, and what takes its messages."""
 
     subscription: Any
-    take: Callable[[bytes], None]
-    flush: Callable[[], None] | None
+    subscriber: Subscriber
 
-    def next(self) -> bytes | None:
-        """The next message that waits; None: there is none."""
-        with self.subscription.handle:
-            found = self.subscription.handle.take_message(self.subscription.msg_type, True)
-        return None if found is None else bytes(found[0])
+    def take(self) -> list[bytes]:
+        """The messages that wait, in their order."""
+        taken: list[bytes] = []
+        handle, type_ = self.subscription.handle, self.subscription.msg_type
+        with handle:
+            while len(taken) < _AT_ONCE and (found := handle.take_message(type_, True)) is not None:
+                taken.append(bytes(found[0]))
+        return taken
 
 
 class TakeLoop:
-    """The thread, and what it empties.
+    """The thread, and what it serves.
 
-    :ivar group: for ``create_subscription``; None: the executor must serve them.
+    :ivar group: for ``create_subscription`` and ``create_publisher``; None: the executor must serve them.
     """
 
-    def __init__(self) -> None:
-        self.group = NotSpun(Subscription) if _can_take() else None
+    def __init__(self, context: Any) -> None:
+        self.group = NotSpun() if _can_take() else None
+        self._context = context
         self._taken: list[Taken] = []
+        self._events: list[Any] = []
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ROS 2 topics", daemon=True)
 
@@ -54,16 +62,20 @@ class TakeLoop:
         """Before ``start``."""
         self._taken.append(taken)
 
+    def add_events(self, entity: Any) -> None:
+        """Those of a publisher or a subscription. Before ``start``."""
+        self._events += entity.event_handlers
+
     def drop_waiting(self) -> None:
         """Forget what came until now."""
         if self.group is not None:
             for taken in self._taken:
-                while taken.next() is not None:
+                while taken.take():
                     pass
 
     def start(self) -> None:
         """Begin to call."""
-        if self.group is not None and self._taken:
+        if self.group is not None:
             self._thread.start()
 
     def close(self) -> None:
@@ -73,22 +85,50 @@ class TakeLoop:
             self._thread.join(5.0)
 
     def _run(self) -> None:
-        busy_until = 0.0
+        try:
+            self._serve()
+        except RuntimeError:
+            if self._context.ok():  # else ROS has ended before the node
+                raise
+
+    def _serve(self) -> None:
+        pace = Pace(_GATHER)
+        busy_until = next_look = 0.0
         while not self._closed.is_set():
+            pace.wait()
             found = False
             for taken in self._taken:
-                has_some = False
-                while (data := taken.next()) is not None:
-                    has_some = True
-                    taken.take(data)
-                if has_some and taken.flush is not None:
-                    taken.flush()
-                found |= has_some
+                if messages := taken.take():
+                    found = True
+                    taken.subscriber.give(messages)
             now = time.monotonic()
             if found:
                 busy_until = now + _BUSY_FOR
-            self._closed.wait(_BUSY_WAIT if now < busy_until else _IDLE_WAIT)
+                for taken in self._taken:
+                    taken.subscriber.flush()
+            if now >= busy_until or now >= next_look:
+                next_look = now + _LOOK_EVERY
+                self._wait(_WAKE_NS if now >= busy_until else 0)
+
+    def _wait(self, timeout_ns: int) -> None:
+        """Until a message comes, or something happens to a publisher or a subscription, which is told."""
+        with ExitStack() as used:
+            for each in (self._context.handle, *(taken.subscription.handle for taken in self._taken), *self._events):
+                used.enter_context(each)
+            waits = rclpy_implementation.WaitSet(len(self._taken), 0, 0, 0, 0, len(self._events), self._context.handle)
+            waits.clear_entities()
+            for taken in self._taken:
+                waits.add_subscription(taken.subscription.handle)
+            for event in self._events:
+                event.add_to_wait_set(waits)
+            waits.wait(timeout_ns)
+            happened = [(event, event.take_data()) for event in self._events if event.is_ready(waits)]
+        for event, data in happened:
+            if data is not None:
+                event.callback(data)
 
 
 def _can_take() -> bool:
-    return hasattr(getattr(rclpy_implementation, "Subscription", None), "take_message")
+    return hasattr(getattr(rclpy_implementation, "Subscription", None), "take_message") and hasattr(
+        rclpy_implementation, "WaitSet"
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -61,8 +61,7 @@ def write_bag(
                 continue
             bag.at_ns = recording.wall_ns(received.t)
             stamp_ns = bag.at_ns if received.stamp is None else recording.wall_ns(received.stamp)
-            for take in faces[End(sender)].takers.get(received.name, ()):
-                take(received, stamp_ns)
+            faces[End(sender)].take([received], [stamp_ns])
         if not bag.count:
             raise UsageError("the recording has no such message" if message else "the recording has no message")
     return [f"{topic} lacks {count} messages: {why}" for (topic, why), count in bag.refused.items()]
@@ -145,10 +144,11 @@ class _BagTopic:
         self._bag = bag
 
     def publish(self, values: Mapping[str, Any]) -> None:
-        self.publish_bytes(encode(self.type, values))
+        self.publish_encoded((encode(self.type, values),))
 
-    def publish_bytes(self, data: bytes) -> None:
-        self._bag.write(self, data)
+    def publish_encoded(self, messages: Iterable[bytes]) -> None:
+        for data in messages:
+            self._bag.write(self, data)
 
 
 def _bag_qos(qos: Qos) -> BagQos:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from wirebond import _engine
 from wirebond.errors import LinkDownError, WirebondError
 from wirebond.protocol.model import End
 from wirebond.ros2.commands import Commands
@@ -23,7 +24,6 @@ from wirebond.ros2.topics import Topics, known, stamp_of
 from wirebond.ros2.types import service_type
 
 if TYPE_CHECKING:
-    from wirebond import _engine
     from wirebond.codec import Message
     from wirebond.link import Link
     from wirebond.link.handlers import DeadlineEvent
@@ -128,21 +128,13 @@ class Bridge:
     def _take(self, messages: list[Message]) -> None:
         if not messages:
             return
-        ahead = self.node.now_ns() - time.monotonic_ns()
-        oldest = time.monotonic()
-        for message in messages:
-            takers = self._topics.takers.get(message.name)
-            if takers is not None:
-                measured = message.stamp
-                t = message.t if measured is None else measured
-                oldest = min(oldest, t)
-                stamp_ns = int(t * 1e9) + ahead
-                for take in takers:
-                    take(message, stamp_ns)
-            if self._serial is not None:
+        ahead_ns = self.node.now_ns() - time.monotonic_ns()
+        oldest_ns = self._topics.take(messages, _engine.stamps_ns(messages, ahead_ns))
+        if oldest_ns is not None:
+            self._oldest = max(self._oldest, time.monotonic() - (oldest_ns - ahead_ns) * 1e-9)
+        if self._serial is not None:
+            for message in messages:
                 self._serial.take_received(message)
-
-        self._oldest = max(self._oldest, time.monotonic() - oldest)
 
     def _tell_state(self) -> None:
         """That the port or the server is away, and that it is back."""
@@ -273,14 +265,12 @@ class _QuickCommand:
     def __init__(self, commands: Commands, index: int, framer: _engine.CdrCommand) -> None:
         self._commands = commands
         self._index = index
-        self._frame = framer.frame
+        self._frames = framer.frames
 
-    def take(self, data: bytes) -> bool:
-        frame = self._frame(data)
-        if frame is None:
-            return False
-        self._commands.send_frame(self._index, frame)
-        return True
+    def take(self, messages: list[bytes], first: int) -> int:
+        frames = self._frames(messages, first)
+        self._commands.send_frames(self._index, frames)
+        return len(frames)
 
     def flush(self) -> None:
         self._commands.flush()

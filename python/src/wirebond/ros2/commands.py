@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import sys
 import threading
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from itertools import repeat
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from wirebond import _engine
@@ -52,7 +52,7 @@ class Commands:
         self._safe = {stop.message: dict(stop.values) for stop in model.emergency_stop}
         self._lock = threading.Lock()
         self._leaving = threading.Lock()  # whether a message is stopped is true until it has left
-        self._ready: deque[tuple[int, bytes]] = deque()  # frames that leave with the next flush
+        self._ready: list[tuple[int, bytes]] = []  # frames that leave with the next flush
 
     def send(
         self,
@@ -134,30 +134,30 @@ class Commands:
         codec = self._link.codec
         return _engine.CdrCommand.make(codec._table, codec._format_for(End.HOST), plan, self._bounds[plan.message])
 
-    def send_frame(self, index: int, frame: bytes) -> None:
-        """Send a frame of a framer, of the message with this index, with the next ``flush`` or ``send``."""
-        self._ready.append((index, frame))
+    def send_frames(self, index: int, frames: Iterable[bytes]) -> None:
+        """Send frames of a framer, of the message with this index, with the next ``flush`` or ``send``."""
+        with self._lock:
+            self._ready.extend(zip(repeat(index), frames, strict=False))
         if len(self._ready) >= _MOST_READY:
             self.flush()
 
     def flush(self) -> None:
         """Send the frames that are ready, in their order. Each is sent or refused as by ``send``."""
-        frames: list[tuple[int, bytes]] = []
-        with contextlib.suppress(IndexError):
-            while True:
-                frames.append(self._ready.popleft())
-        if not frames:
+        if not self._ready:
             return
         refused: list[tuple[int, Exception]] = []
         with self._leaving:
+            with self._lock:
+                frames, self._ready = self._ready, []
             if self.why_stopped:
                 why = RefusedError(self.why_stopped, self.why_stopped)
                 refused = [(index, why) for index, _ in frames if self._names[index] in self._safe]
                 frames = [one for one in frames if self._names[one[0]] not in self._safe]
             answers = self._link._send_all(frames)
-        refused += [(index, e) for (index, _), e in zip(frames, answers, strict=True) if e is not None]
         with self._lock:
             self.counts["sent"] += answers.count(None)
+        if len(answers) != answers.count(None):
+            refused += [(index, e) for (index, _), e in zip(frames, answers, strict=True) if e is not None]
         for index, error in refused:
             self.refuse(self._names[index], str(error), getattr(error, "kind", type(error).__name__))
 

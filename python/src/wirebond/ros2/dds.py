@@ -3,16 +3,18 @@
 Names, discovery and types are those of ROS 2 Jazzy. Parameters and remaps are not there; a mapping file says what they
 would. Services are those of one RMW alone, see `dds_services`. ``ddspy_write`` and ``ddspy_take`` are private functions
 of the package cyclonedds, which is pinned for that: they take ready bytes, and so cost half as much as its public ones.
+So is what `_BatchingWriter` calls.
 """
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import os
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -22,6 +24,7 @@ from cyclonedds.core import DDSException, InstanceState, Policy, ReadCondition, 
 from cyclonedds.core import Qos as DdsQos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
+from cyclonedds.internal import DDS
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -29,12 +32,13 @@ from cyclonedds.util import duration
 
 from wirebond.errors import UsageError
 from wirebond.ros2 import dds_services
-from wirebond.ros2.cdr import decode, encode
+from wirebond.ros2.cdr import encode
 from wirebond.ros2.dds_services import Calls, any_bytes, numbered
 from wirebond.ros2.dds_types import TypeWatch
 from wirebond.ros2.idl import idl_type
 from wirebond.ros2.node import LATCHED, LEVELS, Answer, Parameter, Qos, Quick, mismatch
 from wirebond.ros2.pace import Pace
+from wirebond.ros2.subscriber import Subscriber
 from wirebond.ros2.throttle import Throttle
 from wirebond.ros2.types import RosType, ServiceType, ros_type, service_type
 
@@ -44,12 +48,17 @@ _LOOK_EVERY = 1.0  # seconds between two looks for subscribers and publishers wi
 _GATHER = 0.001  # seconds that messages may wait for others at a high rate
 _WAKE = duration(milliseconds=100)  # how long the end of the node may have to wait
 _logger = logging.getLogger("wirebond.ros2")
+_set_batching = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_bool)(("dds_qset_writer_batching", DDS._dll_handle))
+_write_flush = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int32)(("dds_write_flush", DDS._dll_handle))
 
-# On this computer alone: the loopback interface has no multicast, so others are asked at its address.
+# On this computer alone: the loopback interface has no multicast, so others are asked at its address. A thread of its
+# own for data needs one call of the system a packet, not two; it ends by a packet to itself, which no firewall stops
+# here.
 LOOPBACK = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
 <AllowMulticast>false</AllowMulticast></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>
-<Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
+<Peers><Peer address="127.0.0.1"/></Peers></Discovery>
+<Internal><MultipleReceiveThreads>true</MultipleReceiveThreads></Internal></Domain></CycloneDDS>"""
 
 
 def domain_of_environment() -> int:
@@ -79,17 +88,28 @@ def _configure(number: int) -> Domain | None:
 @dataclass
 class _Reader:
     entity: DataReader[Any]
-    type: RosType
     topic: str
-    take: Callable[[dict[str, Any]], None]
-    quick: Quick | None = None
+    subscriber: Subscriber
     is_of_service: bool = False
+
+
+class _BatchingWriter(DataWriter[Any]):
+    """What is written waits for ``send``, or until a packet is full: a packet for each message costs more than all else
+    that is done for it."""
+
+    def _create_writer(self, participant: Any, topic: Any, qos: Any, listener: Any) -> Any:
+        _set_batching(qos, True)
+        return super()._create_writer(participant, topic, qos, listener)
+
+    def send(self) -> None:
+        """What was written and has not left leaves now."""
+        _write_flush(self._ref)
 
 
 class DdsPublisher:
     """See ``node.Publisher``."""
 
-    def __init__(self, writer: DataWriter[Any], type_: RosType, topic: str) -> None:
+    def __init__(self, writer: _BatchingWriter, type_: RosType, topic: str) -> None:
         self.entity = writer
         self.topic = topic
         self.type = type_
@@ -99,14 +119,16 @@ class DdsPublisher:
 
         :raises ValueError, TypeError, struct.error: a value is not of its field's type.
         """
-        self.publish_bytes(encode(self.type, values))
+        self.publish_encoded((encode(self.type, values),))
 
-    def publish_bytes(self, data: bytes) -> None:
-        """Send a message that is encoded already."""
-        padding = -len(data) % 4
-        answer = ddspy_write(self.entity._ref, data + bytes(padding) if padding else data)
-        if answer < 0:
-            _logger.warning("%s was not published: DDS says %s", self.topic, DDSException(answer, "").msg)
+    def publish_encoded(self, messages: Iterable[bytes]) -> None:
+        """See ``node.Publisher``. Any thread."""
+        for data in messages:
+            padding = -len(data) % 4
+            answer = ddspy_write(self.entity._ref, data + bytes(padding) if padding else data)
+            if answer < 0:
+                _logger.warning("%s was not published: DDS says %s", self.topic, DDSException(answer, "").msg)
+        self.entity.send()
 
 
 class DdsNode:
@@ -128,7 +150,7 @@ class DdsNode:
         self._calls = Calls(lambda text: self.log("error", text))
         self._not_offered: list[str] = []  # services
         self._discovery = DdsPublisher(
-            DataWriter(
+            _BatchingWriter(
                 self._participant,
                 self._topic(
                     "ros_discovery_info", idl_type(_known("rmw_dds_common/ParticipantEntitiesInfo")), prefix=""
@@ -144,7 +166,7 @@ class DdsNode:
 
     def publisher(self, topic: str, type_: RosType, qos: Qos) -> DdsPublisher:
         """See ``node.Node``."""
-        writer = DataWriter(self._participant, self._topic(topic, idl_type(type_)), _dds_qos(qos, type_))
+        writer = _BatchingWriter(self._participant, self._topic(topic, idl_type(type_)), _dds_qos(qos, type_))
         self._publishers.append(made := DdsPublisher(writer, type_, topic))
         return made
 
@@ -158,7 +180,11 @@ class DdsNode:
     ) -> None:
         """See ``node.Node``. Before ``start``."""
         reader = DataReader(self._participant, self._topic(topic, idl_type(type_)), _dds_qos(qos, type_))
-        self._readers.append(_Reader(reader, type_, topic, take, quick))
+
+        def note_undecodable() -> None:
+            self.undecodable[topic] += 1
+
+        self._readers.append(_Reader(reader, topic, Subscriber(type_, take, note_undecodable, quick)))
 
     def serve(self, service: str, type_: ServiceType, answer: Answer) -> None:
         """See ``node.Node``."""
@@ -171,7 +197,7 @@ class DdsNode:
             self._topic(f"{service}Request", any_bytes(type_.request), "rq"),
             _dds_qos(Qos(), type_.request, user_data),
         )
-        responses = DataWriter(
+        responses = _BatchingWriter(
             self._participant,
             self._topic(f"{service}Reply", any_bytes(type_.response), "rr"),
             _dds_qos(Qos(), type_.response, user_data),
@@ -179,7 +205,13 @@ class DdsNode:
         publisher = DdsPublisher(responses, numbered(type_.response), service)
         take = self._calls.taker(requests, responses, answer, publisher.publish)
         self._publishers.append(publisher)
-        self._readers.append(_Reader(requests, numbered(type_.request), service, take, is_of_service=True))
+
+        def note_undecodable() -> None:
+            self.undecodable[service] += 1
+            self._throttle.say("warning", service, f"{service} was called, and not answered: {_OTHER_RMW}")
+
+        subscriber = Subscriber(numbered(type_.request), take, note_undecodable)
+        self._readers.append(_Reader(requests, service, subscriber, is_of_service=True))
 
     def declare(self, parameter: Parameter) -> None:
         """There are no parameter services without ROS: the value of the mapping file holds."""
@@ -194,7 +226,7 @@ class DdsNode:
         type_ = service_type("action_msgs/CancelGoal")
         assert type_ is not None, "the type is known"
         topic = self._topic(f"{action}/_action/cancel_goalRequest", any_bytes(type_.request), "rq")
-        writer = DataWriter(self._participant, topic, _dds_qos(Qos(), type_.request))
+        writer = _BatchingWriter(self._participant, topic, _dds_qos(Qos(), type_.request))
         self._publishers.append(publisher := DdsPublisher(writer, numbered(type_.request), action))
         return lambda: publisher.publish({})
 
@@ -269,8 +301,7 @@ class DdsNode:
             for reader in self._readers:
                 has_come |= self._take(reader)
             for reader in self._readers:
-                if reader.quick is not None:
-                    reader.quick.flush()
+                reader.subscriber.flush()
             if (now := time.monotonic()) >= next_look:
                 next_look = now + _LOOK_EVERY
                 self._tell_mismatches()
@@ -280,26 +311,13 @@ class DdsNode:
         has_come = False
         while not self._closed.is_set():
             taken = ddspy_take(reader.entity._ref, _ANY, _AT_ONCE)
-            if isinstance(taken, int):
+            if isinstance(taken, int) or not taken:
                 break
-            has_come |= bool(taken)
-            for data, info in taken:
-                if not info.valid_data or (reader.quick is not None and reader.quick.take(data)):
-                    continue
-                try:
-                    values = decode(reader.type, data)
-                except ValueError:
-                    self._note_undecodable(reader)
-                    continue
-                reader.take(values)
+            has_come = True
+            reader.subscriber.give([data for data, info in taken if info.valid_data])
             if len(taken) < _AT_ONCE:
                 break
         return has_come
-
-    def _note_undecodable(self, reader: _Reader) -> None:
-        self.undecodable[reader.topic] += 1
-        if reader.is_of_service:
-            self._throttle.say("warning", reader.topic, f"{reader.topic} was called, and not answered: {_OTHER_RMW}")
 
     def _tell_mismatches(self) -> None:
         """A publisher and a subscriber with other qualities of service, or other types, do not find each other, and ROS
@@ -314,7 +332,7 @@ class DdsNode:
             self._tell(entity, status, reader.topic, is_publisher=False)
         self._types.look(
             {publisher.topic: publisher.type for publisher in self._publishers},
-            {reader.topic: reader.type for reader in self._readers if not reader.is_of_service},
+            {reader.topic: reader.subscriber.type for reader in self._readers if not reader.is_of_service},
         )
 
     def _tell(self, entity: Any, status: Any, topic: str, *, is_publisher: bool) -> None:

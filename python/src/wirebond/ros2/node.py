@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -57,17 +57,17 @@ class Publisher(Protocol):
         """Send one message. What the values cannot be is the caller's mistake."""
         ...
 
-    def publish_bytes(self, data: bytes) -> None:
-        """Send a message that `cdr` has encoded."""
+    def publish_encoded(self, messages: Iterable[bytes]) -> None:
+        """Send messages that `cdr` has encoded: several cost less than each alone."""
         ...
 
 
 class Quick(Protocol):
     """Takes messages as they came, which costs a fraction. One thread at a time."""
 
-    def take(self, data: bytes) -> bool:
-        """Take the bytes of one message; it may wait for ``flush``. False: it was not taken, and is for ``take`` of the
-        subscription."""
+    def take(self, messages: list[bytes], first: int) -> int:
+        """Take these messages from the index ``first`` on; they may wait for ``flush``. How many were taken: the next
+        one is for ``take`` of the subscription, before those that follow it."""
         ...
 
     def flush(self) -> None:
