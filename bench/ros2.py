@@ -2,18 +2,25 @@
 
 Two ptys are joined by `wirebond wire` at the 2 Mbaud of the protocol file (8N2): 8 000 `chassis_msg` a second are 84 %
 of it, and five commands 1 600 times a second each 89 %. At one end a process is the MCU, which writes and counts. The
-bridge owns the other end, as `wirebond_ros` runs it. A third process is the ROS 2 network: it takes the topic and
+bridge owns the other end. A third process is the ROS 2 network: it takes the topic and
 publishes the commands. The latency of a message is the time from its stamp, which is that of the read that completed
 it, to the program that takes the topic.
+
+The bridge is measured as `wirebond serve --ros2` runs it, over DDS, and as the package `wirebond_ros` runs it over
+rclpy, where there is one.
 """
 
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 import tempfile
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
+
+from tests.ros2.over_rclpy import find_rclpy
 
 from bench import every_command
 from bench.figures import Figure
@@ -63,12 +70,7 @@ with wirebond.open(sys.argv[1], sys.argv[2]) as link:
     thread = threading.Thread(target=bridge.run)
     thread.start()
     print("ready", flush=True)
-    sys.stdin.readline()
-    bridge.close()
     thread.join()
-    send = link.stats.send
-    print(bridge.commands.counts["sent"], bridge.commands.counts["refused"], send.sent, flush=True)
-    node.close()
 """
 
 NETWORK = """
@@ -99,7 +101,7 @@ while (now := time.monotonic()) < end:
     elif due > number:  # who was late catches up at twice the rate, not at once
         turn, end = now + 0.001, max(end, now + 1)
     while number < due:
-        writers[number % len(writers)].publish_bytes(data)
+        writers[number % len(writers)].publish_encoded((data,))  # each alone, as programs of ROS publish
         number += 1
     for sample, _ in ddspy_take(reader._ref, 0x7F, 1000):
         stamp = int.from_bytes(sample[4:8], "little") + int.from_bytes(sample[8:12], "little") * 1e-9
@@ -133,20 +135,48 @@ FIELDS = {
 
 
 def measure() -> list[Figure]:
-    spent, lost, late = run(SECONDS)
-    return [
+    os.environ.update(ROS_DOMAIN_ID=str(DOMAIN), ROS_LOCALHOST_ONLY="1")
+    spent, lost, late = run(SECONDS, over_dds)
+    figures = [
         Figure("ros2_lost", lost, "messages", 0, COMMAND),
         Figure("ros2_cpu", 100 * spent, "% of a core", 50, COMMAND),
         Figure("ros2_latency_p99_ms", 1e3 * late, "ms", 5, COMMAND),
     ]
+    environment = find_rclpy()
+    if environment is None:
+        return figures
+    spent, lost, late = run(SECONDS, lambda *files: over_rclpy(environment, *files))
+    return [
+        *figures,
+        Figure("ros2_lost_rclpy", lost, "messages", None, COMMAND),
+        Figure("ros2_cpu_rclpy", 100 * spent, "% of a core", None, COMMAND),
+        Figure("ros2_latency_p99_ms_rclpy", 1e3 * late, "ms", None, COMMAND),
+    ]
 
 
-def run(seconds: float) -> tuple[float, int, float]:
+@contextmanager
+def over_dds(*files: str) -> Iterator[subprocess.Popen[str]]:
+    with process([sys.executable, "-c", BRIDGE, *files]) as bridge:
+        line(bridge)
+        yield bridge
+
+
+@contextmanager
+def over_rclpy(environment: dict[str, str], *files: str) -> Iterator[subprocess.Popen[str]]:
+    """Who waits for its topics waits until it runs."""
+    names = ("protocol", "port", "mapping")
+    given = [word for name, value in zip(names, files, strict=True) for word in ("-p", f"{name}:={value}")]
+    with process([sys.executable, "-m", "wirebond_ros.bridge", "--ros-args", *given], environment) as bridge:
+        yield bridge
+
+
+def run(
+    seconds: float, bridging: Callable[..., AbstractContextManager[subprocess.Popen[str]]]
+) -> tuple[float, int, float]:
     """The share of a core that the bridge spent, how many messages both directions lost, and the 99th percentile of
     the latency in seconds."""
     command = "  - {{topic: {0}, type: geometry_msgs/Vector3, message: {0}, qos: {{depth: 10000}}, fields: {{{1}}}}}"
     commands = "\n".join(command.format(name, fields) for name, fields in FIELDS.items())
-    os.environ.update(ROS_DOMAIN_ID=str(DOMAIN), ROS_LOCALHOST_ONLY="1")
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         protocol = Path(folder) / "every_command.yaml"
         protocol.write_text(every_command.text(), encoding="utf-8")
@@ -156,8 +186,7 @@ def run(seconds: float) -> tuple[float, int, float]:
         wire = stack.enter_context(WireProcess(WireSettings(baud=2_000_000, line=LineShape(stop_bits=2))))
         feed = stack.enter_context(process([sys.executable, "-c", FEEDER, str(protocol), wire.a, *numbers]))
         line(feed)
-        bridge = stack.enter_context(process([sys.executable, "-c", BRIDGE, str(protocol), wire.b, str(mapping)]))
-        line(bridge)
+        bridge = stack.enter_context(bridging(str(protocol), wire.b, str(mapping)))
         network = stack.enter_context(process([sys.executable, "-c", NETWORK, *numbers, *FIELDS]))
         line(network)
         before = processor_time(bridge.pid)
@@ -168,5 +197,4 @@ def run(seconds: float) -> tuple[float, int, float]:
         fed, unwritten, heard = map(int, line(feed).split())
         if unwritten:
             raise RuntimeError("the line did not carry in time what the MCU wrote")
-        say(bridge)
         return spent / seconds, fed - int(taken) + int(published) - heard, float(late)
