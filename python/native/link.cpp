@@ -6,6 +6,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 #include <poll.h>
+#include <pthread.h>
 #include <sys/eventfd.h>
 #include <time.h>
 #include <unistd.h>
@@ -374,7 +375,9 @@ void Link::run() {
     if (!port_.is_open()) planned_us_ = std::min(planned_us_, std::max(next_open_us_, now));
     const std::uint64_t wait = planned_us_ - now;
     const timespec timeout{static_cast<time_t>(wait / 1'000'000), static_cast<long>(wait % 1'000'000) * 1000};
+    const bool has_news = core_.has_news();
     lock.unlock();
+    if (has_news) arrived_.notify_all();  // here, so that who waits does not wake only to wait for the mutex
     ::ppoll(watched, 2, &timeout, nullptr);
     lock.lock();
     planned_us_ = 0;  // awake
@@ -386,7 +389,6 @@ void Link::run() {
       open_again(lock, monotonic_us());
     }
     core_.poll(monotonic_us());
-    if (core_.has_news()) arrived_.notify_all();
     write_some();
   }
   why_.clear();
@@ -479,11 +481,19 @@ void Link::open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us) 
 
 namespace {
 
+/// How many forks there were on the way to this process. Asked at each call, where a system call would be felt.
+unsigned forks() {
+  static std::atomic<unsigned> count{0};
+  static const int registered = ::pthread_atfork(nullptr, nullptr, [] { count.fetch_add(1); });
+  static_cast<void>(registered);
+  return count.load(std::memory_order_relaxed);
+}
+
 /// A Link that a forked child does not touch: it has neither its thread nor its locks.
 class LinkHandle {
  public:
   LinkHandle(LinkSetup setup, std::unique_ptr<Opener> opener, bool waits_for_port)
-      : link_(std::make_unique<Link>(std::move(setup), std::move(opener), waits_for_port)), process_(::getpid()) {}
+      : link_(std::make_unique<Link>(std::move(setup), std::move(opener), waits_for_port)), forks_(forks()) {}
   ~LinkHandle() { leave_in_child(); }
 
   /// Null in a forked child.
@@ -503,14 +513,14 @@ class LinkHandle {
   }
 
   void leave_in_child() {
-    if (link_ == nullptr || ::getpid() == process_) return;
+    if (link_ == nullptr || forks() == forks_) return;
     link_->abandon();
     static_cast<void>(link_.release());  // its destructor would wait for a thread that is not here
   }
 
  private:
   std::unique_ptr<Link> link_;
-  pid_t process_;
+  unsigned forks_;
 };
 
 /// `resolve` is called without locks, and no link's thread is there any more when the interpreter ends: so the thread
