@@ -43,6 +43,13 @@ std::uint64_t monotonic_us() {
   return static_cast<std::uint64_t>(now.tv_sec) * 1'000'000 + static_cast<std::uint64_t>(now.tv_nsec) / 1000;
 }
 
+using Clock = std::chrono::steady_clock;
+using Moment = std::chrono::time_point<Clock, std::chrono::duration<double>>;
+
+Moment moment_in(double seconds) {
+  return Clock::now() + std::chrono::duration<double>(std::isnan(seconds) ? 0.0 : std::clamp(seconds, 0.0, 1e9));
+}
+
 std::uint64_t to_us(double seconds) { return static_cast<std::uint64_t>(std::llround(seconds * 1e6)); }
 
 const std::uint8_t* data_of(const nb::bytes& bytes) { return static_cast<const std::uint8_t*>(bytes.data()); }
@@ -254,29 +261,61 @@ bool Link::is_stopped() {
 }
 
 nb::list Link::receive(double timeout) {
-  const double wait = std::isnan(timeout) ? 0.0 : std::clamp(timeout, 0.0, 1e9);
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(wait);
+  const Moment end = moment_in(timeout);
   std::deque<Arrivals> taken;
   for (;;) {
     bool is_over = false;
     {
       const WithoutGil released;
       std::unique_lock lock(mutex_);
-      const auto slice = std::chrono::steady_clock::now() + std::chrono::duration<double>(signal_slice);
-      const auto until =
-          std::min<std::chrono::time_point<std::chrono::steady_clock, std::chrono::duration<double>>>(slice, end);
       // What closes takes its changes at the end, so that nothing but the end cuts the last wait short.
-      arrived_.wait_until(lock, until,
+      arrived_.wait_until(lock, std::min(moment_in(signal_slice), end),
                           [&] { return core_.has_arrivals() || is_done_ || (core_.has_changes() && !is_closing_); });
       taken = core_.take();
-      is_over = is_done_ || (core_.has_changes() && !is_closing_) || std::chrono::steady_clock::now() >= end;
+      is_over = is_done_ || (core_.has_changes() && !is_closing_) || Clock::now() >= end;
     }
     if (!taken.empty() || is_over) break;
     if (PyErr_CheckSignals() != 0) throw nb::python_error();
   }
+  return messages_of(taken);
+}
+
+nb::list Link::attend(double timeout) {
+  std::deque<Arrivals> taken;
+  {
+    const WithoutGil released;
+    std::unique_lock lock(mutex_);
+    is_attended_ = true;
+    arrived_.wait_until(lock, moment_in(timeout), [&] { return core_.has_news() || is_recalled_ || is_done_; });
+    is_attended_ = is_recalled_ = false;
+    taken = core_.take();
+  }
+  return messages_of(taken);
+}
+
+void Link::recall() {
+  const std::lock_guard lock(mutex_);
+  is_recalled_ = true;
+  arrived_.notify_all();
+}
+
+void Link::wait_unattended(double timeout) {
+  const WithoutGil released;
+  std::unique_lock lock(mutex_);
+  unattended_.wait_until(lock, moment_in(timeout), [&] { return (core_.has_news() && !is_attended_) || is_done_; });
+}
+
+/// With the GIL, and no lock.
+nb::list Link::messages_of(const std::deque<Arrivals>& taken) const {
   nb::list out;
   for (const Arrivals& arrivals : taken) out.extend(to_list(arrivals.batch, arrivals.events, core_.stamper));
   return out;
+}
+
+/// Something came, or happened: to who attends alone; where nobody does, to all who wait.
+void Link::tell() {
+  arrived_.notify_all();
+  if (!is_attended_) unattended_.notify_all();
 }
 
 nb::list Link::changes() {
@@ -354,7 +393,7 @@ std::vector<std::uint8_t> Link::struck_deadlines() {
 void Link::recover_deadline(std::uint8_t action) {
   const std::lock_guard lock(mutex_);
   core_.recover_deadline(action, monotonic_us());
-  arrived_.notify_all();
+  tell();
   wake();  // its silence counts again
 }
 
@@ -376,8 +415,10 @@ void Link::run() {
     const std::uint64_t wait = planned_us_ - now;
     const timespec timeout{static_cast<time_t>(wait / 1'000'000), static_cast<long>(wait % 1'000'000) * 1000};
     const bool has_news = core_.has_news();
+    const bool is_attended = is_attended_;
     lock.unlock();
     if (has_news) arrived_.notify_all();  // here, so that who waits does not wake only to wait for the mutex
+    if (has_news && !is_attended) unattended_.notify_all();
     ::ppoll(watched, 2, &timeout, nullptr);
     lock.lock();
     planned_us_ = 0;  // awake
@@ -397,6 +438,7 @@ void Link::run() {
   core_.outbox().end();
   is_done_ = true;
   arrived_.notify_all();
+  unattended_.notify_all();
 }
 
 void Link::read_some() {
@@ -442,7 +484,7 @@ void Link::lose_port(std::uint64_t now_us) {
   core_.port_down(now_us, why_);
   if (now_us - std::min(up_since_us_, now_us) > settled_after_us) open_wait_us_ = first_open_wait_us;
   look_again(now_us);
-  arrived_.notify_all();
+  tell();
 }
 
 /// The next try, and what may bring it forward.
@@ -632,6 +674,12 @@ void bind_link(nb::module_& m) {
       .def("is_stopped", [](LinkHandle& self) { return (*self).is_stopped(); })
       .def(
           "receive", [](LinkHandle& self, double timeout) { return (*self).receive(timeout); }, nb::arg("timeout"))
+      .def(
+          "attend", [](LinkHandle& self, double timeout) { return (*self).attend(timeout); }, nb::arg("timeout"))
+      .def("recall", [](LinkHandle& self) { (*self).recall(); })
+      .def(
+          "wait_unattended", [](LinkHandle& self, double timeout) { (*self).wait_unattended(timeout); },
+          nb::arg("timeout"))
       .def("set_stamper", [](LinkHandle& self, nb::object stamper) { (*self).set_stamper(std::move(stamper)); })
       .def("changes", [](LinkHandle& self) { return (*self).changes(); })
       .def("line", [](LinkHandle& self) { return to_dict((*self).line()); })

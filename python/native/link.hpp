@@ -21,8 +21,8 @@ namespace wirebond::engine {
 
 void bind_link(nb::module_& m);
 
-/// Every public function may be called from any Python thread, with the GIL. `receive` and `close` release it; the
-/// others hold the mutex for microseconds, and the thread never asks for the GIL.
+/// Every public function may be called from any Python thread, with the GIL. Those that wait release it; the others
+/// hold the mutex for microseconds, and the thread never asks for the GIL.
 class Link {
  public:
   /// Opens the port, without the GIL. Throws PortError with a sentence where that fails; `waits_for_port`: the link
@@ -51,6 +51,13 @@ class Link {
   /// Messages that came in since the last call; waits up to `timeout` seconds for the first one, or for a change. A
   /// signal's Python handler runs within a moment; its exception ends the wait.
   nb::list receive(double timeout);
+  /// The same for the one thread that takes what comes whenever it has nothing else to do. Only `recall` ends its wait
+  /// early: of this call, or of the next one. Signals are not looked for.
+  nb::list attend(double timeout);
+  void recall();
+  /// Wait until something is there to be taken and nobody is in `attend`, or the link has ended. So who stands in for
+  /// the thread that attends sleeps as long as that keeps up.
+  void wait_unattended(double timeout);
   /// Deadlines that have struck or ended, ports that came and went, since the last call.
   nb::list changes();
 
@@ -91,12 +98,17 @@ class Link {
   void go_down(int code, std::uint64_t now_us);
   void lose_port(std::uint64_t now_us);
   void look_again(std::uint64_t now_us);
+  void tell();
+  nb::list messages_of(const std::deque<Arrivals>& taken) const;
   void wake() const;
   void wake_if_late(std::uint64_t now_us) const;
 
   std::unique_ptr<Opener> opener_;  ///< the thread's, once that runs; what is const is everybody's
   std::mutex mutex_;
-  std::condition_variable arrived_;
+  std::condition_variable arrived_;     ///< for `receive`, `attend` and `close`
+  std::condition_variable unattended_;  ///< for `wait_unattended`
+  bool is_attended_ = false;
+  bool is_recalled_ = false;
   LinkCore core_;
   posix::Descriptor port_;
   posix::Descriptor wakeup_;

@@ -13,7 +13,7 @@ import pytest
 import wirebond
 from tests.host_link.mcu import linked, wait_until
 from tests.host_link.protocol import manipulator
-from tests.shared import ROOT
+from tests.shared import PATIENCE, ROOT
 from wirebond import DeadlineEvent, LinkDownError, Message, UsageError
 from wirebond.protocol import loads
 
@@ -121,6 +121,52 @@ def test_every_handler_of_a_message_is_called_in_order_by_one_thread() -> None:
         assert [(who, n) for who, n, _ in calls] == expected
         assert {thread for _, _, thread in calls} == {f"handlers of {link.port}"}
         assert link.receive() == []
+        assert link.stats.dropped_messages == 0
+
+
+def test_while_a_handler_runs_the_link_goes_on() -> None:
+    seen: list[int] = []
+    begun, may_end = threading.Event(), threading.Event()
+    with linked(TWO) as (link, mcu):
+
+        @link.on("one")
+        def waits(message: Message) -> None:
+            begun.set()
+            assert may_end.wait(PATIENCE)
+            seen.append(message["n"])
+
+        mcu.send("one", n=0)
+        assert begun.wait(PATIENCE)
+        for n in range(1, 20):
+            mcu.send("one", n=n)
+            mcu.send("other", n=n)
+        got = [message["n"] for _, message in zip(range(19), link, strict=False)]
+        assert got == list(range(1, 20))
+        assert (one := link.latest("one")) is not None
+        assert one.message["n"] == 19
+        assert seen == []
+        may_end.set()
+        wait_until(lambda: len(seen) == 20, "the handler has had its own")
+        assert seen == list(range(20))
+
+
+def test_handlers_that_are_slow_now_and_then_get_every_message_in_order() -> None:
+    """Two threads get messages from the engine in turns then."""
+    seen: list[int] = []
+    with linked(TWO) as (link, mcu):
+
+        @link.on("one")
+        def counts(message: Message) -> None:
+            if message["n"] % 7 == 0:
+                time.sleep(0.003)
+            seen.append(message["n"])
+
+        for n in range(300):
+            mcu.send("one", n=n)
+            if n % 3 == 0:
+                time.sleep(0.001)
+        wait_until(lambda: len(seen) == 300, "all have come")
+        assert seen == list(range(300))
         assert link.stats.dropped_messages == 0
 
 

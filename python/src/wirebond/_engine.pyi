@@ -301,6 +301,13 @@ class Link:
         """Is the emergency stop latched?"""
     def receive(self, timeout: float) -> list[Message]:
         """Messages since the last call; waits up to ``timeout`` seconds for the first one, or for a change."""
+    def attend(self, timeout: float) -> list[Message]:
+        """The same for the one thread that takes what comes whenever it has nothing else to do. Only ``recall`` ends
+        its wait early."""
+    def recall(self) -> None:
+        """End the wait of ``attend``: of this call, or of the next one."""
+    def wait_unattended(self, timeout: float) -> None:
+        """Wait until something is there to be taken and nobody is in ``attend``, or the link has ended."""
     def changes(self) -> list[tuple[str, int, int]]:
         """As ``LinkCore.changes``."""
     def line(self) -> dict[str, Any] | None:

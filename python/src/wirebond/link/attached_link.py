@@ -33,6 +33,7 @@ from wirebond.errors import (
 )
 from wirebond.link.attached_requests import TAKEN, AttachedRequests
 from wirebond.link.attaching import LOOPBACK, PATIENCE, attach
+from wirebond.link.attention import Attention
 from wirebond.link.clock_line import ClockLine
 from wirebond.link.ends import other
 from wirebond.link.engine_settings import SafeValue
@@ -68,6 +69,7 @@ class AttachedLink:
         self._address = address
         self._lock = threading.RLock()
         self._arrived = threading.Condition(self._lock)
+        self._attention = Attention(self._arrived, lambda: bool(self._messages or self._changes), lambda: self._is_done)
         self._write_lock = threading.RLock()
         self._calls: dict[int, _Call] = {}
         self._number = 0
@@ -206,13 +208,22 @@ class AttachedLink:
     def receive(self, timeout: float) -> Iterable[Message]:
         """Waits as the engine's does. The messages are taken when the result is read, without a step of Python: a
         signal's handler that raises can lose none."""
-        until = time.monotonic() + min(max(timeout, 0.0), 1e6) if timeout == timeout else 0.0  # noqa: PLR0124 NaN
+        return self._receive(self._attention.wait, timeout)
+
+    def attend(self, timeout: float) -> Iterable[Message]:
+        return self._receive(self._attention.attend, timeout)
+
+    def recall(self) -> None:
+        self._owned()  # in a forked child it raises
+        self._attention.recall()
+
+    def wait_unattended(self, timeout: float) -> None:
+        self._owned()
+        self._attention.wait_unattended(timeout)
+
+    def _receive(self, wait: Callable[[float], None], timeout: float) -> Iterable[Message]:
         with self._owned():
-            while not self._messages and not self._changes and not self._is_done:
-                left = until - time.monotonic()
-                if left <= 0:
-                    break
-                self._arrived.wait(left)
+            wait(timeout)
             self._messages.append(None)
         return iter(self._messages.popleft, None)
 

@@ -45,6 +45,7 @@ class _Handler:
     told: set[str] = field(default_factory=set)  # actions that it knows as struck
     since: float = 0.0  # when it was registered
     is_new: bool = True  # it does not know yet what had struck before
+    is_removed: bool = False
     reported: float = -_REPORT_EVERY
     unreported: int = 0
 
@@ -60,16 +61,27 @@ class Handlers:
     :param place: for the thread's name and for reports.
     :param struck: the actions that have struck and not ended.
     :param give_back: takes a message whose handlers were removed while it waited.
+    :param attend: what the thread does while no handler has anything to do: it waits, and may route what comes.
+    :param recall: ends that wait, of this time or of the next one.
     """
 
-    def __init__(self, place: str, struck: Callable[[], set[str]], give_back: Callable[[Message], None]) -> None:
+    def __init__(
+        self,
+        place: str,
+        struck: Callable[[], set[str]],
+        give_back: Callable[[Message], None],
+        attend: Callable[[], None],
+        recall: Callable[[], None],
+    ) -> None:
         self._place = place
         self._struck = struck
         self._give_back = give_back
+        self._attend = attend
+        self._recall = recall
         self._lock = threading.RLock()
         self._of_messages: tuple[_Handler, ...] = ()
         self._of_deadlines: tuple[_Handler, ...] = ()
-        self._queue: SimpleQueue[Message | DeadlineEvent | None] = SimpleQueue()  # None: look again
+        self._queue: SimpleQueue[Message | DeadlineEvent] = SimpleQueue()
         self._thread: threading.Thread | None = None
         self._has_ended = False
         self._is_left = False  # nothing more is called
@@ -88,15 +100,17 @@ class Handlers:
         """Call ``call`` when this deadline strikes and ends; at once where it has struck."""
         with self._lock:
             self._of_deadlines += (_Handler(function, call, action, since=time.monotonic()),)
-        self._queue.put(None)
+        self._recall()
 
     def remove(self, function: Callable[..., object]) -> bool:
         """Call it no more. False: it was not called before."""
         with self._lock:
-            count = len(self._of_messages) + len(self._of_deadlines)
-            self._of_messages = tuple(h for h in self._of_messages if h.function != function)
-            self._of_deadlines = tuple(h for h in self._of_deadlines if h.function != function)
-            return len(self._of_messages) + len(self._of_deadlines) < count
+            removed = [h for h in (*self._of_messages, *self._of_deadlines) if h.function == function]
+            for handler in removed:
+                handler.is_removed = True
+            self._of_messages = tuple(h for h in self._of_messages if not h.is_removed)
+            self._of_deadlines = tuple(h for h in self._of_deadlines if not h.is_removed)
+            return bool(removed)
 
     # ---- what the link calls
 
@@ -117,6 +131,7 @@ class Handlers:
         move(messages, self._queue, count)
         while self._queue.qsize() > MAX_WAITING and self._drop_oldest():
             pass
+        self._rouse()
 
     def put_change(self, action: str, struck: bool, t: float, remove: Callable[[], object]) -> None:
         """A deadline has struck or ended; ``remove``, of C, takes it away from where it came from. One thread at a
@@ -125,11 +140,12 @@ class Handlers:
         if self._of_deadlines:
             steps.append(partial(self._queue.put, DeadlineEvent(action, struck, t)))
         deque(map(call, steps), maxlen=0)  # in one call of C
+        self._rouse()
 
     def end(self) -> None:
         """No message will come any more: the thread ends behind those that wait."""
         self._has_ended = True
-        self._queue.put(None)
+        self._recall()
 
     def leave(self, patience: float) -> None:
         """Wait until the thread has called all that waits and has ended; after ``patience`` seconds it calls nothing
@@ -146,7 +162,7 @@ class Handlers:
     def stop(self, patience: float) -> None:
         """The interpreter ends: begin no further call, and wait for one that has begun."""
         self._is_left = True
-        self._queue.put(None)
+        self._recall()
         until = time.monotonic() + patience
         while self._is_calling and time.monotonic() < until and self._thread is not threading.current_thread():
             time.sleep(0.001)
@@ -170,26 +186,37 @@ class Handlers:
         _log.error("handler %s of %s raised %s%s; the link goes on", name, self._place, type(error).__name__, more,
                    exc_info=error)  # fmt: skip
 
+    def _rouse(self) -> None:
+        """Something waits for the thread."""
+        if self._thread is not threading.current_thread():
+            self._recall()
+
     # ---- the thread
 
     def _run(self) -> None:
         looked: tuple[_Handler, ...] = ()  # the handlers of deadlines that know what had struck before they came
         while not self._is_left:
-            item = self._queue.get()
+            has_ended = self._has_ended  # before the look at what waits
             if self._of_deadlines is not looked:
                 looked = self._of_deadlines
                 self._tell_what_has_struck(looked)
+            try:
+                item = self._queue.get_nowait()
+            except Empty:
+                if has_ended:
+                    return
+                self._attend()
+                continue
             if isinstance(item, DeadlineEvent):
                 self._call_for_change(item)
-            elif item is not None:
+            else:
                 self._call_for(item)
-            elif self._has_ended and self._queue.empty():
-                return
 
     def _call_for(self, message: Message) -> None:
         called = False
+        name = message.name
         for handler in self._of_messages:
-            if handler.name is None or handler.name == message.name:
+            if handler.name is None or handler.name == name:
                 called = self._call(handler, message) or called
         if not called:
             self._give_back(message)
@@ -216,7 +243,7 @@ class Handlers:
         """False: it was removed meanwhile."""
         self._is_calling = True
         try:
-            if self._is_left or (handler not in self._of_messages and handler not in self._of_deadlines):
+            if self._is_left or handler.is_removed:
                 return False
             handler.call(value)
         except BaseException as error:

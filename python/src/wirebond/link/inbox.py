@@ -1,7 +1,9 @@
 """Where each received message goes: to its handlers, to the request that it answers, or to who takes messages.
 
 Until handlers, requests or coroutines are used, whoever takes messages gets them from the engine itself. From then on a
-thread of the link does so for all. It runs nothing of the program: neither handlers nor signals.
+thread of the link does so for all. It runs nothing of the program: neither handlers nor signals. Where there are
+handlers, their thread does it while no handler runs, so that a message wakes one thread and not two; the link's thread
+stands in for it meanwhile.
 
 A program's signal handler may raise behind every call that Python makes in the main thread. So a message moves from one
 place to the next in one call of C, what is done before that may be done twice, and who takes messages gives them back
@@ -15,7 +17,7 @@ import itertools
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import repeat, takewhile
 from operator import attrgetter, call, is_not
@@ -38,6 +40,7 @@ MAX_SENDERS = 4096  # addresses whose newest message is kept, of each message
 _NAME = attrgetter("name")
 _WAIT = 60.0  # seconds that the thread waits at once
 _CLOSING = 2.0  # seconds: longer than a link takes to close
+_LOOK = 0.01  # seconds between two looks at what waits for handlers, where another thread receives or the link closes
 _TURN = 0.25  # seconds that a caller waits in the engine before it looks whether the thread has begun
 
 _T_co = TypeVar("_T_co", covariant=True)
@@ -75,6 +78,7 @@ class Inbox:
         self._arrived: deque[Message] = deque()  # from the engine, not routed yet
         self._changed: deque[tuple[str, int, int]] = deque()  # the same; of deadlines and of the port
         self._is_routing = False
+        self._turn = threading.Lock()  # of the two threads that get messages from the engine, and route them
         self._queue: SimpleQueue[Message | None] = SimpleQueue()  # to be taken; None behind the last of all
         self._given_back: deque[Message] = deque()  # to be taken before those
         self._dropped = 0
@@ -92,7 +96,7 @@ class Inbox:
         self.requests = RequestBook(codec, end)
         self._relay: Callable[[list[Message], list[Message], list[tuple[str, int, int]]], None] | None = None
         self.relayed = 0  # messages that came, since the link was opened, and went where they belong
-        self.handlers = Handlers(place, self.struck, self.give)
+        self.handlers = Handlers(place, self.struck, self.give, self._attend, self._engine.recall)
 
     # ---- taking
 
@@ -226,6 +230,7 @@ class Inbox:
         self._engine.is_closed()  # in a forked child it raises
         with self._lock:
             if self._thread is None and not self.ended.is_set():
+                self._turn.acquire()  # until those who take from the engine themselves have looked
                 self._thread = threading.Thread(target=self._run, name=f"messages of {self._place}", daemon=True)
                 self._thread.start()
 
@@ -292,7 +297,7 @@ class Inbox:
                 if self._thread is not None or self.ended.is_set():
                     return False
                 self._callers.add(caller)
-            self._receive(timeout)
+            self._receive(self._engine.receive, timeout)
         finally:
             self._callers.discard(caller)
         return True
@@ -301,18 +306,35 @@ class Inbox:
         until = time.monotonic() + 2 * _TURN
         while self._callers and time.monotonic() < until:  # they route what comes until they look here
             time.sleep(0.001)
+        self._turn.release()
         try:
             while True:
                 is_closed = self._engine.is_closed()
-                if not self._receive(_WAIT) and is_closed:
-                    break
+                self._engine.wait_unattended(_WAIT)
+                with self._turn:
+                    if not self._receive(self._engine.receive, 0.0) and is_closed:
+                        break
         finally:
             self.end()
 
-    def _receive(self, timeout: float) -> bool:
-        """Wait for what comes, and route it. False: nothing came in time, or nothing will come."""
+    def _attend(self) -> None:
+        """The handlers' thread has nothing to do: it takes what comes, until something waits for it."""
+        if not self._turn.acquire(timeout=_LOOK):
+            return
+        try:
+            has_come = self._receive(self._engine.attend, _WAIT)
+        finally:
+            self._turn.release()
+        if not has_come and self._engine.is_closed():
+            self.ended.wait(_LOOK)
+
+    def _receive(self, get: Callable[[float], Iterable[Message]], timeout: float) -> bool:
+        """Wait for what comes, and route it. False: nothing came in time, or nothing will come.
+
+        :param get: of the engine.
+        """
         wait = 0.0 if self._arrived or self._changed else timeout
-        self._arrived.extend(itertools.chain.from_iterable(map(self._engine.receive, (wait,))))
+        self._arrived.extend(itertools.chain.from_iterable(map(get, (wait,))))
         self._changed.extend(itertools.chain.from_iterable(itertools.starmap(self._engine.changes, ((),))))
         has_come = bool(self._arrived or self._changed)
         with self._lock:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from wirebond import _engine
 from wirebond.codec import Message
 from wirebond.errors import LinkDownError, PortError
+from wirebond.link.attention import Attention
 from wirebond.link.engine_settings import EngineSettings, SafeValue
 from wirebond.link.python_ports import PythonOpener, PythonPort
 
@@ -68,6 +69,7 @@ class PythonLink:
         self._work = threading.Condition(self._lock)  # for the supervisor
         self._taken = threading.Condition(self._lock)  # for a reader that waits until messages are taken
         self._arrived = threading.Condition(self._lock)  # for who takes messages, or waits for the end
+        self._attention = Attention(self._arrived, self._core.has_news, lambda: self._is_done)
         self._port: PythonPort | None = None
         self._left: PythonPort | None = None  # went down, to be closed by the supervisor
         self._reader: threading.Thread | None = None
@@ -154,14 +156,23 @@ class PythonLink:
     def receive(self, timeout: float) -> Iterable[Message]:
         """Waits as the engine's does. The messages are taken when the result is read, in one call of C: a signal's
         handler that raises can lose none."""
-        until = time.monotonic() + min(max(timeout, 0.0), 1e6) if timeout == timeout else 0.0  # noqa: PLR0124 NaN
+        return self._receive(self._attention.wait, timeout)
+
+    def attend(self, timeout: float) -> Iterable[Message]:
+        return self._receive(self._attention.attend, timeout)
+
+    def recall(self) -> None:
+        self._owned()  # in a forked child it raises
+        self._attention.recall()
+
+    def wait_unattended(self, timeout: float) -> None:
+        self._owned()
+        self._attention.wait_unattended(timeout)
+
+    def _receive(self, wait: Callable[[float], None], timeout: float) -> Iterable[Message]:
         with self._owned():
             self._taken.notify_all()  # what came before was taken
-            while not self._core.has_news() and not self._is_done:
-                left = until - time.monotonic()
-                if left <= 0:
-                    break
-                self._arrived.wait(left)
+            wait(timeout)
         return itertools.chain.from_iterable(itertools.starmap(self._core.receive, ((),)))
 
     def changes(self) -> Iterable[tuple[str, int, int]]:

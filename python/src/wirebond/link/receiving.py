@@ -371,8 +371,8 @@ class Receiving:
             typed, plain = maker_of(message), call
             call = lambda received: plain(typed(received))  # noqa: E731
         self._inbox.handlers.add(function, name, call)
-        self._inbox.handlers.start()
         self._start_reading()
+        self._inbox.handlers.start()
 
     def _check_log(self, level: str) -> None:
         least_number(level)
@@ -394,8 +394,8 @@ class Receiving:
         self, action: str | None, function: Callable[..., object], call: Callable[[Any], object]
     ) -> None:
         self._inbox.handlers.add_deadline(function, action, call)
-        self._inbox.handlers.start()
         self._start_reading()
+        self._inbox.handlers.start()
 
     def _check_kind(self, message: object) -> None:
         """Of what handlers are called with: all, a name, a class."""
