@@ -169,8 +169,7 @@ class Deframer {
       if (available < needed_ && !give_up) break;  // examined before: this many bytes decide
       cut_unlisted();
       Frame frame;
-      if constexpr (Source::is_constant && detail::part_counts<Source>.forms > 1)
-        frame = {};  // else GCC 12 warns of it at -Os
+      if constexpr (Source::is_constant) frame = {};  // else GCC 12 warns of it at -O1 and -Os
       if constexpr (tells_unlisted) frame.size = 0;
       Verdict verdict = examine_candidate(window + at, available, frame);
       if (verdict.outcome == Outcome::need_more) {

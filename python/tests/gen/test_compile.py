@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from tests.shared import codec
 
 from wirebond.gen import generate_c, generate_cpp
 from wirebond.gen.cpp import stop_functions, struct_names
@@ -109,6 +110,7 @@ def test_headers_compile_without_a_warning(
     shell([*command, "-c", str(source), "-o", str(tmp_path / "use.o")])
 
 
+LEVELS = ("-O0", "-Og", "-O1", "-Os", "-O2", "-O3")
 NO_FIELDS = """
 wirebond: 1
 protocol: no_fields
@@ -123,7 +125,7 @@ messages:
 
 
 @pytest.mark.parametrize(
-    "optimise", ["-O0", "-O2", *(pytest.param(level, marks=pytest.mark.long) for level in ("-Og", "-O1", "-Os", "-O3"))]
+    "optimise", [level if level in ("-O0", "-O2") else pytest.param(level, marks=pytest.mark.long) for level in LEVELS]
 )
 def test_messages_without_fields_compile_without_a_warning_at_every_level(
     optimise: str, strict: list[str], shell: Shell, tmp_path: Path
@@ -135,6 +137,23 @@ def test_messages_without_fields_compile_without_a_warning_at_every_level(
     source.write_text(use_of(protocol) + '#include "no_fields_link.hpp"\n', encoding="utf-8")
     for path in (source, *(tmp_path / "c").glob("*.cpp")):
         command = [*COMPILERS["cortex-m4"], *strict, *FIRMWARE, optimise, f"-I{path.parent}"]
+        shell([*command, "-c", str(path), "-o", str(tmp_path / "use.o")])
+
+
+@pytest.mark.parametrize(
+    ("name", "optimise"),
+    [
+        pytest.param(name, level, marks=() if (name, level) == ("diffdrive", "-O1") else pytest.mark.long)
+        for name in ("diffdrive", "enterprize", "pid_tuner", "native", "servo_bus")
+        for level in LEVELS
+    ],
+)
+def test_links_in_c_compile_without_a_warning_at_every_level(
+    name: str, optimise: str, strict: list[str], shell: Shell, tmp_path: Path
+) -> None:
+    generate_c(codec(name).model, tmp_path)
+    for path in tmp_path.glob("*.cpp"):
+        command = [*COMPILERS["cortex-m4"], *strict, *FIRMWARE, optimise, f"-I{tmp_path}"]
         shell([*command, "-c", str(path), "-o", str(tmp_path / "use.o")])
 
 
