@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "decoder.hpp"
+#include "link_setup.hpp"
 #include "protocol.hpp"
 #include "recent.hpp"
 #include "tap.hpp"
@@ -19,37 +20,6 @@
 #include "wirebond/host/link.hpp"
 
 namespace wirebond::engine {
-
-/// One message of the file's emergency stop, in its order.
-struct StopFrame {
-  std::int16_t message = -1;
-  std::vector<std::uint8_t> frame;
-  std::int16_t reply = -1;
-  std::uint64_t every_us = 0;  ///< how often a stop repeats it
-  std::uint64_t address = 0;   ///< for whom it is, where frames say that
-  bool is_in_stop = true;      ///< see SafeValue
-};
-
-/// What a link takes from the protocol file and the port.
-struct LinkSetup {
-  std::shared_ptr<const ProtocolTable> protocol;
-  std::shared_ptr<const FormatTable> receive;  ///< what the MCU sends
-  std::shared_ptr<const FormatTable> send;     ///< what the host sends
-  Pacing pacing;
-  std::uint64_t idle_us = 20'000;
-  std::uint64_t pause_us = 0;  ///< where silence ends a frame
-  std::uint64_t max_age_us = 0;
-  bool echoes = false;                  ///< the line brings back what is sent
-  std::size_t largest_frame = 0;        ///< bytes of the largest frame that the host sends
-  std::vector<std::uint64_t> every_us;  ///< by message; 0: it has no rhythm
-  std::vector<bool> keeps_latest;       ///< by message: only the newest frame waits
-  std::vector<StopFrame> stop;          ///< empty: the file has none
-  HostAddressing::Rules addressing;
-  std::size_t more_addresses = 0;       ///< leases, and safe values, for addresses beside the first of each message
-  std::vector<DeadlineRule> deadlines;  ///< of the host
-  bool holds_back = true;               ///< what may not act is not given to the program either
-  std::size_t recent_bytes = 65536;     ///< of both directions, that are kept for `recent`
-};
 
 /// Messages that came with one read.
 struct Arrivals {
@@ -219,10 +189,6 @@ class LinkCore {
 /// As Python calls it: `LinkCore` with times in microseconds as arguments, for tests under virtual time.
 void bind_link_core(nb::module_& m);
 
-/// The setup's part that is the same for both bindings. `settings`: an `EngineSettings` of Python.
-LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
-                     nb::handle settings);
-
 /// ``[(kind, before, t, bytes), …]``, and what was lost since the last time: pieces, received bytes, sent bytes.
 nb::tuple to_tuple(const TapCopy& taken);
 
@@ -231,9 +197,6 @@ nb::tuple to_tuple(const RecentCopy& recent);
 
 /// ``(kind, t, action)`` for each, times in microseconds. With the GIL, no lock.
 nb::list to_list(const std::deque<LinkChange>& changes);
-
-/// Of a `SafeValue` of Python.
-StopFrame stop_frame(nb::handle safe);
 
 /// 0 to 3 in the order of SendResult.
 inline int answer_of(SendResult result) { return static_cast<int>(result); }

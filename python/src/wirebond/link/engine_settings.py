@@ -1,4 +1,4 @@
-"""What a link tells the engine when it opens, as the engine reads it: `link_setup` in native/link_core.cpp."""
+"""What a link tells the engine when it opens, as the engine reads it: `link_setup` in native/link_setup.cpp."""
 
 from __future__ import annotations
 

@@ -1,0 +1,57 @@
+// What a link takes from the protocol file and the port, as Python gives it: values only.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "protocol.hpp"
+#include "wirebond/host/link.hpp"
+
+namespace wirebond::engine {
+
+/// One message of the file's emergency stop, in its order.
+struct StopFrame {
+  std::int16_t message = -1;
+  std::vector<std::uint8_t> frame;
+  std::int16_t reply = -1;
+  std::uint64_t every_us = 0;  ///< how often a stop repeats it
+  std::uint64_t address = 0;   ///< for whom it is, where frames say that
+  bool is_in_stop = true;      ///< see SafeValue
+};
+
+/// What a link takes from the protocol file and the port.
+struct LinkSetup {
+  std::shared_ptr<const ProtocolTable> protocol;
+  std::shared_ptr<const FormatTable> receive;  ///< what the MCU sends
+  std::shared_ptr<const FormatTable> send;     ///< what the host sends
+  Pacing pacing;
+  std::uint64_t idle_us = 20'000;
+  std::uint64_t pause_us = 0;  ///< where silence ends a frame
+  std::uint64_t max_age_us = 0;
+  bool echoes = false;                  ///< the line brings back what is sent
+  std::size_t largest_frame = 0;        ///< bytes of the largest frame that the host sends
+  std::vector<std::uint64_t> every_us;  ///< by message; 0: it has no rhythm
+  std::vector<bool> keeps_latest;       ///< by message: only the newest frame waits
+  std::vector<StopFrame> stop;          ///< empty: the file has none
+  HostAddressing::Rules addressing;
+  std::size_t more_addresses = 0;       ///< leases, and safe values, for addresses beside the first of each message
+  std::vector<DeadlineRule> deadlines;  ///< of the host
+  bool holds_back = true;               ///< what may not act is not given to the program either
+  std::size_t recent_bytes = 65536;     ///< of both directions, that are kept for `recent`
+};
+
+/// `settings`: an `EngineSettings` of Python.
+LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
+                     nb::handle settings);
+
+/// Of a `SafeValue` of Python.
+StopFrame stop_frame(nb::handle safe);
+
+inline std::uint64_t to_us(double seconds) { return static_cast<std::uint64_t>(std::llround(seconds * 1e6)); }
+
+}  // namespace wirebond::engine
