@@ -371,6 +371,27 @@ def test_two_servers_do_not_share_a_socket(served: Served) -> None:
         Server(served.link, served.server.path)
 
 
+def test_a_reply_whose_answer_leaves_before_it_comes_reaches_the_client(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The link's thread says first whose a reply is, and then gives it; the server's thread may write in between."""
+    owner = served.server._owner
+    note = owner.note_answer
+
+    def note_and_give(*answer: Any) -> None:
+        note(*answer)
+        given = threading.Event()
+        owner.loop.call_soon_threadsafe(lambda: (owner.give(), given.set()))
+        assert given.wait(PATIENCE)
+
+    monkeypatch.setattr(owner, "note_answer", note_and_give)
+    with served.attach() as link:
+        wait = link._start_request("status_query", {}, PATIENCE)
+        wait_until(served.sent, "the request leaves")
+        served.pty.write(served.codec.encode("status", battery=12.0, errors=[], state=[]))
+        assert wait()["battery"] == 12
+
+
 def test_an_attached_link_comes_back_when_the_server_does(tmp_path: Path) -> None:
     proto, pty = wirebond.load(PROTOCOLS / "diffdrive.yaml"), PtyPort()
     path = tmp_path / "server.sock"

@@ -73,9 +73,10 @@ class Owner:
         self._holder: str | None = None
         self._came: list[Message] = []
         self._answers: list[tuple[Client, int, Message | Exception]] = []
-        self._taken: list[int] = []  # offsets of messages that answered requests
+        self._answering: set[int] = set()  # offsets of messages that answer clients' requests and have not come yet
+        self._taken: list[int] = []  # offsets of messages that answered requests of the link itself, as for the clock
         self._changes: list[tuple[str, int, int]] = []  # of the port and of deadlines
-        self._came_lock = threading.Lock()  # of these four: an answer is there before its message
+        self._came_lock = threading.Lock()  # of these five: an answer is there before its message
         self._sockets = self._listen(tcp)
         self.loop = asyncio.new_event_loop()
         self._flush: asyncio.TimerHandle | None = None
@@ -133,7 +134,9 @@ class Owner:
             is_first = not self._came and not self._answers and not self._changes
             self._came += messages
             self._changes += changes
-            self._taken += [m.offset for m in answers]
+            offsets = {m.offset for m in answers}
+            self._taken += offsets - self._answering
+            self._answering -= offsets
         if is_first:
             self._wake()
 
@@ -142,6 +145,8 @@ class Owner:
         with self._came_lock:
             is_first = not self._came and not self._answers and not self._changes
             self._answers.append((client, number, outcome))
+            if isinstance(outcome, Message):
+                self._answering.add(outcome.offset)
         if is_first:
             self._wake()
 
@@ -247,10 +252,8 @@ class Owner:
             answers, self._answers = self._answers, []
             taken, self._taken = self._taken, []
             changes, self._changes = self._changes, []
-        asked = {outcome.offset for _, _, outcome in answers if isinstance(outcome, Message)}
-        own = [offset for offset in taken if offset not in asked]
-        if own:  # the link itself asked, as for the clock
-            self.tell_all({"event": "taken", "offsets": own})
+        if taken:
+            self.tell_all({"event": "taken", "offsets": taken})
         for client, number, outcome in answers:
             self.commands.answered(client, number, outcome)
         self._give_messages(messages)
