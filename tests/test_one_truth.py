@@ -12,7 +12,7 @@ from tests.conformance.build import run
 from tests.shared import ROOT, codec
 from wirebond import Codec, _engine
 from wirebond.explain import examine
-from wirebond.protocol import loads, plan
+from wirebond.protocol import loads, plan, planning
 from wirebond.protocol.model import End, cobs_overhead
 
 CORE = ROOT / "core" / "include"
@@ -77,7 +77,7 @@ def form_with(length: str) -> plan.Form:
         f"wirebond: 1\nprotocol: told\nmax_payload: 8\nframe:\n  - magic: 0xAA\n  - length: {length}\n  - id: u8\n"
         "  - payload: by_length\n  - check: xor8\nmessages: {m: {id: 1, sender: host, fields: {a: {type: u64}}}}\n"
     )
-    return plan.plan_for(model, End.HOST).forms[0]
+    return planning.plan_for(model, End.HOST).forms[0]
 
 
 def form_in_cpp(form: plan.Form) -> str:
@@ -134,7 +134,7 @@ def test_causes_have_the_same_names_in_the_same_order_everywhere() -> None:
 )
 def test_the_engine_refuses_words_that_it_does_not_know(change: dict[str, str]) -> None:
     """A check of an unknown kind was taken for an exclusive-or."""
-    known = plan.plan_for(codec("enterprize").model, End.HOST)
+    known = planning.plan_for(codec("enterprize").model, End.HOST)
     _engine.FormatTable(known)
     if "algorithms" in change:
         changed = replace(known, algorithms=(replace(known.algorithms[0], kind="sum9"), *known.algorithms[1:]))

@@ -157,7 +157,7 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
         (
             ["gen", DIFFDRIVE, "--lang", "c", "--port", "posix", "--out", "/tmp/never"],
             2,
-            "there is no --port posix in C, only stm32_hal; docs/c.md shows",
+            "there is no --port posix in C, only stm32_hal, stm32_ll; docs/c.md shows",
         ),
         (
             ["gen", DIFFDRIVE, "--lang", "python", "--port", "posix", "--out", "/tmp/never"],
