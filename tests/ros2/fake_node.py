@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from tests.shared import PATIENCE
 from wirebond.ros2.cdr import decode, encode
 from wirebond.ros2.node import Answer, Parameter, Qos, Quick
 from wirebond.ros2.subscriber import Subscriber
@@ -108,9 +109,14 @@ class FakeNode:
     def close(self) -> None:
         pass
 
+    def newest(self, topic: str) -> dict[str, Any] | None:
+        """Return the newest message of a topic. None: none was published yet, which a wait must allow for."""
+        published = self.published[topic]
+        return published[-1] if published else None
+
     def wait(self, what: Callable[[], Any]) -> Any:
         """Until this is true; what it gave."""
         with self.changed:
-            found = self.changed.wait_for(what, timeout=20.0)  # a bound for slow machines, not an expectation
+            found = self.changed.wait_for(what, timeout=PATIENCE)
         assert found, ({topic: len(messages) for topic, messages in self.published.items()}, self.lines)
         return found

@@ -39,7 +39,10 @@ class Attached:
         self.node.wait(lambda: len(self.node.parameters) == 3)
 
     def link_status(self) -> tuple[int, str]:
-        status = self.node.published["/diagnostics"][-1]["status"][0]
+        newest = self.node.newest("/diagnostics")
+        if newest is None:
+            return -1, "nothing published yet"
+        status = newest["status"][0]
         return status["level"], status["message"]
 
     def state_comes(self) -> bool:

@@ -92,7 +92,7 @@ class Cart:
         before = len(self.node.published["/odom"])
         self.line.write(CART.encode("ticks", left=10, right=10))
         self.node.wait(lambda: len(self.node.published["/odom"]) > before)
-        self.node.wait(lambda: self.node.published["/navigation_ok"][-1]["data"])
+        self.node.wait(lambda: (self.node.newest("/navigation_ok") or {}).get("data"))
 
     def call(self, service: str, **request: Any) -> tuple[bool, str]:
         response = self.node.answer[service](request)
