@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import dataclasses
 import functools
 import hashlib
 import shutil
@@ -20,6 +21,7 @@ BOARD = HERE / "board"
 TASKS = ROOT / "ports" / "freertos" / "include"
 BUILD = ROOT / "build" / "emulated"
 CRATES = ROOT / "build" / "freertos"  # setup/freertos says what lies there
+IDLE = 1800.0  # seconds of the machine's time: longer than any pause of ours is for it
 KERNEL_FILES = ("tasks.c", "list.c", "portable/GCC/ARM_CM4F/port.c")
 
 PROCESSOR = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
@@ -36,6 +38,16 @@ def kernel() -> Path:
     return found[-1]
 
 
+def without_silence(codec: wirebond.Codec) -> wirebond.Codec:
+    """Return the codec of the same protocol for an emulated line: nothing on it is ever a silence.
+
+    The machine skips the time in which it has nothing to do. So if this computer pauses for a moment inside a frame,
+    that is for the firmware a silence of any length, which the line never had. Neither end gives up an incomplete frame
+    then. Silence inside frames is a matter of the fake UART and of the host's own tests.
+    """
+    return wirebond.Codec(dataclasses.replace(codec.model, idle=IDLE))
+
+
 def build(
     program: Path,
     protocol: str,
@@ -45,7 +57,8 @@ def build(
     definitions: Sequence[str] = (),
     optimise: str = "-O2",
 ) -> Path:
-    """The ELF file of ``program``, a C++ file, with the kernel and the header of ``protocols/<protocol>.yaml``.
+    """The ELF file of ``program``, a C++ file, with the kernel and the header of ``protocols/<protocol>.yaml``, made as
+    `without_silence` says.
     ``in_c``: a file in C beside it, with the protocol's generated C. ``optimise``: the program's level; the kernel's is
     always -O2.
 
@@ -58,7 +71,7 @@ def build(
     flags = [*common, *CPP_FLAGS]
     with tempfile.TemporaryDirectory(dir=BUILD) as name:
         folder = Path(name)
-        model = wirebond.load(PROTOCOLS / f"{protocol}.yaml").model
+        model = without_silence(wirebond.load(PROTOCOLS / f"{protocol}.yaml")).model
         generated = (generate_cpp if in_c is None else generate_c)(model, folder / "generated")
         shared = (TASKS, *includes)
         own = [*BOARD.iterdir(), program, *(path for base in shared for path in base.rglob("*.[ch]pp"))]

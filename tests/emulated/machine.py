@@ -11,7 +11,6 @@ from types import TracebackType
 from typing import Self
 
 PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
-STALLS = 1.0  # seconds: a loaded machine may stop the emulator inside a frame, which is no silence of the line
 UARTS = 2
 
 

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 import wirebond
-from tests.emulated.build import HERE, build
-from tests.emulated.machine import PATIENCE, STALLS, Machine
+from tests.emulated.build import HERE, build, without_silence
+from tests.emulated.machine import PATIENCE, Machine
 from tests.shared import account_closes, codec_without_latest
 
 SENDERS = 5  # four tasks and an interrupt
@@ -70,7 +70,7 @@ def test_what_four_tasks_and_an_interrupt_send_arrives_once_and_in_order(frames:
     program = build(HERE / "programs" / "senders.cpp", "enterprize", definitions=[f"FRAMES={frames}U"])
     with (
         Machine(program) as machine,
-        wirebond.open(codec_without_latest("enterprize"), machine.ports[0], adapter_latency=STALLS) as link,
+        wirebond.open(without_silence(codec_without_latest("enterprize")), machine.ports[0]) as link,
     ):
         arrived: Counter[int] = Counter()
         for message in talk(link, commands, SENDERS * frames):
