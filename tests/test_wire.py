@@ -6,6 +6,7 @@ import json
 import os
 import random
 import select
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -73,6 +74,19 @@ def read(end: int, size: int, patience: float = PATIENCE) -> bytes:
     return data
 
 
+def settled(wire: WireProcess, sizes: tuple[int, int]) -> dict[str, Any]:
+    """Wait until the wire has taken this many bytes from each end and nothing travels any more; return its account."""
+    account: dict[str, Any] = {}
+
+    def has_settled() -> bool:
+        account.update(wire.account())
+        found = [account[direction] for direction in DIRECTIONS]
+        return all(one["bytes"] == size and one["travelling"] == 0 for one, size in zip(found, sizes, strict=True))
+
+    wait_until(has_settled, "all bytes are accounted for")
+    return account
+
+
 def closes(found: dict[str, Any]) -> bool:
     lost = sum(found[key] for key in ("handed_over", "not_read", "travelling", "unplugged", "dropped_bytes"))
     return bool(found["bytes"] + found["inserted_bytes"] == lost)
@@ -129,31 +143,51 @@ def test_a_second_stop_bit_is_heard_by_who_looks_at_one() -> None:
         assert not wire.end()["a_to_b"]["is_misheard"]
 
 
+def scripted(folder: Path, text: str) -> WireSettings:
+    script = folder / "faults"
+    script.write_text(text)
+    return WireSettings(baud=1_000_000, script=read_script(script))
+
+
+def runs_for(wire: WireProcess, seconds: float) -> None:
+    """Wait until the wire has run for this long, by its own clock."""
+    wait_until(lambda: wire.account()["seconds"] >= seconds, "the wire's time passes")
+
+
 def test_scripted_faults_come_at_their_times(tmp_path: Path) -> None:
-    script = tmp_path / "faults"
-    script.write_text("""\ufeff
-# what happens when, as an editor of Windows writes it
+    settings = scripted(
+        tmp_path,
+        """\ufeff
+# as an editor of Windows writes it
 0.0 a_to_b flip 0x80
-0   a_to_b drop 2      # behind the byte that changes nothing: both lie on the first one
+0   a_to_b drop 2      # after the byte that changes nothing: both lie on the first one
 0.05 b_to_a insert 0x55
 0.1 unplug 0.05
-0.8 unplug 1e5
-""")
-    settings = WireSettings(baud=1_000_000, script=read_script(script))
+0.2 a_to_b insert 0x66
+1e5 a_to_b insert 0x77
+""",
+    )
     with WireProcess(settings) as wire, opened(wire.a, wire.b) as (a, b):
-        begun = time.monotonic()
         os.write(a, b"12345")
         assert read(b, 3) == b"345"
-        time.sleep(max(0.0, begun + 0.2 - time.monotonic()))
+        runs_for(wire, 0.15)  # the cable is in again
         os.write(b, b"abc")
-        assert read(a, 4) == b"\x55abc"  # the cable is in again
-        time.sleep(max(0.0, begun + 0.85 - time.monotonic()))
-        os.write(a, b"out")
-        assert read(b, 1, 0.1) == b""
-        account = wire.end()
-    assert account["a_to_b"]["dropped_bytes"] == 2
-    assert account["a_to_b"]["unplugged"] == 3
+        assert read(a, 4) == b"\x55abc"
+        runs_for(wire, 0.2)
+        os.write(a, b"6")
+        assert read(b, 2) == b"\x666"
+        account = settled(wire, (6, 3))
+    assert (account["a_to_b"]["dropped_bytes"], account["a_to_b"]["inserted_bytes"]) == (2, 1)
     assert account["b_to_a"]["inserted_bytes"] == 1
+
+
+def test_a_scripted_cable_is_out_from_its_time_on(tmp_path: Path) -> None:
+    with WireProcess(scripted(tmp_path, "0.05 unplug 1e5")) as wire, opened(wire.a, wire.b) as (a, b):
+        runs_for(wire, 0.05)
+        os.write(a, b"out")
+        account = settled(wire, (3, 0))
+        assert read(b, 1, 0) == b""
+    assert (account["a_to_b"]["unplugged"], account["a_to_b"]["handed_over"]) == (3, 0)
 
 
 @pytest.mark.parametrize(
@@ -199,8 +233,9 @@ def test_faults_change_bytes_as_the_account_says() -> None:
     settings = WireSettings(baud=4_000_000, drops=0.01, inserts=0.02, ber=1e-3, seed=3)
     with WireProcess(settings) as wire, opened(wire.a, wire.b) as (a, b):
         os.write(a, DATA)
-        got = read(b, 10 * len(DATA), patience=0.5)
-        found = wire.end()["a_to_b"]
+        found = settled(wire, (len(DATA), 0))["a_to_b"]
+        got = read(b, found["handed_over"])
+        assert read(b, 1, 0) == b""
     assert got != DATA
     assert len(got) == found["handed_over"] == len(DATA) - found["dropped_bytes"] + found["inserted_bytes"]
     assert found["dropped_bytes"] > 5
@@ -212,8 +247,8 @@ def test_faults_change_bytes_as_the_account_says() -> None:
 def test_a_pulled_cable_loses_bytes_and_the_account_says_how_many() -> None:
     with WireProcess(WireSettings(baud=1_000_000, unplug=(0.0, 1e6))) as wire, opened(wire.a, wire.b) as (a, b):
         os.write(a, DATA)
-        assert read(b, 1, patience=0.3) == b""
-        found = wire.end()["a_to_b"]
+        found = settled(wire, (len(DATA), 0))["a_to_b"]
+        assert read(b, 1, 0) == b""
     assert found["unplugged"] == found["bytes"] == len(DATA)
     assert closes(found)
 
@@ -283,8 +318,8 @@ def test_a_clock_is_not_moved_by_a_reply_that_is_longer_than_its_request(monkeyp
 
         def answer() -> None:
             while not over.is_set():
-                t = time.monotonic()
-                far.write(mcu.feed(far.read(0.0005), t))
+                data = far.read(0.0005)
+                far.write(mcu.feed(data, time.monotonic()))  # an earlier time would be wrong in its stamps
 
         thread = threading.Thread(target=answer)
         thread.start()
@@ -305,8 +340,10 @@ def test_on_a_line_that_echoes_both_ends_hear_both_and_what_is_sent_at_once_coll
         assert read(a, 200) == read(b, 200) == DATA[:200]
         os.write(b, DATA[:100])
         assert read(a, 100) == read(b, 100) == DATA[:100]
+        os.kill(wire.pid, signal.SIGSTOP)  # so that both are there when it looks next
         os.write(a, DATA)
         os.write(b, DATA[::-1])
+        os.kill(wire.pid, signal.SIGCONT)
         heard = [read(end, 2 * len(DATA)) for end in (a, b)]
         assert [len(one) for one in heard] == [2 * len(DATA)] * 2
         assert DATA not in heard[0]
@@ -334,9 +371,14 @@ def test_two_links_speak_over_a_line_that_echoes_and_a_collision_loses_only_what
             stats = end.stats
             assert stats.echoed_bytes == stats.send.sent_bytes > 0
             assert stats.collisions == sum(stats.receive.discarded_bytes.values()) == 0
-        for _ in range(40):  # both begin
-            host.send("note", number=1)
-            mcu.send("note", number=2)
-        wait_until(lambda: host.stats.collisions and mcu.stats.collisions, "what collides is counted")
-        wait_until(lambda: host.stats.send.queued == mcu.stats.send.queued == 0, "all has left")
+
+        def collide() -> bool:
+            for _ in range(40):  # both begin
+                host.send("note", number=1)
+                mcu.send("note", number=2)
+            wait_until(lambda: host.stats.send.queued == mcu.stats.send.queued == 0, "all has left")
+            settled(wire, (host.stats.send.sent_bytes, mcu.stats.send.sent_bytes))
+            return host.stats.collisions > 0 and mcu.stats.collisions > 0
+
+        wait_until(collide, "collisions are counted")
         assert host.request("ask", number=99, timeout=PATIENCE)["number"] == 99

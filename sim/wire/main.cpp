@@ -1,5 +1,6 @@
-// Two ptys joined by a simulated wire: what `wirebond wire` runs. It prints the two paths, a line each, and at its end
-// what became of every byte, as one line of JSON. It ends with stdin, with SIGINT, or after `length_ns`.
+// Two ptys joined by a simulated wire: the program of `wirebond wire`. It prints the two paths, a line each; after each
+// line on stdin, and at its end, the account of every byte so far, as one line of JSON. It ends with stdin, with
+// SIGINT, or after `length_ns`.
 #include <signal.h>
 #include <unistd.h>
 
@@ -8,6 +9,7 @@
 #include <cinttypes>
 #include <cstdio>
 #include <cstring>
+#include <mutex>
 #include <string_view>
 #include <thread>
 
@@ -21,17 +23,27 @@ using wirebond::sim::Time;
 
 std::atomic<bool> ends{false};
 
-void print(const char* name, PtyWire& wire, PtyWire::End from) {
-  const wirebond::sim::WireCounts& counts = wire.wire(from).counts();
-  const bool is_misheard = wire.is_misheard(from);
-  const std::uint64_t came_out = is_misheard ? wire.heard(from) : counts.handed_over;
+void print(const char* name, const wirebond::sim::PtyWireAccount& account) {
+  const wirebond::sim::WireCounts& counts = account.counts;
   std::printf("\"%s\": {\"line_use\": %.6f, \"is_misheard\": %s, \"bytes\": %" PRIu64 ", \"handed_over\": %" PRIu64
               ", \"not_read\": %" PRIu64 ", \"travelling\": %" PRIu64 ", \"unplugged\": %" PRIu64
               ", \"bit_errors\": %" PRIu64 ", \"burst_bytes\": %" PRIu64 ", \"dropped_bytes\": %" PRIu64
               ", \"inserted_bytes\": %" PRIu64 ", \"splits\": %" PRIu64 ", \"collided_bytes\": %" PRIu64 "}",
-              name, wire.line_use(from), is_misheard ? "true" : "false", counts.put, came_out - wire.overrun(from),
-              wire.overrun(from), counts.travelling, counts.unplugged, counts.bit_errors, counts.burst_bytes,
+              name, account.line_use, account.is_misheard ? "true" : "false", counts.put, account.handed_over,
+              account.overrun, counts.travelling, counts.unplugged, counts.bit_errors, counts.burst_bytes,
               counts.dropped, counts.inserted, counts.splits, counts.collided);
+}
+
+/// The account of both directions. Any thread.
+void print(PtyWire& wire) {
+  static std::mutex one_at_a_time;
+  const std::lock_guard<std::mutex> lock(one_at_a_time);
+  std::printf("{\"seconds\": %.6f, ", static_cast<double>(wire.length()) * 1e-9);
+  print("a_to_b", wire.account(PtyWire::a));
+  std::printf(", ");
+  print("b_to_a", wire.account(PtyWire::b));
+  std::printf("}\n");
+  std::fflush(stdout);
 }
 
 /// One setting of one end.
@@ -118,22 +130,17 @@ int main(int argument_count, char** arguments) {
   signal(SIGINT, [](int) { ends.store(true, std::memory_order_relaxed); });
   std::printf("%s\n%s\n", wire.path(PtyWire::a), wire.path(PtyWire::b));
   std::fflush(stdout);
-  std::thread([] {  // whoever started it has gone
+  std::thread([&wire] {
     char byte;
     while (::read(STDIN_FILENO, &byte, 1) > 0) {
+      if (byte == '\n') print(wire);
     }
-    ends.store(true, std::memory_order_relaxed);
-  })
-      .detach();
+    ends.store(true, std::memory_order_relaxed);  // the program that started it has gone
+  }).detach();
   if (const int error = wire.run(ends, length); error != 0) {
     std::fprintf(stderr, "a pty does not work any more: %s\n", std::strerror(error));
-    return 3;
+    ::_exit(3);  // the thread may print the account
   }
-  std::printf("{\"seconds\": %.6f, ", static_cast<double>(wire.ended()) * 1e-9);
-  print("a_to_b", wire, PtyWire::a);
-  std::printf(", ");
-  print("b_to_a", wire, PtyWire::b);
-  std::printf("}\n");
-  std::fflush(stdout);
+  print(wire);
   ::_exit(0);  // the thread may still wait for stdin
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import subprocess
@@ -109,19 +110,34 @@ class WireProcess:
         except subprocess.TimeoutExpired:
             return
 
+    def account(self) -> dict[str, Any]:
+        """Return what has become of every byte so far, by direction. While it runs.
+
+        :raises WirebondError: it has ended by itself.
+        """
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # `_read_account` says why
+            self._process.stdin.write("\n")
+            self._process.stdin.flush()
+        return self._read_account()
+
     def end(self) -> dict[str, Any]:
-        """Stop it; what became of every byte, by direction.
+        """Stop it, and return what became of every byte, by direction.
 
         :raises WirebondError: it had ended by itself.
         """
-        assert self._process.stdout is not None
         self._process.send_signal(signal.SIGINT)
-        out = self._process.stdout.readline()
+        account = self._read_account()
         self._process.wait()
-        if not out:
-            raise WirebondError(f"the simulated wire ended with code {self._process.returncode}")
-        told: dict[str, Any] = json.loads(out)
-        return told
+        return account
+
+    def _read_account(self) -> dict[str, Any]:
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        if not line:
+            raise WirebondError(f"the simulated wire ended with code {self._process.wait()}")
+        account: dict[str, Any] = json.loads(line)
+        return account
 
     def close(self) -> None:
         for pipe in (self._process.stdin, self._process.stdout):

@@ -28,6 +28,16 @@ inline Time monotonic_ns() {
   return static_cast<Time>(now.tv_sec) * 1'000'000'000 + static_cast<Time>(now.tv_nsec);
 }
 
+/// Bytes of one direction. `is_misheard`: the end that receives it has other settings than the one that sends.
+/// `overrun`: bytes that came out, and that the reader had no room for. `handed_over`: those that it had room for.
+struct PtyWireAccount {
+  WireCounts counts;
+  double line_use = 0;
+  bool is_misheard = false;
+  std::uint64_t handed_over = 0;
+  std::uint64_t overrun = 0;
+};
+
 /// What a program writes into one pty comes out of the other at the line's pace. A pty's buffer of 4 KB stands for the
 /// driver's: who writes faster than the line waits for it. Nothing makes the sender wait for a reader: what the reader
 /// has no room for is lost and counted, as on a UART.
@@ -73,7 +83,10 @@ class PtyWire {
   /// Carries bytes until `ends` is true, or `length` is over. 0, or an errno: a pty does not work any more.
   int run(const std::atomic<bool>& ends, Time length) {
     ::prctl(PR_SET_TIMERSLACK, 1UL);  // else each wait takes 50 us more
-    start_ = monotonic_ns();
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      start_ = monotonic_ns();
+    }
     while (!ends.load(std::memory_order_relaxed)) {
       const Time now = elapsed();
       if (now >= length) break;
@@ -86,6 +99,7 @@ class PtyWire {
       const timespec timeout = {static_cast<time_t>(wait / 1'000'000'000), static_cast<long>(wait % 1'000'000'000)};
       if (::ppoll(waiting, 2, &timeout, nullptr) < 0 && errno != EINTR) return errno;
     }
+    const std::lock_guard<std::mutex> lock(mutex_);
     ended_ = elapsed();
     return 0;
   }
@@ -111,15 +125,24 @@ class PtyWire {
     const std::lock_guard<std::mutex> lock(mutex_);
     return wires_[a].counts().handed_over + wires_[b].counts().handed_over;
   }
-  /// The share of the time in which this direction carried bits, from its first byte on until now, or until the end.
+  /// Return a consistent account of one direction, as of now, or of the end of `run`.
+  PtyWireAccount account(End from) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const WireCounts& counts = wires_[from].counts();
+    const bool is_misheard = receivers_[from].has_value();
+    const std::uint64_t came_out = is_misheard ? heard_[from] : counts.handed_over;
+    return {counts, line_use_of(from), is_misheard, came_out - overrun_[from], overrun_[from]};
+  }
+  /// Return the time since the start of `run`, or its length after its end.
+  Time length() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return ended_ != 0 ? ended_ : elapsed();
+  }
+  /// Return the share of the time in which this direction carried bits, from its first byte until now, or until the
+  /// end.
   double line_use(End from) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    const Wire& wire = wires_[from];
-    const Time now = ended_ != 0 ? ended_ : elapsed();
-    if (wire.counts().put == 0 || now <= first_[from]) return 0;
-    const Time ahead = wire.free_at() > now ? wire.free_at() - now : 0;
-    const Time busy = wire.line_time(wire.counts().put);
-    return static_cast<double>(busy > ahead ? busy - ahead : 0) / static_cast<double>(now - first_[from]);
+    return line_use_of(from);
   }
 
   // ---- after `run`
@@ -128,10 +151,6 @@ class PtyWire {
   /// Bytes that came out, and that the reader had no room for.
   std::uint64_t overrun(End from) const { return overrun_[from]; }
   Time ended() const { return ended_; }
-  /// Does the end that hears this direction have other settings than the one that sends?
-  bool is_misheard(End from) const { return receivers_[from].has_value(); }
-  /// Bytes that it heard then.
-  std::uint64_t heard(End from) const { return heard_[from]; }
 
  private:
   static constexpr Time most_ahead = 5'000'000;     ///< of the line that is taken off a pty before its turn
@@ -139,6 +158,15 @@ class PtyWire {
   static constexpr Time longest_wait = 50'000'000;  ///< so that `ends` is seen
 
   Time elapsed() const { return monotonic_ns() - start_; }
+
+  double line_use_of(End from) const {
+    const Wire& wire = wires_[from];
+    const Time now = ended_ != 0 ? ended_ : elapsed();
+    if (wire.counts().put == 0 || now <= first_[from]) return 0;
+    const Time ahead = wire.free_at() > now ? wire.free_at() - now : 0;
+    const Time busy = wire.line_time(wire.counts().put);
+    return static_cast<double>(busy > ahead ? busy - ahead : 0) / static_cast<double>(now - first_[from]);
+  }
 
   /// All that is due now; what to wait for, and until when.
   int carry(Time now, pollfd (&waiting)[2], Time& next) {
@@ -195,9 +223,12 @@ class PtyWire {
       const ssize_t size = ::read(ptys_[from].controller.get(), bytes.data(), bytes.size());
       if (size < 0 && errno != EAGAIN && errno != EINTR) return errno;
       if (size <= 0) return 0;
-      if (wire.counts().put == 0) first_[from] = now;
-      const Time begin = std::max(now, wire.free_at());
-      wire.put(bytes.data(), static_cast<std::size_t>(size), now);
+      // Read the clock again: the bytes may have been written after `now`. With an earlier time they would come out
+      // faster than the line carries them, and an answer would collide with the end of its request.
+      const Time came = elapsed();
+      if (wire.counts().put == 0) first_[from] = came;
+      const Time begin = std::max(came, wire.free_at());
+      wire.put(bytes.data(), static_cast<std::size_t>(size), came);
       Wire& other = wires_[from == a ? b : a];
       if (is_joined_ && other.free_at() > begin) {
         const Time both_until = std::min(wire.free_at(), other.free_at());
