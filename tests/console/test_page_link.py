@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from tests.console.browser import Robot, noisy_robot, open_page, shows_the_robot
 from tests.shared import PROTOCOLS, codec
 from wirebond.console import Console, Options
 from wirebond.server import Server
+from wirebond.sim.pty_port import PtyPort
 
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 
@@ -55,6 +57,37 @@ def test_a_noisy_line_shows_what_was_discarded_and_why(browser: Browser, problem
         found = re.search(r"expected (\S+), found (\S+)", detail.get_by_role("listitem").first.inner_text())
         assert found is not None and found[1] != found[2]
         expect(detail.locator(".byte.wrong").first).to_be_visible()
+        page.context.close()
+
+
+def test_a_press_acts_on_what_was_under_the_finger_even_if_the_page_moves_meanwhile(
+    browser: Browser, problems: list[str], tmp_path: Path
+) -> None:
+    pty, diffdrive = PtyPort(), codec("diffdrive")
+    with (
+        closing(pty),
+        wirebond.open(diffdrive, pty.path) as link,
+        Server(link, tmp_path / "server.sock") as server,
+        Console(port=0) as console,
+    ):
+        console.show(link, server)
+        page = open_page(browser, console, "messages", problems)
+        notice = page.get_by_text("No message has come yet")
+        expect(notice).to_be_visible()
+        page.get_by_role("button", name="odometry").hover()
+        page.mouse.down()
+        pty.write(diffdrive.encode("odometry", left_ticks=1, right_ticks=2))
+        expect(notice).not_to_be_visible()  # what was below it is where the notice was
+        page.mouse.up()
+        expect(page.get_by_role("region", name="odometry")).to_be_visible()
+
+        page.get_by_role("button", name="parameter").hover()
+        page.mouse.down()
+        page.get_by_role("button", name="velocity").hover()  # the finger moved away: no press
+        page.mouse.up()
+        expect(page.get_by_role("region", name="odometry")).to_be_visible()
+        page.get_by_role("button", name="velocity").click()
+        expect(page.get_by_role("region", name="velocity")).to_be_visible()
         page.context.close()
 
 

@@ -361,6 +361,7 @@ export const en = {
     stepSeconds: "Seconds",
     runStep: "Run the step",
     stepNeeds: "The step moves the robot: take control first.",
+    stepStopped: "The step moves the robot: release the emergency stop first.",
     stepRuns: "The step runs. Leaving this view ends it.",
     noStep: "No field of the host can be stepped: measure a disturbance in place of it.",
     measure: "Measure now",

@@ -365,6 +365,7 @@ export const zh: Texts = {
     stepSeconds: "秒",
     runStep: "执行阶跃",
     stepNeeds: "阶跃会使机器人运动：请先取得控制权。",
+    stepStopped: "阶跃会使机器人运动：请先解除急停。",
     stepRuns: "阶跃进行中。离开此视图即结束。",
     noStep: "没有可做阶跃的上位机字段：请改为测量扰动响应。",
     measure: "立即测量",
