@@ -34,8 +34,8 @@ screenshots: build/setup-test.stamp ## pictures of the console into docs/images 
 	@$(PYTHON) -m tests.console.screenshots $(ARGS)
 
 .PHONY: test
-test: build/setup-test.stamp lint ## everything that must hold, in under ten minutes
-	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal -m "not long"
+test: build/setup-test.stamp lint ## everything that must hold, in about ten minutes
+	@$(PYTHON) -m tests.run -n $(WORKERS) --dist worksteal -m "not long"
 
 .PHONY: prove
 prove: build/setup-test.stamp ## the long proofs
