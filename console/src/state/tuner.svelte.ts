@@ -12,7 +12,8 @@ interface One {
   why: string;
 }
 type Values = Record<string, number>;
-const MOST_FAILURES = 3; // before the page waits for its reader
+const RETRY_FIRST = 500; // ms after a failure to read; each further failure doubles it
+const RETRY_LAST = 8000; // ms
 const MOST_INDICES = 64; // that are tried of a table without names
 const UNKNOWN: One = { wanted: 0, inForce: null, state: "unknown", why: "" };
 
@@ -22,7 +23,9 @@ export class Tuner {
   sets = $state<Record<string, Values>>({});
   isBusy = $state(false);
   private wasRead = $state(false);
-  private failures = $state(0); // of reading, since it was expected
+  private failures = 0; // of reading, since it was expected
+  private isWaiting = $state(false); // after a failure
+  private waiting: ReturnType<typeof setTimeout> | undefined;
   problem = $state("");
   /** When the last change was acknowledged, on the server's clock: a response begins there. */
   changedAt = $state<number | null>(null);
@@ -54,11 +57,12 @@ export class Tuner {
   expectRead(): void {
     this.wasRead = false;
     this.failures = 0;
+    this.endWait();
   }
 
   /** Should the page read by itself? */
   get isDue(): boolean {
-    return this.source !== null && !this.wasRead && !this.isBusy && this.failures < MOST_FAILURES;
+    return this.source !== null && !this.wasRead && !this.isBusy && !this.isWaiting;
   }
 
   of(parameter: Parameter): One {
@@ -106,7 +110,7 @@ export class Tuner {
     });
     if (this.selected !== selected) return; // it is read again, for what is selected now
     if (isRead) this.wasRead = true;
-    else this.failures++;
+    else this.waitAfterFailure();
   }
 
   async send(parameters: Parameter[]): Promise<void> {
@@ -255,6 +259,17 @@ export class Tuner {
     }
     this.isBusy = false;
     return this.problem === "";
+  }
+
+  /** A robot that does not answer now may answer later; one that never does is asked seldom. */
+  private waitAfterFailure(): void {
+    this.endWait();
+    this.isWaiting = true;
+    this.waiting = setTimeout(() => this.endWait(), Math.min(RETRY_LAST, RETRY_FIRST * 2 ** this.failures++));
+  }
+  private endWait(): void {
+    clearTimeout(this.waiting);
+    this.isWaiting = false;
   }
 
   private put(parameter: Parameter, one: One): void {

@@ -46,6 +46,11 @@ class FirmwareProcess:
             self._lines.put(line.strip())
         self._lines.put("")
 
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
+
     def events(self, timeout: float = 0.0) -> list[str]:
         """Lines such as ``12.345 stop`` since the last call; waits up to ``timeout`` seconds for the first."""
         lines: list[str] = []
