@@ -80,10 +80,16 @@ $(VENV)/bin/python:
 	@python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "wirebond needs Python 3.11 or newer; python3 is $$(python3 -V)" >&2; exit 1; }
 	@python3 -m venv $(VENV) || { rm -rf $(VENV); setup/system-packages.sh /nonexistent=python3-venv && python3 -m venv $(VENV); }
 
-build/requirements.stamp: requirements-dev.txt | $(VENV)/bin/python
+build/requirements.stamp: requirements.txt | $(VENV)/bin/python
 	@echo "Installing Python packages into $(VENV)"
-	@$(PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
+	@$(PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements.txt
 	@mkdir -p build && touch $@
+
+# Only the tests, the lint and the benchmarks need these: `make demo` does not wait for them.
+build/requirements-dev.stamp: requirements-dev.txt build/requirements.stamp
+	@echo "Installing the developers' Python packages into $(VENV)"
+	@$(PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
+	@touch $@
 
 build/setup.stamp: build/requirements.stamp $(NATIVE)
 	@echo "Building the engine"
@@ -98,7 +104,7 @@ build/page.stamp: build/page-packages.stamp $(PAGE)
 	@if [ -e build/page-packages.stamp ]; then setup/page.sh build && touch $@; fi
 
 # Wheels of ROS 2 exist for Linux and Python 3.11 alone. Without them the tests over rclpy are skipped.
-build/rclpy.stamp: tests/ros2/rclpy.txt setup/rclpy.sh | build/requirements.stamp
+build/rclpy.stamp: tests/ros2/rclpy.txt setup/rclpy.sh | build/requirements-dev.stamp
 	@echo "Installing a ROS 2 for the tests into build/rclpy"
 	@setup/rclpy.sh $(PYTHON) build/rclpy || \
 	  echo "tests/ros2/rclpy.txt cannot be installed: what runs over rclpy is left out" >&2
@@ -115,7 +121,7 @@ build/freertos.stamp: setup/freertos/Cargo.toml setup/freertos/Cargo.lock
 	@cargo vendor --quiet --locked --versioned-dirs --manifest-path setup/freertos/Cargo.toml build/freertos >/dev/null
 	@touch $@
 
-build/setup-test.stamp: build/setup.stamp build/freertos.stamp build/page.stamp build/rclpy.stamp
+build/setup-test.stamp: build/setup.stamp build/requirements-dev.stamp build/freertos.stamp build/page.stamp build/rclpy.stamp
 	@setup/system-packages.sh clang++-14=clang-14 clang-format-14=clang-format-14 arm-none-eabi-g++=gcc-arm-none-eabi \
 	  /usr/lib/arm-none-eabi/include/c++=libstdc++-arm-none-eabi-newlib /usr/include/doctest/doctest.h=doctest-dev \
 	  /usr/include/relacy/relacy.hpp=relacy-dev \

@@ -1,10 +1,12 @@
 """For all tests: correctness depends neither on how fast the machine is nor on how the run was started."""
 
 import signal
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+import wirebond.link.settings as settings_of_links
 from wirebond.protocol.problems import Place, Problems
 
 settings.register_profile("any_speed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -24,3 +26,10 @@ def every_problem_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
         add(self, place, sentence)
 
     monkeypatch.setattr(Problems, "add", checked)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown() -> Iterator[None]:
+    """A test that drives links from Python must not leave the next ones with them."""
+    yield
+    assert settings_of_links.HAS_ENGINE_PORTS

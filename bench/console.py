@@ -21,8 +21,8 @@ import numpy as np
 import wirebond
 from bench.figures import Figure
 from bench.serve import line, process, processor_time, say
-from wirebond.history.source import Source
 from wirebond.protocol.model import End
+from wirebond.recording.history.source import Source
 
 PROTOCOL = Path(__file__).with_name("console.yaml")
 SECONDS = 12.0
@@ -56,12 +56,13 @@ PAGE = """
 import json, struct, sys, time
 import numpy as np
 from websockets.sync.client import connect
-address, seconds = sys.argv[1], float(sys.argv[2])
+(address, _, token), seconds = sys.argv[1].partition("#"), float(sys.argv[2])
 plots = [{"id": name, "fields": [f"{name}.{f}" for f in "abcdefgh"], "seconds": 10, "pixels": 800}
          for name in ("wheels", "joints")]
 ages, rounds, rate = [], 0, 0
 with connect(address, compression=None, max_size=None) as socket:
-    socket.send(json.dumps({"acks": True, "views": {"link": True, "messages": {"every": 0.1}, "plots": plots}}))
+    views = {"link": True, "messages": {"every": 0.1}, "plots": plots}
+    socket.send(json.dumps({"token": token, "acks": True, "views": views}))
     print("ready", flush=True)
     end = time.monotonic() + seconds
     while (now := time.monotonic()) < end:
@@ -113,7 +114,7 @@ def run() -> tuple[float, float, float]:
 
 @contextmanager
 def serving(port: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """The server, and the address of its views."""
+    """The server, and the address of its views with the token behind `#`."""
     with tempfile.TemporaryDirectory() as folder:
         command = [str(Path(sys.executable).with_name("wirebond")), "serve", str(PROTOCOL), port]
         told = Path(folder) / "told"
@@ -125,11 +126,11 @@ def serving(port: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
             )
         try:
             end = time.monotonic() + 20
-            while (found := re.search(r"http://([\d.:]+)/", told.read_text())) is None:
+            while (found := re.search(r"http://([\d.:]+)/#token=(\S+)", told.read_text())) is None:
                 if time.monotonic() > end or server.poll() is not None:
                     raise RuntimeError(f"the server did not start: {told.read_text()}")
                 time.sleep(0.02)
-            yield server, f"ws://{found[1]}/views"  # type: ignore[misc]
+            yield server, f"ws://{found[1]}/views#{found[2]}"  # type: ignore[misc]
         finally:
             server.terminate()
             server.wait()

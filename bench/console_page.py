@@ -118,7 +118,7 @@ def _watch(address: str) -> dict[str, Any]:
         page = browser.new_page(viewport={"width": 1280, "height": 720})
         layout = json.dumps(json.dumps(LAYOUT))
         page.add_init_script(f"localStorage.setItem('wirebond.layout.console_bench', {layout})")
-        page.goto(f"{address}#/plots")
+        page.goto(address.replace("#", "#/plots?&"))
         page.wait_for_timeout(FILL * 1000)
         page.evaluate(WATCH)
         _press(page)

@@ -9,9 +9,9 @@ counts when the frame after it begins. One sample in the hour is a peak: the pic
 
 from __future__ import annotations
 
-import csv
 import json
 import math
+import re
 import tempfile
 import time
 from pathlib import Path
@@ -41,6 +41,8 @@ _LAYOUT: dict[str, Any] = {
     "seconds": 3600,
     "plots": [{"fields": [f"state.{name}" for name in names]} for names in ("abcd", "efgh")],
 }
+_DIGITS = re.compile(r"\d+")
+_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 PULLS = 4  # in one direction, each over most of a screen
 _WATCH = """() => {
   const seen = (globalThis.seen = { moves: [], pictures: [] });
@@ -102,21 +104,16 @@ def look(browser: Browser, seconds: float = HOUR, moves: int = MOVES) -> dict[st
             page = browser.new_page(viewport={"width": 1280, "height": 720})
             layout = json.dumps(json.dumps(_LAYOUT))
             page.add_init_script(f"localStorage.setItem('wirebond.layout.console_bench', {layout})")
-            found = _scrub(page, console.address, begin, seconds, moves, Path(name))
+            found = _scrub(page, console.address, begin, seconds, moves)
             page.close()
         pty.close()
     return found
 
 
-def _scrub(page: Page, address: str, begin: float, seconds: float, moves: int, folder: Path) -> dict[str, Any]:
-    page.goto(f"{address}#/plots?from={begin:.4f}&to={begin + seconds:.4f}")
+def _scrub(page: Page, address: str, begin: float, seconds: float, moves: int) -> dict[str, Any]:
+    page.goto(address.replace("#", f"#/plots?from={begin:.4f}&to={begin + seconds:.4f}&"))
     _wait_for(page, begin)
-    with page.expect_download() as download:
-        page.get_by_role("button", name="CSV").click()
-    path = folder / "shown.csv"
-    download.value.save_as(path)
-    with path.open() as lines:
-        greatest = max(float(row["high"]) for row in csv.DictReader(lines))
+    greatest = _greatest(page, (int(seconds * RATE) // 3) / (seconds * RATE))
     page.evaluate(_WATCH)
     found: dict[str, Any] = {"pauses": [], "answers": [], "greatest": greatest}
     to_and_fro = [0.4 * math.sin(number / moves * 2 * math.pi) for number in range(1, moves + 1)]
@@ -136,6 +133,23 @@ def _scrub(page: Page, address: str, begin: float, seconds: float, moves: int, f
 def _wait_for(page: Page, begin: float) -> None:
     """Until both plots show all of the range that begins so."""
     expect(page.locator(f"[data-from='{begin:.4f}'][data-whole=true]")).to_have_count(len(_LAYOUT["plots"]))
+
+
+def _greatest(page: Page, share: float) -> float:
+    """What the legends show there, in widths of a plot: the greatest value that the rows of each line have."""
+    over = page.locator(".u-over").first
+    box = over.bounding_box()
+    if box is None:
+        raise RuntimeError("there is no plot")
+    found = []
+    for beside in (-1, 0, 1, 2):  # pixels: rows and pixels need not begin together
+        page.mouse.move(box["x"] + share * box["width"] + beside, box["y"] + box["height"] / 2)
+        page.evaluate(_PICTURES)
+        texts = page.locator(".legend .value").all_inner_texts()
+        numbers = [_DIGITS.findall("".join(text.split())) for text in texts]
+        found.append(min(max(map(float, each), default=-math.inf) for each in numbers))
+    page.mouse.move(0, 0)
+    return max(found)
 
 
 def _drag(page: Page, at: float, path: list[float], span: float) -> tuple[dict[str, Any], float]:

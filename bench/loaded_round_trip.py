@@ -20,7 +20,7 @@ import wirebond
 from bench import native
 from bench.figures import Figure
 from bench.round_trip import PAIRS, PROTOCOL, VALID, Percentiles, processors, shown
-from wirebond.wire.process import LineShape, WireProcess, WireSettings
+from wirebond.sim.wire.process import LineShape, WireProcess, WireSettings
 
 SECONDS = 4.0  # of one run: fifteen of them are a minute
 USE = 0.9

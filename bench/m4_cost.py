@@ -24,7 +24,7 @@ from bench.native import BUILD
 from bench.peers.wirebond_codec import Wirebond
 from bench.peers.work import MODEL, Codec, Sample
 from bench.report import Comparison, write_comparison
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 
 RING = 512
 PLACES = 8  # of frames in the ring

@@ -17,7 +17,7 @@ COMMAND = "make bench ONLY=mcu_line"
 
 
 def measure() -> list[Figure]:
-    folders = ROOT / "ports" / "fake" / "include", ROOT / "tests" / "link" / "fake"
+    folders = ROOT / "ports" / "fake" / "include", ROOT / "tests" / "mcu_link" / "fake"
     program = build("mcu_line", ROOT / "protocols" / "native.yaml", *folders)
     told = json.loads(subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout)
     return [

@@ -10,7 +10,7 @@ import wirebond
 from bench.collateral import PROTOCOL
 from bench.figures import ROOT
 from wirebond import paths
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 
 BUILD = ROOT / "build" / "bench"
 POSIX = ROOT / "ports" / "posix" / "include"

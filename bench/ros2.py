@@ -18,6 +18,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from tests.ros2.over_rclpy import find_rclpy
@@ -25,12 +26,30 @@ from tests.ros2.over_rclpy import find_rclpy
 from bench import every_command
 from bench.figures import Figure
 from bench.serve import line, process, processor_time, say
-from wirebond.wire.process import LineShape, WireProcess, WireSettings
+from wirebond.sim.wire.process import LineShape, WireProcess, WireSettings
 
 SECONDS = 8.0
 PER_MS = 8
+PER_MS_LOADED = 1  # beside other programs two processors do not carry eight: the line itself is simulated
 COMMAND = "make bench ONLY=ros2"
 DOMAIN = 97
+OVER_DDS = (
+    "ros2_lost",
+    "ros2_cpu",
+    "ros2_latency_p99_ms",
+    "ros2_latency_p99_ms_loaded",
+    "ros2_waits_for_a_core_loaded",
+    "ros2_latency_p99_ms_priority",
+)
+OVER_RCLPY = (
+    "ros2_lost_rclpy",
+    "ros2_cpu_rclpy",
+    "ros2_latency_p99_ms_rclpy",
+    "ros2_latency_p99_ms_rclpy_loaded",
+    "ros2_waits_for_a_core_rclpy_loaded",
+    "ros2_latency_p99_ms_rclpy_priority",
+)
+Bridging = Callable[..., AbstractContextManager[subprocess.Popen[str]]]
 
 FEEDER = """
 import os, select, sys, time, tty, wirebond
@@ -136,22 +155,28 @@ FIELDS = {
 
 def measure() -> list[Figure]:
     os.environ.update(ROS_DOMAIN_ID=str(DOMAIN), ROS_LOCALHOST_ONLY="1")
-    spent, lost, late = run(SECONDS, over_dds)
-    figures = [
-        Figure("ros2_lost", lost, "messages", 0, COMMAND),
-        Figure("ros2_cpu", 100 * spent, "% of a core", 50, COMMAND),
-        Figure("ros2_latency_p99_ms", 1e3 * late, "ms", 5, COMMAND),
-    ]
+    figures = [*figures_of(OVER_DDS, (0, 50, 5), over_dds)]
     environment = find_rclpy()
-    if environment is None:
-        return figures
-    spent, lost, late = run(SECONDS, lambda *files: over_rclpy(environment, *files))
-    return [
-        *figures,
-        Figure("ros2_lost_rclpy", lost, "messages", None, COMMAND),
-        Figure("ros2_cpu_rclpy", 100 * spent, "% of a core", None, COMMAND),
-        Figure("ros2_latency_p99_ms_rclpy", 1e3 * late, "ms", None, COMMAND),
-    ]
+    if environment is not None:
+        figures += figures_of(OVER_RCLPY, (None, None, None), lambda *files: over_rclpy(environment, *files))
+    return figures
+
+
+def figures_of(keys: tuple[str, ...], goals: tuple[float | None, ...], bridging: Bridging) -> Iterator[Figure]:
+    """With the computer to itself, and beside a busy program for each processor, without and with priority."""
+    alone = run(SECONDS, PER_MS, bridging)
+    yield Figure(keys[0], alone.lost, "messages", goals[0], COMMAND)
+    yield Figure(keys[1], 100 * alone.spent, "% of a core", goals[1], COMMAND)
+    yield Figure(keys[2], 1e3 * alone.late, "ms", goals[2], COMMAND)
+    with ExitStack() as stack:
+        for _ in range(os.cpu_count() or 1):
+            stack.enter_context(process([sys.executable, "-c", "while True: pass"]))
+        loaded = run(SECONDS, PER_MS_LOADED, bridging)
+        yield Figure(keys[3], 1e3 * loaded.late, "ms", None, COMMAND)
+        yield Figure(keys[4], 100 * loaded.waited, "% of the time", None, COMMAND)
+        if may_have_priority():
+            first = run(SECONDS, PER_MS_LOADED, bridging, has_priority=True)
+            yield Figure(keys[5], 1e3 * first.late, "ms", None, COMMAND)
 
 
 @contextmanager
@@ -170,11 +195,24 @@ def over_rclpy(environment: dict[str, str], *files: str) -> Iterator[subprocess.
         yield bridge
 
 
-def run(
-    seconds: float, bridging: Callable[..., AbstractContextManager[subprocess.Popen[str]]]
-) -> tuple[float, int, float]:
-    """The share of a core that the bridge spent, how many messages both directions lost, and the 99th percentile of
-    the latency in seconds."""
+@dataclass(frozen=True)
+class Run:
+    """One measurement.
+
+    :ivar spent: the share of a core that the bridge took.
+    :ivar waited: the share of the time that the bridge's threads were ready to run and had no core, all together.
+    :ivar lost: messages of both directions.
+    :ivar late: the 99th percentile of the latency, in seconds.
+    """
+
+    spent: float
+    waited: float
+    lost: int
+    late: float
+
+
+def run(seconds: float, per_ms: int, bridging: Bridging, *, has_priority: bool = False) -> Run:
+    """``has_priority``: the processes of the measurement go before all others of the computer."""
     command = "  - {{topic: {0}, type: geometry_msgs/Vector3, message: {0}, qos: {{depth: 10000}}, fields: {{{1}}}}}"
     commands = "\n".join(command.format(name, fields) for name, fields in FIELDS.items())
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
@@ -182,19 +220,44 @@ def run(
         protocol.write_text(every_command.text(), encoding="utf-8")
         mapping = Path(folder) / "mapping.yaml"
         mapping.write_text(MAPPING.format(commands=commands))
-        numbers = [str(seconds), str(PER_MS)]
+        numbers = [str(seconds), str(per_ms)]
         wire = stack.enter_context(WireProcess(WireSettings(baud=2_000_000, line=LineShape(stop_bits=2))))
         feed = stack.enter_context(process([sys.executable, "-c", FEEDER, str(protocol), wire.a, *numbers]))
         line(feed)
         bridge = stack.enter_context(bridging(str(protocol), wire.b, str(mapping)))
         network = stack.enter_context(process([sys.executable, "-c", NETWORK, *numbers, *FIELDS]))
         line(network)
-        before = processor_time(bridge.pid)
+        if has_priority:
+            for each in (wire, feed, bridge, network):
+                give_priority(each.pid)
+        before, waited = processor_time(bridge.pid), waiting_time(bridge.pid)
         say(network)
         say(feed)
         taken, _, late, published = line(network).split()
-        spent = processor_time(bridge.pid) - before
+        spent, waited = processor_time(bridge.pid) - before, waiting_time(bridge.pid) - waited
         fed, unwritten, heard = map(int, line(feed).split())
         if unwritten:
             raise RuntimeError("the line did not carry in time what the MCU wrote")
-        return spent / seconds, fed - int(taken) + int(published) - heard, float(late)
+        return Run(spent / seconds, waited / seconds, fed - int(taken) + int(published) - heard, float(late))
+
+
+def waiting_time(pid: int) -> float:
+    """Seconds that its threads were ready to run, and another program had the core: /proc/PID/task/TID/schedstat."""
+    files = Path(f"/proc/{pid}/task").glob("*/schedstat")
+    return sum(int(file.read_text().split()[1]) for file in files) * 1e-9
+
+
+def give_priority(pid: int) -> None:
+    """To all its threads, as ``chrt --all-tasks --rr --pid 10 PID`` does."""
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        os.sched_setscheduler(int(task.name), os.SCHED_RR, os.sched_param(10))
+
+
+def may_have_priority() -> bool:
+    """Does the system let this user do that?"""
+    with process([sys.executable, "-c", "input()"]) as probe:
+        try:
+            give_priority(probe.pid)
+        except PermissionError:
+            return False
+    return True

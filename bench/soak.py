@@ -9,7 +9,7 @@ from __future__ import annotations
 import wirebond
 from bench.collateral import PROTOCOL
 from bench.figures import Figure
-from wirebond.soak import Settings, run
+from wirebond.sim.soak import Settings, run
 
 MINUTES = 90.0
 LOAD = 1.2

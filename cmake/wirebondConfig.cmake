@@ -16,8 +16,9 @@ if(NOT TARGET wirebond::posix)
 endif()
 unset(_wirebond_root)
 
-# The command of the same Python environment, if this is one; otherwise that of the PATH.
+# The command of the same Python environment, or of this clone; otherwise that of the PATH.
 find_program(WIREBOND_COMMAND wirebond HINTS "${CMAKE_CURRENT_LIST_DIR}/../../../../../../bin"
+             "${CMAKE_CURRENT_LIST_DIR}/../.venv/bin"
              DOC "the wirebond command, for wirebond_protocol()")
 
 # wirebond_protocol(<target> <file>...)
@@ -26,8 +27,8 @@ find_program(WIREBOND_COMMAND wirebond HINTS "${CMAKE_CURRENT_LIST_DIR}/../../..
 # it, can then include "<protocol>.hpp".
 function(wirebond_protocol target)
   if(NOT WIREBOND_COMMAND)
-    message(FATAL_ERROR "wirebond_protocol: there is no wirebond command on the PATH; install it (pip install wirebond), "
-                        "or say where it is: -DWIREBOND_COMMAND=<path>")
+    message(FATAL_ERROR "wirebond_protocol: there is no wirebond command on the PATH; say where it is: "
+                        "-DWIREBOND_COMMAND=<path>")
   endif()
   set(generated "${CMAKE_CURRENT_BINARY_DIR}/wirebond_${target}")
   foreach(file IN LISTS ARGN)

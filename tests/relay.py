@@ -48,9 +48,15 @@ class Relay:
                 self._start(self._carry, far, near)
 
     def _carry(self, source: socket.socket, target: socket.socket) -> None:
+        has_lost = False
         with contextlib.suppress(OSError):
             while data := source.recv(65536):
-                if not self.drops.is_set():
+                if self.drops.is_set():
+                    has_lost = True
+                elif has_lost:  # TCP never goes on behind a hole
+                    _shut(source)
+                    break
+                else:
                     target.sendall(data)
         if not self.drops.is_set():
             _shut(target)

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 from wirebond import Codec, MessageError, _engine
-from wirebond.protocol.forms import header_fields, some_value
 from wirebond.protocol.model import (
     End,
     Field,
@@ -24,6 +23,7 @@ from wirebond.protocol.model import (
     Protocol,
     Subject,
 )
+from wirebond.protocol.model.forms import header_fields, some_value
 from wirebond.protocol.plan import Form
 from wirebond.protocol.planning import is_id, plan_for
 
@@ -34,18 +34,23 @@ def random_values(message: Message, source: random.Random) -> dict[str, Any]:
         values = _struct_values(message.fields, source)
         for match in message.match:
             if match.of == MatchOf.PAYLOAD:
-                _set_number(message.fields, values, match, source)
+                _set_number(message.fields, values, match, match.name, source)
         if all(match.of != MatchOf.SIZE or match.holds(_size(message.fields, values)) for match in message.match):
             return values
     raise AssertionError(f"no payload of {message.name} has a size that its frames have")
 
 
-def _set_number(fields: tuple[Field, ...], values: dict[str, Any], match: Match, source: random.Random) -> None:
+def _set_number(
+    fields: tuple[Field, ...], values: dict[str, Any], match: Match, path: str, source: random.Random
+) -> None:
     """Where it is not a constant already."""
+    name, _, rest = path.partition(".")
     for described in fields:
-        if described.kind == FieldKind.BITS:
-            _set_number(described.fields, values[described.name], match, source)
-        elif described.name == match.name and described.name in values:
+        if described.name != name or name not in values:
+            continue
+        if rest:
+            _set_number(described.fields, values[name], match, rest, source)
+        else:
             low, high = source.choice(match.ranges)
             number = source.randint(low, high) | source.getrandbits(match.width) & ~match.mask
             values[described.name] = {value: name for name, value in described.enum}.get(number, number)
@@ -148,14 +153,16 @@ class Speaker:
         """In a form that is drawn; where that one cannot carry the message, in the first that can."""
         forms = self._forms_of(message.sender)
         drawn = source.randrange(len(forms)) if source.random() < 0.5 else 0
-        table = codec._format_for(message.sender)
+        table = codec.tables.format_for(message.sender)
         for index in (drawn, *(other for other in range(len(forms)) if other != drawn)):
             header = random_header(codec.model, forms[index], source, message)
             try:
-                return _engine.encode(codec._table, table, codec._index_of(message.name), values, header, index)
+                return _engine.encode(
+                    codec.tables.protocol, table, codec.tables.indices[message.name], values, header, index
+                )
             except MessageError:
                 continue  # this form cannot carry it, or such bits are no value of a field
-        return _engine.encode(codec._table, table, codec._index_of(message.name), values, {})
+        return _engine.encode(codec.tables.protocol, table, codec.tables.indices[message.name], values, {})
 
     def _forms_of(self, sender: End) -> tuple[Form, ...]:
         if sender not in self._forms:
@@ -234,7 +241,8 @@ def _with_raw_payloads(model: Protocol) -> Protocol:
         match = tuple(one for one in message.match if one.of in (MatchOf.ID, MatchOf.HEADER))
         return replace(message, fields=raw, match=match)
 
-    return replace(model, messages=(*map(with_any_payload, model.messages), stranger))
+    any_size = replace(model.format, longest_sent=())
+    return replace(model, format=any_size, messages=(*map(with_any_payload, model.messages), stranger))
 
 
 def damaged(payload: bytes, source: random.Random) -> bytes:

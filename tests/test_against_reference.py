@@ -82,7 +82,7 @@ def test_every_message_survives_encoding_and_decoding(name: str, number: int) ->
         sent = source.choice(proto.model.messages)
         frame = proto.encode(sent.name, random_values(sent, source))
         decoder = proto.decoder(End.HOST if sent.sender == End.BOTH else sent.sender)
-        decoder.expect(proto._request_for(sent.name))
+        decoder.expect(proto.tables.request_for(sent.name))
         (message,) = decoder.feed(frame) + decoder.finish()
         assert message.raw == frame
         assert message.violations == []

@@ -20,6 +20,7 @@ DRIVE = """
 HardwareSerial Serial1;
 static unsigned long now_us = 0;
 unsigned long micros() { return now_us; }
+unsigned long millis() { return now_us / 1000; }
 int main() {
   setup();
   if (Serial1.rate != diffdrive::baud) return 1;

@@ -12,14 +12,14 @@ import pytest
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT, VECTORS
-from wirebond.doc.examples import example_values
-from wirebond.gen import generate_c
-from wirebond.gen.cpp_number import integer, real, real_type
+from wirebond.generate.code import generate_c
+from wirebond.generate.code.cpp_number import integer, real, real_type
+from wirebond.generate.doc.examples import example_values
 from wirebond.protocol.loader import loads
 from wirebond.protocol.model import Field, FieldKind
 
-SHAPES = ROOT / "python" / "tests" / "gen" / "every_shape.yaml"
-TYPES = ROOT / "python" / "tests" / "gen" / "every_type.yaml"
+SHAPES = ROOT / "tests" / "generate" / "code" / "every_shape.yaml"
+TYPES = ROOT / "tests" / "generate" / "code" / "every_type.yaml"
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 CPP = ["-std=c++17", "-fno-exceptions", "-fno-rtti", *STRICT]
 QUICK = ["-O0", "-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]  # to compile; what is tested is what it does

@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.shared import ROOT
+from tests.shared import PROTOCOLS, ROOT
 from tests.test_c_api import C_COMPILERS, CPP, CPP_COMPILERS, LONG, QUICK, SANITIZE, STRICT, run
-from wirebond.gen import generate_c
+from wirebond.generate.code import generate_c
 from wirebond.protocol.loader import loads
 
-PROGRAM = ROOT / "tests" / "link" / "c_header_test.c"
-EVERY_HEADER = ROOT / "python" / "tests" / "gen" / "every_header.yaml"
+PROGRAM = ROOT / "tests" / "mcu_link" / "c_header_test.c"
+VERSIONS = ROOT / "tests" / "mcu_link" / "c_version_test.c"
+EVERY_HEADER = ROOT / "tests" / "generate" / "code" / "every_header.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +32,17 @@ def test_a_program_in_c_sends_and_receives_header_values(generated: Path, tmp_pa
         run(["g++", *CPP, *QUICK, *SANITIZE, f"-I{generated}", "-c", source, "-o", objects[-1]])
     built = tmp_path / "program"
     run(["gcc", "-std=c99", *STRICT, *SANITIZE, f"-I{generated}", str(PROGRAM), *objects, "-o", str(built)])
+    assert run([str(built)]) == "0\n"
+
+
+def test_a_link_in_c_answers_in_the_version_that_it_was_asked_in(tmp_path: Path) -> None:
+    generate_c(wirebond.load(PROTOCOLS / "contrib" / "msp.yaml").model, tmp_path)
+    objects = []
+    for name in ("msp", "msp_link"):
+        objects.append(str(tmp_path / f"{name}.o"))
+        run(["g++", *CPP, *QUICK, *SANITIZE, f"-I{tmp_path}", "-c", str(tmp_path / f"{name}.cpp"), "-o", objects[-1]])
+    built = tmp_path / "program"
+    run(["gcc", "-std=c99", *STRICT, *SANITIZE, f"-I{tmp_path}", str(VERSIONS), *objects, "-o", str(built)])
     assert run([str(built)]) == "0\n"
 
 

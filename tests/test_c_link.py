@@ -10,11 +10,11 @@ import pytest
 import wirebond
 from tests.shared import PROTOCOLS, ROOT
 from tests.test_c_api import AWKWARD, C_COMPILERS, CPP, CPP_COMPILERS, LONG, QUICK, SANITIZE, STRICT, run
-from wirebond.gen import generate_c
+from wirebond.generate.code import generate_c
 from wirebond.protocol.loader import loads
 
-PROGRAM = ROOT / "tests" / "link" / "c_link_test.c"
-SIZES = ["-DNATIVE_LINK_COUNT=2", "-DDIFFDRIVE_LINK_RECEIVE_BYTES=64", "-DDIFFDRIVE_LINK_SEND_FRAMES=4"]
+PROGRAM = ROOT / "tests" / "mcu_link" / "c_link_test.c"
+SIZES = ["-DNATIVE_LINK_COUNT=3", "-DDIFFDRIVE_LINK_RECEIVE_BYTES=64", "-DDIFFDRIVE_LINK_SEND_FRAMES=4"]
 NAMES = ("diffdrive", "native")
 
 
@@ -36,6 +36,20 @@ def test_a_program_in_c_drives_links_over_a_port_in_c(sanitize: list[str], gener
         run([*command, *(sanitize if name.endswith("_link") else []), "-o", objects[-1]])
     built = tmp_path / "program"
     run(["gcc", "-std=c99", *STRICT, *sanitize, f"-I{generated}", str(PROGRAM), *objects, "-o", str(built)])
+    assert run([str(built)]) == "0\n"
+
+
+@pytest.mark.parametrize("ring", [[], ["-DDIFFDRIVE_LINK_RECEIVE_BYTES=128", "-DIS_STARVED"]], ids=["default", "small"])
+def test_the_ring_that_c_has_by_default_serves_a_loop_of_20_ms(
+    ring: list[str], generated: Path, tmp_path: Path
+) -> None:
+    objects = []
+    for name in ("diffdrive", "diffdrive_link"):
+        objects.append(str(tmp_path / f"{name}.o"))
+        run(["g++", *CPP, *QUICK, *ring, f"-I{generated}", "-c", str(generated / f"{name}.cpp"), "-o", objects[-1]])
+    built = tmp_path / "program"
+    source = str(PROGRAM.with_name("c_slow_loop_test.c"))
+    run(["gcc", "-std=c99", *STRICT, *ring, f"-I{generated}", source, *objects, "-o", str(built)])
     assert run([str(built)]) == "0\n"
 
 

@@ -12,13 +12,13 @@ from tests.conformance.build import build_decoder, decode
 from tests.shared import ROOT
 from tests.test_forms import CRC, printed_by_cpp, protocol
 from wirebond import Codec, MessageError, UsageError, load
-from wirebond.doc import markdown
+from wirebond.analysis.explain import Kind, explain
 from wirebond.errors import ProtocolFileError
-from wirebond.explain import Kind, explain
+from wirebond.generate.doc import markdown
 from wirebond.protocol import loads, protocol_hash
-from wirebond.protocol.forms import Choice as FormChoice
-from wirebond.protocol.forms import complement, some_value
 from wirebond.protocol.model import End, Protocol, Subject
+from wirebond.protocol.model.forms import Choice as FormChoice
+from wirebond.protocol.model.forms import complement, some_value
 from wirebond.protocol.planning import plan_for
 from wirebond.protocol.spelling import condition_text
 

@@ -11,7 +11,7 @@ import pytest
 from tests.shared import ROOT, account_closes, codec
 from tests.streams import hard_stream, random_frame
 from wirebond import UsageError, load
-from wirebond.explain import Kind, explain
+from wirebond.analysis.explain import Kind, explain
 from wirebond.protocol.model import End
 
 IDLE = 0.020  # seconds: the default of these protocols

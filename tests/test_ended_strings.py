@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 import wirebond
+from wirebond.analysis.explain import explain
 from wirebond.codec import Codec
 from wirebond.errors import MessageError
-from wirebond.explain import explain
-from wirebond.gen import generate_c, generate_cpp
+from wirebond.generate.code import generate_c, generate_cpp
 from wirebond.protocol import ProtocolFileError, loads
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -12,8 +12,8 @@ from tests.conformance.build import build_decoder, decode
 from tests.shared import ROOT, few_or_many
 from tests.streams import random_values
 from wirebond import Codec, load
-from wirebond.doc import markdown
-from wirebond.explain import explain
+from wirebond.analysis.explain import explain
+from wirebond.generate.doc import markdown
 from wirebond.protocol.model import End
 
 CODEC = load(ROOT / "tests" / "formats" / "constants.yaml")

@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from crccheck.crc import CrcModbus
 from hypothesis import given
@@ -17,10 +18,10 @@ import wirebond
 from tests.shared import ROOT
 from tests.streams import damaged, random_values
 from wirebond import MessageError
-from wirebond.gen import generate_cpp
-from wirebond.gen.cpp import struct_names
+from wirebond.generate.code import generate_cpp
+from wirebond.generate.code.cpp import struct_names
 
-SHAPES = wirebond.load(ROOT / "python" / "tests" / "gen" / "every_shape.yaml")
+SHAPES = wirebond.load(ROOT / "tests" / "generate" / "code" / "every_shape.yaml")
 # What C++ does not validate: its bool and text take any byte, its flags any bit.
 ONLY_IN_PYTHON = (" is not UTF-8", ", a bool is 0 or 1", " has unnamed bits set: ")
 
@@ -182,7 +183,7 @@ def test_what_is_left_out_takes_its_default() -> None:
     payload = payload_of("defaults", {})
     assert payload == struct.pack("<3h2f", 1, -2, 3, 0.5, 0.5) + b"\x01\x01\x01\x00\x09\x01\x02\x00\x09\x07\x08"
     assert received("defaults", payload).fields["place"] == {"x": 9}
-    assert payload_of("samples", {}) == b"\x05\x00\x00\x00"
+    assert payload_of("samples", {"values": []}) == b"\x05\x00\x00\x00"
 
 
 @pytest.mark.parametrize(
@@ -233,6 +234,50 @@ def test_payload_that_contradicts_itself_is_delivered_with_its_violation(payload
     assert set(message.fields) >= set(SCAN)
 
 
+def flat(values: Any, name: str = "") -> dict[str, Any]:
+    """A message's values by the names of their columns. Lists of plain values stay."""
+    if isinstance(values, dict):
+        return {k: v for key, value in values.items() for k, v in flat(value, f"{name}.{key}" if name else key).items()}
+    if isinstance(values, list) and values and isinstance(values[0], dict):
+        return {k: v for i, value in enumerate(values) for k, v in flat(value, f"{name}[{i}]").items()}
+    return {name: values}
+
+
+def test_every_element_of_a_group_has_its_columns() -> None:
+    source = random.Random(7)
+    frames = [SHAPES.encode("scan", random_values(SHAPES.model.message("scan"), source)) for _ in range(200)]
+    stream = b"".join(frames)
+    rows = [flat(m.fields) for m in SHAPES.decoder("mcu").feed(stream)]
+    scan = SHAPES.decode_columns(stream, "mcu")["scan"]
+    assert {"points[0].x", "points[4].y", "corners[1].pose.at.x", "legs[3].steps[2].size"} <= set(scan)
+    assert "points" not in scan
+    assert {len(column) for column in scan.fields.values()} == {200}
+    lacking = 0
+    for name in (name for name in scan if "[" in name):
+        for value, row in zip(scan[name], rows, strict=True):
+            wanted = row.get(name)
+            if name not in row:
+                lacking += 1
+                assert value is None or np.isnan(value), name
+            elif isinstance(wanted, str):  # of an enum: columns have its number
+                assert float(value).is_integer()
+            else:
+                assert (list(value) if isinstance(wanted, list) else value) == wanted, name
+    assert lacking > 200
+
+
+def test_an_element_of_an_array_has_a_name() -> None:
+    source = random.Random(6)
+    frame = SHAPES.encode("streams", random_values(SHAPES.model.message("streams"), source))
+    table = SHAPES.decode_columns(frame, "mcu")["streams"]
+    assert table["channels[15]"].tolist() == table["channels"][:, 15].tolist()
+    assert "channels[15]" in table
+    for name in ("channels[16]", "channels[x]", "channels[0", "gap[0]", "x[0]"):
+        assert name not in table
+        with pytest.raises(KeyError, match="the table has no column"):
+            table[name]
+
+
 def test_columns_have_dotted_names_and_lists_where_elements_vary() -> None:
     source = random.Random(5)
     frames = [SHAPES.encode("scan", random_values(SHAPES.model.message("scan"), source)) for _ in range(200)]
@@ -246,7 +291,7 @@ def test_columns_have_dotted_names_and_lists_where_elements_vary() -> None:
     assert scan["own.a"].tolist() == [row["own"]["a"] for row in rows]  # behind what varies
     assert scan["own.raw"] == [row["own"]["raw"] for row in rows]
     assert scan["n"].tolist() == [row["n"] for row in rows]
-    for name in ("points", "echoes", "corners", "name", "legs"):
+    for name in ("echoes", "name"):
         assert scan[name] == [row[name] for row in rows]
     bits = [m.fields for m in messages if m.name == "bits"]
     assert columns["bits"]["low.gain"].tolist() == [row["low"]["gain"] for row in bits]

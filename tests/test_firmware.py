@@ -9,7 +9,7 @@ import pytest
 import wirebond
 from tests.conformance.build import run
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 
 FIRMWARE = ROOT / "firmware"
 FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O0", "-g1"]

@@ -11,7 +11,7 @@ import pytest
 
 from tests.shared import PROTOCOLS, ROOT
 from wirebond.cli.main import main as wirebond
-from wirebond.gen import generate_c, generate_cpp, port_files_in_c, port_headers, write_files
+from wirebond.generate.code import generate_c, generate_cpp, port_files_in_c, port_headers, write_files
 from wirebond.protocol.loader import load
 
 PAGES = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("firmware", "c")}
@@ -332,6 +332,7 @@ MISTAKES = {
         "wrong baud rate": "the UART has another baud rate",
         "tick below the UART": "the HAL's tick cannot interrupt",
         "UART not initialised": "the UART is not initialised",
+        "milliseconds": "the time that the poll is given passes too slowly",
     },
     "stm32_ll": {
         "none": "nothing is known to be wrong",
@@ -341,6 +342,7 @@ MISTAKES = {
         "no transmit DMA": "the UART has no transmit DMA",
         "wrong baud rate": "bytes come, and no frame is among them",  # registers do not tell the clock
         "UART not initialised": "the UART is not initialised",
+        "milliseconds": "the time that the poll is given passes too slowly",
     },
 }
 MAKES_A_MISTAKE = {
@@ -405,7 +407,7 @@ int main(int, char** arguments) {
       heard.rest(put);
     }
     board.run(now += 1'000'000);
-    rover_link_poll(static_cast<std::uint32_t>(now / 1000));
+    rover_link_poll(static_cast<std::uint32_t>(now / (mistake == "milliseconds" ? 1'000'000 : 1000)));
   }
   std::puts(rover_link_why());
 }

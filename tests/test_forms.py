@@ -11,11 +11,11 @@ from tests import reference
 from tests.conformance.build import build_decoder, decode
 from tests.shared import PROTOCOLS
 from wirebond import Codec, MessageError, UsageError, load
-from wirebond.check.holdback import directions
-from wirebond.doc import markdown
+from wirebond.analysis.check.holdback import directions
+from wirebond.analysis.explain import Kind, explain
 from wirebond.errors import ProtocolFileError
-from wirebond.explain import Kind, explain
-from wirebond.gen import generate_c, generate_cpp
+from wirebond.generate.code import generate_c, generate_cpp
+from wirebond.generate.doc import markdown
 from wirebond.protocol import loads, protocol_hash
 from wirebond.protocol.model import End, Protocol
 from wirebond.sim.virtual_mcu import VirtualMcu

@@ -11,9 +11,9 @@ import pytest
 
 from tests.shared import ROOT
 from wirebond import Codec, MessageError, load
-from wirebond.doc import markdown
-from wirebond.explain import explain
-from wirebond.gen import generate_python
+from wirebond.analysis.explain import explain
+from wirebond.generate.code import generate_python
+from wirebond.generate.doc import markdown
 from wirebond.protocol import loads
 from wirebond.protocol.model import End
 from wirebond.sim.virtual_mcu import VirtualMcu

@@ -13,10 +13,10 @@ from tests.conformance.headers import answers, build_headers
 from tests.shared import PROTOCOLS, ROOT
 from tests.test_against_reference import FORMATS
 from wirebond import Codec, Message, MessageError, _engine, load
-from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import End, HeaderField
+from wirebond.protocol.model.forms import header_fields
 
-EVERY_HEADER = ROOT / "python" / "tests" / "gen" / "every_header.yaml"
+EVERY_HEADER = ROOT / "tests" / "generate" / "code" / "every_header.yaml"
 FILES = {path.stem: path for path in [*FORMATS.values(), *PROTOCOLS.glob("*.yaml"), EVERY_HEADER]}
 ALWAYS = {"every_header", "servo_bus", "optional", "dynamixel_1"}  # others are proofs
 MESSAGES = 300
@@ -83,7 +83,7 @@ def decoded(codec: Codec, sender: End, frame: bytes) -> list[Message]:
 
 def bits(codec: Codec, sender: End, header: dict[str, Any]) -> list[int]:
     """The header's values as the wire has them, defaults where it has none."""
-    return list(_engine.header_bits(codec._format_for(sender), header))
+    return list(_engine.header_bits(codec.tables.format_for(sender), header))
 
 
 @pytest.mark.parametrize(("path", "sender"), cases())

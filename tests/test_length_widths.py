@@ -10,7 +10,7 @@ import pytest
 
 from tests.conformance.build import build_decoder, decode
 from wirebond import Codec
-from wirebond.explain import Kind, explain
+from wirebond.analysis.explain import Kind, explain
 from wirebond.protocol import loads
 from wirebond.protocol.model import End
 

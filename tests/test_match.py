@@ -13,8 +13,8 @@ from tests.conformance.formats import Chunk, Job, build_formats, decode_all
 from tests.shared import ROOT
 from tests.streams import hard_stream, random_values
 from wirebond import Codec, MessageError, load
-from wirebond.doc import markdown
-from wirebond.explain import explain
+from wirebond.analysis.explain import explain
+from wirebond.generate.doc import markdown
 from wirebond.protocol import ProtocolFileError, protocol_hash
 from wirebond.protocol.loader import loads
 from wirebond.protocol.model import End
@@ -43,6 +43,22 @@ def received(frame: bytes, sender: str) -> list[tuple[str, dict[str, Any], dict[
         ("set_mode", {"flags": {"low": 1, "rest": 2}, "detail": 5}, {}, "mcu", "a5 00 04 04 02 31 05 00"),
         ("pair", {"value": 1}, {"id": 0x12, "hops": 2}, "mcu", "a5 08 01 12 01"),
         ("odd", {}, {"id": 0x2F}, "mcu", "a5 00 00 2f"),
+        ("motor_speed", {"part": 9, "head": {"number": 5}, "speed": 3}, {}, "mcu", "a5 00 06 05 09 01 05 00 03 00"),
+        (
+            "motor_current",
+            {"part": 1, "head": {"part": 6, "number": 5}, "current": 3, "spare": {"part": 1, "number": 0}},
+            {},
+            "mcu",
+            "a5 00 09 05 01 06 05 00 03 00 01 00 00",
+        ),
+        ("motor_log", {"head": {"part": 4, "number": 5}}, {}, "host", "a5 00 04 06 03 04 05 00"),
+        (
+            "motor_mark",
+            {"head": {"part": 3, "number": 5}, "last": {"of": {"rest": 1}}},
+            {},
+            "host",
+            "a5 00 05 06 04 03 05 00 09",
+        ),
     ],
 )
 def test_a_sender_writes_what_tells_the_message_and_a_receiver_reads_it(
@@ -78,6 +94,12 @@ def test_a_sender_writes_what_tells_the_message_and_a_receiver_reads_it(
             {"item": 1, "data": b""},
             {},
             "the payload of add has 2 bytes; its frames are told by 9 (0x09) to 12 (0x0C) there",
+        ),
+        (
+            "motor_current",
+            {"part": 2, "head": {"part": 1, "number": 5}, "current": 3, "spare": {"part": 2, "number": 0}},
+            {},
+            "motor_current.head.part is 1 (0x01); its frames are told by 2 (0x02), 5 (0x05) to 9 (0x09) there",
         ),
         ("stop_motor", {"command": 1}, {}, "stop_motor has no field 'command'; it has no fields"),
     ],
@@ -165,6 +187,32 @@ def test_a_reply_that_looks_like_another_is_meant_where_it_was_asked_for() -> No
         assert [f.name for f in reference.decode(codec.model, frame, End.MCU, request).frames] == [name]
 
 
+def test_a_name_is_the_field_with_this_path_before_one_within_a_struct() -> None:
+    fields = "{part: {type: u8}, head: {struct: {part: {type: u8}}}, bits: {bits: {type: u8, fields: {part: u8}}}}"
+    fields = fields.replace("part: u8", "part: {type: u8}")
+    for path, wire in (("part", "01 02 03"), ("head.part", "02 01 03"), ("bits.part", "02 03 01")):
+        codec = load_text(with_messages(f"  a: {{id: 1, sender: host, match: {{{path}: 1}}, fields: {fields}}}\n"))
+        (match,) = codec.model.messages[0].match
+        assert match.name == path
+        left = [place for place in ("part", "head.part", "bits.part") if place != path]
+        values: dict[str, Any] = {"head": {}, "bits": {}}
+        for number, place in enumerate(left, 2):
+            outer, _, inner = place.partition(".")
+            (values[outer] if inner else values)[inner or outer] = number
+        frame = codec.encode("a", {name: value for name, value in values.items() if value != {}})
+        assert frame[4:-2].hex(" ") == wire
+
+
+def test_a_path_and_the_bare_name_that_means_the_same_are_the_same_protocol() -> None:
+    fields = "{head: {struct: {part: {type: u8}}}}"
+    bare, path = (
+        load_text(with_messages(f"  a: {{id: 1, sender: host, match: {{{name}: 1}}, fields: {fields}}}\n")).model
+        for name in ("part", "head.part")
+    )
+    assert bare == path
+    assert protocol_hash(bare) == protocol_hash(path)
+
+
 LENGTH = "field: kind, type: u8}, {length: u8}, {id: u8}, {payload: by_length}, {check: crc-16/modbus"
 
 
@@ -242,6 +290,30 @@ def with_messages(messages: str, frame: str = LENGTH) -> str:
         (
             with_messages("  a: {id: 1, sender: host, match: {kind: {}}}\n"),
             "bits need a mask and a value, and nothing else; write `{mask: 0x80, value: 0x80}`",
+        ),
+        (
+            with_messages("  a: {id: 1, sender: host, match: {part: 1}, fields: {x: {struct: {part: {type: u8}}}, "
+                          "y: {bits: {type: u8, fields: {part: {type: u8}}}}}}\n"),
+            "`part` can be `x.part` or `y.part` of this message; write which one, with its whole path",
+        ),
+        (
+            with_messages("  a: {id: 1, sender: host, match: {part: 1, x.part: 2}, fields: {x: {struct: {part: "
+                          "{type: u8}}}}}\n"),
+            "`x.part` is matched twice; write it once",
+        ),
+        (
+            with_messages("  a: {id: 1, sender: host, match: {z.part: 1}, fields: {x: {struct: {part: {type: u8}}}}}"),
+            "`z.part` is neither a field of the header nor an unsigned number at a constant place of this message; did "
+            "you mean `x.part`? (possible: kind, x.part, size)",
+        ),
+        (
+            with_messages("  a: {id: 1, sender: host, match: {n: 2}, fields: {n: {type: u8}, v: {type: u8, count: n, "
+                          "max: 4}}}\n"),
+            "`n` counts other fields, and their number is free; match another field",
+        ),
+        (
+            with_messages("  a: {id: 1, sender: host, match: {x..y: 1}}\n"),
+            "`x..y` is not a name; a name has letters, digits and single underscores, a letter first",
         ),
     ],
 )  # fmt: skip

@@ -15,7 +15,7 @@ import wirebond
 from wirebond.cli.main import main
 from wirebond.codec import Codec
 from wirebond.errors import UsageError
-from wirebond.gen import generate_c, generate_cpp, generate_python
+from wirebond.generate.code import generate_c, generate_cpp, generate_python
 from wirebond.protocol import ProtocolFileError, loads
 from wirebond.protocol.names import code_name
 from wirebond.sim.pty_port import PtyPort
@@ -136,7 +136,9 @@ def test_a_lease_is_not_taken_for_the_field_of_its_name() -> None:
 def test_an_emergency_stop_gives_every_field() -> None:
     model = loads(stopped_with_defaults())
     assert dict(model.emergency_stop[0].values)["message"] == 7
-    with pytest.raises(ProtocolFileError, match=r"leaves the field `message` open; add `fields: \{message: 0\}`"):
+    with pytest.raises(
+        ProtocolFileError, match=r"leaves `message` of `NAV_PVT` open; add for example `fields: \{message: 0\}`"
+    ):
         loads(stopped_with_defaults().replace("fields: {message: 7, header: 0}", "fields: {header: 0}"))
 
 
@@ -146,7 +148,9 @@ def test_a_stops_single_value_header_is_that_of_the_messages_field() -> None:
     assert dict(stop.values)["header"] == 3
     assert stop.header == ()
     without = beside.replace("    header: 3", "")
-    with pytest.raises(ProtocolFileError, match=r"leaves the field `header` open; add `fields: \{header: 0\}`"):
+    with pytest.raises(
+        ProtocolFileError, match=r"leaves `header` of `NAV_PVT` open; add for example `fields: \{header: 0\}`"
+    ):
         loads(without)
     other = "wirebond: 1\nprotocol: o\nframe: [magic: 0xFF, {field: servo, type: u8, default: 1}, id: u8, payload: 1]\n"
     other += "messages: {halt: {id: 1, sender: host, fields: {now: {type: u8}}}}\n"

@@ -11,7 +11,7 @@ import pytest
 from tests.conformance.build import run
 from tests.shared import ROOT, codec
 from wirebond import Codec, _engine
-from wirebond.explain import examine
+from wirebond.analysis.explain import examine
 from wirebond.protocol import loads, plan, planning
 from wirebond.protocol.model import End, cobs_overhead
 
@@ -44,6 +44,35 @@ def test_the_loader_s_limits_are_the_core_s(constants: list[list[int]]) -> None:
 
 def test_cobs_adds_the_same_at_both_ends(constants: list[list[int]]) -> None:
     assert [cobs_overhead(size) for size in range(3000)] == constants[1]
+
+
+# Every text with the silence after which a link is stale, and the words that hold it.
+STALE_TEXTS = {
+    "core/include/wirebond/host/link.hpp": "no frame came for a second",
+    "core/include/wirebond/mcu/c_api.h": "no valid frame came for a second",
+    "core/include/wirebond/mcu/why.h": "no valid frame came for a second",
+    "python/src/wirebond/link/link.py": "no frame for a second",
+    "python/src/wirebond/ros2/diagnostics.py": "no message came for a second",
+    "docs/DESIGN.md": "no valid frame came for a second",
+    "docs/firmware.md": "frame for a second",
+    "docs/python.md": "a frame came within the last second",
+    "docs/TOUR.md": "no frame came for a second",
+}
+STALE = """
+#include <cstdio>
+#include "wirebond/deadline.hpp"
+int main() { std::printf("%u\\n", static_cast<unsigned>(wirebond::stale_after_us)); }
+"""
+
+
+def test_both_ends_and_every_text_have_one_stale_time(tmp_path: Path) -> None:
+    (tmp_path / "main.cpp").write_text(STALE, encoding="utf-8")
+    run(["g++", "-std=c++17", f"-I{CORE}", str(tmp_path / "main.cpp"), "-o", str(tmp_path / "main")])
+    assert int(run([str(tmp_path / "main")])) == 1_000_000, "change the texts of STALE_TEXTS too"
+    texts = {name: " ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in STALE_TEXTS}
+    assert [name for name, text in texts.items() if STALE_TEXTS[name] not in text] == []
+    ends = {name: (CORE / "wirebond" / name / "link.hpp").read_text(encoding="utf-8") for name in ("host", "mcu")}
+    assert "timeout_us = stale_after_us;" in ends["mcu"] and "< stale_after_us;" in ends["host"]
 
 
 LENGTHS = (

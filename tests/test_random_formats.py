@@ -22,10 +22,10 @@ from tests.random_formats import random_protocol
 from tests.shared import account_closes, needs_sender
 from tests.streams import Speaker, chunks, hard_pieces, header_bits, random_values
 from wirebond import Codec, Message, MessageError, ProtocolFileError, Stats, _engine
-from wirebond.link import engine_settings
+from wirebond.link.settings import engine_settings
 from wirebond.protocol import loads
-from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import End, FrameFormat, Stuffing
+from wirebond.protocol.model.forms import header_fields
 
 BATCH = 50  # formats in one program
 FOLDED = 25  # one in this many has a deframer of its own, as firmware has: that takes a second to compile
@@ -136,7 +136,7 @@ def verify_host(
 ) -> None:
     """The host's link over the same stream: it hands over what is for its address, and counts the rest."""
     codec = drawn.codec
-    core = _engine.LinkCore(codec._table, codec._format_for(End.MCU), engine_settings(codec, 115_200), 0)
+    core = _engine.LinkCore(codec.tables.protocol, codec.tables.format_for(End.MCU), engine_settings(codec, 115_200), 0)
     core.port_up(0)
     if own is not None:
         core.set_address(own)
@@ -197,7 +197,9 @@ def verify_sent(drawn: Drawn, source: random.Random) -> None:
     number = next((field for field in header_fields(codec.model.format.parts) if field.is_sequence), None)
     if number is None or not sent:
         return
-    core = _engine.LinkCore(codec._table, codec._format_for(End.MCU), engine_settings(codec, 115_200, paced=False), 0)
+    core = _engine.LinkCore(
+        codec.tables.protocol, codec.tables.format_for(End.MCU), engine_settings(codec, 115_200, paced=False), 0
+    )
     core.port_up(0)
     now = 0
     counts: Counter[str] = Counter()
@@ -217,7 +219,7 @@ def verify_sent(drawn: Drawn, source: random.Random) -> None:
             header = {number.name: counts[counter] % 2**number.value.width}
             frame = codec.encode(message.name, values, header=header, sender=End.HOST)
             counts[counter] += 1
-        assert core.send(codec._index_of(message.name), given, -1, now) == 0
+        assert core.send(codec.tables.indices[message.name], given, -1, now) == 0
         now += 1_000_000
         core.poll(now)
         left = b""

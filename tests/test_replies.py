@@ -14,7 +14,7 @@ from tests.conformance.build import FLAGS, build_decoder, decode
 from tests.shared import ROOT, account_closes
 from tests.streams import chunks, hard_stream, random_values
 from wirebond import UsageError, load
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 from wirebond.protocol.model import End
 
 FORMATS = {name: ROOT / "tests" / "formats" / f"{name}.yaml" for name in ("by_request", "shared_ids")}
@@ -98,7 +98,7 @@ def test_engine_generated_code_and_reference_agree(name: str, tmp_path: Path) ->
         assert stats["rejected_candidates"] == dict(expected.rejected_candidates)
 
         file.write_bytes(stream)
-        reply = -1 if request is None else names.index(proto._reply_to(request))
+        reply = -1 if request is None else names.index(proto.tables.reply_to(request))
         for chunk in (1, 0):
             result = decode(program, file, chunk=chunk, expected=reply)
             found = [(f.offset, f.wire, f.id, names[f.message] if f.message >= 0 else "unknown") for f in result.frames]

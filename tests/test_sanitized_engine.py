@@ -24,12 +24,12 @@ TESTS = [
     "tests/test_deframing.py",
     "tests/test_field_types.py",
     "tests/end_to_end/test_link.py",
-    "tests/host_link/test_account.py",
-    "tests/host_link/test_behaviour.py",
-    "python/tests/test_codec.py",
-    "python/tests/test_packing.py",
+    "tests/link/test_account.py",
+    "tests/link/test_behaviour.py",
+    "tests/test_codec.py",
+    "tests/link/test_packing.py",
     "tests/test_against_reference.py",
-    "tests/test_explain_against_engine.py",
+    "tests/analysis/explain/test_against_engine.py",
 ]
 # Two are too large for the sanitizers, one forks, others run a program of their own.
 NOT_WITH_SANITIZERS = "ten_megabytes or progress_of_a_large or permission or generated_code"

@@ -15,7 +15,7 @@ from tests.conformance.build import BUILD
 from tests.conformance.fields import difference
 from tests.conformance.formats import Answer, Chunk, Job, build_formats, decode_all
 from wirebond import Codec, Message
-from wirebond.explain.values import faults_of, read_fields, values_of
+from wirebond.analysis.explain.values import faults_of, read_fields, values_of
 from wirebond.protocol import loads
 from wirebond.protocol.model import BitOrder, End, Field, FieldKind
 

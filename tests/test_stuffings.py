@@ -12,7 +12,7 @@ import pytest
 from tests import reference
 from tests.shared import ROOT
 from wirebond import Codec, MessageError, ProtocolFileError, load
-from wirebond.explain.scan import scan
+from wirebond.analysis.explain.scan import scan
 from wirebond.protocol import loads
 from wirebond.protocol.model import End, Protocol
 

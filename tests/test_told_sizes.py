@@ -12,8 +12,8 @@ from tests.conformance.build import build_decoder, decode
 from tests.shared import ROOT, account_closes
 from tests.streams import Speaker, chunks, hard_pieces
 from wirebond import MessageError, load
-from wirebond.checksum import checksum
-from wirebond.explain import explain
+from wirebond.analysis.checksum import checksum
+from wirebond.analysis.explain import explain
 from wirebond.protocol.algorithms import ALGORITHMS
 from wirebond.protocol.model import End
 
@@ -158,7 +158,8 @@ def test_where_a_length_tells_the_size_wrong_counts_are_violations(tmp_path: Pat
         ((2, 2), [1, 2], ["readings.size tells 2 bytes, and readings.values has 4 in this payload"]),
         ((10, 2), [1, 2], ["readings.size tells 10 bytes, and readings.values has at most 8"]),
     ):
-        (message,) = codec.decoder("mcu").feed(framed(bytes([1, *counts]) + bytes.fromhex("00010002")))
+        elements = b"".join(value.to_bytes(2, "big") for value in values)
+        (message,) = codec.decoder("mcu").feed(framed(bytes([1, *counts]) + elements))
         assert message.fields["values"] == values
         assert message.violations == faults
 

@@ -11,9 +11,9 @@ from contextlib import closing
 import pytest
 
 import wirebond
+from wirebond.analysis.explain import explain
 from wirebond.cli.shown import stats_line
 from wirebond.codec import Codec
-from wirebond.explain import explain
 from wirebond.protocol import loads
 from wirebond.sim.pty_port import PtyPort
 

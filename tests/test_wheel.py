@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.shared import ROOT
-from wirebond.gen import PORTS, PORTS_IN_C
+from wirebond.generate.code import PORTS, PORTS_IN_C
 
 pytestmark = pytest.mark.long  # it compiles the engine
 
@@ -44,6 +44,34 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (packages,) = folder.glob("lib/python*/site-packages")
     (packages / "borrowed.pth").write_text("\n".join(site.getsitepackages()))
     return folder / "bin"
+
+
+def test_the_guide_installs_from_a_clone(tmp_path: Path) -> None:
+    """The first commands of docs/ros2-install.md, without the network: what the package needs is borrowed from here."""
+    guide = (ROOT / "docs" / "ros2-install.md").read_text(encoding="utf-8")
+    section = guide.partition("## An environment of its own")[2]
+    make, install, serve = section.partition("```text\n")[2].partition("```")[0].splitlines()
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "clone", "--quiet", ROOT, clone], check=True)
+    paths = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "HOME": str(tmp_path), "PATH": paths}
+    environment |= {"PIP_NO_INDEX": "1", "PIP_NO_DEPS": "1", "PIP_NO_BUILD_ISOLATION": "false"}  # false: no isolation
+
+    def shell(command: str) -> str:
+        done = subprocess.run(["bash", "-c", command], env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+        return done.stdout
+
+    shell(make)
+    (packages,) = (tmp_path / "wirebond").glob("lib/python*/site-packages")
+    (packages / "borrowed.pth").write_text("\n".join(site.getsitepackages()))
+    assert "PATH/TO/wirebond[ros2]" in install
+    shell(install.replace("PATH/TO/wirebond", str(clone)))
+    command, file = serve.split()[0], serve.split()[2]
+    shown = shell(f"{command} check {clone / 'protocols' / file}")
+    assert "protocol diffdrive" in shown
+    where = shell("~/wirebond/bin/python -c 'import wirebond; print(wirebond.__file__)'")
+    assert Path(where).is_relative_to(tmp_path / "wirebond")
 
 
 def run(installed: Path, *command: str | Path, cwd: Path) -> str:

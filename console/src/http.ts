@@ -1,6 +1,6 @@
 // Requests to the server of this page, beside its own address. Errors become sentences.
 import { place } from "./state/place.svelte";
-import { words } from "./state/words.svelte";
+import { said, words } from "./state/words.svelte";
 
 export function address(path: string, scheme: "http" | "ws" = "http"): string {
   const url = new URL(path, location.href.replace(/#.*/, ""));
@@ -26,7 +26,7 @@ async function read<T>(response: Response): Promise<T> {
   if (response.ok) return JSON.parse(text) as T;
   let sentence = `${response.status} ${response.statusText}`;
   try {
-    sentence = (JSON.parse(text) as { text?: string }).text ?? sentence;
+    sentence = said(JSON.parse(text) as object, "text") || sentence;
   } catch {
     // not JSON: the status says what there is to say
   }

@@ -20,16 +20,26 @@ export const KEYS: readonly { key: string; action: Action }[] = [
   { key: "?", action: "help" },
 ];
 
-/** What this key press means, given where the focus is. Space stops everywhere but where text is written. */
-export function actionOf(event: Pick<KeyboardEvent, "key" | "ctrlKey" | "metaKey" | "altKey">, isWriting: boolean) {
-  if (event.ctrlKey || event.metaKey || event.altKey || isWriting) return null;
-  return KEYS.find((entry) => entry.key === event.key)?.action ?? null;
+/** Whose the keys are that the focused element gets: a text's, where Space is written too; a number's, where it never is. */
+export type Focus = "none" | "number" | "text";
+type Press = Pick<KeyboardEvent, "key" | "code" | "ctrlKey" | "metaKey" | "altKey" | "shiftKey">;
+
+/** Is it the Space key? An input method, such as one for Chinese, reports its `key` as "Process". */
+export const isSpace = (event: Pick<KeyboardEvent, "key" | "code">) => event.key === " " || event.code === "Space";
+
+/** What this key press means, given where the focus is. Space stops everywhere; where a text is written, with Shift. */
+export function actionOf(event: Press, focus: Focus): Action | null {
+  if (event.ctrlKey || event.metaKey || event.altKey) return null;
+  if (isSpace(event)) return focus !== "text" || event.shiftKey ? "stop" : null;
+  return focus === "none" ? (KEYS.find((entry) => entry.key === event.key)?.action ?? null) : null;
 }
 
-/** Does the focused element take text, so that letters and Space belong to it? */
-export function takesText(element: Element | null): boolean {
-  if (element instanceof HTMLTextAreaElement) return true;
-  if (element instanceof HTMLElement && element.isContentEditable) return true;
-  const others = ["checkbox", "radio", "range", "button", "file", "color", "submit"];
-  return element instanceof HTMLInputElement && !others.includes(element.type);
+const NO_TEXT = ["checkbox", "radio", "range", "button", "file", "color", "submit", "reset", "image"];
+const NO_SPACE = ["number", "date", "time", "datetime-local", "month", "week"];
+
+export function focusOf(element: Element | null): Focus {
+  if (element instanceof HTMLTextAreaElement) return "text";
+  if (element instanceof HTMLElement && element.isContentEditable) return "text";
+  if (!(element instanceof HTMLInputElement) || NO_TEXT.includes(element.type)) return "none";
+  return NO_SPACE.includes(element.type) ? "number" : "text";
 }

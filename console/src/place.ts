@@ -9,6 +9,7 @@ export interface Place {
   from?: number; // seconds; without both: live
   to?: number;
   recording?: string; // shown instead of the live link
+  at?: number; // seconds: where the reader is in the recording; without it: at its end
 }
 
 export function readPlace(hash: string): Place {
@@ -23,6 +24,8 @@ export function readPlace(hash: string): Place {
   const from = number(keys.get("from"));
   const to = number(keys.get("to"));
   if (from !== null && to !== null && from < to) Object.assign(place, { from, to });
+  const at = number(keys.get("at"));
+  if (at !== null && place.recording) place.at = at;
   return place;
 }
 
@@ -33,6 +36,7 @@ export function writePlace(place: Place): string {
     keys.set("from", place.from.toFixed(4));
     keys.set("to", place.to.toFixed(4));
   }
+  if (place.at !== undefined && place.recording) keys.set("at", place.at.toFixed(4));
   const query = keys.toString();
   return `#/${place.view}${query ? `?${query}` : ""}`;
 }

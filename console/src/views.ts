@@ -1,5 +1,6 @@
 // The `/views` socket of docs/console-api.md: what the page shows. It says what it wants to see, whole each time, and takes
 // what comes. A lost connection comes back by itself, with the same wish.
+import { LastingSocket } from "./lasting";
 
 export interface Account {
   bytes: number;
@@ -29,6 +30,8 @@ export interface LinkView {
   holder: string | null;
   clients: number;
   stopped: boolean;
+  /** The name of the program whose emergency stop holds. */
+  stopped_by: string | null;
   struck: unknown[];
   mcu_deadlines: { deadline: number; since: number | null; unknown: boolean }[];
   rates: {
@@ -47,6 +50,7 @@ export interface LinkView {
   reconnects: number;
   collisions: number;
   peer: { state: string; why: string };
+  /** Seconds, but for the drift: parts per million. */
   clock: { offset: number; drift: number; error: number; round_trip: number; exchanges: number } | null;
   round_trip: { count: number; p50: number; p95: number; p99: number; max: number } | null;
   recording: { name: string; seconds: number | null; size: number } | null;
@@ -96,6 +100,7 @@ export interface Wish {
   messages: { every: number } | null;
   frames: { message: string | null; discards: boolean; most: number } | null;
   events: boolean;
+  marks: boolean;
   plots: PlotWish[];
   source: "live" | { recording: string };
   at?: number;
@@ -118,12 +123,15 @@ export interface Batch {
 export interface ViewsListener {
   /** The connection is there, or is lost. */
   open(isOpen: boolean, why: string): void;
+  /** Something came: the server's beat, 4 times a second at least, or a view. */
+  heard(): void;
+  /** The connection is open, and nothing comes through it; or something comes again. */
+  silent(isSilent: boolean): void;
   text(view: string, message: Record<string, unknown>): void;
   batch(batch: Batch): void;
 }
 
 const ARRAYS = { f32: Float32Array, f64: Float64Array } as const;
-const LONGEST_WAIT = 2000; // ms between two attempts to connect
 
 /** A binary message of one plot. The arrays lie in the message's own memory. */
 export function readBatch(data: ArrayBuffer): Batch {
@@ -147,58 +155,59 @@ export function readBatch(data: ArrayBuffer): Batch {
 }
 
 export class Views {
-  private socket: WebSocket | null = null;
-  private wait = 250;
-  private ended = false;
+  private readonly socket: LastingSocket;
 
   constructor(
-    private readonly url: string,
+    url: string,
     private readonly token: () => string,
     private readonly listener: ViewsListener,
     private wish: Wish,
-  ) {}
+  ) {
+    const make = () => {
+      const socket = new WebSocket(url);
+      socket.binaryType = "arraybuffer";
+      return socket;
+    };
+    const on = {
+      opened: () => this.socket.say({ token: this.token(), acks: true, views: this.wish }),
+      message: (data: unknown) => this.take(data),
+      silent: (isSilent: boolean) => this.listener.silent(isSilent),
+      lost: (reason: string) => this.listener.open(false, reason),
+    };
+    this.socket = new LastingSocket(make, on, () => performance.now());
+  }
 
   connect(): void {
-    const socket = new WebSocket(this.url);
-    socket.binaryType = "arraybuffer";
-    this.socket = socket;
-    socket.onopen = () => socket.send(JSON.stringify({ token: this.token(), acks: true, views: this.wish }));
-    socket.onmessage = (event: MessageEvent) => {
-      if (event.data instanceof ArrayBuffer) {
-        this.listener.batch(readBatch(event.data));
-        return;
-      }
-      const message = JSON.parse(event.data as string) as Record<string, unknown>;
-      if (message.view === "hello") {
-        this.wait = 250;
-        this.listener.open(true, "");
-      }
-      if (message.view === "end") {
-        // The server goes on when this round is drawn, so that nothing that is shown has waited in a buffer.
-        requestAnimationFrame(() => this.say({ seen: message.round }));
-        return;
-      }
-      if ("error" in message && message.error === "token") this.ended = true;
-      this.listener.text((message.view as string) ?? "error", message);
-    };
-    socket.onclose = (event: CloseEvent) => {
-      if (socket !== this.socket) return;
-      this.socket = null;
-      this.listener.open(false, event.reason);
-      if (this.ended) return;
-      setTimeout(() => this.connect(), this.wait);
-      this.wait = Math.min(this.wait * 2, LONGEST_WAIT);
-    };
+    this.socket.connect();
   }
 
   /** Changes what is wanted. Saying the same again sends nothing. */
   want(wish: Wish): void {
     const isSame = JSON.stringify(wish) === JSON.stringify(this.wish);
     this.wish = wish;
-    if (!isSame) this.say({ acks: true, views: wish });
+    if (!isSame) this.socket.say({ acks: true, views: wish });
   }
 
-  private say(message: Record<string, unknown>): void {
-    if (this.socket?.readyState === 1) this.socket.send(JSON.stringify(message));
+  private take(data: unknown): void {
+    this.listener.heard();
+    if (data instanceof ArrayBuffer) {
+      this.listener.batch(readBatch(data));
+      return;
+    }
+    const message = JSON.parse(data as string) as Record<string, unknown>;
+    switch (message.view) {
+      case "hello":
+        this.socket.isGood();
+        this.listener.open(true, "");
+        break;
+      case "beat":
+        return;
+      case "end":
+        // The server goes on when this round is drawn, so that nothing that is shown has waited in a buffer.
+        requestAnimationFrame(() => this.socket.say({ seen: message.round }));
+        return;
+    }
+    if (message.error === "token") this.socket.stay();
+    this.listener.text((message.view as string) ?? "error", message);
   }
 }

@@ -49,6 +49,21 @@ TEST_CASE("silence from the start strikes each deadline once, in order of time")
   }
 }
 
+TEST_CASE("a clock that steps back by a second or less strikes nothing, and makes nothing late") {
+  for (const std::uint32_t step : {1u, 1'500u, 1'000'000u}) {
+    CAPTURE(step);
+    Deadlines<3> deadlines(rules, 5'000'000u);
+    Log log;
+    deadlines.seen(4, 6'000'000);
+    deadlines.poll(6'000'000 - step, log);
+    CHECK(log.actions.empty());
+    CHECK(deadlines.may_act(4, 6'000'000, 6'000'000 - step) == MayAct::yes);
+    CHECK(deadlines.time_left(6'000'000 - step) == 1'000'000);
+    deadlines.poll(7'000'000, log);
+    CHECK(log.actions == std::vector<int>{stop, warn});
+  }
+}
+
 TEST_CASE("a message puts its own deadlines off, and ends those that end by it") {
   Deadlines<3> deadlines(rules, 0u);
   Log log;

@@ -161,9 +161,16 @@ TEST_CASE("skips_failed: without its closing delimiter a candidate costs one byt
   for_both_sources<StrictDoubled>([](const auto& source) {
     const Bytes frame = frame_of(source, 0x10, {1, 2});
     const std::size_t longest = wirebond::max_wire_bytes(source.format());
-    Watched<decltype(source)> recorder(source);
-    recorder.feed(Bytes{0x10, 0x02} + Bytes(longest - 3, 0x41) + frame);  // its last byte is the first of the frame
-    CHECK(recorder.frames().size() == 1);
+    for (const std::size_t between : {std::size_t{0}, std::size_t{1}, longest / 2, longest - 3}) {
+      CAPTURE(between);
+      const std::size_t before = 2 + between;  // at most the frame's first byte is the last one of the candidate
+      Watched<decltype(source)> recorder(source);
+      recorder.feed(Bytes{0x10, 0x02} + Bytes(between, 0x41) + frame);
+      REQUIRE(recorder.frames().size() == 1);
+      CHECK(recorder.frames()[0].offset == before);
+      CHECK(recorder.account().settled() == before + recorder.account().frame_bytes);
+      CHECK(recorder.account().fill_bytes == 0);
+    }
   });
 }
 

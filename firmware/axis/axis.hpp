@@ -1,5 +1,5 @@
-// A linear axis's firmware without its board: a slide that moves as it is told, between the two ends of its rail. All
-// services of its protocol file are used: the link answers hello, ping, clock and parameters, and sends its counters.
+// A linear axis's firmware without its board: a slide that moves as commanded, between the two ends of its rail. It
+// uses all services of its protocol file: the link answers hello, ping, clock and parameters, and sends its counters.
 #pragma once
 
 #include <array>
@@ -11,20 +11,19 @@
 
 namespace axis {
 
-/// A receive ring for 11 ms of the line, and room for what the axis says in as long: put it where the UART's DMA
-/// reaches it.
+/// A receive ring for 11 ms of the line, and send memory for as long: place it where the UART's DMA can reach it.
 using Buffers = linear_axis::McuBuffers<512, 512>;
 
-/// By the names that the file gives them.
+/// Parameters, by their names in the file.
 enum class Parameter : std::size_t { max_speed, acceleration, travel };
 
-/// What the firmware asks of a board. Called in `poll`.
+/// Functions that the firmware needs from a board. Called in `poll`.
 ///
 ///   float position_m();                           // from the lower end
-///   void set_speed(float speed_m_s);              // of the slide, from here on
+///   void set_speed(float speed_m_s);              // of the slide, from now on
 ///   void store(std::size_t index, float value);   // of a parameter that was set; it may be forgotten
 ///
-/// `poll` runs messages in its own context. Times are microseconds and may wrap.
+/// `poll` handles messages in its own context. Times are microseconds and may wrap.
 template <class Board, class Port>
 class Axis {
  public:
@@ -54,7 +53,7 @@ class Axis {
   void on(const linear_axis::Move& move) { wanted_m_s_ = move.speed; }
 
   bool fill(linear_axis::State& state) {
-    state.measured = now_us_;  // the clock that `poll` is given, which is the one that the clock service tells
+    state.measured = now_us_;  // the clock of `poll`, which is the one of the clock service
     state.position = board_.position_m();
     state.speed = speed_m_s_;
     state.stops = stops_;
@@ -79,7 +78,8 @@ class Axis {
 
   float parameter(Parameter name) const { return parameters_[static_cast<std::size_t>(name)]; }
 
-  /// The speed follows what is wanted as fast as the acceleration allows. At an end of the rail it is zero at once.
+  /// Move the speed towards the wanted one as fast as the acceleration allows. At an end of the rail it is zero at
+  /// once.
   void steer(float seconds) {
     const float limit = parameter(Parameter::max_speed);
     const float wanted = bounded(wanted_m_s_, limit);
@@ -96,7 +96,7 @@ class Axis {
     board_.set_speed(speed_m_s_);
   }
 
-  /// Where the send queue has no room the line is lost, and counted.
+  /// Send a log line. If the send queue is full the line is lost, and counted.
   void say(wirebond::Level level, std::string_view text) { static_cast<void>(link_.log(level, text)); }
 
   static float bounded(float value, float limit) { return value > limit ? limit : value < -limit ? -limit : value; }

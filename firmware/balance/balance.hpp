@@ -1,4 +1,4 @@
-// A balance bot's firmware without its board: two control loops, and messages that tune them while it stands.
+// A balance bot's firmware without its board: two control loops, and messages that tune them while it balances.
 #pragma once
 
 #include <array>
@@ -9,17 +9,18 @@
 
 namespace balance {
 
-constexpr std::uint32_t step_us = 5000;          ///< of control
-constexpr float most_lean_rad = 0.15F;           ///< that the outer loop may ask for
-constexpr float fallen_rad = 0.6F;               ///< nothing brings it back from here
+constexpr std::uint32_t step_us = 5000;          ///< period of the control loop
+constexpr float most_lean_rad = 0.15F;           ///< maximum that the outer loop may request
+constexpr float fallen_rad = 0.6F;               ///< beyond, it cannot recover
 constexpr float upright_rad = 0.05F;             ///< somebody has put it up again
 constexpr float largest_gain = 1000.0F;          ///< of each kind; larger ones are refused
 constexpr float velocity_p_for_each_i = 200.0F;  ///< the outer loop's i follows from its p
 
-/// A receive ring for 44 ms of the line, and room for what two loops report: put it where the UART's DMA reaches it.
+/// A receive ring for 44 ms of the line, and send memory for the reports of two loops: place it where the UART's DMA
+/// can reach it.
 using Buffers = pid_tuner::McuBuffers<512, 256>;
 
-/// What the firmware asks of a board. Called from `Balance`'s own functions only.
+/// Functions that the firmware needs from a board. Called only from `Balance`'s own functions.
 ///
 ///   float pitch_rad();                        // positive: it leans forwards
 ///   float pitch_rate_rad_s();
@@ -39,11 +40,12 @@ class Balance {
   /// For the UART's interrupt, which calls the link's `on_...` functions.
   Link& link() { return link_; }
 
-  /// Messages, and control every `step_us`. Call it every millisecond.
+  /// Handle messages, and control every `step_us`. Call it every millisecond.
   void poll(std::uint32_t now_us) {
     link_.poll(now_us);
     if (now_us - stepped_us_ < step_us) return;
-    // In rhythm, unless that was missed: a loop that makes up for lost steps would act on one and the same angle.
+    // Keep the rhythm, unless a step was missed: a loop that makes up for lost steps would use the same angle several
+    // times.
     stepped_us_ = now_us - stepped_us_ < 2 * step_us ? stepped_us_ + step_us : now_us;
     step();
   }
@@ -91,14 +93,14 @@ class Balance {
 
   static constexpr std::uint8_t balance_index = 0;
   static constexpr std::uint8_t velocity_index = 1;
-  static constexpr float most_travelled_m = 5.0F;  // sums are bounded, so that they unwind in time
+  static constexpr float most_travelled_m = 5.0F;  // sums are limited, so that they unwind in time
   static constexpr float most_error_sum_rad_s = 1.0F;
 
   static bool in_range(float gain) { return gain >= -largest_gain && gain <= largest_gain; }
 
   static float limited(float value, float limit) { return value > limit ? limit : value < -limit ? -limit : value; }
 
-  /// The motors stop when gains change, and what the old gains summed up is forgotten; the next step starts afresh.
+  /// Change gains. The motors stop, the sums of the old gains are forgotten, and the next step starts afresh.
   void change(const pid_tuner::Pid& pid) {
     if (pid.idx == balance_index) {
       balance_ = {pid.p, pid.i, pid.d};
@@ -116,7 +118,7 @@ class Balance {
       rest();
       return;
     }
-    // The outer loop leans against the way that the wheels go; the inner one drives the wheels under the body.
+    // The outer loop leans against the wheels' direction; the inner one drives the wheels under the body.
     const float speed = board_.speed_m_s();
     travelled_ = limited(travelled_ + speed * step_s, most_travelled_m);
     setpoint_ = limited(-(velocity_.p * speed + velocity_.i * travelled_), most_lean_rad);

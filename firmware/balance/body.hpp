@@ -47,7 +47,7 @@ class Body {
   float position_m_ = 0.0F;
 };
 
-/// A body in somebody's hand, who puts it up whenever its motors rest.
+/// A body in a person's hand: it is put up whenever its motors rest.
 class HeldBody : public Body {
  public:
   void set_motors(float left, float right) {

@@ -1,4 +1,4 @@
-// The smallest firmware: every chassis command goes back as the chassis message of the same values.
+// The smallest firmware: every chassis command is returned as a chassis message with the same values.
 #pragma once
 
 #include <cstdint>
@@ -7,10 +7,10 @@
 
 namespace echo {
 
-/// Room for 2.8 ms of the line coming in, and for 53 echoes: put it where the UART's DMA reaches it.
+/// A receive ring for 2.8 ms of the line, and send memory for 53 echoes: place it where the UART's DMA can reach it.
 using Buffers = enterprize::McuBuffers<512, 1024, 64>;
 
-/// What the firmware asks of a board. Called in `poll`.
+/// Functions that the firmware needs from a board. Called in `poll`.
 ///
 ///   void blink();   // a sign of life, for each echo; may do nothing
 ///
@@ -31,7 +31,7 @@ class Echo {
   // ---- messages
 
   void on(const enterprize::ChassisCmd& command) {
-    // What the send queue has no room for is refused and counted there; an echo has nobody to tell.
+    // If the send queue is full the echo is refused and counted there; nobody else needs to know.
     static_cast<void>(link_.send(enterprize::ChassisMsg{command.x_vel, command.y_vel, command.w_vel}));
     board_.blink();
   }

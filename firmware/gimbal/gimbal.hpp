@@ -1,4 +1,4 @@
-// A sentry's double gimbal without its board: four tasks send its pose a thousand times a second each, commands aim it.
+// A sentry's double gimbal without its board: four tasks each send its pose a thousand times a second; commands aim it.
 #pragma once
 
 #include <array>
@@ -11,12 +11,12 @@
 
 namespace gimbal {
 
-/// Senders that run at their own priorities, each once in `period_us`. Together they ask for 99 % of a line of 2 Mbaud
-/// with two stop bits: the overload test of the specification that this protocol is from.
+/// Senders with their own priorities, each once per `period_us`. Together they use 99 % of a line of 2 Mbaud with two
+/// stop bits: the overload test of the specification that defines this protocol.
 constexpr std::size_t senders = 4;
 constexpr std::uint32_t period_us = 1000;
 
-/// A receive ring for 2.8 ms of the line, and room for 22 messages: put it where the UART's DMA reaches it.
+/// A receive ring for 2.8 ms of the line, and send memory for 22 messages: place it where the UART's DMA can reach it.
 using Buffers = enterprize::McuBuffers<512, 1024>;
 
 struct Pose {
@@ -24,21 +24,21 @@ struct Pose {
   float pitch_rad;
 };
 
-/// What the firmware asks of a board.
+/// Functions that the firmware needs from a board.
 ///
 ///   Pose small_head(); Pose big_head();       // measured; from any of the senders' tasks
 ///   float bullet_speed_m_s();                 // the same
 ///   void aim(const Pose& left, const Pose& right, const Pose& main);    // in `poll`, as the next one
 ///   void shoot(std::uint8_t left_mode, std::uint8_t right_mode);        // 0: not
 ///
-/// `poll` runs messages in its own context. Times are microseconds and may wrap.
+/// `poll` handles messages in its own context. Times are microseconds and may wrap.
 template <class Board, class Port>
 class Gimbal {
  public:
   using Link = enterprize::McuLink<Gimbal, Port, Buffers>;
 
   Gimbal(Board& board, Port& port, Buffers& buffers) : board_(board), link_(*this, port, buffers) {
-    board_.shoot(0, 0);  // until the first valid command; the heads stay where they are until then
+    board_.shoot(0, 0);  // until the first valid command; the heads stay in place until then
   }
 
   /// For the UART's interrupt, which calls the link's `on_...` functions.
@@ -47,8 +47,8 @@ class Gimbal {
   /// Call it every millisecond or two.
   void poll(std::uint32_t now_us) { link_.poll(now_us); }
 
-  /// The work of sender 0 to 3, every `period_us`. Each has a task of its own; they may interrupt each other anywhere.
-  /// The message's `cur_cv_mode` tells the sender, and its `target_color` counts, so that the host sees what it lost.
+  /// Do the work of sender 0 to 3, every `period_us`. Each has its own task; they may interrupt each other anywhere.
+  /// The message's `cur_cv_mode` is the sender, and its `target_color` counts, so that the host sees losses.
   wirebond::Status report(std::size_t sender) {
     enterprize::SentryGimbalMsg message;
     message.cur_cv_mode = static_cast<std::uint8_t>(sender);
@@ -72,7 +72,7 @@ class Gimbal {
   }
 
  private:
-  /// The unit quaternion (w, x, y, z) of a turn by yaw, then by pitch.
+  /// Return the unit quaternion (w, x, y, z) of a turn by yaw, then by pitch.
   static std::array<float, 4> attitude(const Pose& pose) {
     const float cos_yaw = std::cos(pose.yaw_rad / 2.0F), sin_yaw = std::sin(pose.yaw_rad / 2.0F);
     const float cos_pitch = std::cos(pose.pitch_rad / 2.0F), sin_pitch = std::sin(pose.pitch_rad / 2.0F);
@@ -81,7 +81,7 @@ class Gimbal {
 
   Board& board_;
   Link link_;
-  std::array<std::uint8_t, senders> counts_{};  // each of one sender alone
+  std::array<std::uint8_t, senders> counts_{};  // each used by one sender alone
 };
 
 }  // namespace gimbal

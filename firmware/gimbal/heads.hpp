@@ -1,4 +1,4 @@
-// Heads that are where they are told to be, for boards that cannot measure it. Poses only: no message, no output.
+// Heads that are always at their commanded pose, for boards that cannot measure it. Poses only: no message, no output.
 #pragma once
 
 #include <atomic>
@@ -7,13 +7,13 @@
 
 namespace gimbal {
 
-/// One context aims, any may read. An angle is whole at any moment; the two of a pose may be of two commands.
+/// One context aims, any may read. Each angle is whole at any moment; the two of a pose may be of two commands.
 class Heads {
  public:
   Pose small_head() const { return {small_yaw_, small_pitch_}; }
   Pose big_head() const { return {big_yaw_, big_pitch_}; }
 
-  /// The small head's is the left one, which the protocol's one message has room for.
+  /// The left head's pose counts as the small head's: the protocol's message holds only one.
   void aim(const Pose& left, const Pose& main) {
     small_yaw_ = left.yaw_rad;
     small_pitch_ = left.pitch_rad;

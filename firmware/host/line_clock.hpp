@@ -1,20 +1,22 @@
-// Time that stands still while the line does. No descriptor, no body.
+// A clock that stops while the line does. No descriptor, no body.
 #pragma once
 
 #include <cstdint>
 
 namespace host {
 
-/// A UART takes its bytes, come what may; a pty waits for its reader, for as long as that likes, and this machine gives
-/// the port's thread its turn when it likes. The link would break off what does not leave in time, as of a DMA that
-/// hangs. With this clock nothing is lost by anybody's lateness. Not for firmwares with deadlines: they strike for
-/// a peer that has gone, too.
+/// The problem: a UART takes its bytes in any case; a pty waits for its reader for as long as that takes, and this
+/// machine schedules the port's thread when it likes. The link would abort bytes that do not leave in time, as if DMA
+/// hung.
+///
+/// The answer: this clock stops while frames wait and none leaves, so lateness loses nothing. Not for firmwares with
+/// deadlines: those strike for a peer that has gone, too.
 template <class Link>
 class LineClock {
  public:
   explicit LineClock(const Link& link) : link_(link) {}
 
-  /// A millisecond has passed. False: but not here, for frames wait, and none has left since the last call.
+  /// Advance by a millisecond. Returns false, without advancing, if frames wait and none has left since the last call.
   bool advance() {
     const auto account = link_.send_account();
     const bool stands = account.queued != 0 && account.sent == sent_;

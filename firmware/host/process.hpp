@@ -1,5 +1,5 @@
-// What all firmwares have in common as processes: a pty in the place of the UART, a clock, an operator on stdin, the
-// main loop. No protocol, no simulated body.
+// Common part of all firmwares as processes: a pty instead of the UART, a clock, an operator on stdin, the main loop.
+// No protocol, no simulated body.
 #pragma once
 
 #include <fcntl.h>
@@ -24,10 +24,10 @@ inline std::uint64_t monotonic_us() {
   return static_cast<std::uint64_t>(now.tv_sec) * 1'000'000U + static_cast<std::uint64_t>(now.tv_nsec) / 1000U;
 }
 
-/// Lines of the operator, from stdin.
+/// The operator's lines, from stdin.
 class Operator {
  public:
-  /// Hands over each whole line that came. False when stdin has ended.
+  /// Pass each whole line that came to `obey`. Returns false when stdin has ended.
   template <class Obey>
   bool read(Obey&& obey) {
     char chunk[256];
@@ -49,7 +49,7 @@ class Operator {
 /// One firmware's process. It prints the pty's path, then a line for each event with its time in seconds.
 class Process {
  public:
-  /// Open the pty. Else the exit code, and a sentence on stderr.
+  /// Open the pty. On failure returns the exit code, with a sentence on stderr.
   int open(int argument_count, char** arguments) {
     ends_with_stdin_ = argument_count > 1 && std::strcmp(arguments[1], "--end-with-stdin") == 0;
     if (argument_count > 1 && !ends_with_stdin_) {
@@ -67,16 +67,16 @@ class Process {
     return 0;
   }
 
-  /// For the port, after `open`.
+  /// Return the descriptor for the port, after `open`.
   int uart() const { return pty_.controller.get(); }
 
   void report(const char* event) const {
     std::printf("%.3f %s\n", static_cast<double>(monotonic_us() - start_us_) * 1e-6, event);
   }
 
-  /// The main loop; the exit code, where it ends at all. `obey(line)` is false for a line that is none of
-  /// `expected`. `pass(now_us)` is called for each millisecond, also for those that the machine had no time for;
-  /// `poll(now_us)` about once in a millisecond.
+  /// Run the main loop; returns the exit code, if it ends at all. `obey(line)` returns false for a line that is none of
+  /// `expected`. `pass(now_us)` is called for each millisecond, including those that the machine had no time for;
+  /// `poll(now_us)` about once per millisecond.
   template <class Link, class Obey, class Pass, class Poll>
   int run(wirebond::posix::Port& uart, Link& link, const char* expected, Obey&& obey, Pass&& pass, Poll&& poll) {
     if (!uart.start(link)) {
@@ -98,7 +98,7 @@ class Process {
       while (before_us + 1000 <= now_us) pass(static_cast<std::uint32_t>(before_us += 1000));
       poll(static_cast<std::uint32_t>(now_us));
     }
-    uart.stop();  // its thread uses the link, which may go first
+    uart.stop();  // its thread uses the link, which may be destroyed first
     return 0;
   }
 

@@ -1,5 +1,5 @@
-// The rover's firmware without its board: what its messages do, when its motors stop. The same source runs on a board
-// and in the simulation; only the Board differs.
+// The rover's firmware without its board: the effect of its messages, and when its motors stop. The same source runs on
+// a board and in the simulation; only the Board differs.
 #pragma once
 
 #include <cstdint>
@@ -13,13 +13,13 @@ constexpr float low_battery_v = 10.5F;        ///< three lithium cells at 3.5 V
 constexpr float default_max_linear = 2.0F;    ///< m/s
 constexpr float default_max_angular = 3.14F;  ///< rad/s
 
-/// A receive ring for 22 ms of the line, and room for four frames: put it where the UART's DMA reaches it.
+/// A receive ring for 22 ms of the line, and send memory for four frames: place it where the UART's DMA can reach it.
 using Buffers = diffdrive::McuBuffers<256, 64, 4>;
 
-/// What the firmware asks of a board. Called from `Rover`'s own functions only.
+/// Functions that the firmware needs from a board. Called only from `Rover`'s own functions.
 ///
 ///   void set_wheel_speeds(float left_m_s, float right_m_s);
-///   std::int16_t take_left_ticks();           // since the call before; the same for take_right_ticks
+///   std::int16_t take_left_ticks();           // since the last call; also take_right_ticks
 ///   float battery_v();
 ///   bool estop_pressed();
 ///   bool charging();
@@ -60,7 +60,7 @@ class Rover {
     if (stopped_by_silence()) status.errors |= diffdrive::Status::Errors::comm_timeout;
     if (board_.estop_pressed()) status.state |= diffdrive::Status::State::estop;
     if (board_.charging()) status.state |= diffdrive::Status::State::charging;
-    static_cast<void>(link_.send(status));  // what the queue has no room for is counted there
+    static_cast<void>(link_.send(status));  // if the queue is full, this is counted there
   }
 
   void on(const diffdrive::Parameter& parameter) {

@@ -1,4 +1,4 @@
-// A servo on a bus: it turns as it is told, says where it is when it is asked, and lets go when nobody commands it.
+// A servo on a bus: turns as commanded, reports its angle on request, and releases its motor when commands stop.
 #pragma once
 
 #include <cstdint>
@@ -7,25 +7,25 @@
 
 namespace servo {
 
-/// Room for 2.5 ms of the line coming in, where others' answers go by, too, and for four frames: put it where the
-/// UART's DMA reaches it.
+/// A receive ring for 2.5 ms of the line, which also carries others' answers, and send memory for four frames: place it
+/// where the UART's DMA can reach it.
 using Buffers = servo_bus::McuBuffers<256, 64, 4>;
 
-/// What the firmware asks of a board. Called in `poll`.
+/// Functions that the firmware needs from a board. Called in `poll`.
 ///
-///   void turn(float angle_rad, float time_s);   // from here on: to this angle, and be there in this time
-///   void release();                             // no force from here on, until it turns again
+///   void turn(float angle_rad, float time_s);   // from now on: to this angle, arriving after this time
+///   void release();                             // no force from now on, until it turns again
 ///   float angle_rad();
 ///   bool moves();
 ///
-/// `poll` runs messages in its own context. Times are microseconds and may wrap.
+/// `poll` handles messages in its own context. Times are microseconds and may wrap.
 template <class Board, class Port>
 class Servo {
  public:
   using Link = servo_bus::McuLink<Servo, Port, Buffers>;
   using State = servo_bus::Header::State;
 
-  /// `address`: its number on the bus, which is none of the broadcast's.
+  /// `address`: its number on the bus, not the broadcast's.
   Servo(Board& board, Port& port, Buffers& buffers, std::uint8_t address) : board_(board), link_(*this, port, buffers) {
     link_.set_address(address);
     board_.release();  // until the first valid command
@@ -39,7 +39,7 @@ class Servo {
 
   bool is_released() const { return is_released_; }
 
-  // ---- messages and deadlines, in `poll`: what is for other servos never comes here
+  // ---- messages and deadlines, in `poll`: messages for other servos never come here
 
   void on(const servo_bus::Move& move) {
     is_released_ = false;
@@ -47,11 +47,11 @@ class Servo {
   }
 
   void on(const servo_bus::Read&) {
-    if (link_.addressee() != wirebond::Addressee::own) return;  // all were asked: who answers would disturb others
+    if (link_.addressee() != wirebond::Addressee::own) return;  // all were asked: an answer would disturb others
     servo_bus::Header header = link_.header();                  // with its number
     if (board_.moves()) header.state |= State::moving;
     if (is_released_) header.state |= State::released;
-    // Where the send queue has no room the answer is refused and counted; the host asks again.
+    // If the send queue is full the answer is refused and counted; the host asks again.
     static_cast<void>(link_.send(servo_bus::Pose{board_.angle_rad()}, header));
   }
 

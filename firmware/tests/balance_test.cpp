@@ -28,7 +28,7 @@ struct Bench {
   float output = 99.0F;  // neither end of the range: the firmware must set it
 };
 
-/// The firmware on a simulated UART, and what a host at the other end hears.
+/// The firmware on a simulated UART, and the frames that a host at the other end receives.
 struct Bot {
   fake::Line in{pid_tuner::baud, 10};
   fake::Line out{pid_tuner::baud, 10};
@@ -60,7 +60,7 @@ struct Bot {
       out.forget();
     }
   }
-  /// The frame travels, and so does the answer.
+  /// Let the frame travel, and its answer.
   template <class Message>
   void send(const Message& message) {
     std::uint8_t frame[Message::Info::max_frame_bytes];

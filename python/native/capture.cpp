@@ -1,4 +1,16 @@
-// A whole capture to rows of payloads, over several cores. No Python here.
+// Decodes a whole capture to rows of payloads, on several cores. No Python here.
+//
+// The problem: a frame's place is known only after the bytes before it were decoded, because a deframer's result at one
+// place depends on its state there. A capture that is cut into parts has no such state at the cuts; and the result must
+// not depend on the number of threads.
+//
+// The answer: each thread decodes its part from the part's start, as if nothing came before. That may be wrong at
+// first, but deframers resynchronise: once two of them end the same frame and owe nothing (`owes_nothing`), all that
+// follows depends only on the same bytes, so they cannot differ any more. Each part therefore notes its first such
+// places as landmarks, with its counts there. Then, one part after the other, the deframer of the part before continues
+// into the next part until it ends a frame at one of the landmarks. From there on the next part's results count; its
+// results before the landmark are dropped, and the counts that it had there are subtracted. A part without a common
+// landmark is decoded again from the part before: slower, but equally correct.
 #include "capture.hpp"
 
 #include <algorithm>
@@ -13,7 +25,8 @@ namespace {
 
 using Account = ByteAccount<std::uint64_t>;
 
-/// Frames that the file does not list, in the order in which they were found: parts of a capture are joined by it.
+/// Frames that the file does not list, in the order in which they were found: parts of a capture are joined in that
+/// order.
 class UnlistedLog {
  public:
   struct Entry {
@@ -31,9 +44,9 @@ struct PartAccount : Account {
   UnlistedIn<UnlistedLog> unlisted;
 };
 
-constexpr std::size_t step = std::size_t{1} << 18;        // bytes between looks at `cancelled`
-constexpr std::size_t least_part = std::size_t{1} << 16;  // bytes that are worth a thread
-constexpr std::size_t landmarks_kept = 4096;              // a part that two decoders see differently for longer is rare
+constexpr std::size_t step = std::size_t{1} << 18;        // bytes between two checks of `cancelled`
+constexpr std::size_t least_part = std::size_t{1} << 16;  // minimum number of bytes for a thread
+constexpr std::size_t landmarks_kept = 4096;              // two decoders rarely differ for longer
 
 std::size_t row_bytes(const MessageTable& message) {
   return message.max_payload != message.min_payload ? 0 : message.min_payload;
@@ -49,16 +62,16 @@ void take_header(const FormatTable& format, const Frame& frame, Rows& rows) {
   }
 }
 
-/// A place behind a frame from where on the future depends on the bytes alone, and what had been found until there.
+/// A place after a frame from which on the results depend only on the bytes, and the results until there.
 struct Landmark {
-  std::uint64_t at = 0;  ///< in the capture
+  std::uint64_t at = 0;  ///< position in the capture
   Account account;
-  std::vector<std::size_t> rows;  ///< by message, and unknown ones last
+  std::vector<std::size_t> rows;  ///< number of rows by message, and of unknown ones last
   std::size_t numbers = 0;
   std::size_t unlisted = 0;
 };
 
-/// Decodes one part of a capture, from its begin as if nothing came before.
+/// Decodes one part of a capture, from its start, as if nothing came before.
 class Part {
  public:
   /// `idle_us`: see Timing; bytes of a capture without times never wait.
@@ -73,25 +86,24 @@ class Part {
     found_.messages.resize(protocol.messages().size());
   }
 
-  /// Decode up to `end`, and note the first landmarks on the way where a part before this one may meet them.
+  /// Decode up to `end`, and note the first landmarks if there is a part before this one that may meet them.
   void run(const std::uint8_t* bytes, std::uint64_t end, std::atomic<std::uint64_t>& done,
            const std::atomic<bool>& cancelled) {
+    Sink sink{*this};
+    sink.notes_landmarks = begin_ != 0;
     while (at_ < end && !cancelled) {
       const std::uint64_t size = std::min<std::uint64_t>(step, end - at_);
-      deframer_.feed(bytes + at_, size, 0, [this](const Frame& frame) {
-        take(frame);
-        if (begin_ != 0 && landmarks_.size() < landmarks_kept && deframer_.owes_nothing()) landmarks_.push_back(here());
-      });
+      deframer_.feed(bytes + at_, size, 0, sink);
       at_ += size;
       done += size;
     }
   }
 
-  /// The whole capture, read by read.
+  /// Decode the whole capture, read by read.
   void run_timed(const std::uint8_t* bytes, const Timing& timing, std::atomic<std::uint64_t>& done,
                  const std::atomic<bool>& cancelled) {
     is_timed_ = true;
-    const auto sink = [this](const Frame& frame) { take(frame); };
+    Sink sink{*this};
     auto broken = timing.breaks.begin();
     auto expected = timing.expected.begin();
     for (std::size_t i = 0; i < timing.count && !cancelled; ++i) {
@@ -111,33 +123,25 @@ class Part {
     finish();
   }
 
-  /// Go on behind the part's end until a landmark of `next` is reached; null when `end` comes first.
+  /// Continue after the part's end until a landmark of `next` is reached, and return it; null if `end` comes first.
   const Landmark* run_into(const Part& next, const std::uint8_t* bytes, std::uint64_t end,
                            const std::atomic<bool>& cancelled) {
-    const Landmark* met = nullptr;
-    const auto sink = [&](const Frame& frame) {
-      if (met != nullptr) return;
-      take(frame);
-      if (!deframer_.owes_nothing()) return;
-      met = next.landmark_at(begin_ + deframer_.account().settled());
-      if (met != nullptr) {
-        met_ = deframer_.account();
-        unlisted_until_met_ = unlisted().size();
-      }
-    };
-    while (at_ < end && met == nullptr && !cancelled) {
+    Sink sink{*this};
+    sink.next = &next;
+    while (at_ < end && sink.met == nullptr && !cancelled) {
       const std::uint64_t size = std::min<std::uint64_t>(meeting_step, end - at_);
       deframer_.feed(bytes + at_, size, 0, sink);
       at_ += size;
     }
-    return met;
+    return sink.met;
   }
 
   void finish() {
-    deframer_.give_up([this](const Frame& frame) { take(frame); });
+    Sink sink{*this};
+    deframer_.give_up(sink);
   }
 
-  /// Everything that was found here until the next part was met, or to the end.
+  /// Return everything found here until the next part was met, or to the end.
   Capture& found() { return found_; }
   const Account& account(bool until_met) const { return until_met ? met_ : deframer_.account(); }
   const std::vector<UnlistedLog::Entry>& unlisted() const { return deframer_.account().unlisted.found().entries(); }
@@ -145,6 +149,35 @@ class Part {
 
  private:
   static constexpr std::uint64_t meeting_step = 4096;
+
+  /// One type of sink for all functions that feed: the deframer is compiled again for each type.
+  struct Sink {
+    Part& part;
+    bool notes_landmarks = false;
+    const Part* next = nullptr;     ///< the part whose landmarks are searched, and
+    const Landmark* met = nullptr;  ///< the landmark that was reached; frames after it belong to `next`
+
+    void operator()(const Frame& frame) {
+      if (met != nullptr) return;
+      part.take(frame);
+      if (notes_landmarks) part.note_landmark();
+      if (next != nullptr) met = part.met_in(*next);
+    }
+  };
+
+  void note_landmark() {
+    if (landmarks_.size() < landmarks_kept && deframer_.owes_nothing()) landmarks_.push_back(here());
+  }
+
+  const Landmark* met_in(const Part& next) {
+    if (!deframer_.owes_nothing()) return nullptr;
+    const Landmark* const met = next.landmark_at(begin_ + deframer_.account().settled());
+    if (met != nullptr) {
+      met_ = deframer_.account();
+      unlisted_until_met_ = unlisted().size();
+    }
+    return met;
+  }
 
   void take(const Frame& frame) {
     take_row(protocol_, format_, frame, begin_ + frame.offset, is_timed_ ? &time_ : nullptr, found_);
@@ -178,7 +211,7 @@ class Part {
   std::size_t unlisted_until_met_ = 0;
 };
 
-/// sum += later - earlier, in every bucket.
+/// Compute sum += later - earlier, in every counter.
 void add(Account& sum, const Account& later, const Account& earlier) {
   sum.frame_bytes += later.frame_bytes - earlier.frame_bytes;
   sum.fill_bytes += later.fill_bytes - earlier.fill_bytes;
@@ -228,7 +261,7 @@ void take_row(const ProtocolTable& protocol, const FormatTable& format, const Fr
   const bool varies = row_bytes(message) == 0;
   const std::size_t kept = varies ? std::max(sent, message.min_payload) : message.min_payload;
   rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + std::min(sent, kept));
-  if (sent < kept) rows.payloads.insert(rows.payloads.end(), kept - sent, 0);  // zeros that were trimmed
+  if (sent < kept) rows.payloads.insert(rows.payloads.end(), kept - sent, 0);  // restore trimmed zeros
   if (varies) rows.ends.push_back(rows.payloads.size());
 }
 
@@ -252,7 +285,7 @@ void Rows::append(Rows&& other, std::size_t first, std::size_t row_bytes, std::s
 Capture decode_capture(const ProtocolTable& protocol, const FormatTable& format, const std::uint8_t* bytes,
                        std::size_t size, unsigned threads, std::atomic<std::uint64_t>& done,
                        const std::atomic<bool>& cancelled) {
-  // Where silence ends a frame, a capture is one block.
+  // If silence ends a frame, a capture without times is one block.
   const bool divides = format.format().framing != Framing::silence;
   const std::size_t most = divides ? size / least_part : 0;
   const std::size_t count = std::max<std::size_t>(1, std::min<std::size_t>(threads, most));

@@ -1,4 +1,4 @@
-// A whole capture to rows of payloads, over several cores. No Python here.
+// Decodes a whole capture to rows of payloads, on several cores. No Python here.
 #pragma once
 
 #include <atomic>
@@ -14,55 +14,55 @@
 
 namespace wirebond::engine {
 
-/// Payloads of one message, packed one behind the other.
+/// Payloads of one message, packed one after the other.
 struct Rows {
   std::vector<std::uint64_t> offsets;
   std::vector<std::uint32_t> ids;      ///< unknown frames only
-  std::vector<std::uint8_t> payloads;  ///< min_payload bytes a row; whole payloads where their size varies
-  std::vector<std::size_t> ends;       ///< of the payloads, where their size varies
-  std::vector<double> times;           ///< of a capture with times: when the read began that completed the frame
-  std::vector<std::uint64_t> header;   ///< bits of each header field of the format, one behind the other; 0: not there
-  std::vector<std::uint32_t> sizes;    ///< of the frames on the wire; only where somebody asks for them
+  std::vector<std::uint8_t> payloads;  ///< min_payload bytes per row; whole payloads if their size varies
+  std::vector<std::size_t> ends;       ///< ends of the payloads, if their size varies
+  std::vector<double> times;           ///< in a capture with times: start of the read that completed the frame
+  std::vector<std::uint64_t> header;   ///< bits of each header field, one after the other; 0: the frame lacks it
+  std::vector<std::uint32_t> sizes;    ///< of the frames on the wire; only if requested
 
   std::size_t begin_of(std::size_t row) const { return row == 0 ? 0 : ends[row - 1]; }
-  /// Take the other's rows from `first` on behind one's own. `row_bytes`: of a payload; 0 where their size varies.
-  /// `header_fields`: how many the format has.
+  /// Append the other's rows from `first` on. `row_bytes`: size of a payload; 0 if it varies. `header_fields`: how many
+  /// the format has.
   void append(Rows&& other, std::size_t first, std::size_t row_bytes, std::size_t header_fields);
 };
 
 struct Capture {
-  std::vector<Rows> messages;  ///< by the message's place in the protocol
+  std::vector<Rows> messages;  ///< by index of the message in the protocol
   Rows unknown;
   std::vector<SeenNumber> numbers;  ///< of all frames that have one, in their order
   ByteAccount<std::uint64_t> account;
   UnlistedKinds unlisted;
 };
 
-/// The rows that this frame belongs to.
+/// Return the rows that this frame belongs to.
 Rows& rows_for(Capture& capture, const Frame& frame);
 
-/// Append the frame to its rows. `offset`: of its first byte in the capture; `time`: null where there are no times.
+/// Append the frame to its rows. `offset`: of its first byte in the capture; `time`: null if there are no times.
 void take_row(const ProtocolTable& protocol, const FormatTable& format, const Frame& frame, std::uint64_t offset,
               const double* time, Capture& to);
 
-/// Decode `size` bytes. The result is the same whatever the number of threads: each decodes a part, and goes on into
-/// the next one until both have ended the same frame, from where on they cannot differ. `done` counts the bytes that
-/// were looked at, for whoever shows progress; any thread may read it, and may set `cancelled` to end early.
+/// Decode `size` bytes. The result is the same for any number of threads: each decodes a part, and continues into the
+/// next one until both have ended the same frame, after which they cannot differ. `done` counts the processed bytes,
+/// for a progress display; any thread may read it, and may set `cancelled` to end early.
 Capture decode_capture(const ProtocolTable& protocol, const FormatTable& format, const std::uint8_t* bytes,
                        std::size_t size, unsigned threads, std::atomic<std::uint64_t>& done,
                        const std::atomic<bool>& cancelled);
 
-/// How the bytes of a capture came: read by read. What it points to outlives the decoding.
+/// The reads in which the bytes of a capture came. Everything that it points to must outlive the decoding.
 struct Timing {
-  const std::uint64_t* ends = nullptr;  ///< of each read, in the capture; they rise
-  const double* times = nullptr;        ///< when it began, in seconds; they do not fall
+  const std::uint64_t* ends = nullptr;  ///< end of each read in the capture; they rise
+  const double* times = nullptr;        ///< start of each read, in seconds; they do not fall
   std::size_t count = 0;
   std::uint64_t idle_us = 0;                                     ///< silence that ends an incomplete frame
-  std::vector<std::size_t> breaks;                               ///< the port was away before the read of this index
-  std::vector<std::pair<std::size_t, std::int16_t>> expected{};  ///< before this read, this message was asked for
+  std::vector<std::size_t> breaks;                               ///< the port was closed before the read of this index
+  std::vector<std::pair<std::size_t, std::int16_t>> expected{};  ///< before this read, this message was requested
 };
 
-/// The same for a capture with times, as a decoder that is fed read by read sees it. One thread.
+/// Decode a capture with times, like a decoder that is fed read by read. One thread.
 Capture decode_timed(const ProtocolTable& protocol, const FormatTable& format, const std::uint8_t* bytes,
                      const Timing& timing, std::atomic<std::uint64_t>& done, const std::atomic<bool>& cancelled);
 

@@ -1,4 +1,4 @@
-// Bytes (CDR) of a ROS 2 topic as the frame of a command, by a plan that was made once from the mapping.
+// Converts bytes (CDR) of a ROS 2 topic to the frame of a command, with a plan made once from the mapping.
 #include "cdr_command.hpp"
 
 #include <nanobind/stl/string.h>
@@ -15,7 +15,7 @@ namespace wirebond::engine {
 namespace {
 
 constexpr std::size_t encapsulation_bytes = 4;
-constexpr double exact_integers = 9007199254740992.0;  // 2^53: a double tells all integers up to here apart
+constexpr double exact_integers = 9007199254740992.0;  // 2^53: a double distinguishes all integers up to here
 
 std::size_t size_of(char code) {
   switch (code) {
@@ -56,7 +56,7 @@ nb::object number_of(char code, std::uint64_t raw) {
 
 }  // namespace
 
-/// Through the bytes of one message, whose lengths nobody has checked. Every step returns false where they end.
+/// Walks through the bytes of one message, whose lengths are unchecked. Every step returns false at their end.
 class CdrCommand::Walk {
  public:
   Walk(const std::uint8_t* data, std::size_t size, ByteOrder order, std::vector<nb::object>& slots)
@@ -91,7 +91,7 @@ class CdrCommand::Walk {
     return part.code == 's' ? text(part) : numbers(part, 1);
   }
 
-  /// The places of these numbers are known without a look at each.
+  /// Skip numbers whose places are known without reading each.
   bool numbers(const Part& part, std::size_t count) {
     const std::size_t size = size_of(part.code);
     if (!align(size) || left() / size < count) return false;
@@ -188,7 +188,7 @@ std::unique_ptr<CdrCommand> CdrCommand::make(std::shared_ptr<const ProtocolTable
   return command;
 }
 
-/// What is given to the message's field; invalid where it is not finite, out of its range, or too large to compare.
+/// Return the value for the message's field; invalid if it is not finite, out of its range, or too large to compare.
 nb::object CdrCommand::fitting(const Value& value, const nb::object& found) {
   if (PyUnicode_Check(found.ptr())) return found;
   if (!value.has_bounds) return {};
@@ -229,7 +229,7 @@ nb::object CdrCommand::frame(nb::bytes data) const {
     const std::vector<std::uint8_t> wire =
         seal_frame(*format_, *protocol_, message_, encode_fields(protocol_->messages()[message_], fields), header_);
     return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
-  } catch (nb::python_error& error) {  // the engine refuses it: Python says so
+  } catch (nb::python_error& error) {  // the engine refuses it: Python reports why
     if (!error.matches(PyExc_Exception)) throw;
     return {};
   }

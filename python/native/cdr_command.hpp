@@ -1,4 +1,4 @@
-// Bytes (CDR) of a ROS 2 topic as the frame of a command, by a plan that was made once from the mapping.
+// Converts bytes (CDR) of a ROS 2 topic to the frame of a command, with a plan made once from the mapping.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -15,17 +15,17 @@
 
 namespace wirebond::engine {
 
-/// Makes the frame where everything is in order: whole bytes, finite values within their ranges, a message that can be
-/// encoded. All else is Python's turn, which clamps, refuses, counts and says why.
+/// Makes the frame if everything is in order: whole bytes, finite values within their ranges, a message that can be
+/// encoded. All else is left to Python, which clamps, refuses, counts and reports why.
 class CdrCommand {
  public:
-  /// `plan`: a wirebond.ros2.mapping.unpacking.UnpackPlan. `bounds`: least and greatest value of each number of the
-  /// message, by field. Null where the protocol has no such message. With the GIL.
+  /// `plan`: a wirebond.ros2.mapping.unpacking.UnpackPlan. `bounds`: minimum and maximum of each number of the message,
+  /// by field. Returns null if the protocol has no such message. With the GIL.
   static std::unique_ptr<CdrCommand> make(std::shared_ptr<const ProtocolTable> protocol,
                                           std::shared_ptr<const FormatTable> format, nb::handle plan, nb::dict bounds);
 
-  /// The wire bytes for each of these topic's bytes, which come from any program of the network, from `first` on, up to
-  /// one that is Python's turn. About 1 µs each. Any thread, with the GIL.
+  /// Return the wire bytes for each of these messages from `first` on, up to one that is left to Python. The bytes come
+  /// from any program in the network. About 1 µs each. Any thread, with the GIL.
   nb::list frames(nb::list messages, std::size_t first) const;
 
  private:
@@ -53,7 +53,7 @@ class CdrCommand {
   class Walk;
 
   static Part read_part(nb::handle part);
-  /// Invalid where it is Python's turn.
+  /// Returns an invalid object if the message is left to Python.
   nb::object frame(nb::bytes data) const;
   static nb::object fitting(const Value& value, const nb::object& found);
 

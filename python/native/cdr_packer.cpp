@@ -1,4 +1,4 @@
-// A received message as the bytes (CDR) of a ROS 2 topic, by a plan that was made once from the mapping. No DDS.
+// Converts a received message to the bytes (CDR) of a ROS 2 topic, with a plan made once from the mapping. No DDS.
 #include "cdr_packer.hpp"
 
 #include <nanobind/stl/string.h>
@@ -28,7 +28,7 @@ bool is_negative(Number number) {
   return false;
 }
 
-/// False where this type cannot hold the integer.
+/// Returns false if this type cannot hold the integer.
 template <class Target, class Given>
 bool store_integer(std::uint8_t* to, Given number) {
   const auto narrow = static_cast<Target>(number);
@@ -36,7 +36,7 @@ bool store_integer(std::uint8_t* to, Given number) {
   return store(to, narrow);
 }
 
-/// As struct.pack does: a finite number that is too large for 32 bits is an error.
+/// Store as struct.pack does: a finite number that is too large for 32 bits is an error.
 bool store_float(std::uint8_t* to, char code, double number) {
   if (code == 'd') return store(to, number);
   if (code != 'f') return false;
@@ -70,7 +70,7 @@ std::string bytes_of(nb::handle value) {
   return std::string(bytes.c_str(), bytes.size());
 }
 
-/// What stands for each number that the field can be; those that are not listed are Python's turn.
+/// Read the bytes for each number that the field can have; others are left to Python.
 std::vector<std::pair<std::uint64_t, std::string>> read_choices(const FieldTable& field, bool is_bool,
                                                                 nb::handle chosen) {
   std::vector<std::pair<std::uint64_t, std::string>> out;
@@ -122,7 +122,7 @@ std::unique_ptr<CdrPacker> CdrPacker::make(std::shared_ptr<const ProtocolTable> 
   return packer;
 }
 
-/// The number that this path leads to. False: it has no place that is the same in every payload.
+/// Find the number at this path. Returns false if its place is not the same in every payload.
 bool CdrPacker::find(const std::vector<FieldTable>& fields, nb::handle path, Value& value) {
   const std::vector<FieldTable>* among = &fields;
   const auto steps = nb::cast<nb::tuple>(path);
@@ -213,7 +213,7 @@ nb::object CdrPacker::pack_one(const Message& message, std::int64_t stamp_ns) co
   const bool fits = static_cast<std::int32_t>(seconds) == seconds;
   if (!fits && !seconds_.empty()) return nb::none();
   nb::bytes out(data_.data(), data_.size());
-  auto* const to = reinterpret_cast<std::uint8_t*>(PyBytes_AS_STRING(out.ptr()));  // nothing else has it yet
+  auto* const to = reinterpret_cast<std::uint8_t*>(PyBytes_AS_STRING(out.ptr()));  // no other reference exists yet
   for (const std::size_t at : seconds_) store(to + at, static_cast<std::int32_t>(seconds));
   for (const std::size_t at : nanoseconds_) store(to + at, static_cast<std::uint32_t>(rest));
   const std::uint8_t* const payload = batch.bytes.data() + event.payload_at;

@@ -1,4 +1,4 @@
-// A received message as the bytes (CDR) of a ROS 2 topic, by a plan that was made once from the mapping. No DDS.
+// Converts a received message to the bytes (CDR) of a ROS 2 topic, with a plan made once from the mapping. No DDS.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -14,27 +14,27 @@
 
 namespace wirebond::engine {
 
-/// Copies the topic's message with all its constants, and puts the stamp and the values that change into it. What it
-/// cannot give exactly as the mapping's filler does, it does not give: then Python fills the message, or says why not.
+/// Copies the topic's message with all its constants, and inserts the stamp and the changing values. If the result
+/// could differ from the mapping's filler, it gives none: then Python fills the message, or reports why not.
 class CdrPacker {
  public:
-  /// `plan`: a wirebond.ros2.mapping.packing.PackPlan, or null where a value has no fixed place in the payload.
-  /// With the GIL.
+  /// `plan`: a wirebond.ros2.mapping.packing.PackPlan. Returns null if a value has no fixed place in the payload. With
+  /// the GIL.
   static std::unique_ptr<CdrPacker> make(std::shared_ptr<const ProtocolTable> protocol, nb::handle plan);
 
-  /// The topic's bytes for each of these messages of the plan, with its stamp in its headers; None: Python's turn.
-  /// About 0.2 µs and 10 ns a value. Any thread, with the GIL.
+  /// Return the topic's bytes for each of these messages of the plan, with its stamp in its headers; None: left to
+  /// Python. About 0.2 µs and 10 ns per value. Any thread, with the GIL.
   nb::list pack(nb::list messages, nb::list stamps_ns) const;
 
  private:
   /// One value that changes.
   struct Value {
-    const FieldTable* field = nullptr;  ///< the protocol's
+    const FieldTable* field = nullptr;  ///< field of the protocol
     std::size_t place = 0;              ///< of the field in the payload
-    std::size_t index = 0;              ///< of a field with several numbers
-    int flag = -1;                      ///< bit of the flag that is meant; -1: the whole number
-    std::size_t at = 0;                 ///< in the topic's bytes
-    char code = 0;                      ///< as Python's struct module names types
+    std::size_t index = 0;              ///< of the number, in a field with several
+    int flag = -1;                      ///< bit of the flag; -1: the whole number
+    std::size_t at = 0;                 ///< position in the topic's bytes
+    char code = 0;                      ///< type, as in Python's struct module
     bool is_linear = false;
     double scale = 1;
     double offset = 0;
@@ -49,12 +49,13 @@ class CdrPacker {
   std::shared_ptr<const ProtocolTable> protocol_;
   std::int16_t message_ = -1;
   std::string data_;
-  std::vector<std::size_t> seconds_;      ///< where a stamp's seconds lie
-  std::vector<std::size_t> nanoseconds_;  ///< the same of its nanoseconds
+  std::vector<std::size_t> seconds_;      ///< positions of a stamp's seconds
+  std::vector<std::size_t> nanoseconds_;  ///< positions of its nanoseconds
   std::vector<Value> values_;
 };
 
-/// When each of these messages came, or its own stamp where it has one: in nanoseconds, `ahead_ns` later. With the GIL.
+/// Return when each of these messages came, or its own stamp if it has one: in nanoseconds, `ahead_ns` later. With the
+/// GIL.
 nb::list stamps_ns(nb::list messages, std::int64_t ahead_ns);
 
 }  // namespace wirebond::engine

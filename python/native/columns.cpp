@@ -1,4 +1,4 @@
-// A whole capture to numpy columns, without a Python object per message.
+// Converts a whole capture to numpy columns, without a Python object per message.
 #include "columns.hpp"
 
 #include <nanobind/ndarray.h>
@@ -23,49 +23,78 @@ namespace wirebond::engine {
 
 namespace {
 
-constexpr std::size_t watched_size = std::size_t{1} << 18;  // bytes; less is done before anybody wants to know
+constexpr std::size_t watched_size = std::size_t{1} << 18;  // bytes; a smaller capture needs no progress display
 
-/// One column: a field that is no structure, or one that repeats.
+/// One column: a field that is no structure, of the message or of one element of a group.
 struct Column {
-  std::string name;  ///< dotted: `position.x`
+  std::string name;  ///< dotted: `position.x`, `joints[3].position`
   const FieldTable* field;
-  std::size_t at;                           ///< in the payload, if nothing before it varies
-  bool moves = false;                       ///< something before it varies
-  std::vector<const std::uint8_t*> places;  ///< of each row, where it moves
-  nb::object objects;                       ///< a list of values, where numpy has no type for them
+  std::size_t at;                           ///< in the payload, if nothing before it varies in size
+  bool moves = false;                       ///< something before it varies in size
+  bool may_lack = false;                    ///< in an element that is not in every row
+  std::vector<const std::uint8_t*> places;  ///< place in each row, if it moves; null: the row lacks it
+  nb::object objects;                       ///< a list of values, if numpy has no type for them
 };
 
-/// Structures are flattened; what repeats as a structure or varies in size becomes a list of Python values.
-bool holds_objects(const FieldTable& field) {
-  return field.is_string() || field.repeat == Repeat::listed || field.kind == FieldKind::structure;
-}
+/// Check whether the field becomes a list of Python values: it varies in size, and is no group.
+bool holds_objects(const FieldTable& field) { return field.is_string() || field.repeat == Repeat::listed; }
 
-bool is_flattened(const FieldTable& field) {
-  return field.kind == FieldKind::structure && field.repeat == Repeat::once;
+/// Check whether the field is flattened: a structure or group, into `elements_of` elements. A counted group has its
+/// maximum number.
+bool is_flattened(const FieldTable& field) { return field.kind == FieldKind::structure; }
+
+std::size_t elements_of(const FieldTable& field) {
+  return field.repeat == Repeat::listed ? field.max_count : field.repeat == Repeat::once ? 1 : field.count;
 }
 
 void add_columns(const std::vector<FieldTable>& fields, const std::string& prefix, std::size_t place, bool& moves,
-                 std::vector<Column>& out) {
+                 bool may_lack, std::vector<Column>& out) {
   for (const FieldTable& field : fields) {
     if (is_flattened(field)) {
-      add_columns(field.fields, prefix + field.name + ".", place + field.at, moves, out);
+      const bool is_counted = field.repeat == Repeat::listed;
+      moves = moves || is_counted;
+      for (std::size_t i = 0; i < elements_of(field); ++i) {
+        const std::string index = field.repeat == Repeat::once ? "" : "[" + std::to_string(i) + "]";
+        add_columns(field.fields, prefix + field.name + index + ".", place + field.at + i * field.stride, moves,
+                    may_lack || is_counted, out);
+      }
       continue;
     }
-    out.push_back({prefix + field.name, &field, place + field.at, moves, {}, {}});
+    out.push_back({prefix + field.name, &field, place + field.at, moves, may_lack, {}, {}});
     if (holds_objects(field)) out.back().objects = nb::list();
     moves = moves || field.is_variable;
   }
 }
 
-/// One row's values of the columns that hold objects, and places of those that move. `next` counts the columns.
+/// Skip the columns of an element that this row lacks.
+void skip_columns(const std::vector<FieldTable>& fields, std::vector<Column>& columns, std::size_t& next) {
+  for (const FieldTable& field : fields) {
+    if (is_flattened(field)) {
+      for (std::size_t i = 0; i < elements_of(field); ++i) skip_columns(field.fields, columns, next);
+      continue;
+    }
+    Column& column = columns[next++];
+    column.places.push_back(nullptr);
+    if (column.objects.is_valid()) nb::borrow<nb::list>(column.objects).append(nb::none());
+  }
+}
+
+/// Read one row's values of the columns with objects, and places of those that move. `next` counts the columns.
 void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, std::vector<Column>& columns,
               std::size_t& next) {
   Counts counts;
   for (const FieldTable& field : fields) {
     const std::size_t here = place + field.at;
-    if (field.counts) counts.tell(field, walk.at(here));  // also one of its bits may
+    if (field.counts) counts.tell(field, walk.at(here));  // one of its bits may count, too
     if (is_flattened(field)) {
-      read_row(field.fields, here, walk, columns, next);
+      const auto read = [&](std::size_t, std::size_t at) { read_row(field.fields, at, walk, columns, next); };
+      std::size_t found = 0;
+      if (field.repeat == Repeat::listed) {
+        found = walk.elements(field, here, counts.promised(field), read);
+      } else {
+        for (; found < elements_of(field); ++found) read(found, here + found * field.stride);
+      }
+      for (; found < elements_of(field); ++found) skip_columns(field.fields, columns, next);
       continue;
     }
     Column& column = columns[next++];
@@ -76,7 +105,7 @@ void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& wa
   }
 }
 
-/// An array of numpy's over `values`, which `owner` keeps: one element a row, or `field->count` of them.
+/// Make a numpy array over `values`, which `owner` keeps alive: one element per row, or `field->count` of them.
 template <class T>
 nb::object array_over(T* values, std::size_t rows, const FieldTable* field, const nb::capsule& owner) {
   if (field != nullptr && field->repeat != Repeat::once) {
@@ -94,8 +123,8 @@ nb::object make_array(std::vector<T>&& values) {
   return array_over(owned->data(), owned->size(), nullptr, owner);
 }
 
-/// Calls `each_row` with the function that loads element `index` of the field at `at`: a loop for each way to load, so
-/// that none asks for every element.
+/// Call `each_row` with the function that loads element `index` of the field at `at`: one loop for each way to load, so
+/// that no loop decides for every element.
 template <class EachRow>
 void with_load(const FieldTable& field, EachRow each_row) {
   const auto whole = [&](auto bytes) {
@@ -123,7 +152,7 @@ void with_load(const FieldTable& field, EachRow each_row) {
   }
 }
 
-/// Do an element's bytes on the wire stand as numpy wants them?
+/// Check whether an element's bytes on the wire are as numpy needs them.
 template <class T>
 bool stands_as(const FieldTable& field) {
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
@@ -136,7 +165,7 @@ bool stands_as(const FieldTable& field) {
 #endif
 }
 
-/// `value` turns a number's bits into an element.
+/// Make a column. `value` converts a number's bits to an element.
 template <class T, class Value>
 nb::object column_of(const Column& column, const Rows& rows, std::size_t stride, Value value) {
   const FieldTable& field = *column.field;
@@ -167,7 +196,30 @@ nb::object column_of(const Column& column, const Rows& rows, std::size_t stride,
   return array_over(values, count, &field, owner);
 }
 
+/// Make a column of numbers that a row may lack: floats, NaN for such a row.
+nb::object lacking_column(const Column& column) {
+  const FieldTable& field = *column.field;
+  const std::size_t elements = field.count;
+  std::vector<double> values(column.places.size() * elements, std::nan(""));
+  const auto value_of = [&](std::uint64_t bits) {
+    const double wire = field.kind == FieldKind::floating         ? float_of(field, bits)
+                        : field.kind == FieldKind::signed_integer ? static_cast<double>(signed_of(field, bits))
+                                                                  : static_cast<double>(bits);
+    return field.scaled ? to_si(field, wire) : wire;
+  };
+  with_load(field, [&](auto load) {
+    for (std::size_t row = 0; row < column.places.size(); ++row) {
+      const std::uint8_t* const at = column.places[row];
+      for (std::size_t i = 0; at != nullptr && i < elements; ++i) values[row * elements + i] = value_of(load(at, i));
+    }
+  });
+  auto* const owned = new std::vector<double>(std::move(values));
+  const nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+  return array_over(owned->data(), column.places.size(), &field, owner);
+}
+
 nb::object number_column(const Column& column, const Rows& rows, std::size_t stride) {
+  if (column.may_lack) return lacking_column(column);
   const FieldTable& field = *column.field;
   const auto raw = [](std::uint64_t bits) { return bits; };
   const auto two = [&](std::uint64_t bits) { return signed_of(field, bits); };
@@ -207,7 +259,7 @@ nb::object number_column(const Column& column, const Rows& rows, std::size_t str
 nb::dict columns_of(const MessageTable& message, const Rows& rows) {
   std::vector<Column> columns;
   bool moves = false;
-  add_columns(message.fields, "", 0, moves, columns);
+  add_columns(message.fields, "", 0, moves, false, columns);
   const bool varies = message.max_payload != message.min_payload;
   bool walks = false;
   for (const Column& column : columns) walks = walks || column.moves || column.objects.is_valid();
@@ -218,7 +270,7 @@ nb::dict columns_of(const MessageTable& message, const Rows& rows) {
     std::size_t next = 0;
     read_row(message.fields, 0, walk, columns, next);
   }
-  if (varies) {  // rows have no stride then: every column goes by places
+  if (varies) {  // then rows have no stride: every column uses places
     for (Column& column : columns) {
       for (std::size_t i = 0; !column.moves && i < rows.offsets.size(); ++i) {
         column.places.push_back(rows.payloads.data() + rows.begin_of(i) + column.at);
@@ -242,7 +294,7 @@ nb::object header_column_of(const Rows& rows, std::size_t place, std::size_t fie
   return make_array(std::move(out));
 }
 
-/// One header field of all frames, with the type that a field of a message has in its column.
+/// Make a column of one header field of all frames, with the type that a message's field has in its column.
 nb::object header_column(const FieldTable& field, const Rows& rows, std::size_t place, std::size_t fields) {
   const auto raw = [](std::uint64_t bits) { return bits; };
   const auto two = [&](std::uint64_t bits) { return signed_of(field, bits); };
@@ -264,7 +316,7 @@ nb::object header_column(const FieldTable& field, const Rows& rows, std::size_t 
   return header_column_of<std::uint64_t>(rows, place, fields, raw);
 }
 
-/// `header.servo` behind the message's own columns. A column of this name that the message has stays.
+/// Add `header.servo` after the message's own columns. A column of the message with this name stays.
 void add_header_columns(const FormatTable& format, const Rows& rows, nb::dict& columns) {
   const std::vector<FieldTable>& fields = format.header();
   for (std::size_t place = 0; place < fields.size(); ++place) {
@@ -275,13 +327,13 @@ void add_header_columns(const FormatTable& format, const Rows& rows, nb::dict& c
   }
 }
 
-/// Decode without the GIL; now and then, and at the end, take it for `progress(done, size)` and for Ctrl-C.
+/// Decode without the GIL; take it from time to time, and at the end, for `progress(done, size)` and for Ctrl-C.
 template <class Decode>
 Capture decode_watched(Decode decode, std::size_t total, nb::handle progress) {
   std::atomic<std::uint64_t> done{0};
   std::atomic<bool> cancelled{false};
   bool ready = false;
-  std::mutex mutex;  // of `ready`
+  std::mutex mutex;  // guards `ready`
   std::condition_variable is_ready;
   Capture capture;
   std::exception_ptr fault;
@@ -321,13 +373,13 @@ Capture decode_watched(Decode decode, std::size_t total, nb::handle progress) {
 template <class Decode>
 Capture decode(Decode decode, std::size_t size, nb::handle progress) {
   if (size >= watched_size) return decode_watched(decode, size, progress);
-  const nb::gil_scoped_release release;  // the capture is held by its buffer view
+  const nb::gil_scoped_release release;  // the buffer view holds the capture
   std::atomic<std::uint64_t> done{0};
   const std::atomic<bool> cancelled{false};
   return decode(done, cancelled);
 }
 
-/// What Python gets of a capture of this many bytes.
+/// Make the tables for Python, of a capture of this many bytes.
 nb::dict tables_of(const std::shared_ptr<const ProtocolTable>& protocol,
                    const std::shared_ptr<const FormatTable>& format, Capture&& capture, std::size_t size) {
   std::vector<std::uint64_t> counts;

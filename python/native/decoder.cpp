@@ -1,4 +1,4 @@
-// A stream of bytes to Message objects for Python. Waits for nothing, opens nothing; time is an argument.
+// Converts a stream of bytes to Message objects for Python. Waits for nothing, opens nothing; time is an argument.
 #include "decoder.hpp"
 
 #include <algorithm>
@@ -13,7 +13,7 @@ namespace wirebond::engine {
 
 namespace {
 
-// One row per Cause, in its order; the same names stand in the manual.
+// One row per Cause, in its order; the manual has the same names.
 constexpr const char* cause_names[cause_count] = {
     "no_start",       "constant_mismatch", "length_out_of_range", "unknown_message", "header_check_mismatch",
     "check_mismatch", "bad_stuffing",      "incomplete",
@@ -33,7 +33,7 @@ BufferView::BufferView(nb::handle object) {
   }
   PyErr_Clear();
   if (PyObject_GetBuffer(object.ptr(), &view_, PyBUF_FULL_RO) != 0) throw nb::python_error();
-  gathered_.resize(size());  // its bytes lie apart, as those of every second element do
+  gathered_.resize(size());  // its bytes are not adjacent, like those of every second element
   if (PyBuffer_ToContiguous(gathered_.data(), &view_, view_.len, 'C') != 0) {
     PyBuffer_Release(&view_);
     throw nb::python_error();
@@ -57,7 +57,7 @@ Event record(const Frame& frame, double time, Batch& batch) {
   const bool in_place = frame.payload >= frame.wire && frame.payload < frame.wire + frame.wire_size && padding == 0;
   if (in_place) {
     event.payload_at = event.wire_at + static_cast<std::uint32_t>(frame.payload - frame.wire);
-  } else {  // unstuffed elsewhere, or zeros to put back
+  } else {  // unstuffed elsewhere, or zeros to restore
     event.payload_at = static_cast<std::uint32_t>(bytes.size());
     bytes.insert(bytes.end(), frame.payload, frame.payload + frame.payload_size);
     bytes.insert(bytes.end(), padding, 0);
@@ -201,30 +201,45 @@ double Decoder::seconds(nb::handle value) {
 }
 
 std::uint64_t Decoder::microseconds(double time) {
-  if (time > latest_) latest_ = time;  // a clock that steps back must not look like a long silence
+  if (time > latest_) latest_ = time;  // a clock that steps back must not count as a long silence
   return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::llround(latest_ * 1e6)));
 }
 
-template <class Step>
-nb::list Decoder::collect(double time, Step step) {
+std::shared_ptr<Batch> Decoder::new_batch() const {
   const auto batch = std::make_shared<Batch>();
   batch->protocol = protocol_;
   batch->format = format_;
-  std::vector<Event> events;
-  step([&](const Frame& frame) {
-    if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
-    sequence_.take(frame);
-    if (addressing_.is_foreign(frame)) return foreign_.add(frame);
-    events.push_back(record(frame, time, *batch));
-  });
-  return to_list(batch, events, stamper_);
+  return batch;
 }
+
+struct Decoder::Recording {
+  Decoder& decoder;
+  Batch& batch;
+  double time = 0;
+  bool keep = true;        ///< false: frames are only counted
+  std::uint32_t read = 0;  ///< index of the read that brings the frames
+  std::vector<Event> events{};
+  std::vector<std::uint32_t> reads{};  ///< index of the read of each event
+
+  void operator()(const Frame& frame) {
+    if (frame.message >= 0) ++decoder.counts_[static_cast<std::size_t>(frame.message)];
+    decoder.sequence_.take(frame);
+    if (decoder.addressing_.is_foreign(frame)) return decoder.foreign_.add(frame);
+    if (!keep) return;
+    if (batch.bytes.size() > UINT32_MAX / 2) throw std::length_error("more than 2 GiB of frames in one call");
+    events.push_back(record(frame, time, batch));
+    reads.push_back(read);
+  }
+};
 
 nb::list Decoder::feed(nb::handle bytes, nb::handle t) {
   const BufferView view(bytes);
   const double time = seconds(t);
   const std::uint64_t now = microseconds(time);
-  return collect(time, [&](auto sink) { deframer_.feed(view.data(), view.size(), now, sink); });
+  const auto batch = new_batch();
+  Recording sink{*this, *batch, time};
+  deframer_.feed(view.data(), view.size(), now, sink);
+  return to_list(batch, sink.events, stamper_);
 }
 
 nb::tuple Decoder::feed_reads(nb::handle buffer, nb::handle places, nb::handle sizes, nb::handle times, bool keep) {
@@ -236,45 +251,41 @@ nb::tuple Decoder::feed_reads(nb::handle buffer, nb::handle places, nb::handle s
   if (at.size() / sizeof(std::uint64_t) < count || of.size() / sizeof(std::uint32_t) < count) {
     throw std::invalid_argument("fewer places or sizes than times");
   }
-  const auto batch = std::make_shared<Batch>();
-  batch->protocol = protocol_;
-  batch->format = format_;
-  std::vector<Event> events;
-  std::vector<std::uint32_t> reads;
+  const auto batch = new_batch();
+  Recording sink{*this, *batch};
+  sink.keep = keep;
   for (std::size_t i = 0; i < count; ++i) {
     std::uint64_t place = 0;
     std::uint32_t size = 0;
-    double time = 0;
     std::memcpy(&place, at.data() + i * sizeof place, sizeof place);
     std::memcpy(&size, of.data() + i * sizeof size, sizeof size);
-    std::memcpy(&time, began.data() + i * sizeof time, sizeof time);
+    std::memcpy(&sink.time, began.data() + i * sizeof sink.time, sizeof sink.time);
     if (place > view.size() || size > view.size() - place) throw std::invalid_argument("a place lies outside");
-    if (!std::isfinite(time) || std::fabs(time) > 9e12) throw std::invalid_argument("a time is not finite");
-    const std::uint64_t now = microseconds(time);
-    const auto sink = [&](const Frame& frame) {
-      if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
-      sequence_.take(frame);
-      if (addressing_.is_foreign(frame)) return foreign_.add(frame);
-      if (!keep) return;
-      if (batch->bytes.size() > UINT32_MAX / 2) throw std::length_error("more than 2 GiB of frames in one call");
-      events.push_back(record(frame, time, *batch));
-      reads.push_back(static_cast<std::uint32_t>(i));
-    };
+    if (!std::isfinite(sink.time) || std::fabs(sink.time) > 9e12) throw std::invalid_argument("a time is not finite");
+    sink.read = static_cast<std::uint32_t>(i);
+    const std::uint64_t now = microseconds(sink.time);
     deframer_.idle(now, sink);
     deframer_.feed(view.data() + place, size, now, sink);
   }
-  return nb::make_tuple(to_list(batch, events, stamper_),
-                        nb::bytes(reinterpret_cast<const char*>(reads.data()), reads.size() * sizeof(std::uint32_t)));
+  return nb::make_tuple(
+      to_list(batch, sink.events, stamper_),
+      nb::bytes(reinterpret_cast<const char*>(sink.reads.data()), sink.reads.size() * sizeof(std::uint32_t)));
 }
 
 nb::list Decoder::idle(nb::handle t) {
   const double time = seconds(t);
   const std::uint64_t now = microseconds(time);
-  return collect(time, [&](auto sink) { deframer_.idle(now, sink); });
+  const auto batch = new_batch();
+  Recording sink{*this, *batch, time};
+  deframer_.idle(now, sink);
+  return to_list(batch, sink.events, stamper_);
 }
 
 nb::list Decoder::finish() {
-  return collect(latest_, [&](auto sink) { deframer_.give_up(sink); });
+  const auto batch = new_batch();
+  Recording sink{*this, *batch, latest_};
+  deframer_.give_up(sink);
+  return to_list(batch, sink.events, stamper_);
 }
 
 }  // namespace wirebond::engine

@@ -1,4 +1,4 @@
-// A stream of bytes to Message objects for Python. Waits for nothing, opens nothing; time is an argument.
+// Converts a stream of bytes to Message objects for Python. Waits for nothing, opens nothing; time is an argument.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -16,15 +16,15 @@
 
 namespace wirebond::engine {
 
-/// The bytes of all messages of one call, kept alive by the messages that point into it.
+/// The bytes of all messages of one call; messages that point into it keep it alive.
 struct Batch {
   std::shared_ptr<const ProtocolTable> protocol;
   std::shared_ptr<const FormatTable> format;
   std::vector<std::uint8_t> bytes;
-  std::vector<std::uint64_t> headers;  ///< bits of the header fields that a frame has, for formats that have them
+  std::vector<std::uint64_t> headers;  ///< bits of a frame's header fields, if the format has some
 };
 
-/// One frame that passed, before any Python object exists. Places are indices into Batch::bytes.
+/// One frame that passed, before any Python object exists. Places are indexes in Batch::bytes.
 struct Event {
   std::uint32_t wire_at = 0;
   std::uint32_t wire_size = 0;
@@ -38,13 +38,13 @@ struct Event {
   double time = 0;
 };
 
-/// Append the frame's bytes to the batch and describe it. No GIL needed.
+/// Append the frame's bytes to the batch and describe it. Needs no GIL.
 Event record(const Frame& frame, double time, Batch& batch);
 
-/// What Python sees of one message. Fields are decoded when they are first asked for.
+/// One message for Python. Fields are decoded at their first use.
 class Message {
  public:
-  /// `stamper`: a function that gives the host's time of a message's time stamp; empty or None: there is none.
+  /// `stamper`: a function that returns the host's time for a message's time stamp; empty or None: there is none.
   Message(std::shared_ptr<const Batch> batch, const Event& event, nb::object stamper)
       : batch_(std::move(batch)), event_(event), stamper_(std::move(stamper)) {}
 
@@ -65,7 +65,7 @@ class Message {
   const Event& event() const { return event_; }
   const Batch& batch() const { return *batch_; }
 
-  /// Called with each Python object that it keeps.
+  /// Call `visit` with each Python object that it keeps.
   template <class Visit>
   void visit(Visit&& visit) {
     visit(fields_);
@@ -88,10 +88,10 @@ class Message {
   nb::object stamp_;  ///< time and error, once they are known
 };
 
-/// Messages of a batch as a Python list. Needs the GIL.
+/// Return messages of a batch as a Python list. Needs the GIL.
 nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events, const nb::object& stamper);
 
-/// Frames of these that are for another address: counted, and given to nobody.
+/// Frames for another address: counted, and not delivered.
 struct ForeignCounts {
   std::uint64_t frames = 0;
   std::uint64_t bytes = 0;
@@ -104,8 +104,8 @@ struct ForeignCounts {
 
 using HostDeframer = StreamDeframer<RuntimeSource, std::uint64_t, HostAccount>;
 
-/// Statistics as a dict: bytes, frames, frame_bytes, unknown_frames, fill_bytes, pending_bytes, discarded_bytes and
-/// rejected_candidates by cause, messages by name, sequence; unlisted: how many by (id, bytes).
+/// Return statistics as a dict: bytes, frames, frame_bytes, unknown_frames, fill_bytes, pending_bytes, discarded_bytes
+/// and rejected_candidates by cause, messages by name, sequence; unlisted: how many by (id, bytes).
 nb::dict account_dict(const ByteAccount<std::uint64_t>& account, const UnlistedKinds& unlisted, std::uint64_t bytes,
                       std::uint64_t pending, const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
                       const FormatTable& format, const SequenceAccount& sequence, const ForeignCounts& foreign = {});
@@ -117,15 +117,15 @@ class Decoder {
           double idle_seconds);
 
   nb::list feed(nb::handle bytes, nb::handle time);
-  /// Many reads at once: `idle` and `feed` for each. `places` (u64) and `sizes` (u32) say where their bytes lie in
-  /// `buffer`, `times` (f64) when they began. Returns the messages, and for each the index of its read (u32). Without
+  /// Process many reads at once: `idle` and `feed` for each. `places` (u64) and `sizes` (u32) locate their bytes in
+  /// `buffer`, `times` (f64) are their starts. Returns the messages, and for each the index of its read (u32). Without
   /// `keep` they are only counted.
   nb::tuple feed_reads(nb::handle buffer, nb::handle places, nb::handle sizes, nb::handle times, bool keep);
   /// `address`: of the header field at `place` of the format's list; replies from others are foreign then.
   void expect(std::int16_t message, int place, std::optional<std::uint64_t> address);
   nb::list idle(nb::handle time);
   nb::list finish();
-  /// For the messages from here on; see Message.
+  /// Set the stamper of later messages; see Message.
   void set_stamper(nb::object stamper) { stamper_ = std::move(stamper); }
   nb::dict stats() const {
     const HostAccount& account = deframer_.account();
@@ -136,8 +136,10 @@ class Decoder {
  private:
   double seconds(nb::handle time);
   std::uint64_t microseconds(double time);
-  template <class Step>
-  nb::list collect(double time, Step step);
+  std::shared_ptr<Batch> new_batch() const;
+  /// One sink for all functions that feed. It has a name because the deframer is compiled again for each type of sink,
+  /// which takes ten seconds each time.
+  struct Recording;
 
   std::shared_ptr<const ProtocolTable> protocol_;
   std::shared_ptr<const FormatTable> format_;
@@ -151,7 +153,7 @@ class Decoder {
   nb::object stamper_;
 };
 
-/// Read-only view of a bytes-like object, released with this object. Bytes that do not lie together are copied.
+/// Read-only view of a bytes-like object, released with this object. Bytes that are not adjacent are copied.
 class BufferView {
  public:
   explicit BufferView(nb::handle object);

@@ -1,4 +1,4 @@
-// One number and its Python value: decoding, field rules, encoding.
+// Decodes, checks and encodes one number as a Python value.
 #include "element.hpp"
 
 #include <nanobind/stl/string.h>
@@ -25,7 +25,7 @@ std::string with_unit(const std::string& text, const FieldTable& field) {
   return field.unit.empty() ? text : text + " " + field.unit;
 }
 
-/// The enumerator's name for these bits (two's complement in 64 bits), or an invalid object.
+/// Return the enumerator's name for these bits (two's complement in 64 bits), or an invalid object.
 nb::object enumerator(const FieldTable& field, std::uint64_t bits) {
   for (const auto& [name, value] : field.enumerators) {
     if (value == bits) return name;
@@ -40,8 +40,7 @@ nb::object flag_names(const FieldTable& field, std::uint64_t wire) {
     if ((wire >> bit) & 1u) names.append(name);
     rest &= ~(std::uint64_t{1} << bit);
   }
-  for (unsigned bit = 0; rest != 0;
-       ++bit, rest >>= 1) {  // unnamed bits keep their value, so that encoding gives it back
+  for (unsigned bit = 0; rest != 0; ++bit, rest >>= 1) {  // unnamed bits keep their value, so that encoding restores it
     if (rest & 1u) names.append(steal(PyLong_FromUnsignedLongLong(std::uint64_t{1} << bit)));
   }
   return names;
@@ -51,13 +50,14 @@ std::string range_text(const FieldTable& field) {
   return with_unit(number_text(field.minimum) + " ... " + number_text(field.maximum), field);
 }
 
-/// Does its type say how it becomes a number? What that function raises is the caller's, and comes through.
+/// Check whether its type defines how it becomes a number. An exception of that function belongs to the caller, and
+/// passes.
 bool is_number(nb::handle value) {
   const PyNumberMethods* const methods = Py_TYPE(value.ptr())->tp_as_number;
   return methods != nullptr && (methods->nb_float != nullptr || methods->nb_index != nullptr);
 }
 
-/// wrong_type for a value that could have been a number: what it raised is the cause.
+/// Throw wrong_type for a value that could have been a number, with its exception as the cause.
 [[noreturn]] void wrong_type_because(nb::python_error cause, const Path& path, nb::handle value) {
   try {
     wrong_type(path, value, "a number");
@@ -73,7 +73,7 @@ double number_from(const FieldTable& field, nb::handle value, const Path& path) 
   const double number = PyFloat_AsDouble(value.ptr());
   if (number == -1.0 && PyErr_Occurred() != nullptr) {
     if (PyErr_ExceptionMatches(PyExc_TypeError) != 0) wrong_type_because(nb::python_error(), path, value);
-    if (PyLong_Check(value.ptr()) == 0) throw nb::python_error();  // of the value's own __float__: the caller's
+    if (PyLong_Check(value.ptr()) == 0) throw nb::python_error();  // raised by the value's own __float__
     PyErr_Clear();
     throw_message_error(path.text() + " is too large for a 64-bit number");
   }
@@ -88,7 +88,7 @@ double number_from(const FieldTable& field, nb::handle value, const Path& path) 
   return number;
 }
 
-/// Least and greatest number on the wire of an integer field; the least as a signed number.
+/// Minimum and maximum of an integer field on the wire; the minimum as a signed number.
 struct Limits {
   std::int64_t low;
   std::uint64_t high;
@@ -114,7 +114,7 @@ Limits limits_of(const FieldTable& field) {
                       "-bit wire type, which holds " + text);
 }
 
-/// Two's complement in 64 bits of an integer that Python holds, checked against what the field's bits can hold.
+/// Return a Python integer as two's complement in 64 bits, after checking it against the field's bits.
 std::uint64_t integer_bits(const FieldTable& field, nb::handle value, const Path& path) {
   const Limits limits = limits_of(field);
   if (field.kind == FieldKind::signed_integer) {
@@ -133,7 +133,7 @@ std::uint64_t integer_bits(const FieldTable& field, nb::handle value, const Path
   return number;
 }
 
-/// What to_si would make this value of, if it were a number on the wire.
+/// Return the value that to_si would convert to this one, if it were a number on the wire.
 double from_si(const FieldTable& field, double si) {
   if (field.kind != FieldKind::floating) {
     return ((si - field.offset) * field.denominator - field.addend) / field.numerator;
@@ -141,10 +141,10 @@ double from_si(const FieldTable& field, double si) {
   return (field.offset == 0 ? si : si - field.offset) * field.denominator / field.numerator;
 }
 
-/// The whole number nearest to an SI value; halves go away from zero, as in the generated code.
+/// Return the whole number nearest to an SI value; halves away from zero, as in the generated code.
 double to_wire(const FieldTable& field, double si) { return std::round(from_si(field, si)); }
 
-/// Is a scaled number between what the bounds themselves become on the wire? A legal bound may round past itself.
+/// Check whether a scaled number is between the bounds' own wire values. A legal bound may round past itself.
 bool in_wire_range(const FieldTable& field, double wire) {
   const double one = to_wire(field, field.minimum);
   const double other = to_wire(field, field.maximum);
@@ -162,7 +162,7 @@ std::uint64_t scaled_bits(const FieldTable& field, nb::handle value, const Path&
                                                  : static_cast<std::uint64_t>(wire);
 }
 
-/// How a number that fits lies in the field's bits.
+/// Return the field's bits for a number that fits.
 std::uint64_t raw_of(const FieldTable& field, std::uint64_t bits) {
   const auto number = static_cast<std::int64_t>(bits);
   if (!field.sign_magnitude || number >= 0) return bits & low_bits(field.width);
@@ -225,9 +225,8 @@ nb::object steal(PyObject* object) {
 }
 
 std::string shown(nb::handle value) {
-  std::string out = nb::cast<std::string>(nb::repr(value));
-  if (out.size() > 80) out = out.substr(0, 77) + "...";
-  return out;
+  const nb::object text = nb::module_::import_("wirebond.arguments").attr("shown")(value);
+  return nb::cast<std::string>(text);
 }
 
 void throw_message_error(const std::string& text) {
@@ -348,7 +347,7 @@ std::uint64_t encode_element(const FieldTable& field, nb::handle value, const Pa
       if (field.scaled) return raw_of(field, scaled_bits(field, value, path));
       const nb::object index = nb::steal(PyIndex_Check(value.ptr()) != 0 ? PyNumber_Index(value.ptr()) : nullptr);
       if (!index.is_valid() && PyErr_Occurred() != nullptr) {
-        // An array of numpy's has __index__ and refuses it; its __float__ decides.
+        // A numpy array has __index__, which raises; its __float__ decides.
         if (PyErr_ExceptionMatches(PyExc_TypeError) == 0) throw nb::python_error();
         PyErr_Clear();
       }

@@ -1,4 +1,4 @@
-// Reading the model's fields. They were validated by the loader: a surprise here is our own mistake.
+// Reads the model's fields. The loader has validated them: a surprise here is our own mistake.
 #include "field_table.hpp"
 
 #include <nanobind/stl/string.h>
@@ -41,6 +41,10 @@ void read_repeat(FieldTable& table, nb::handle field) {
     table.stride = 1;
     const nb::object end = field.attr("ends_with");
     if (!end.is_none()) table.ends_with = nb::cast<int>(end);
+    for (nb::handle mark : field.attr("excludes")) {
+      const auto bytes = nb::cast<nb::bytes>(mark);
+      table.excludes.emplace_back(bytes.c_str(), bytes.size());
+    }
     return;
   }
   if (table.max_count != 0) {
@@ -101,7 +105,7 @@ FieldTable read_field(nb::handle field, std::size_t at) {
   return table;
 }
 
-/// The fields that share a number's bits.
+/// Read the fields that share a number's bits.
 std::vector<FieldTable> read_bits(nb::handle container) {
   const auto size = nb::cast<std::uint8_t>(container.attr("size"));
   const ByteOrder order = byte_order_of(container.attr("order"));
@@ -126,7 +130,7 @@ std::vector<FieldTable> read_bits(nb::handle container) {
 
 namespace {
 
-/// The field of this name, or that among the bits of a field (`state.number`); null: it is none of these.
+/// Find the field of this name, or that among the bits of a field (`state.number`); null if there is none.
 FieldTable* find_counter(std::vector<FieldTable>& fields, const std::string& name, FieldTable** outer) {
   for (FieldTable& field : fields) {
     *outer = &field;

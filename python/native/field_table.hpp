@@ -1,4 +1,4 @@
-// A message's fields as tables, made from wirebond.protocol.model. What they do with bytes is element's and fields'.
+// A message's fields as tables, made from wirebond.protocol.model. Bytes belong to element and fields.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -16,7 +16,7 @@ namespace wirebond::engine {
 
 namespace nb = nanobind;
 
-/// Bit fields are a structure whose fields are loaded from the same bytes. Padding is in no table.
+/// Bit fields are a structure whose fields are loaded from the same bytes. Tables contain no padding.
 enum class FieldKind : std::uint8_t { unsigned_integer, signed_integer, floating, boolean, text, bytes, structure };
 
 /// How often a field occurs.
@@ -29,40 +29,41 @@ enum class Repeat : std::uint8_t {
 
 /// A field that counts another one.
 struct Counter {
-  std::size_t slot = 0;    ///< among what counts in this list of fields
-  std::uint64_t step = 1;  ///< what it tells for one element or byte
+  std::size_t slot = 0;    ///< index among the counters in this list of fields
+  std::uint64_t step = 1;  ///< its value per element or byte
   std::string name;        ///< `state.number` for one among the bits of `state`
 };
 
-/// One field. `value = (wire * numerator + addend) / denominator + offset`: exact whole numbers, so that one rounding
-/// is left and 9 * 0.001 is 0.009, not 0.009000000000000001. `offset` is zero where such numbers hold it, and `addend`
-/// of a float always.
+/// One field. `value = (wire * numerator + addend) / denominator + offset`: exact whole numbers, so that only one
+/// rounding remains and 9 * 0.001 is 0.009, not 0.009000000000000001. `offset` is zero if whole numbers can express it,
+/// and `addend` of a float always.
 struct FieldTable {
   std::string name;
   nb::object key;  ///< the name, interned
   FieldKind kind = FieldKind::unsigned_integer;
   Repeat repeat = Repeat::once;
 
-  // Where it lies.
-  std::size_t at = 0;      ///< behind the beginning of the fields that it stands among, if nothing before it varies
-  std::size_t stride = 0;  ///< least wire bytes of one element
+  // Place.
+  std::size_t at = 0;      ///< bytes from the start of its list of fields, if nothing before it varies in size
+  std::size_t stride = 0;  ///< minimum wire bytes of one element
   std::uint32_t count = 1;
-  std::uint32_t max_count = 0;  ///< of a list: elements; of a string of varying size: bytes
-  bool is_variable = false;     ///< its size varies, or that of a field in it
-  bool counts = false;          ///< it tells how many elements or bytes others have, or one of its bits does
-  int slot = -1;  ///< what it tells stands here, among what counts in its list of fields; -1: it counts nothing
-  std::vector<Counter> counters;  ///< the first tells how many it has, others agree; none: as many as the payload has
-  int ends_with = -1;             ///< of a string: the byte behind it, which is in its least size; -1: none
+  std::uint32_t max_count = 0;        ///< of a list: elements; of a string of varying size: bytes
+  bool is_variable = false;           ///< its size varies, or that of a field in it
+  bool counts = false;                ///< it, or one of its bits, counts elements or bytes of others
+  int slot = -1;                      ///< index among the counters in its list of fields; -1: it counts nothing
+  std::vector<Counter> counters;      ///< the first counts its elements, others agree; none: as many as the payload has
+  int ends_with = -1;                 ///< of a string: the byte after it, included in its minimum size; -1: none
+  std::vector<std::string> excludes;  ///< of a text: delimiters of its frame, which it must not contain
 
   // One number.
-  std::uint8_t size = 1;  ///< bytes that it is loaded from; of a bit field, those of all of them
+  std::uint8_t size = 1;  ///< bytes that it is loaded from; for a bit field, those of all of them
   ByteOrder order = ByteOrder::little;
-  std::uint8_t shift = 0;  ///< place of its lowest bit in these bytes
+  std::uint8_t shift = 0;  ///< position of its lowest bit in these bytes
   std::uint8_t width = 8;  ///< bits
   bool sign_magnitude = false;
   BitOrder bit_order = BitOrder::low_first;
 
-  // What it means.
+  // Meaning.
   bool scaled = false;
   double numerator = 1;
   double addend = 0;
@@ -72,7 +73,7 @@ struct FieldTable {
   bool has_range = false;
   double minimum = 0;
   double maximum = 0;
-  double range_slack = 0;  ///< what the arithmetic may lose of a bound
+  double range_slack = 0;  ///< rounding error that a bound may have
   bool has_default = false;
   nb::object default_value;
   bool has_enum = false;
@@ -85,7 +86,7 @@ struct FieldTable {
   bool is_string() const { return kind == FieldKind::text || kind == FieldKind::bytes; }
 };
 
-/// Tables of a tuple of model Fields. Needs the GIL.
+/// Return tables of a tuple of model Fields. Needs the GIL.
 std::vector<FieldTable> read_fields(nb::handle fields);
 
 }  // namespace wirebond::engine

@@ -1,4 +1,4 @@
-// Payload bytes to Python values and back. Which frame carried them does not matter here.
+// Converts payload bytes to Python values and back, independent of their frame.
 #include "fields.hpp"
 
 #include <nanobind/stl/string.h>
@@ -7,6 +7,8 @@
 #include <cstdio>
 #include <cstring>
 #include <optional>
+#include <string>
+#include <string_view>
 
 namespace wirebond::engine {
 
@@ -20,6 +22,8 @@ nb::object decode_string(const FieldTable& field, std::size_t place, std::uint64
   const char* const at = reinterpret_cast<const char*>(walk.at(place));
   const bool is_fixed = field.count != 0;
   std::size_t size = is_fixed ? field.count : walk.string_size(field, place, promised);
+  // If another byte is in the place of the one that ends it, that byte is the string's last.
+  if (field.ends_with >= 0 && at[size] != static_cast<char>(field.ends_with)) ++size;
   if (field.kind == FieldKind::bytes) return steal(PyBytes_FromStringAndSize(at, static_cast<Py_ssize_t>(size)));
   if (is_fixed) {  // padded with zeros
     const void* const end = std::memchr(at, 0, size);
@@ -67,12 +71,12 @@ void add(nb::list& out, const Path& path, const std::string& fault) {
   if (!fault.empty()) out.append(nb::str(text.data(), text.size()));
 }
 
-/// What a count counts.
+/// Return the unit of a count.
 std::string unit_of(const FieldTable& field, const Counter& counter) {
   return field.is_string() || counter.step > 1 ? " bytes" : " elements";
 }
 
-/// A list or string of which the payload promises more than it has, or more than the protocol allows.
+/// Check a list or string for which the payload promises more than it has, or more than the protocol allows.
 void validate_promises(const FieldTable& field, const Counts& counts, std::size_t found, const Path& path,
                        nb::list& out) {
   for (const Counter& counter : field.counters) {
@@ -148,15 +152,15 @@ void validate_all(const std::vector<FieldTable>& fields, std::size_t place, Walk
 
 // ---- encoding -----------------------------------------------------------------------------------------------------
 
-/// A payload that grows where varying fields need room. Bytes that no field has written are zero.
+/// A payload that grows where varying fields need bytes. Bytes that no field has written are zero.
 struct Build {
   std::vector<std::uint8_t> payload;
   std::size_t shift = 0;
-  std::vector<std::size_t> shifts{};  ///< behind each count of a field of varying size that stands in no repetition
-  unsigned repetitions = 0;           ///< that what is being written stands in, each with its own size
+  std::vector<std::size_t> shifts{};  ///< after each count of a field of varying size outside any repetition
+  unsigned repetitions = 0;           ///< how many surround the field being written, each with its own size
 
   std::uint8_t* at(std::size_t place) { return payload.data() + place + shift; }
-  void note_shift(const FieldTable& field) {  // for each of its counts, as the rules over a payload list them
+  void note_shift(const FieldTable& field) {  // for each of its counts, in the order of the rules over a payload
     if (repetitions == 0) shifts.insert(shifts.end(), std::max<std::size_t>(field.counters.size(), 1), shift);
   }
   void insert(std::size_t place, std::size_t size) {
@@ -164,7 +168,7 @@ struct Build {
   }
 };
 
-/// A field that tells how many elements or bytes others have: the caller's number, or theirs.
+/// A field that counts elements or bytes of others: with the caller's number, or theirs.
 struct Count {
   const FieldTable* field = nullptr;
   std::size_t at = 0;  ///< in the payload
@@ -172,11 +176,11 @@ struct Count {
   std::optional<std::uint64_t> number;
 };
 
-/// `outer`: what counts in the list of fields around, where these are bits; else null.
+/// `outer`: counters in the surrounding list of fields, if these are bits; otherwise null.
 void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::handle values, const Path& path,
                 Build& build, std::vector<Count>* outer = nullptr);
 
-/// Settle the number of `field`'s elements or bytes with the fields that count them.
+/// Reconcile the number of `field`'s elements or bytes with the fields that count them.
 void count_in(const FieldTable& field, std::vector<Count>& counts, std::size_t found, const Path& path, Build& build) {
   for (const Counter& counter : field.counters) {
     Count& count = counts[counter.slot];
@@ -193,7 +197,18 @@ void count_in(const FieldTable& field, std::vector<Count>& counts, std::size_t f
   }
 }
 
-/// The bytes of a string, its size checked.
+/// Return `0x0D 0x0A`, as in a protocol file.
+std::string hex_text(const std::string& bytes) {
+  std::string text;
+  for (const char byte : bytes) {
+    char one[6];
+    std::snprintf(one, sizeof one, "0x%02X", static_cast<unsigned>(static_cast<unsigned char>(byte)));
+    text += (text.empty() ? "" : " ") + std::string(one);
+  }
+  return text;
+}
+
+/// Return the bytes of a string, after checking its size.
 nb::object string_bytes(const FieldTable& field, nb::handle value, const Path& path) {
   nb::object bytes;
   if (field.kind == FieldKind::text) {
@@ -213,19 +228,27 @@ nb::object string_bytes(const FieldTable& field, nb::handle value, const Path& p
     throw_message_error(path.text() + " has " + std::to_string(size) + " bytes; it holds at most " +
                         std::to_string(most));
   }
-  if (field.ends_with >= 0 && size != 0) {
-    const char* const data = PyBytes_AS_STRING(bytes.ptr());
-    const void* const end = std::memchr(data, field.ends_with, size);
-    if (end != nullptr) {
-      throw_message_error(path.text() + " would end at its byte " +
-                          std::to_string(static_cast<const char*>(end) - data) +
-                          ", which is the one that ends it on the wire; leave that out");
+  const std::string_view data(PyBytes_AS_STRING(bytes.ptr()), size);
+  const bool is_padded = field.kind == FieldKind::text && field.count != 0;
+  if (field.ends_with >= 0 || is_padded) {
+    const std::size_t end = data.find(static_cast<char>(is_padded ? 0 : field.ends_with));
+    if (end != std::string_view::npos) {
+      throw_message_error(path.text() + " would end at its byte " + std::to_string(end) +
+                          (is_padded ? ", a zero, with which shorter texts are padded; leave that out"
+                                     : ", which is the one that ends it on the wire; leave that out"));
+    }
+  }
+  for (const std::string& mark : field.excludes) {
+    const std::size_t at = data.find(mark);
+    if (at != std::string_view::npos) {
+      throw_message_error(path.text() + " has at its byte " + std::to_string(at) + " what " +
+                          "ends or begins a frame on the wire (" + hex_text(mark) + "); leave that out");
     }
   }
   return bytes;
 }
 
-/// Elements of a sequence, their number checked.
+/// Return the size of a sequence, after checking it.
 std::size_t sequence_size(const FieldTable& field, nb::handle value, const Path& path) {
   const bool is_list = field.repeat == Repeat::listed;
   const std::string wanted = is_list ? "at most " + std::to_string(field.max_count) : std::to_string(field.count);
@@ -233,7 +256,7 @@ std::size_t sequence_size(const FieldTable& field, nb::handle value, const Path&
     wrong_type(path, value, "a list of " + wanted);
   }
   const Py_ssize_t size = PySequence_Size(value.ptr());
-  if (size < 0) throw nb::python_error();  // of the value's own __len__: the caller's
+  if (size < 0) throw nb::python_error();  // raised by the value's own __len__: passed to the caller
   if (is_list ? size > static_cast<Py_ssize_t>(field.max_count) : size != static_cast<Py_ssize_t>(field.count)) {
     throw_message_error(path.text() + " has " + std::to_string(size) + " elements; expected " + wanted);
   }
@@ -244,8 +267,7 @@ nb::object item(nb::handle sequence, std::size_t index) {
   return steal(PySequence_GetItem(sequence.ptr(), static_cast<Py_ssize_t>(index)));
 }
 
-/// A field that repeats. None stands for a value that was left out: a fixed number of structures takes its fields'
-/// defaults.
+/// Encode a repeated field. None means a missing value: a fixed number of structures takes its fields' defaults.
 std::size_t encode_elements(const FieldTable& field, std::size_t place, nb::handle value, const Path& path,
                             Build& build) {
   const bool is_list = field.repeat == Repeat::listed;
@@ -269,14 +291,20 @@ std::size_t encode_elements(const FieldTable& field, std::size_t place, nb::hand
   return size;
 }
 
-/// What stands for a value that was left out; none where something must be given.
+/// Return the default for a missing value; none if the caller must give one.
 nb::object stand_in(const FieldTable& field) {
   if (field.has_default) return field.default_value;
   if (field.kind == FieldKind::text) return nb::str("");
   if (field.kind == FieldKind::bytes) return nb::bytes("", 0);
-  if (field.repeat == Repeat::listed) return nb::list();
   if (field.kind == FieldKind::structure && field.repeat == Repeat::once) return nb::dict();
   return nb::none();
+}
+
+/// May nobody give it a value? Of structures that are always there each field takes its own default.
+bool may_be_left_out(const FieldTable& field) {
+  if (field.has_default || field.is_string() || field.slot >= 0) return true;
+  if (field.kind != FieldKind::structure || field.repeat == Repeat::listed) return false;
+  return std::all_of(field.fields.begin(), field.fields.end(), may_be_left_out);
 }
 
 std::string names_of(const std::vector<FieldTable>& fields) {
@@ -315,14 +343,13 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::ha
       count.field = &field;
       count.at = here + build.shift;
       count.is_given = is_given;
-      if (!is_given) continue;  // what it counts tells
+      if (!is_given) continue;  // it gets the size of what it counts
       count.number = encode_element(field, value, own);
     }
     if (!is_given) {
       value = stand_in(field);
-      const bool has_fields = field.kind == FieldKind::structure && field.repeat == Repeat::fixed;
-      if (value.is_none() && !has_fields) {
-        refuse_unknown(fields, nb::borrow<nb::dict>(values), path);  // a name that is spelt wrong explains the gap
+      if (value.is_none() && !may_be_left_out(field)) {
+        refuse_unknown(fields, nb::borrow<nb::dict>(values), path);  // a misspelt name explains the gap
         throw_message_error(path.text() + " needs " + field.name + ", which has no default");
       }
     }
@@ -338,7 +365,7 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::ha
       if (field.ends_with >= 0) *build.at(here) = static_cast<std::uint8_t>(field.ends_with);
       count_in(field, counts, size, own, build);
     } else if (field.repeat != Repeat::once) {
-      if (is_given && value.is_none()) sequence_size(field, value, own);  // refuses it
+      if (is_given && value.is_none()) sequence_size(field, value, own);  // throws
       count_in(field, counts, encode_elements(field, here, value, own, build), own, build);
     } else if (field.kind == FieldKind::structure) {
       encode_all(field.fields, here, value, own, build, field.counts ? &counts : nullptr);

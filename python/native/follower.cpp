@@ -1,4 +1,4 @@
-// Bytes that go on coming, to numpy columns: what a capture gives at once, batch by batch.
+// Converts a continuing stream of bytes to numpy columns, batch by batch, as columns.cpp does for a whole capture.
 #include "follower.hpp"
 
 #include <nanobind/stl/shared_ptr.h>
@@ -22,16 +22,21 @@ Follower::Follower(std::shared_ptr<const ProtocolTable> protocol, std::shared_pt
       deframer_(format_->source(), workspace_.data(), static_cast<std::uint64_t>(std::ceil(idle_seconds * 1e6))),
       counts_(protocol_->messages().size(), 0) {}
 
-template <class Step>
-nb::dict Follower::collect(Step step) {
+struct Follower::Collecting {
+  Follower& follower;
+  Capture found = follower.empty();
+
+  void operator()(const Frame& frame) {
+    if (frame.message >= 0) ++follower.counts_[static_cast<std::size_t>(frame.message)];
+    take_row(*follower.protocol_, *follower.format_, frame, frame.offset, &follower.time_, found);
+    rows_for(found, frame).sizes.push_back(static_cast<std::uint32_t>(frame.wire_size));
+  }
+};
+
+Capture Follower::empty() const {
   Capture found;
   found.messages.resize(protocol_->messages().size());
-  step([&](const Frame& frame) {
-    if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
-    take_row(*protocol_, *format_, frame, frame.offset, &time_, found);
-    rows_for(found, frame).sizes.push_back(static_cast<std::uint32_t>(frame.wire_size));
-  });
-  return message_tables(*protocol_, *format_, std::move(found));
+  return found;
 }
 
 nb::dict Follower::feed(nb::handle bytes, const nb::dict& reads) {
@@ -43,35 +48,33 @@ nb::dict Follower::feed(nb::handle bytes, const nb::dict& reads) {
   const std::size_t count = std::min(ends_view.size(), times_view.size()) / sizeof(std::uint64_t);
   const TimingMarks marks = read_marks(reads);
   check_reads(ends, count, view.size());
-  return collect([&](auto sink) {
-    auto broken = marks.breaks.begin();
-    auto expected = marks.expected.begin();
-    std::size_t at = 0;
-    for (std::size_t i = 0; i <= count; ++i) {
-      for (; broken != marks.breaks.end() && *broken <= i; ++broken) deframer_.give_up(sink);
-      if (i == count) break;
-      time_ = std::max(time_, times[i]);
-      const auto now_us = static_cast<std::uint64_t>(std::llround(time_ * 1e6));
-      deframer_.idle(now_us, sink);
-      for (; expected != marks.expected.end() && expected->first <= i; ++expected) deframer_.expect(expected->second);
-      deframer_.feed(view.data() + at, ends[i] - at, now_us, sink);
-      at = ends[i];
-    }
-    for (; expected != marks.expected.end(); ++expected) deframer_.expect(expected->second);
-  });
+  Collecting sink{*this};
+  auto broken = marks.breaks.begin();
+  auto expected = marks.expected.begin();
+  std::size_t at = 0;
+  for (std::size_t i = 0; i <= count; ++i) {
+    for (; broken != marks.breaks.end() && *broken <= i; ++broken) deframer_.give_up(sink);
+    if (i == count) break;
+    time_ = std::max(time_, times[i]);
+    const auto now_us = static_cast<std::uint64_t>(std::llround(time_ * 1e6));
+    deframer_.idle(now_us, sink);
+    for (; expected != marks.expected.end() && expected->first <= i; ++expected) deframer_.expect(expected->second);
+    deframer_.feed(view.data() + at, ends[i] - at, now_us, sink);
+    at = ends[i];
+  }
+  for (; expected != marks.expected.end(); ++expected) deframer_.expect(expected->second);
+  return message_tables(*protocol_, *format_, std::move(sink.found));
 }
 
 nb::dict Follower::idle(double t) {
   if (!std::isfinite(t) || std::fabs(t) > 9e12) throw std::invalid_argument("the time is no time");
   time_ = std::max(time_, t);
-  return collect([&](auto sink) { deframer_.idle(static_cast<std::uint64_t>(std::llround(time_ * 1e6)), sink); });
+  Collecting sink{*this};
+  deframer_.idle(static_cast<std::uint64_t>(std::llround(time_ * 1e6)), sink);
+  return message_tables(*protocol_, *format_, std::move(sink.found));
 }
 
-nb::dict Follower::tables() const {
-  Capture nothing;
-  nothing.messages.resize(protocol_->messages().size());
-  return message_tables(*protocol_, *format_, std::move(nothing), true);
-}
+nb::dict Follower::tables() const { return message_tables(*protocol_, *format_, empty(), true); }
 
 nb::dict Follower::stats() const {
   const HostAccount& account = deframer_.account();

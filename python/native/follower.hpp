@@ -1,4 +1,4 @@
-// Bytes that go on coming, to numpy columns: what a capture gives at once, batch by batch.
+// Converts a continuing stream of bytes to numpy columns, batch by batch, as columns.hpp does for a whole capture.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -12,27 +12,28 @@
 
 namespace wirebond::engine {
 
-/// One direction of a link. One thread at a time. It keeps an incomplete frame, and nothing else, between two calls.
+/// One direction of a link. One thread at a time. Between two calls it keeps only an incomplete frame.
 class Follower {
  public:
   Follower(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
            double idle_seconds);
 
-  /// `reads` as for `decode_timed_columns`, without `idle`; a break behind the last read has the index of the next one.
+  /// `reads`: see `decode_timed_columns`, without `idle`; a break after the last read has the index of the next one.
   /// Offsets count from the first byte of all. The tables have `size` beside `offset`.
   nb::dict feed(nb::handle bytes, const nb::dict& reads);
-  /// A read that began at `t` found nothing.
+  /// Note that a read that began at `t` found nothing.
   nb::dict idle(double t);
-  /// The tables of all messages without a row: which columns there are, and of which type.
+  /// Return the tables of all messages without rows: their columns and types.
   nb::dict tables() const;
-  /// How many bytes are settled: what lies behind them may become a frame.
+  /// Return how many bytes are settled: later ones may become a frame.
   std::uint64_t settled() const { return deframer_.bytes() - deframer_.pending(); }
-  /// As `Decoder::stats`, without sequence numbers.
+  /// See `Decoder::stats`; without sequence numbers.
   nb::dict stats() const;
 
  private:
-  template <class Step>
-  nb::dict collect(Step step);
+  /// One sink for all functions that feed: the deframer is compiled again for each type of sink.
+  struct Collecting;
+  Capture empty() const;
 
   std::shared_ptr<const ProtocolTable> protocol_;
   std::shared_ptr<const FormatTable> format_;
@@ -42,7 +43,7 @@ class Follower {
   double time_ = 0;
 };
 
-/// Make it known to Python.
+/// Register it with Python.
 void bind_follower(nb::module_& module);
 
 }  // namespace wirebond::engine

@@ -1,4 +1,4 @@
-// Header values and the choice of a form: what core refuses gets its sentence here.
+// Header values and the choice of a form, with a sentence for each refusal of the core.
 #include "header.hpp"
 
 #include <nanobind/stl/string.h>
@@ -20,12 +20,12 @@ std::string names_of(const std::vector<FieldTable>& fields) {
   return names;
 }
 
-/// What the forms of a frame say to a message and to header values.
+/// How the forms of a frame fit a message and header values.
 struct Answer {
-  std::vector<std::size_t> forms;  ///< those that nothing but the payload's size could keep from carrying it
+  std::vector<std::size_t> forms;  ///< those that can carry it unless the payload's size prevents that
   bool agreed = false;             ///< the header values allow one
-  bool id_differs = false;         ///< one of those has an id and the message has none, or the other way round
-  std::int64_t most_id = -1;       ///< the greatest id that they have room for
+  bool id_differs = false;         ///< one of those has an id but the message has none, or the other way round
+  std::int64_t most_id = -1;       ///< maximum id that fits in them
 };
 
 Answer ask_forms(const FrameFormat& format, std::uint32_t id, std::size_t payload, const GivenHeader& header,
@@ -46,7 +46,7 @@ Answer ask_forms(const FrameFormat& format, std::uint32_t id, std::size_t payloa
   return answer;
 }
 
-/// Why none of these forms can carry the payload.
+/// Return why none of these forms can carry the payload.
 std::string refusal(const FormatTable& format, const MessageTable& message, std::size_t payload,
                     const std::vector<std::size_t>& forms) {
   const std::size_t bound = format.format().max_payload;
@@ -71,7 +71,7 @@ std::string number_text(std::uint64_t number) {
   return text;
 }
 
-/// What a group of tests allows, in words: those from `first` to the one without `or_next`.
+/// Describe the values that a group of tests allows: those from `first` to the one without `or_next`.
 std::string allowed_text(const std::vector<MatchTest>& tests, std::size_t first) {
   std::string text;
   for (std::size_t i = first;; ++i) {
@@ -83,15 +83,15 @@ std::string allowed_text(const std::vector<MatchTest>& tests, std::size_t first)
   return text;
 }
 
-/// The number that a test is about, of what is about to be sent. False: the payload has none there.
+/// Read the number that a test uses, of the payload to send. Returns false if the payload has none there.
 bool sent_number(const MatchTest& test, const std::vector<std::uint8_t>& payload, std::uint64_t& number) {
   number = payload.size();
   return test.of == MatchOf::size || detail::payload_number(payload.data(), payload.size(), false, test.at, test.bytes,
                                                             test.order, test.shift, number);
 }
 
-/// Give the header the values that the frames of the message have, where it has others by default, and see that what is
-/// given fits them. Returns the id that is sent.
+/// Set the header values of the message's frames where their defaults differ, and check the given ones. Returns the id
+/// to send.
 std::uint32_t settle_match(const FormatTable& format, const MessageTable& message, std::size_t index,
                            const std::vector<std::uint8_t>& payload, GivenHeader& header) {
   std::uint32_t id = format.id_of(index);
@@ -188,7 +188,7 @@ void add_header_violations(const FormatTable& format, std::size_t form, const st
 
 GivenHeader encode_header(const FormatTable& format, nb::dict header) {
   GivenHeader out;
-  for (std::size_t i = format.format().form_count; i-- > 0;) {  // the first form, which is sent by default, counts most
+  for (std::size_t i = format.format().form_count; i-- > 0;) {  // the first form, sent by default, has precedence
     const Form& form = format.format().forms[i];
     for (std::size_t j = 0; j < form.header_count; ++j) out.values[form.header[j].place] = form.header[j].default_value;
   }

@@ -1,4 +1,4 @@
-// The numbers of a frame that are no payload: to Python values and back, and the frame around a payload.
+// Converts the numbers of a frame outside its payload to Python values and back, and makes the frame around a payload.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -12,7 +12,7 @@
 
 namespace wirebond::engine {
 
-/// A value for each header field of the format, as bits on the wire; `given` are those that the caller gave.
+/// A value for each header field of the format, as bits on the wire; `given`: those from the caller.
 struct GivenHeader {
   std::array<std::uint64_t, max_header_fields> values{};
   std::uint32_t given = 0;
@@ -20,19 +20,19 @@ struct GivenHeader {
   HeaderValues view() const { return {values.data(), given}; }
 };
 
-/// The header fields of a received frame by name, as message fields give their values. `bits` holds one for each field
-/// of the form. Needs the GIL.
+/// Return the header fields of a received frame by name, with values like those of message fields. `bits` holds one
+/// value for each field of the form. Needs the GIL.
 nb::dict header_dict(const FormatTable& format, std::size_t form, const std::uint64_t* bits);
 
 /// Add a sentence to `out` for each of these values that breaks a rule of its field. Needs the GIL.
 void add_header_violations(const FormatTable& format, std::size_t form, const std::uint64_t* bits, nb::list& out);
 
-/// Values by name to bits; the sender's defaults for all others. Throws MessageError for an unknown name, and for a
+/// Convert values by name to bits; others get the sender's defaults. Throws MessageError for an unknown name, and for a
 /// value that its field does not allow. Needs the GIL.
 GivenHeader encode_header(const FormatTable& format, nb::dict header);
 
-/// The frame around a payload of message `index`, in the first form that the header values allow and that can carry the
-/// message: wire bytes. `form`: in this one; -1: the first. Throws MessageError when there is none.
+/// Return the wire bytes of the frame around a payload of message `index`, in the first form that the header values
+/// allow and that can carry the message. `form`: in this one; -1: the first. Throws MessageError if there is none.
 std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTable& protocol, std::size_t index,
                                      const std::vector<std::uint8_t>& payload, const GivenHeader& header,
                                      int form = -1);

@@ -1,4 +1,4 @@
-// A supervised link: thread, port and clock around a LinkCore. What a link does is decided in core.
+// A supervised link: thread, port and clock around a LinkCore. The core decides what a link does.
 #include "link.hpp"
 
 #include <nanobind/stl/string.h>
@@ -20,19 +20,21 @@ namespace wirebond::engine {
 
 namespace {
 
-// How long after a port went away, or could not be opened, it is tried again: twice as long each time, up to the last
-// one. What appears in its folder ends the wait.
+// Delay before a port that was lost or could not be opened is tried again: doubled each time, up to the last one. A
+// change in its folder ends the delay.
 constexpr std::uint64_t first_open_wait_us = 20'000;
 constexpr std::uint64_t last_open_wait_us = 1'000'000;
-constexpr std::uint64_t least_open_wait_us = 5'000;    // however much appears
-constexpr std::uint64_t settled_after_us = 1'000'000;  // a port that lasted so long is no port that fails at once
+constexpr std::uint64_t last_watched_wait_us =
+    200'000;                                           // checking a file costs little, in case its appearance is missed
+constexpr std::uint64_t least_open_wait_us = 5'000;    // however often files appear
+constexpr std::uint64_t settled_after_us = 1'000'000;  // a port that lasted this long does not fail at once
 constexpr std::uint64_t drain_on_close_us = 1'000'000;
 constexpr std::uint64_t longest_sleep_us = 500'000;
 constexpr std::size_t read_bytes = 4096;
 constexpr std::size_t write_at_once_bytes = 4096;
-constexpr double signal_slice = 0.05;  // seconds between two looks for signals
+constexpr double signal_slice = 0.05;  // seconds between two checks for signals
 
-/// CLOCK_MONOTONIC, the clock of Python's time.monotonic().
+/// Return CLOCK_MONOTONIC, the clock of Python's time.monotonic().
 std::uint64_t monotonic_us() {
   timespec now{};
   ::clock_gettime(CLOCK_MONOTONIC, &now);
@@ -48,7 +50,7 @@ Moment moment_in(double seconds) {
 
 const std::uint8_t* data_of(const nb::bytes& bytes) { return static_cast<const std::uint8_t*>(bytes.data()); }
 
-/// `code`: the system's error number; 0 where it gave none.
+/// `code`: the system's error number; 0 if it gave none.
 [[noreturn]] void throw_port_error(const std::string& text, int code, const std::string& path) {
   const nb::object type = nb::module_::import_("wirebond.errors").attr("PortError");
   const nb::object number = code == 0 ? nb::object(nb::none()) : nb::object(nb::int_(code));
@@ -64,6 +66,7 @@ Link::Link(LinkSetup setup, std::unique_ptr<Opener> opener, bool waits_for_port)
       appearance_(opener_->path()),
       open_wait_us_(first_open_wait_us) {
   PortProblem problem;
+  if (!opener_->path().empty()) appearance_.watch();
   {
     const WithoutGil released;
     port_ = opener_->open(stops_opening_, problem);
@@ -108,7 +111,7 @@ void Link::close() {
   std::thread thread;
   {
     const std::lock_guard lock(mutex_);
-    thread.swap(thread_);  // of two callers one joins
+    thread.swap(thread_);  // of two callers, one joins
     if (!thread.joinable() && is_done_) return;
   }
   const WithoutGil released;
@@ -131,13 +134,13 @@ void Link::wake() const {
   static_cast<void>(!::write(wakeup_.get(), &one, sizeof one));  // a full counter wakes as well
 }
 
-/// The thread sleeps: wake it where something is due before it wakes by itself.
+/// Wake the sleeping thread if something is due before it wakes by itself.
 void Link::wake_if_late(std::uint64_t now_us) const {
   const HostLink& link = core_.link();
   if (core_.next_due(now_us) < planned_us_ || (link.is_blocked() && !watches_room_)) wake();
 }
 
-// ---- what programs call ----------------------------------------------------------------------------------------
+// ---- called by programs -----------------------------------------------------------------------------------------
 
 SendResult Link::send(std::int16_t message, nb::bytes frame, std::int16_t reply, bool takes_number,
                       std::uint64_t address) {
@@ -157,7 +160,7 @@ nb::list Link::send_all(nb::list frames) {
     std::int16_t message;
     nb::bytes frame;
   };
-  std::vector<Given> given;  // read before the mutex is held: Python may run anything in between
+  std::vector<Given> given;  // read before the mutex is held: Python may run any code in between
   given.reserve(frames.size());
   for (nb::handle each : frames) {
     const auto pair = nb::cast<nb::tuple>(each);
@@ -222,6 +225,30 @@ bool Link::end_safely(std::int16_t message, std::uint64_t address) {
   return true;
 }
 
+bool Link::end_if_moved(std::int16_t message, std::uint64_t address) {
+  const std::lock_guard lock(mutex_);
+  const std::uint64_t now = monotonic_us();
+  if (!core_.outbox().end_if_moved(message, address)) return false;
+  core_.note_changes(now);
+  write_some();
+  wake_if_late(now);
+  return true;
+}
+
+void Link::hand_over() {
+  const std::lock_guard lock(mutex_);
+  core_.outbox().hand_over_motion();
+}
+
+void Link::end_motion() {
+  const std::lock_guard lock(mutex_);
+  const std::uint64_t now = monotonic_us();
+  core_.outbox().end_motion();
+  core_.note_changes(now);
+  write_some();
+  wake_if_late(now);
+}
+
 void Link::set_address(std::uint64_t address) {
   const std::lock_guard lock(mutex_);
   core_.link().addressing().set_address(address);
@@ -262,7 +289,7 @@ nb::list Link::receive(double timeout) {
     {
       const WithoutGil released;
       std::unique_lock lock(mutex_);
-      // What closes takes its changes at the end, so that nothing but the end cuts the last wait short.
+      // A closing program takes its changes at the end, so that only the end cuts the last wait short.
       arrived_.wait_until(lock, std::min(moment_in(signal_slice), end),
                           [&] { return core_.has_arrivals() || is_done_ || (core_.has_changes() && !is_closing_); });
       taken = core_.take();
@@ -299,14 +326,14 @@ void Link::wait_unattended(double timeout) {
   unattended_.wait_until(lock, moment_in(timeout), [&] { return (core_.has_news() && !is_attended_) || is_done_; });
 }
 
-/// With the GIL, and no lock.
+/// With the GIL, and without a lock.
 nb::list Link::messages_of(const std::deque<Arrivals>& taken) const {
   nb::list out;
   for (const Arrivals& arrivals : taken) out.extend(to_list(arrivals.batch, arrivals.events, core_.stamper));
   return out;
 }
 
-/// Something came, or happened: to who attends alone; where nobody does, to all who wait.
+/// Wake the attending thread, or all waiters.
 void Link::tell() {
   arrived_.notify_all();
   if (!is_attended_) unattended_.notify_all();
@@ -333,7 +360,7 @@ nb::dict Link::stats() {
     account = core_.account();
   }
   return to_dict(account, core_.protocol(),
-                 core_.receives());  // makes objects: a garbage collection may close another link, or this
+                 core_.receives());  // makes objects: a garbage collection may close another link, or this one
 }
 
 nb::tuple Link::recent() {
@@ -411,7 +438,7 @@ void Link::run() {
     const bool has_news = core_.has_news();
     const bool is_attended = is_attended_;
     lock.unlock();
-    if (has_news) arrived_.notify_all();  // here, so that who waits does not wake only to wait for the mutex
+    if (has_news) arrived_.notify_all();  // here, so that a waiter does not wake only to wait for the mutex
     if (has_news && !is_attended) unattended_.notify_all();
     ::ppoll(watched, 2, &timeout, nullptr);
     lock.lock();
@@ -441,17 +468,17 @@ void Link::read_some() {
   const ssize_t got = ::read(port_.get(), chunk, sizeof chunk);
   if (got > 0) {
     core_.received(chunk, static_cast<std::size_t>(got), began_us, monotonic_us(),
-                   static_cast<std::size_t>(got) < read_bytes / 2);  // a driver hands over less than it has
+                   static_cast<std::size_t>(got) < read_bytes / 2);  // a driver may deliver less than it has
   } else if (got < 0 && (errno == EAGAIN || errno == EINTR)) {
     if (errno == EAGAIN) core_.idle(began_us);
-  } else {  // 0 is a hang-up; EIO, ENXIO and others a device that went away
+  } else {  // 0 is a hang-up; EIO, ENXIO and others a lost device
     go_down(got == 0 ? 0 : errno, began_us);
   }
 }
 
 void Link::write_some() {
   if (core_.outbox().is_empty() || !port_.is_open()) return;
-  int held = 0;  // what the driver knows of; a UART or an adapter may hold more
+  int held = 0;  // as far as the driver knows; a UART or an adapter may hold more
   if (::ioctl(port_.get(), TIOCOUTQ, &held) == 0 && held > 0) {
     core_.link().driver_holds(static_cast<std::size_t>(held), monotonic_us());
   }
@@ -467,7 +494,7 @@ void Link::write_some() {
   }
 }
 
-/// `code`: of the read or write that failed; 0: the port ended, or the link does.
+/// `code`: of the failed read or write; 0: the port ended, or the link is ending.
 void Link::go_down(int code, std::uint64_t now_us) {
   why_ = opener_->why_gone(code);
   lose_port(now_us);
@@ -481,14 +508,13 @@ void Link::lose_port(std::uint64_t now_us) {
   tell();
 }
 
-/// The next try, and what may bring it forward.
+/// Plan the next try, and the events that may bring it forward.
 void Link::look_again(std::uint64_t now_us) {
   next_open_us_ = now_us + open_wait_us_;
-  open_wait_us_ = std::min(2 * open_wait_us_, last_open_wait_us);
-  if (appearance_.get() < 0 && !opener_->path().empty()) appearance_.watch();
+  open_wait_us_ = std::min(2 * open_wait_us_, appearance_.get() < 0 ? last_open_wait_us : last_watched_wait_us);
 }
 
-/// Without the mutex while the port is opened: that may take its time, and a stop must not wait for it.
+/// Open the port without the mutex: that may take long, and a stop must not wait for it.
 void Link::open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us) {
   if (appearance_.changed()) {
     open_wait_us_ = first_open_wait_us;
@@ -496,6 +522,8 @@ void Link::open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us) 
   }
   if (is_closing_ || now_us < next_open_us_) return;
   PortProblem problem;
+  // Before the try, and until the port is lost again: a device may be back before its loss is noticed.
+  if (!opener_->path().empty()) appearance_.watch();
   lock.unlock();
   posix::Descriptor port = opener_->open(stops_opening_, problem);
   lock.lock();
@@ -508,7 +536,6 @@ void Link::open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us) 
   port_ = std::move(port);
   why_.clear();
   line_ = opener_->line();
-  appearance_.stop();
   up_since_us_ = now_us;
   core_.port_up(now_us);
 }

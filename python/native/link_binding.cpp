@@ -20,7 +20,7 @@ namespace wirebond::engine {
 
 namespace {
 
-/// How many forks there were on the way to this process. Asked at each call, where a system call would be felt.
+/// Count the forks on the way to this process. Called each time, where a system call would be too slow.
 unsigned forks() {
   static std::atomic<unsigned> count{0};
   static const int registered = ::pthread_atfork(nullptr, nullptr, [] { count.fetch_add(1); });
@@ -28,7 +28,7 @@ unsigned forks() {
   return count.load(std::memory_order_relaxed);
 }
 
-/// A Link that a forked child does not touch: it has neither its thread nor its locks.
+/// A Link that a forked child does not touch: the child has neither its thread nor its locks.
 class LinkHandle {
  public:
   LinkHandle(LinkSetup setup, std::unique_ptr<Opener> opener, bool waits_for_port)
@@ -54,7 +54,7 @@ class LinkHandle {
   void leave_in_child() {
     if (link_ == nullptr || forks() == forks_) return;
     link_->abandon();
-    static_cast<void>(link_.release());  // its destructor would wait for a thread that is not here
+    static_cast<void>(link_.release());  // its destructor would wait for a thread that does not exist here
   }
 
  private:
@@ -62,8 +62,8 @@ class LinkHandle {
   unsigned forks_;
 };
 
-/// `resolve` is called without locks, and no link's thread is there any more when the interpreter ends: so the thread
-/// may wait for the GIL here.
+/// `resolve` is called without locks, and no link's thread exists any more when the interpreter ends: so the thread may
+/// wait for the GIL here.
 Resolve calling(nb::callable resolve) {
   return [resolve = std::move(resolve)](PortProblem& problem) -> std::string {
     const nb::gil_scoped_acquire gil;
@@ -78,8 +78,8 @@ Resolve calling(nb::callable resolve) {
   };
 }
 
-/// `port`: `name`; `root`, where the system's files are, for a tty, and `resolve` for one that moves; or `host` and
-/// `service` for TCP.
+/// `port`: `name`; for a tty also `root`, the folder with the system's files, and `resolve` if its path may change; or
+/// `host` and `service` for TCP.
 std::unique_ptr<Opener> opener_of(const nb::dict& port, nb::handle settings) {
   auto name = nb::cast<std::string>(port["name"]);
   if (port.contains("host")) {
@@ -99,7 +99,7 @@ std::unique_ptr<Opener> opener_of(const nb::dict& port, nb::handle settings) {
   return serial_opener(std::move(name), serial, std::move(root));
 }
 
-/// As `wirebond.link.line.line_from` takes it.
+/// Convert it for `wirebond.link.line.line_from`.
 nb::object to_dict(const std::optional<LineReport>& line) {
   if (!line) return nb::none();
   static constexpr const char* parities[] = {"none", "even", "odd"};
@@ -155,6 +155,14 @@ void bind_link(nb::module_& m) {
             return (*self).end_safely(message, address);
           },
           nb::arg("message"), nb::arg("address"))
+      .def(
+          "end_if_moved",
+          [](LinkHandle& self, std::int16_t message, std::uint64_t address) {
+            return (*self).end_if_moved(message, address);
+          },
+          nb::arg("message"), nb::arg("address"))
+      .def("hand_over", [](LinkHandle& self) { (*self).hand_over(); })
+      .def("end_motion", [](LinkHandle& self) { (*self).end_motion(); })
       .def(
           "set_address", [](LinkHandle& self, std::uint64_t address) { (*self).set_address(address); },
           nb::arg("address"))

@@ -1,4 +1,4 @@
-// A host's link with its memory, and what it received in batches for Python: no thread, no port, no clock.
+// A host's link with its memory, and its received messages in batches for Python: no thread, no port, no clock.
 #include "link_core.hpp"
 
 #include <algorithm>
@@ -11,7 +11,7 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
     : setup_(std::move(setup)),
       workspace_(workspace_bytes(setup_.receive->source())),
       queue_bytes_(max_queued_bytes),
-      // The queue keeps one place for each message's repeated value.
+      // The queue reserves one place for each message's repeated value.
       queue_frames_(new QueuedFrame[max_queued_frames + setup_.every_us.size() + setup_.more_addresses]),
       values_(setup_.every_us.size() + setup_.more_addresses),
       leaving_(setup_.largest_frame),
@@ -71,6 +71,11 @@ LinkCore::LinkCore(LinkSetup setup, std::uint64_t now_us)
   settings.pause_us = setup_.pause_us;
   settings.max_age_us = setup_.max_age_us;
   settings.addressing = setup_.addressing;
+  for (const StopPayload& stop : setup_.peer_stops) {
+    peer_stops_.push_back({stop.message, stop.payload.data(), stop.mask.data(), stop.mask.size(), stop.is_whole});
+  }
+  settings.peer_stops = peer_stops_.data();
+  settings.peer_stop_count = peer_stops_.size();
   link_ = std::make_unique<HostLink>(setup_.receive->source(), memory, settings, now_us);
   if (setup_.echoes) {
     std::size_t size = 4096;
@@ -89,7 +94,7 @@ void LinkCore::received(const std::uint8_t* bytes, std::size_t size, std::uint64
   });
   note_collisions(after_us);
   if (!others_.empty()) return take_received(others_.data(), others_.size(), before_us, after_us, is_all);
-  if (is_all) idle(before_us);  // nothing came from another end
+  if (is_all) idle(before_us);  // no other end sent anything
 }
 
 void LinkCore::give_up_echo(std::uint64_t now_us) {
@@ -100,6 +105,26 @@ void LinkCore::give_up_echo(std::uint64_t now_us) {
   const std::uint64_t came_us = echo_->since_us();
   if (!others_.empty()) take_received(others_.data(), others_.size(), came_us, came_us, false);
 }
+
+struct LinkCore::Keeping {
+  LinkCore& core;
+  std::uint64_t when_us;
+  Arrivals arrivals{};
+
+  void operator()(const Frame& frame, MayAct may_act, bool is_foreign) {
+    const LinkSetup& setup = core.setup_;
+    if (frame.message >= 0) ++core.counts_[static_cast<std::size_t>(frame.message)];
+    core.sequence_.take(frame);
+    if (is_foreign) return core.foreign_.add(frame);
+    if ((may_act == MayAct::late || may_act == MayAct::held_back) && setup.holds_back) return;
+    if (arrivals.batch == nullptr) {
+      arrivals.batch = std::make_shared<Batch>();
+      arrivals.batch->protocol = setup.protocol;
+      arrivals.batch->format = setup.receive;
+    }
+    arrivals.events.push_back(record(frame, static_cast<double>(when_us) * 1e-6, *arrivals.batch));
+  }
+};
 
 void LinkCore::note_collisions(std::uint64_t now_us) {
   for (; noted_collisions_ != echo_->collisions(); ++noted_collisions_) {
@@ -116,22 +141,18 @@ void LinkCore::take_received(const std::uint8_t* bytes, std::size_t size, std::u
                              std::uint64_t after_us, bool is_all) {
   recent_.note(RecentKind::received, bytes, size, after_us);
   tap(TapKind::received, bytes, size, before_us, after_us);
-  Arrivals arrivals;
-  link_->received(bytes, size, before_us, after_us, is_all, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
-    keep(frame, may_act, is_foreign, before_us, arrivals);
-  });
-  publish(std::move(arrivals));
+  Keeping sink{*this, before_us};
+  link_->received(bytes, size, before_us, after_us, is_all, sink);
+  publish(std::move(sink.arrivals));
   note_changes(after_us);
   tell_deadlines(after_us);
 }
 
 void LinkCore::idle(std::uint64_t began_us) {
-  if (echo_ != nullptr && echo_->holds()) return;  // something came
-  Arrivals arrivals;
-  link_->idle(began_us, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
-    keep(frame, may_act, is_foreign, began_us, arrivals);
-  });
-  publish(std::move(arrivals));
+  if (echo_ != nullptr && echo_->holds()) return;  // bytes came
+  Keeping sink{*this, began_us};
+  link_->idle(began_us, sink);
+  publish(std::move(sink.arrivals));
   tell_deadlines(began_us);
 }
 
@@ -149,7 +170,7 @@ void LinkCore::recover_deadline(std::uint8_t action, std::uint64_t now_us) {
   tell_deadlines(now_us);
 }
 
-/// Which actions have struck or ended since the last call.
+/// Report the actions that have struck or ended since the last call.
 void LinkCore::tell_deadlines(std::uint64_t now_us) {
   for (std::size_t i = 0; i < setup_.deadlines.size(); ++i) {
     const std::uint8_t action = setup_.deadlines[i].action;
@@ -175,7 +196,7 @@ void LinkCore::written(std::size_t size, std::uint64_t now_us) {
   if (size != 0) {
     if (echo_ != nullptr && !is_under_way_ && !echo_->sent(to_write_.bytes, to_write_.size, now_us)) {
       give_up_echo(now_us);
-      static_cast<void>(echo_->sent(to_write_.bytes, to_write_.size, now_us));  // there is room for any frame now
+      static_cast<void>(echo_->sent(to_write_.bytes, to_write_.size, now_us));  // any frame fits now
     }
     recent_.note(RecentKind::sent, to_write_.bytes, size, now_us);
     tap(TapKind::sent, to_write_.bytes, size, now_us, now_us);
@@ -200,11 +221,9 @@ void LinkCore::port_up(std::uint64_t now_us) {
 void LinkCore::port_down(std::uint64_t now_us, const std::string& why) {
   recent_.note(RecentKind::port_down, nullptr, 0, now_us);
   if (link_->is_up()) tap_text(TapKind::port_down, why, now_us);
-  Arrivals arrivals;
-  link_->port_down(now_us, [&](const Frame& frame, MayAct may_act, bool is_foreign) {
-    keep(frame, may_act, is_foreign, now_us, arrivals);
-  });
-  publish(std::move(arrivals));
+  Keeping sink{*this, now_us};
+  link_->port_down(now_us, sink);
+  publish(std::move(sink.arrivals));
   tell_deadlines(now_us);
   tell({now_us, ChangeKind::port_down});
 }
@@ -214,7 +233,7 @@ int LinkCore::open_tap(std::size_t capacity, std::uint64_t now_us) {
   std::vector<Tap> others = std::exchange(taps_, {});
   taps_.emplace_back(++last_tap_, capacity);
   if (link_->is_up()) tap(TapKind::port_up, nullptr, 0, now_us, now_us);
-  was_stopped_ = false;  // what is so already is an event for the new tap
+  was_stopped_ = false;  // the present state is an event for the new tap
   had_struck_.clear();
   was_repeating_.assign(leases_.size(), 0);
   note_changes(now_us);
@@ -268,19 +287,6 @@ bool LinkCore::note_safe(StopFrame safe) {
   const std::vector<std::uint8_t>& frame = safe_frames_.back();
   return outbox().add_safe(
       SafeValue(safe.message, safe.address, frame.data(), frame.size(), safe.reply, safe.every_us, safe.is_in_stop));
-}
-
-void LinkCore::keep(const Frame& frame, MayAct may_act, bool is_foreign, std::uint64_t when_us, Arrivals& arrivals) {
-  if (frame.message >= 0) ++counts_[static_cast<std::size_t>(frame.message)];
-  sequence_.take(frame);
-  if (is_foreign) return foreign_.add(frame);
-  if (may_act != MayAct::yes && setup_.holds_back) return;
-  if (arrivals.batch == nullptr) {
-    arrivals.batch = std::make_shared<Batch>();
-    arrivals.batch->protocol = setup_.protocol;
-    arrivals.batch->format = setup_.receive;
-  }
-  arrivals.events.push_back(record(frame, static_cast<double>(when_us) * 1e-6, *arrivals.batch));
 }
 
 void LinkCore::publish(Arrivals&& arrivals) {

@@ -1,4 +1,4 @@
-// A LinkCore and what it tells as Python sees them. No rule of a link.
+// A LinkCore and its results as Python sees them. No rule of a link.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
@@ -130,6 +130,14 @@ void bind_link_core(nb::module_& m) {
             return self.outbox().end_safely(message, address);
           },
           nb::arg("message"), nb::arg("address"))
+      .def(
+          "end_if_moved",
+          [](LinkCore& self, std::int16_t message, std::uint64_t address) {
+            return self.outbox().end_if_moved(message, address);
+          },
+          nb::arg("message"), nb::arg("address"))
+      .def("hand_over_motion", [](LinkCore& self) { self.outbox().hand_over_motion(); })
+      .def("end_motion", [](LinkCore& self) { self.outbox().end_motion(); })
       .def(
           "set_address", [](LinkCore& self, std::uint64_t address) { self.link().addressing().set_address(address); },
           nb::arg("address"))

@@ -1,4 +1,4 @@
-// What Python says of a link, read into a LinkSetup.
+// Reads a link's settings from Python into a LinkSetup.
 #include "link_setup.hpp"
 
 #include <nanobind/stl/shared_ptr.h>
@@ -62,7 +62,18 @@ LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_
   for (nb::handle rule : nb::tuple(settings.attr("deadlines"))) {
     setup.deadlines.push_back({nb::cast<std::int16_t>(rule[0]), nb::cast<std::uint32_t>(rule[1]),
                                nb::cast<std::uint8_t>(rule[2]),
-                               nb::cast<bool>(rule[3]) ? Recover::explicit_call : Recover::next_message});
+                               !nb::cast<bool>(rule[3])  ? Recover::next_message
+                               : nb::cast<bool>(rule[4]) ? Recover::held_at_start
+                                                         : Recover::explicit_call});
+  }
+  for (nb::handle stop : nb::tuple(settings.attr("peer_stops"))) {
+    const auto bytes_of = [](nb::handle value) {
+      const nb::bytes held = nb::cast<nb::bytes>(value);
+      const auto* const bytes = reinterpret_cast<const std::uint8_t*>(held.data());
+      return std::vector<std::uint8_t>(bytes, bytes + held.size());
+    };
+    setup.peer_stops.push_back(
+        {nb::cast<std::int16_t>(stop[0]), bytes_of(stop[1]), bytes_of(stop[2]), nb::cast<bool>(stop[3])});
   }
   setup.holds_back = setting<bool>(settings, "hold_back");
   setup.recent_bytes = setting<std::size_t>(settings, "recent_bytes");

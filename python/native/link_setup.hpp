@@ -1,4 +1,4 @@
-// What a link takes from the protocol file and the port, as Python gives it: values only.
+// A link's settings from the protocol file and the port, as Python gives them: values only.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -20,36 +20,45 @@ struct StopFrame {
   std::vector<std::uint8_t> frame;
   std::int16_t reply = -1;
   std::uint64_t every_us = 0;  ///< how often a stop repeats it
-  std::uint64_t address = 0;   ///< for whom it is, where frames say that
+  std::uint64_t address = 0;   ///< of its receiver, if frames have one
   bool is_in_stop = true;      ///< see SafeValue
+};
+
+/// A message of the emergency stop that the peer sends.
+struct StopPayload {
+  std::int16_t message;
+  std::vector<std::uint8_t> payload;
+  std::vector<std::uint8_t> mask;  ///< of its bits that count
+  bool is_whole;                   ///< a payload of another size is not it
 };
 
 /// What a link takes from the protocol file and the port.
 struct LinkSetup {
   std::shared_ptr<const ProtocolTable> protocol;
-  std::shared_ptr<const FormatTable> receive;  ///< what the MCU sends
-  std::shared_ptr<const FormatTable> send;     ///< what the host sends
+  std::shared_ptr<const FormatTable> receive;  ///< format of the MCU's frames
+  std::shared_ptr<const FormatTable> send;     ///< format of the host's frames
   Pacing pacing;
   std::uint64_t idle_us = 20'000;
   std::uint64_t pause_us = 0;  ///< where silence ends a frame
   std::uint64_t max_age_us = 0;
-  bool echoes = false;                  ///< the line brings back what is sent
+  bool echoes = false;                  ///< the line returns sent bytes
   std::size_t largest_frame = 0;        ///< bytes of the largest frame that the host sends
   std::vector<std::uint64_t> every_us;  ///< by message; 0: it has no rhythm
   std::vector<bool> keeps_latest;       ///< by message: only the newest frame waits
   std::vector<StopFrame> stop;          ///< empty: the file has none
   HostAddressing::Rules addressing;
-  std::size_t more_addresses = 0;       ///< leases, and safe values, for addresses beside the first of each message
+  std::size_t more_addresses = 0;       ///< leases, and safe values, for addresses besides the first of each message
   std::vector<DeadlineRule> deadlines;  ///< of the host
-  bool holds_back = true;               ///< what may not act is not given to the program either
-  std::size_t recent_bytes = 65536;     ///< of both directions, that are kept for `recent`
+  std::vector<StopPayload> peer_stops;  ///< at an MCU
+  bool holds_back = true;               ///< a message that may not act is not given to the program either
+  std::size_t recent_bytes = 65536;     ///< maximum kept for `recent`, of both directions
 };
 
 /// `settings`: an `EngineSettings` of Python.
 LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
                      nb::handle settings);
 
-/// Of a `SafeValue` of Python.
+/// Convert a `SafeValue` of Python.
 StopFrame stop_frame(nb::handle safe);
 
 inline std::uint64_t to_us(double seconds) { return static_cast<std::uint64_t>(std::llround(seconds * 1e6)); }

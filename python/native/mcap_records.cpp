@@ -1,5 +1,4 @@
-// Message records of an MCAP file in bulk: where they lie, and making them. Knows no channel's meaning; trusts no
-// length.
+// Message records of an MCAP file in bulk: finds and makes them. Knows no channel's meaning; trusts no length.
 #include "mcap_records.hpp"
 
 #include <algorithm>
@@ -15,7 +14,7 @@ namespace wirebond::engine {
 
 namespace {
 
-// MCAP, "Records": an opcode, a length of eight bytes, and that many bytes. Of a message these begin with channel,
+// MCAP, "Records": an opcode, a length of eight bytes, and that many bytes. Those of a message begin with channel,
 // sequence number, log time and publish time. Numbers are little-endian.
 constexpr std::uint8_t message_opcode = 0x05;
 constexpr std::size_t record_head = 9;
@@ -93,7 +92,7 @@ class Numbers {
   BufferView view_;
 };
 
-/// Records that are put together.
+/// Appends records to a buffer.
 class Records {
  public:
   void add(std::uint16_t channel, std::uint64_t logged, std::uint64_t published, const void* data, std::size_t size) {

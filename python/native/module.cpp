@@ -1,4 +1,4 @@
-// The Python face of the engine: classes and functions only, no algorithm.
+// The engine's Python interface: classes and functions only, no algorithm.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
@@ -24,7 +24,7 @@ using namespace nb::literals;
 using namespace wirebond::engine;
 
 namespace wirebond::engine {
-extern const char* const interface_bytes;  // engine_interface.py writes them
+extern const char* const interface_bytes;  // written by engine_interface.py
 extern const char* const interface_shapes;
 }  // namespace wirebond::engine
 
@@ -62,7 +62,7 @@ nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::
   return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
 }
 
-/// One for each header field of the format, by place.
+/// Return one value for each header field of the format, by index.
 nb::list header_bits(const FormatTable& format, nb::dict header) {
   const GivenHeader given = encode_header(format, header);
   nb::list out;
@@ -73,7 +73,7 @@ nb::list header_bits(const FormatTable& format, nb::dict header) {
 }  // namespace
 
 NB_MODULE(_engine, m) {
-  // A thread that sleeps in a link when the interpreter ends keeps what it holds: that is no fault of the program.
+  // A thread that sleeps in a link when the interpreter ends keeps its objects: that is not a leak of the program.
   nb::set_leak_warnings(false);
   m.doc() = "Compiled engine of wirebond. Use the wirebond package; this module's names are private.";
   m.attr("interface") = nb::make_tuple(interface_bytes, interface_shapes);

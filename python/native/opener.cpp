@@ -1,4 +1,4 @@
-// What opening a tty or a TCP connection takes, and its sentences.
+// Opens a tty or a TCP connection, with a sentence for each failure.
 #include "opener.hpp"
 
 #include <netdb.h>
@@ -57,7 +57,7 @@ class SerialOpener final : public Opener {
       return {};
     }
     posix::SerialError error;
-    posix::LatencyTimer timer = posix::latency_timer(path_, root_);  // the low-latency flag changes it
+    posix::LatencyTimer timer = posix::latency_timer(path_, root_);  // read before the low-latency flag changes it
     posix::SerialReport report;
     posix::Descriptor port = posix::open_serial(path_, settings_, error, &report);
     if (!port.is_open()) {
@@ -120,7 +120,7 @@ class MovingSerialOpener final : public Opener {
   Resolve resolve_;
   posix::SerialSettings settings_;
   std::string root_;
-  std::unique_ptr<Opener> at_;  ///< where it was found last
+  std::unique_ptr<Opener> at_;  ///< where it was last found
 };
 
 class TcpOpener final : public Opener {

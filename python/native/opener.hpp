@@ -1,4 +1,4 @@
-// Opening the port of a link, again and again: a tty or a TCP connection, and what to say where that fails.
+// Opens the port of a link, again and again: a tty or a TCP connection, with a sentence for each failure.
 #pragma once
 
 #include <sys/types.h>
@@ -17,13 +17,13 @@
 
 namespace wirebond::engine {
 
-/// Why a port cannot be opened, or went away.
+/// Why a port cannot be opened, or was lost.
 struct PortProblem {
   std::string sentence;
-  int code = 0;  ///< the system's error number; 0 where it gave none
+  int code = 0;  ///< the system's error number; 0 if it gave none
 };
 
-/// What was asked of a serial port's driver, and what came of it.
+/// Settings requested from a serial port's driver, and the actual ones.
 struct LineReport {
   std::uint32_t asked_baud = 0;
   posix::SerialReport serial;
@@ -35,33 +35,33 @@ class Opener {
  public:
   virtual ~Opener() = default;
 
-  /// The port as its user wrote it.
+  /// Return the port as its user wrote it.
   virtual std::string name() const = 0;
 
-  /// A non-blocking descriptor; or an empty one, and `problem`. May wait for seconds, without locks and without the
-  /// interpreter; `cancelled` ends that within a moment.
+  /// Return a non-blocking descriptor, or an empty one and `problem`. May wait for seconds, without locks and without
+  /// the interpreter; `cancelled` ends that within a moment.
   virtual posix::Descriptor open(const std::atomic<bool>& cancelled, PortProblem& problem) = 0;
 
-  /// As the system's `write`, and never a SIGPIPE.
+  /// Write as the system's `write` does, but without a SIGPIPE.
   virtual ssize_t write(int descriptor, const std::uint8_t* bytes, std::size_t size) const = 0;
 
-  /// Why an open port is not there any more: `code` of a read or write, 0 for the end of its bytes.
+  /// Return why an open port was lost: `code` of a read or write, 0 for the end of its bytes.
   virtual std::string why_gone(int code) const = 0;
 
-  /// Of the port that `open` gave last; none: it has no settings.
+  /// Return the settings of the port that `open` returned last; none: it has no settings.
   virtual std::optional<LineReport> line() const { return std::nullopt; }
 
-  /// The file whose appearance says that opening is worth a try; empty: there is none.
+  /// Return the file whose appearance means that opening may succeed; empty: there is none.
   virtual std::string path() const { return {}; }
 };
 
-/// `root`: where `sys` is: "/", and a folder of their own for tests.
+/// `root`: folder with the system's `sys`: "/", or a test's own folder.
 std::unique_ptr<Opener> serial_opener(std::string path, const posix::SerialSettings& settings, std::string root);
 
-/// Where the name leads at the moment; empty, and `problem`, where it leads nowhere. Called as `Opener::open` is.
+/// Returns the path that the name currently means; empty, and `problem`, if there is none. Called as `Opener::open` is.
 using Resolve = std::function<std::string(PortProblem& problem)>;
 
-/// A tty whose path may be another one each time, as that of a USB device with a name such as usb:1a86:55d3.
+/// Open a tty whose path may change, such as that of a USB device with a name like usb:1a86:55d3.
 std::unique_ptr<Opener> moving_serial_opener(std::string name, Resolve resolve, const posix::SerialSettings& settings,
                                              std::string root);
 

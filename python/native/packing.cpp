@@ -9,9 +9,9 @@ namespace wirebond::engine {
 
 namespace {
 
-// A record, little-endian, without gaps. Behind this head: the header fields' bits (u64 each), the frame, the payload.
+// A record, little-endian, without gaps. After this head: the header fields' bits (u64 each), the frame, the payload.
 struct Head {
-  std::uint32_t size = 0;  ///< of the record behind this field
+  std::uint32_t size = 0;  ///< of the record after this field
   double time = 0;
   std::uint64_t offset = 0;
   std::uint32_t id = 0;
@@ -26,7 +26,7 @@ constexpr std::size_t head_bytes = 36;
 
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the records of a machine with the other byte order");
 
-/// Each member of a head in its order: to bytes, or from them.
+/// Convert each member of a head in its order: to bytes, or from them.
 template <class HeadType, class Step>
 void each_member(HeadType& head, Step step) {
   step(head.size);
@@ -53,7 +53,7 @@ std::size_t header_count(const FormatTable& format, std::uint8_t form) {
   return format.format().forms[form].header_count;
 }
 
-/// A record's head, valid for this protocol.
+/// Read a record's head, and check it for this protocol.
 Head read_head(const BufferView& records, std::size_t at, const ProtocolTable& protocol, const FormatTable& format) {
   if (records.size() - at < head_bytes) refuse(at, "is cut short");
   Head head;

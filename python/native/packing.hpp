@@ -1,4 +1,4 @@
-// Received messages as bytes for another process, and back. docs/server.md has the layout.
+// Converts received messages to bytes for another process, and back. See docs/server.md for the layout.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -9,11 +9,11 @@
 
 namespace wirebond::engine {
 
-/// One record for each message, in their order.
+/// Return one record for each message, in their order.
 nb::bytes pack_messages(nb::list messages);
 
-/// The messages of such records, with `shift` seconds added to their times, and with this stamper. A record that no
-/// engine with this protocol can have written is a ValueError.
+/// Return the messages of such records, with `shift` seconds added to their times, and with this stamper. Throws
+/// ValueError for a record that no engine with this protocol can have written.
 nb::list unpack_messages(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
                          nb::handle records, double shift, nb::object stamper);
 

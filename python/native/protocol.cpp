@@ -1,4 +1,4 @@
-// Reading the Python model and plan into tables. Both were validated by the loader: a surprise here is our own mistake.
+// Reads the Python model and plan into tables. The loader has validated both: a surprise here is our own mistake.
 #include "protocol.hpp"
 
 #include <nanobind/stl/string.h>
@@ -47,7 +47,7 @@ Number read_number(nb::handle number) {
   return out;
 }
 
-/// A place in the list of header fields; None: there is no such field.
+/// Read an index in the list of header fields; None: there is no such field.
 std::uint8_t read_place(nb::handle place) { return place.is_none() ? no_header_field : nb::cast<std::uint8_t>(place); }
 
 constexpr std::pair<const char*, Subject> subjects[] = {
@@ -130,6 +130,7 @@ PayloadTable read_rules(nb::handle rules) {
                           nb::cast<std::uint16_t>(count.attr("unit")), nb::cast<std::uint16_t>(count.attr("most")),
                           nb::cast<std::uint16_t>(count.attr("step")), agrees});
   }
+  out.most_beside = nb::cast<std::uint16_t>(rules.attr("most_beside"));
   return out;
 }
 

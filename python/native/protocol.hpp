@@ -1,5 +1,5 @@
-// What the engine knows of one protocol: its messages' fields, as tables made from wirebond.protocol.model.
-// Format and frames are core's business.
+// The engine's tables of one protocol: its messages' fields, made from wirebond.protocol.model. Format and frames
+// belong to core.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -23,17 +23,18 @@ namespace nb = nanobind;
 struct PayloadTable {
   std::vector<PayloadConstant> constants;
   std::vector<PayloadCount> counts;
+  std::uint16_t most_beside = 0;
 
   PayloadRules rules() const {
     return {constants.data(), counts.data(), static_cast<std::uint8_t>(constants.size()),
-            static_cast<std::uint8_t>(counts.size())};
+            static_cast<std::uint8_t>(counts.size()), most_beside};
   }
 };
 
-/// What the frames of one message have.
+/// Tests that the frames of one message pass.
 struct MatchTable {
   std::vector<MatchTest> tests;
-  std::vector<std::string> names;  ///< of the field that each test is about
+  std::vector<std::string> names;  ///< of the field that each test uses
 
   MatchTests view() const { return {tests.data(), static_cast<std::uint8_t>(tests.size())}; }
 };
@@ -55,7 +56,7 @@ class ProtocolTable {
 
   const std::string& name() const { return name_; }
   const std::vector<MessageTable>& messages() const { return messages_; }
-  /// Index of the message of this name; -1 if there is none.
+  /// Return the index of the message of this name; -1 if there is none.
   int find(const std::string& name) const;
 
  private:
@@ -63,7 +64,7 @@ class ProtocolTable {
   std::vector<MessageTable> messages_;
 };
 
-/// A frame format from a wirebond.protocol.plan.Plan, with all that RuntimeSource points at.
+/// A frame format from a wirebond.protocol.plan.Plan, with everything that RuntimeSource points to.
 class FormatTable {
  public:
   explicit FormatTable(nb::handle plan);
@@ -72,13 +73,13 @@ class FormatTable {
 
   const FrameFormat& format() const { return format_; }
   RuntimeSource source() const { return RuntimeSource(*tables_); }
-  /// What `seal` takes as the id of the message of this index, one that the plan's sender sends.
+  /// Return the id for `seal` of the message of this index, which the plan's sender sends.
   std::uint32_t id_of(std::size_t message) const;
-  /// What the frames of the message of this index have; null where ids tell all messages of the plan's sender.
+  /// Return the tests of the message of this index; null if ids identify all messages of the plan's sender.
   const MatchTable* match_of(std::size_t message) const;
-  /// Place of the header field that is the id; -1: no message has several ids.
+  /// Return the index of the header field that is the id; -1: no message has several ids.
   int id_place() const { return id_place_; }
-  /// What the header fields of all forms mean, by place.
+  /// Return the meaning of the header fields of all forms, by index.
   const std::vector<FieldTable>& header() const { return header_; }
 
  private:
@@ -86,9 +87,9 @@ class FormatTable {
   std::unique_ptr<RuntimeTables> tables_;
   std::vector<MessageRow> rows_;
   std::vector<FieldTable> header_;
-  std::deque<PayloadTable> payload_tables_;  ///< what the rows point at
+  std::deque<PayloadTable> payload_tables_;  ///< the rows point to them
   std::deque<MatchTable>
-      match_tables_;  ///< the same; one for each row, where a message needs one or the id is a header field
+      match_tables_;  ///< the rows point to them; one for each row, if a message needs one or the id is a header field
   int id_place_ = -1;
 };
 

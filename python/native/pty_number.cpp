@@ -31,7 +31,7 @@ bool PtyNumber::is_a_strangers(const std::string& path) const {
   if (!before_.is_pty) return false;
   const Seen now = look(path);
   if (!now.is_pty || now.pty == before_.pty) return false;
-  // Without a symbolic link the name is the pty itself: another one has it now.
+  // Without a symbolic link the name is the pty itself: it now belongs to another program.
   return now.name == before_.name || now.name == now.pty;
 }
 

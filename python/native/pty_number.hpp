@@ -1,4 +1,4 @@
-// Is a pty still the one that was opened? Its number goes to the next program that asks for a pty.
+// Checks whether a pty is still the one that was opened: its number is reused by the next program that requests a pty.
 #pragma once
 
 #include <sys/types.h>
@@ -8,22 +8,23 @@
 
 namespace wirebond::engine {
 
-/// Remembers where a path led. A pty's number, as in /dev/pts/5, is given away again once the pty has ended: the same
-/// path may then be the terminal of a stranger. It is the same pty, or it is one that somebody made the path point to
-/// since, with a new symbolic link. One thread at a time.
+/// Remembers where a path led. The number of a pty, as in /dev/pts/5, is reused once the pty has ended: the same path
+/// may then be a stranger's terminal. It is ours if it is the same pty, or if a new symbolic link was made since that
+/// points the path to it. One thread at a time.
 class PtyNumber {
  public:
-  /// The path was opened.
+  /// Remember the path, which was opened.
   void remember(const std::string& path);
 
-  /// The path is a pty that is not the remembered one, and the path itself is as it was. False for all that is no pty.
+  /// Check whether the path is a pty other than the remembered one, although the path itself is unchanged. False for
+  /// anything that is no pty.
   bool is_a_strangers(const std::string& path) const;
 
  private:
   struct File {
     dev_t device = 0;
     ino_t node = 0;
-    std::int64_t changed_ns = 0;  ///< on the file system's clock; a pty's is the time when it was made
+    std::int64_t changed_ns = 0;  ///< on the file system's clock; for a pty, the time when it was made
 
     bool operator==(const File& other) const {
       return device == other.device && node == other.node && changed_ns == other.changed_ns;

@@ -1,4 +1,4 @@
-// The last bytes of a link in both directions, with their times. Bounded memory; knows no frame.
+// Keeps the last bytes of a link in both directions, with their times. Bounded memory; knows no frame.
 #pragma once
 
 #include <algorithm>
@@ -12,10 +12,10 @@ namespace wirebond::engine {
 
 enum class RecentKind : std::uint8_t { received, sent, port_up, port_down, collision };
 
-/// One read, one write, or what the port did.
+/// One read, one write, or an event of the port.
 struct RecentPiece {
   std::uint64_t t_us;
-  std::uint32_t size;  ///< bytes; 0 for what the port did
+  std::uint32_t size;  ///< bytes; 0 for an event of the port
   RecentKind kind;
 };
 
@@ -23,11 +23,11 @@ struct RecentPiece {
 struct RecentCopy {
   std::vector<RecentPiece> pieces;
   std::vector<std::uint8_t> bytes;
-  std::uint64_t dropped_bytes = 0;  ///< older ones, whose room was needed
+  std::uint64_t dropped_bytes = 0;  ///< older ones, dropped to make space
 };
 
 /// One thread at a time. `note` copies the bytes and allocates nothing. Memory that was never written is not touched,
-/// so that a link which moves little takes little.
+/// so that a link with little traffic takes little memory.
 class RecentBytes {
  public:
   static constexpr std::size_t max_pieces = 65536;
@@ -37,7 +37,7 @@ class RecentBytes {
         bytes_(new std::uint8_t[capacity_]),
         pieces_(new RecentPiece[max_pieces]) {}
 
-  /// The oldest pieces make room. Of a piece that is larger than all memory the end is kept.
+  /// Keep a piece; the oldest pieces make space. Of a piece larger than all memory, the end is kept.
   void note(RecentKind kind, const std::uint8_t* bytes, std::size_t size, std::uint64_t t_us) {
     if (size > capacity_) {
       dropped_ += size - capacity_;

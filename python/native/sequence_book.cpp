@@ -1,4 +1,4 @@
-// What the sequence numbers of received frames tell, for each peer: counted without Python, read as a dict.
+// Counts from the sequence numbers of received frames, for each peer: counted without Python, read as a dict.
 #include "sequence_book.hpp"
 
 #include "element.hpp"

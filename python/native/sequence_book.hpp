@@ -1,4 +1,4 @@
-// What the sequence numbers of received frames tell, for each peer: counted without Python, read as a dict.
+// Counts from the sequence numbers of received frames, for each peer: counted without Python, read as a dict.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -16,14 +16,14 @@
 
 namespace wirebond::engine {
 
-/// The number of one frame, and whose it is.
+/// The number of one frame, and its peer.
 struct SeenNumber {
   std::uint64_t peer = 0;
   std::uint64_t number = 0;
   std::int16_t message = -1;
 };
 
-/// The frame's number. False: it has none that is counted. No GIL.
+/// Read the frame's number. Returns false if it has none that is counted. Needs no GIL.
 bool see_number(const FrameFormat& format, const Frame& frame, SeenNumber& seen);
 
 /// Counts of all peers, in the order in which they were first heard.
@@ -35,7 +35,7 @@ struct SequenceAccount {
 /// One thread at a time; no GIL.
 class SequenceBook {
  public:
-  static constexpr std::size_t max_peers = 4096;  ///< what comes from others is not counted
+  static constexpr std::size_t max_peers = 4096;  ///< frames of further peers are not counted
 
   explicit SequenceBook(std::shared_ptr<const FormatTable> format) : format_(std::move(format)) {}
 
@@ -59,7 +59,7 @@ class SequenceBook {
   std::vector<std::pair<std::uint64_t, Peer>> peers_;
 };
 
-/// None where the format has no sequence number, or its peers cannot be told apart; else the fields of
+/// Return None if the format has no sequence number, or its peers cannot be distinguished; otherwise the fields of
 /// `wirebond.SequenceStats`. With the GIL.
 nb::object sequence_object(const FormatTable& format, const SequenceAccount& account);
 

@@ -1,4 +1,4 @@
-// What a link hands out while somebody records it: reads, writes and events with their times. Bounded; knows no frame.
+// Keeps a link's reads, writes and events with their times for a recorder. Bounded; knows no frame.
 #pragma once
 
 #include <algorithm>
@@ -9,30 +9,30 @@
 
 namespace wirebond::engine {
 
-/// The names that Python sees are in `to_tuple`, in this order.
+/// The names for Python are in `to_tuple`, in this order.
 enum class TapKind : std::uint8_t {
   received,
   sent,
   port_up,
-  port_down,  ///< the bytes are the sentence that says why; none: the link ended
+  port_down,  ///< the bytes are a sentence with the reason; none: the link ended
   stopped,
   released,
   deadline_struck,  ///< one byte: the action
   deadline_ended,
   lease_begun,  ///< text: message, address
   lease_ended,  ///< text: message, address, why
-  noted,        ///< what a program noted
+  noted,        ///< a program's note
 };
 
 /// One read, one write, or one event.
 struct TapPiece {
   std::uint64_t t_us;
-  std::uint64_t before_us;  ///< of a read: when it began, the time of its messages; else `t_us`
+  std::uint64_t before_us;  ///< of a read: when it began, which is the time of its messages; otherwise `t_us`
   std::uint32_t size;
   TapKind kind;
 };
 
-/// What had no room because its reader came too late.
+/// Pieces that were dropped because their reader came too late.
 struct TapLoss {
   std::uint64_t pieces = 0;
   std::uint64_t received_bytes = 0;
@@ -46,8 +46,8 @@ struct TapCopy {
 };
 
 /// One thread at a time: the link's lock guards it. `note` costs a copy of the bytes, and allocates until the memory
-/// has reached its size for the first time. What does not fit is dropped and counted: what was kept stays whole. Times
-/// never fall: who waited for the lock may bring one that is older than the last.
+/// has reached its size for the first time. Pieces that do not fit are dropped and counted: kept ones stay whole. Times
+/// never fall: a thread that waited for the lock may bring one that is older than the last.
 class Tap {
  public:
   static constexpr std::size_t max_pieces = 65536;

@@ -1,4 +1,4 @@
-// A walk through a payload whose fields vary in size: where each lies, and never past the payload's end.
+// Walks through a payload whose fields vary in size: finds their places, and never reads past the payload's end.
 #pragma once
 
 #include <algorithm>
@@ -13,9 +13,11 @@
 
 namespace wirebond::engine {
 
-/// Every field lies `shift` bytes behind the place that its table says, which is what varying fields before it have
-/// taken. They take it out of `spare`: what the payload has beyond the least that its message needs. So whatever the
-/// counts on the wire say, each field lies within the payload.
+/// The problem: counts on the wire may be wrong, but decide where later fields are.
+///
+/// The answer: every field is `shift` bytes after the place in its table: the bytes that varying fields before it have
+/// taken. They take them out of `spare`: the bytes that the payload has beyond the minimum of its message. So for any
+/// counts on the wire each field is inside the payload.
 struct Walk {
   const std::uint8_t* payload;
   std::size_t spare;
@@ -23,7 +25,7 @@ struct Walk {
 
   const std::uint8_t* at(std::size_t place) const { return payload + place + shift; }
 
-  /// Call `each(index, place)` for the elements of a list that are there, `promised` at most; the number of these.
+  /// Call `each(index, place)` for the existing elements of a list, at most `promised`; returns their number.
   template <class Each>
   std::size_t elements(const FieldTable& field, std::size_t place, std::uint64_t promised, Each each) {
     const std::uint64_t most = std::min<std::uint64_t>(promised, field.max_count);
@@ -36,8 +38,8 @@ struct Walk {
     return found;
   }
 
-  /// Bytes of a string of varying size, which the walk then is behind. The byte that ends it is not among them, and may
-  /// be another than it should: it is in the least size, so that it lies in the payload whatever it is.
+  /// Return the size of a string of varying size, and move the walk past it. The byte that ends it is not included, and
+  /// may be wrong: it is in the minimum size, so it is inside the payload in any case.
   std::size_t string_size(const FieldTable& field, std::size_t place, std::uint64_t promised) {
     auto size = static_cast<std::size_t>(std::min<std::uint64_t>({promised, field.max_count, spare}));
     if (field.ends_with >= 0) {
@@ -50,11 +52,10 @@ struct Walk {
   }
 };
 
-/// What the fields that count have told so far, among fields that stand beside each other. Costs nothing where none
-/// counts.
+/// Values read so far of fields that count, in one list of fields. Costs nothing if none counts.
 class Counts {
  public:
-  /// Read what a field at `at` that counts tells, or those of its bits that do.
+  /// Read the value of a counting field at `at`, or of its counting bits.
   void tell(const FieldTable& counting, const std::uint8_t* at) {
     if (counting.slot >= 0) set(counting, load_raw(counting, at, 0));
     for (const FieldTable& run : counting.fields) {
@@ -62,10 +63,10 @@ class Counts {
     }
   }
 
-  /// What one of them has told.
+  /// Return the value read for this counter.
   std::uint64_t told(const Counter& counter) const { return told_[counter.slot]; }
 
-  /// Elements or bytes that the payload promises of `field`.
+  /// Return how many elements or bytes the payload promises of `field`.
   std::uint64_t promised(const FieldTable& field) const {
     if (field.counters.empty()) return std::numeric_limits<std::uint64_t>::max();
     const Counter& first = field.counters.front();

@@ -1,4 +1,4 @@
-// Waiting without the interpreter's lock, also while the interpreter ends. No link, no port.
+// Waits without the interpreter's lock, even while the interpreter ends. No link, no port.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -9,9 +9,11 @@
 
 namespace wirebond::engine {
 
-/// A thread that asks for the GIL while the interpreter ends is thrown out of its C++ frames, and that aborts the
-/// process. So a thread that waits in a `WithoutGil` when the interpreter ends stays there: it sleeps until the
-/// process is gone. `end_of_interpreter` waits for those that are on their way back.
+/// The problem: a thread that asks for the GIL while the interpreter ends is thrown out of its C++ frames, and that
+/// aborts the process.
+///
+/// The answer: a thread that waits in a `WithoutGil` when the interpreter ends stays there: it sleeps until the process
+/// is gone. `end_of_interpreter` waits for those that are on their way back.
 class WithoutGil {
  public:
   WithoutGil() {
@@ -29,21 +31,21 @@ class WithoutGil {
   WithoutGil(const WithoutGil&) = delete;
   WithoutGil& operator=(const WithoutGil&) = delete;
 
-  /// From now on no thread but the caller's comes back from its wait. Wake those that wait, then `settle`. With the
-  /// GIL.
+  /// Let no thread except the caller's return from its wait from now on. Wake the waiting threads, then call `settle`.
+  /// With the GIL.
   static void end_of_interpreter() {
     ending_thread_ = std::this_thread::get_id();
     ends_.store(true);
   }
 
-  /// Wait until every thread is back or asleep. Those that wait must have been woken. With the GIL.
+  /// Wait until every thread has returned or sleeps. The waiting ones must have been woken. With the GIL.
   static void settle() {
     PyThreadState* const thread = PyEval_SaveThread();
     while (outside_.load() != 0) std::this_thread::yield();
     PyEval_RestoreThread(thread);
   }
 
-  /// In a forked child only the thread that forked goes on.
+  /// In a forked child only the forking thread continues.
   static void after_fork() { outside_.store(0); }
 
  private:

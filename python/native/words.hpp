@@ -1,4 +1,4 @@
-// Words of the Python model and what they mean to the engine. A word that is in no table is refused, never guessed.
+// Words of the Python model and their meaning for the engine. A word that is in no table is refused, never guessed.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -16,11 +16,11 @@ namespace wirebond::engine {
 
 namespace nb = nanobind;
 
-/// A text, or a StrEnum's value. Needs the GIL.
+/// Convert a text, or a StrEnum's value. Needs the GIL.
 inline std::string text_of(nb::handle value) { return nb::cast<std::string>(nb::str(value)); }
 
-/// What stands beside the word `value` in the table. Throws std::logic_error, a RuntimeError in Python, for another
-/// word: the model has something that the engine was not told of. Needs the GIL.
+/// Return the table's entry for the word `value`. Throws std::logic_error, a RuntimeError in Python, for another word:
+/// the model has a word that the engine does not know. Needs the GIL.
 template <class Value, std::size_t Size>
 Value meant_by(const std::pair<const char*, Value> (&table)[Size], nb::handle value, const char* what) {
   const std::string word = text_of(value);

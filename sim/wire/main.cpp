@@ -62,7 +62,7 @@ bool set_shape(wirebond::sim::UartShape& shape, std::string_view name, std::uint
   return true;
 }
 
-/// `unplug:AT:LENGTH` or `fault:AT:FROM:KIND:VALUE`, times in nanoseconds; see python/src/wirebond/wire/script.py.
+/// `unplug:AT:LENGTH` or `fault:AT:FROM:KIND:VALUE`, times in nanoseconds; see python/src/wirebond/sim/wire/script.py.
 bool is_script(std::string_view word) { return word.substr(0, 7) == "unplug:" || word.substr(0, 6) == "fault:"; }
 
 void set_script(PtyWire& wire, const char* word) {

@@ -1,6 +1,7 @@
-"""The dependency rules, checked: which folder may use which. Part of ``make lint``.
+"""Check the dependency rules: which folder may use which. Part of ``make lint``.
 
-The rules themselves are the two tables of docs/DESIGN.md under "Who may use whom". What they do not allow is refused.
+The rules are the two tables of docs/DESIGN.md under "Dependencies". Everything that they do not allow is refused. In
+the package, files may not import each other in large circles, nor use a private name of another package.
 """
 
 from __future__ import annotations
@@ -118,41 +119,110 @@ def _is_of(rules: Rules, target: str, folder: str) -> bool:
 
 # ---- Python
 
+MAX_CIRCLE = 3  # files that import each other
+
 
 def python_problems(rules: Rules) -> list[str]:
-    """A sentence for each import that the rules do not allow, and for each package that has none."""
-    problems = []
+    """Return a sentence for each import that the rules do not allow, and for each package without a row."""
+    problems = order_problems(rules)
     for path in sorted(PACKAGE.rglob("*.py")):
-        module = path.relative_to(PACKAGE).with_suffix("").as_posix().removesuffix("/__init__")
-        if module == "__init__":  # what the package offers
+        module = module_of(path)
+        if module == "":  # the package's own face
             continue
         package = python_package(rules, module)
         where = path.relative_to(ROOT).as_posix()
         if package is None:
             problems.append(f"{where}: docs/DESIGN.md has no row for this package; say there what it may use")
             continue
-        allowed = {package, *rules.python[package]}
-        if package.startswith("*"):
-            allowed |= rules.python[module.split("/")[0]]
         for line, imported in _imports(path):
             problem = f"{where}:{line}: {package} must not import {imported}"
             if imported.split("/")[0] in ("tests", "bench", "docs"):
                 problems.append(problem)
-            elif imported.startswith("wirebond/") and package != "cli":
-                target = imported.removeprefix("wirebond/")
-                same_room = package.startswith("*") and target.split("/")[0] == module.split("/")[0]
-                if not same_room and not ({target, python_package(rules, target)} & allowed):
-                    problems.append(
-                        f"{problem}; it may use {', '.join(sorted(rules.python[package])) or 'only itself'}"
-                    )
+            elif imported.startswith("wirebond/"):
+                target = python_package(rules, imported.removeprefix("wirebond/"))
+                if target not in (package, *rules.python[package]):
+                    may = ", ".join(sorted(rules.python[package])) or "only itself"
+                    problems.append(f"{problem}; it may use {may}")
     return problems
 
 
+def order_problems(rules: Rules) -> list[str]:
+    """Return a sentence for each package that may use one of a row below its own."""
+    rows = list(rules.python)
+    return [
+        f"docs/DESIGN.md: {package} may use {used}, whose row is not above its own; move a row, or use it no more"
+        for number, package in enumerate(rows)
+        for used in sorted(rules.python[package])
+        if used != "_engine" and used not in rows[:number]
+    ]
+
+
+def circle_problems() -> list[str]:
+    """Return a sentence for each circle of too many files that import each other."""
+    files = {module_of(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+    uses = {
+        module: {name for _, imported in _imports(path) if (name := imported.removeprefix("wirebond/")) in files}
+        for module, path in files.items()
+        if module
+    }
+    reaches = {module: _reached(uses, module) for module in uses}
+    circles = {
+        frozenset(other for other in reached if module in reaches.get(other, ())) for module, reached in reaches.items()
+    }
+    return [
+        f"{len(circle)} files import each other in a circle: {', '.join(sorted(circle))}; at most {MAX_CIRCLE} may"
+        for circle in sorted(circles, key=sorted)
+        if len(circle) > MAX_CIRCLE
+    ]
+
+
+def _reached(uses: dict[str, set[str]], module: str) -> set[str]:
+    found: set[str] = set()
+    waiting = [module]
+    while waiting:
+        new = uses.get(waiting.pop(), set()) - found
+        found |= new
+        waiting += new
+    return found
+
+
+def private_problems(rules: Rules) -> list[str]:
+    """Return a sentence for each private name that a package uses and does not define."""
+    used: dict[str, list[tuple[str, int, str]]] = {}
+    defined: dict[str, set[str]] = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        package = python_package(rules, module_of(path)) or ""
+        where = path.relative_to(ROOT).as_posix()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                defined.setdefault(package, set()).add(node.name)
+            elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                defined.setdefault(package, set()).add(node.target.id)
+            elif isinstance(node, ast.Attribute) and _is_private(node.attr):
+                if isinstance(node.value, ast.Name) and node.value.id in ("self", "cls"):
+                    defined.setdefault(package, set()).add(node.attr)
+                else:
+                    used.setdefault(package, []).append((where, node.lineno, node.attr))
+    return [
+        f"{where}:{line}: {name} is private to another package; make it public there, or do without it"
+        for package, names in used.items()
+        for where, line, name in names
+        if name not in defined.get(package, ()) and any(name in others for others in defined.values())
+    ]
+
+
+def _is_private(name: str) -> bool:
+    return name.startswith("_") and not name.endswith("__")
+
+
+def module_of(path: Path) -> str:
+    """Return the module of a file below the package, as a path."""
+    name = path.relative_to(PACKAGE).with_suffix("").as_posix()
+    return "" if name == "__init__" else name.removesuffix("/__init__")
+
+
 def python_package(rules: Rules, module: str) -> str | None:
-    """The most particular row of the table for this module: ``*/command`` before ``check``."""
-    name = module.rsplit("/", maxsplit=1)[-1]
-    if "/" in module and f"*/{name}" in rules.python:
-        return f"*/{name}"
+    """Return the row of the table for this module."""
     packages = [package for package in rules.python if f"{module}/".startswith(f"{package}/")]
     return max(packages, key=len, default="_engine" if module == "_engine" else None)
 
@@ -177,7 +247,7 @@ def _module(base: str, name: str) -> str:
 
 def main() -> int:
     rules = read_rules((ROOT / "docs" / "DESIGN.md").read_text(encoding="utf-8"))
-    problems = cpp_problems(rules) + python_problems(rules)
+    problems = cpp_problems(rules) + python_problems(rules) + circle_problems() + private_problems(rules)
     for problem in problems:
         print(problem)
     return 1 if problems else 0

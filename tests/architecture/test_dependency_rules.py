@@ -7,13 +7,23 @@ from pathlib import Path
 import pytest
 
 from tests.architecture import dependency_rules
-from tests.architecture.dependency_rules import PACKAGE, ROOT, cpp_problems, python_problems, read_rules
+from tests.architecture.dependency_rules import (
+    PACKAGE,
+    ROOT,
+    Rules,
+    circle_problems,
+    cpp_problems,
+    order_problems,
+    private_problems,
+    python_problems,
+    read_rules,
+)
 
 RULES = read_rules((ROOT / "docs" / "DESIGN.md").read_text(encoding="utf-8"))
 
 
 def test_this_tree_keeps_them() -> None:
-    assert cpp_problems(RULES) + python_problems(RULES) == []
+    assert cpp_problems(RULES) + python_problems(RULES) + circle_problems() + private_problems(RULES) == []
 
 
 @pytest.mark.parametrize(
@@ -39,13 +49,22 @@ def test_an_include_that_no_row_allows_is_refused(
     ]
 
 
+def package_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: dict[str, str]) -> None:
+    """Check these files instead of the package."""
+    for name, text in files.items():
+        (tmp_path / "wirebond" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "wirebond" / name).write_text(text)
+    monkeypatch.setattr(dependency_rules, "ROOT", tmp_path)
+    monkeypatch.setattr(dependency_rules, "PACKAGE", tmp_path / "wirebond")
+
+
 @pytest.mark.parametrize(
     ("module", "line"),
     [
-        ("protocol/text/first.py", "from wirebond.protocol.meaning import frames"),
-        ("explain/first.py", "from wirebond import _engine"),
-        ("check/first.py", "from wirebond.link import Link"),
-        ("check/view.py", "from wirebond.gen.cpp import generate_cpp"),
+        ("protocol/first.py", "from wirebond.codec import Codec"),
+        ("analysis/first.py", "from wirebond import _engine"),
+        ("analysis/check/first.py", "from wirebond.generate.code import cpp"),
+        ("link/first.py", "from wirebond.recording import Recording"),
         ("link/first.py", "import wirebond.cli.main"),
         ("nowhere/first.py", ""),
         ("codec.py", "import tests.reference"),
@@ -54,19 +73,40 @@ def test_an_include_that_no_row_allows_is_refused(
 def test_an_import_that_no_row_allows_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, line: str
 ) -> None:
-    package = tmp_path / "wirebond"
-    for directory in ("protocol/meaning", "protocol/text", "gen", "cli"):
-        (package / directory).mkdir(parents=True)
-    for name in ("protocol/meaning/frames.py", "gen/cpp.py", "cli/main.py"):
-        (package / name).write_text("")
-    (package / module).parent.mkdir(parents=True, exist_ok=True)
-    (package / module).write_text(f"{line}\n")
-    monkeypatch.setattr(dependency_rules, "ROOT", tmp_path)
-    monkeypatch.setattr(dependency_rules, "PACKAGE", package)
+    others = {"recording/__init__.py": "", "generate/code/cpp.py": "", "cli/main.py": ""}
+    package_of(tmp_path, monkeypatch, others | {module: f"{line}\n"})
     assert len(python_problems(RULES)) == 1
 
 
+def test_a_package_may_not_use_one_of_a_row_below_its_own() -> None:
+    upwards = Rules({}, {"low": {"high"}, "high": {"_engine"}})
+    [problem] = order_problems(upwards)
+    assert problem.startswith("docs/DESIGN.md: low may use high")
+    assert order_problems(Rules({}, {"high": {"_engine"}, "low": {"high"}})) == []
+
+
+def test_a_circle_of_more_than_three_files_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def circle(size: int) -> dict[str, str]:
+        return {f"link/f{i}.py": f"from wirebond.link.f{(i + 1) % size} import x\n" for i in range(size)}
+
+    package_of(tmp_path / "small", monkeypatch, circle(3))
+    assert circle_problems() == []
+    package_of(tmp_path / "large", monkeypatch, circle(4))
+    [problem] = circle_problems()
+    assert problem.startswith("4 files import each other in a circle: link/f0, link/f1")
+
+
+def test_a_private_name_of_another_package_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = {
+        "link/link.py": "class Link:\n    def _leave(self): ...\n    def other(self, link): link._leave()\n",
+        "server/commands.py": "import os\ndef send(link):\n    link._leave()\n    os._exit(1)\n",
+    }
+    package_of(tmp_path, monkeypatch, files)
+    assert private_problems(RULES) == [
+        "wirebond/server/commands.py:3: _leave is private to another package; make it public there, or do without it"
+    ]
+
+
 def test_the_page_has_a_row_for_each_package_and_no_other() -> None:
-    packages = {package for package in RULES.python if not package.startswith("*")}
-    assert all((PACKAGE / package).is_dir() or (PACKAGE / f"{package}.py").is_file() for package in packages)
+    assert all((PACKAGE / package).is_dir() or (PACKAGE / f"{package}.py").is_file() for package in RULES.python)
     assert all((ROOT / folder).is_dir() for folder in RULES.cpp)

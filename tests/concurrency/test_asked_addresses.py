@@ -9,7 +9,7 @@ import pytest
 
 from tests.concurrency.build import PLAIN, THREAD_SANITIZE, build
 from tests.shared import PROTOCOLS
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 from wirebond.protocol.loader import load
 
 

@@ -2,7 +2,7 @@
 
 Searched with at most two preemptions, and every value that a load may see: one frame from each of two senders, and the
 interrupt. Beyond that, with a poll that asks for restarts and gives runs up, and a port that refuses some, schedules
-are drawn at random. `tests/link/handshake_test.cpp` has the table line by line.
+are drawn at random. `tests/mcu_link/handshake_test.cpp` has the table line by line.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import pytest
 
 from tests.concurrency.build import BUILD, HERE, PLAIN, RELACY, build
 from tests.shared import ROOT
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 from wirebond.protocol.loader import load
 
 SITES = ("offers", "takes", "rests")
@@ -66,7 +66,7 @@ def test_the_model_checker_finds_each_weakened_memory_order(relacy: Path, site: 
 @pytest.mark.parametrize("rounds", [100_000, pytest.param(10_000_000, marks=pytest.mark.long)])
 def test_two_threads_lose_no_wake_up(rounds: int) -> None:
     generated = BUILD / "generated"
-    generate_cpp(load(ROOT / "tests" / "link" / "aging.yaml"), generated)
+    generate_cpp(load(ROOT / "tests" / "mcu_link" / "aging.yaml"), generated)
     program = build("wakeups", ("wakeups.cpp",), (*PLAIN, f"-I{generated}"))
     result = run(program, str(rounds))
     assert result.returncode == 0, result.stdout + result.stderr

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from wirebond.gen import generate_cpp
-from wirebond.gen.names import namespace
+from wirebond.generate.code import generate_cpp
+from wirebond.generate.code.names import namespace
 from wirebond.paths import core_include
 from wirebond.protocol.model import End, Protocol
 from wirebond.protocol.plan import MatchTest

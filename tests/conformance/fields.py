@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.conformance.formats import Handed
 from wirebond import Codec, Message, MessageError
-from wirebond.gen.cpp_number import real_type
+from wirebond.generate.code.cpp_number import real_type
 from wirebond.protocol.model import Field, FieldKind, OnRange
 
 # What C++ does not validate: its bool and text take any byte, its flags any bit.

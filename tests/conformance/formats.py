@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.conformance.build import BUILD, FLAGS, Result, compiled, read_result, run
-from wirebond.gen import generate_cpp
-from wirebond.gen.cpp import message_shapes
-from wirebond.gen.cpp_struct import Shape
-from wirebond.gen.names import namespace
+from wirebond.generate.code import generate_cpp
+from wirebond.generate.code.cpp import message_shapes
+from wirebond.generate.code.cpp_struct import Shape
+from wirebond.generate.code.names import namespace
 from wirebond.protocol.model import End, Protocol
 
 SOURCE = Path(__file__).with_name("formats_main.cpp")

@@ -7,9 +7,9 @@ import tempfile
 from pathlib import Path
 
 from tests.conformance.build import BUILD, FLAGS, compiled
-from wirebond.gen import generate_cpp
-from wirebond.gen.cpp import struct_names
-from wirebond.gen.names import namespace
+from wirebond.generate.code import generate_cpp
+from wirebond.generate.code.cpp import struct_names
+from wirebond.generate.code.names import namespace
 from wirebond.protocol.model import End, Protocol
 
 SOURCE = Path(__file__).with_name("headers_main.cpp")

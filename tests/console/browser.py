@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, Page, Playwright, expect
+from playwright.sync_api import Browser, Page, Playwright, WebSocketRoute, expect
 
 import wirebond
 from tests.shared import PATIENCE, PROTOCOLS, ROOT
@@ -27,6 +27,7 @@ from wirebond.sim.pty_port import PtyPort
 CHROMIUM = Path("/usr/bin/chromium")
 AXE = ROOT / "console" / "node_modules" / "axe-core" / "axe.min.js"
 PAGE = ROOT / "python" / "src" / "wirebond" / "console" / "page" / "index.html"
+DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 VIEWS = ("link", "messages", "plots", "control", "tuning", "recordings", "protocol")
 
 # The robot says when each velocity came, on a clock that all processes of this computer share.
@@ -179,8 +180,21 @@ def open_page(
     page = context.new_page()
     if problems is not None:
         page.on("pageerror", lambda error: problems.append(error.stack or str(error)))
-    page.goto(f"{address or console.address.split('#')[0]}#/{view}")
+    page.goto(address_of(console, view, address))
     return page
+
+
+def address_of(console: Console, view: str, address: str = "") -> str:
+    """Of this view, with the token. ``address``: of another way to the console."""
+    fragment = f"#/{view}{'&' if '?' in view else '?&'}token={console.token}"
+    return f"{address or console.address.partition('#')[0]}{fragment}"
+
+
+def request_to(console: Console, path: str, body: object) -> urllib.request.Request:
+    """A POST with the token."""
+    address = f"{console.address.partition('#')[0]}{path}"
+    headers = {"Authorization": f"Bearer {console.token}"}
+    return urllib.request.Request(address, json.dumps(body).encode(), headers, method="POST")
 
 
 @contextmanager
@@ -200,17 +214,19 @@ def desk(folder: Path, browser: Browser, protocol: str = "diffdrive", **options:
 
 
 @contextmanager
-def robot_frames(damaged: int = 0) -> Iterator[str]:
+def robot_frames(damaged: int = 0, first: int = 0, file: Path = DIFFDRIVE) -> Iterator[str]:
     """A pty to which frames of ``diffdrive`` come, twenty times a second.
 
     :param damaged: each frame of this number has a wrong byte; 0: none.
+    :param first: where the count of the left wheel begins.
+    :param file: of a protocol with the same message.
     """
-    codec, pty, ends = wirebond.load(PROTOCOLS / "diffdrive.yaml"), PtyPort(), threading.Event()
+    codec, pty, ends = wirebond.load(file), PtyPort(), threading.Event()
 
     def send() -> None:
         number = 0
         while not ends.wait(0.05):
-            frame = bytearray(codec.encode("odometry", left_ticks=number, right_ticks=-number))
+            frame = bytearray(codec.encode("odometry", left_ticks=first + number, right_ticks=-number))
             if damaged and number % damaged == 0:
                 frame[5] ^= 0x40
             pty.write(bytes(frame))
@@ -228,11 +244,11 @@ def robot_frames(damaged: int = 0) -> Iterator[str]:
 
 
 @contextmanager
-def noisy_robot() -> Iterator[Console]:
-    """A console over a line on which every seventh frame of the robot is damaged."""
+def noisy_robot(first: int = 0, file: Path = DIFFDRIVE) -> Iterator[Console]:
+    """A console over a line on which every seventh frame of the robot is damaged. The rest: see `robot_frames`."""
     with (
-        robot_frames(damaged=7) as port,
-        wirebond.open(PROTOCOLS / "diffdrive.yaml", port) as link,
+        robot_frames(7, first, file) as port,
+        wirebond.open(file, port) as link,
         tempfile.TemporaryDirectory() as folder,
         Server(link, Path(folder) / "server.sock") as server,
         Console(port=0) as console,
@@ -245,9 +261,7 @@ def noisy_robot() -> Iterator[Console]:
 def undescribed_device() -> Iterator[Console]:
     """A console over a port that sends frames, and no protocol is chosen."""
     with robot_frames() as port, Console(port=0, options=Options(may_connect=True)) as console:
-        body = json.dumps({"port": port, "baud": 115200}).encode()
-        request = urllib.request.Request(f"{console.address}api/connect", body, method="POST")
-        urllib.request.urlopen(request).close()
+        urllib.request.urlopen(request_to(console, "api/connect", {"port": port, "baud": 115200})).close()
         yield console
 
 
@@ -259,9 +273,32 @@ def chromium(playwright: Playwright, *arguments: str) -> Iterator[Browser]:
     browser.close()
 
 
+def with_told(page: Page, view: str, facts: dict[str, Any]) -> None:
+    """From now on the server tells this page these facts, too, in each message of this view. The page loads again."""
+
+    def told(said: str | bytes) -> str | bytes:
+        message = json.loads(said) if isinstance(said, str) else {}
+        return json.dumps(message | facts) if message.get("view") == view else said
+
+    def between(socket: WebSocketRoute) -> None:
+        server = socket.connect_to_server()
+        server.on_message(lambda said: socket.send(told(said)))
+
+    page.route_web_socket(re.compile("/views$"), between)
+    page.reload()
+
+
 def take_control(page: Page) -> None:
-    page.locator("header").get_by_role("button", name="Take").click()
-    expect(page.get_by_text("You are in control")).to_be_visible()
+    """Take control. A press may have no effect, because this machine is busy and the press came late, but then the page
+    must say so; only then it is pressed again."""
+    ours, notices = page.get_by_text("You are in control"), page.locator(".notice")
+    end = time.monotonic() + PATIENCE
+    while not ours.is_visible():
+        assert time.monotonic() < end, notices.all_inner_texts()
+        while notices.count():
+            notices.first.get_by_role("button").click()
+        page.locator("header").get_by_role("button", name="Take control").click()
+        expect(ours.or_(notices).first, "the press had an effect, or the page says why not").to_be_visible()
 
 
 def shows_the_robot(page: Page) -> None:

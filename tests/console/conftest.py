@@ -38,6 +38,7 @@ class Desk:
     link: wirebond.Link
     server: Server
     port: int  # of the console
+    token: str
 
     @property
     def host(self) -> str:
@@ -53,10 +54,15 @@ class Desk:
     def ask(
         self, path: str, body: Any = None, headers: dict[str, str] | None = None, method: str | None = None
     ) -> tuple[int, Any]:
-        """Status and answer of an HTTP request."""
+        """Status and answer of an HTTP request, with the token unless `headers` has another."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
         data = None if body is None else body if isinstance(body, bytes) else json.dumps(body).encode()
-        connection.request(method or ("GET" if data is None else "POST"), path, data, headers or {})
+        connection.request(
+            method or ("GET" if data is None else "POST"),
+            path,
+            data,
+            {"Authorization": f"Bearer {self.token}", **(headers or {})},
+        )
         answer = connection.getresponse()
         read = answer.read()
         is_json = answer.getheader("content-type", "").startswith("application/json")
@@ -67,14 +73,14 @@ class Desk:
     def attach(self, **facts: Any) -> Iterator[ClientConnection]:
         """A client of `/attach` that has said who it is."""
         with self.web("/attach") as socket:
-            say(socket, {"do": "attach", "id": 1, "messages": "none", **facts})
+            say(socket, {"do": "attach", "id": 1, "messages": "none", "token": self.token, **facts})
             yield socket
 
     @contextmanager
     def look(self, **views: Any) -> Iterator[ClientConnection]:
         """A client of `/views` that wants this."""
         with self.web("/views") as socket:
-            say(socket, {"views": views})
+            say(socket, {"token": self.token, "views": views})
             yield socket
 
     def send(self, message: str, **fields: Any) -> None:
@@ -113,7 +119,7 @@ def make_desk(folder: Path, **options: Any) -> Iterator[Desk]:
         Console(port=0, **options) as console,
     ):
         console.show(link, server)
-        yield Desk(proto, pty, link, server, console.port)
+        yield Desk(proto, pty, link, server, console.port, console.token)
     pty.close()
 
 

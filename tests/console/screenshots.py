@@ -15,7 +15,16 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from tests.console.browser import VIEWS, Desk, chromium, desk, noisy_robot, open_page, undescribed_device, wait_until
+from tests.console.browser import (
+    VIEWS,
+    Desk,
+    chromium,
+    desk,
+    noisy_robot,
+    open_page,
+    undescribed_device,
+    wait_until,
+)
 from tests.shared import ROOT
 from wirebond.console import Console, Options
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -13,6 +14,7 @@ from tests.shared import PATIENCE
 from wirebond.console import Console
 from wirebond.console.guard import Guard
 from wirebond.errors import PortError, UsageError
+from wirebond.link.attached.kept_token import kept_token
 
 TOKEN = "to-k_en.~9"
 
@@ -43,10 +45,10 @@ def test_the_token_opens_both_websockets_and_the_api_and_stands_behind_the_addre
     with locked.web("/views") as socket:
         say(socket, {"token": TOKEN, "views": {}})
         assert hear(socket, bool)["view"] == "hello"
-    assert locked.ask("/api/protocol")[0] == 401
+    assert locked.ask("/api/protocol", headers={"Authorization": ""})[0] == 401
     assert locked.ask("/api/protocol", headers={"Authorization": "Bearer wrong"})[0] == 401
     assert locked.ask("/api/protocol", headers={"Authorization": f"Bearer {TOKEN}"})[0] == 200
-    assert locked.ask("/")[0] == 200  # the page itself has nothing of the robot
+    assert locked.ask("/", headers={"Authorization": ""})[0] == 200  # the page itself has nothing of the robot
 
 
 @pytest.mark.parametrize("path", ["/attach", "/views"])
@@ -59,7 +61,7 @@ def test_a_page_of_another_place_cannot_open_a_websocket(desk: Desk, path: str, 
 
 def test_the_console_s_own_page_can(desk: Desk) -> None:
     with desk.web("/views", origin=f"http://{desk.host}") as socket:
-        say(socket, {"views": {}})
+        say(socket, {"token": desk.token, "views": {}})
         assert hear(socket, bool)["view"] == "hello"
 
 
@@ -85,7 +87,7 @@ def test_a_browser_that_is_refused_shows_a_sentence(desk: Desk) -> None:
 
 @pytest.mark.parametrize("host", ["localhost", "127.0.0.1", "[::1]", "192.168.1.7"])
 def test_addresses_of_a_computer_are_no_names_that_can_be_bound_anew(host: str) -> None:
-    guard = Guard(8765, None)
+    guard = Guard(8765, TOKEN)
     assert guard.refuses(f"{host}:8765", None) is None
     assert guard.refuses(f"{host}:8765", f"http://{host}:8765") is None
     assert guard.refuses(f"{host}:8765", f"http://{host}") is not None
@@ -96,10 +98,43 @@ def test_the_token_stands_behind_the_address_where_no_log_gets_it() -> None:
         assert console.address == f"http://127.0.0.1:{console.port}/#token={TOKEN}"
 
 
-def test_beyond_loopback_a_token_is_made() -> None:
-    with Console("0.0.0.0", 0) as console:
-        assert console.token is not None and len(console.token) > 16
-        assert console.address.startswith("http://127.0.0.1:")
+@pytest.mark.parametrize("host", ["0.0.0.0", "127.0.0.1", "localhost"])
+def test_a_token_is_made_on_loopback_too_which_all_users_of_a_computer_reach(host: str) -> None:
+    with Console(host, 0) as console, Console(host, 0) as other:
+        assert len(console.token) > 16
+        assert console.token != other.token
+        assert console.address.endswith(f"/#token={console.token}")
+
+
+def test_another_user_of_this_computer_reads_and_drives_nothing(desk: Desk) -> None:
+    for path, said in (("/attach", {"do": "attach", "id": 1}), ("/views", {"views": {"link": True}})):
+        with desk.web(path) as socket:
+            say(socket, said)
+            assert json.loads(socket.recv(timeout=PATIENCE))["error"] == "token"
+    for path in ("protocol", "log", "recordings", "ports", "document"):
+        assert desk.ask(f"/api/{path}", headers={"Authorization": ""})[1]["error"] == "token"
+    assert desk.ask("/api/disconnect", {"over": True}, {"Authorization": ""})[0] == 401
+    assert desk.server.holder is None
+
+
+def test_a_server_that_starts_again_has_the_same_token_and_no_other_user_can_read_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    token = kept_token()
+    assert kept_token() == token
+    path = tmp_path / "wirebond" / "token"
+    assert path.stat().st_mode & 0o777 == 0o600 and path.parent.stat().st_mode & 0o777 == 0o700
+    path.chmod(0o644)  # others may have read it
+    renewed = kept_token()
+    assert renewed != token and kept_token() == renewed
+    path.unlink()
+    (tmp_path / "theirs").write_text(token)
+    path.symlink_to(tmp_path / "theirs")
+    assert kept_token() not in (token, renewed)
+    assert not path.is_symlink()
+    path.parent.chmod(0o777)  # where none can be kept, each server has its own
+    assert kept_token() != kept_token()
 
 
 @pytest.mark.parametrize("token", ["", "a b", "tök", "a#b", "a/b"])

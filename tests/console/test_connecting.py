@@ -31,7 +31,7 @@ def free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     pty = PtyPort()
     with Console(port=0, options=Options(may_connect=True)) as console:
-        found = Desk(codec("diffdrive"), pty, None, None, console.port)  # type: ignore[arg-type]
+        found = Desk(codec("diffdrive"), pty, None, None, console.port, console.token)  # type: ignore[arg-type]
         yield found
     pty.close()
 
@@ -114,7 +114,7 @@ def test_a_first_file_comes_from_a_template_or_a_header(free: Desk) -> None:
 
 def test_a_program_s_own_console_connects_to_nothing_else_and_saves_no_file(tmp_path: Path) -> None:
     with Console(port=0) as console:
-        desk = Desk(codec("diffdrive"), PtyPort(), None, None, console.port)  # type: ignore[arg-type]
+        desk = Desk(codec("diffdrive"), PtyPort(), None, None, console.port, console.token)  # type: ignore[arg-type]
         assert "one program" in connect(desk)[1]["text"]
         assert desk.ask("/api/save", {"text": "x"})[1]["error"] == "no_file"
         desk.pty.close()
@@ -125,7 +125,7 @@ def test_only_a_file_without_problems_is_saved(tmp_path: Path) -> None:
     text = DIFFDRIVE.read_text(encoding="utf-8")
     file.write_text(text, encoding="utf-8")
     with Console(port=0, options=Options(may_save=file)) as console:
-        desk = Desk(codec("diffdrive"), PtyPort(), None, None, console.port)  # type: ignore[arg-type]
+        desk = Desk(codec("diffdrive"), PtyPort(), None, None, console.port, console.token)  # type: ignore[arg-type]
         assert desk.ask("/api/save", {"text": text.replace("id: u8", "id: u9")})[0] == 422
         assert file.read_text(encoding="utf-8") == text
         assert desk.ask("/api/save", {"text": f"{text}# edited\n"})[0] == 200
@@ -158,12 +158,14 @@ def test_serve_prints_the_address_and_serves_the_page_s_data(tmp_path: Path) -> 
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stderr is not None
         told = ""
-        while (found := re.search(r"Console: http://127\.0\.0\.1:(\d+)/", told)) is None:
+        while (found := re.search(r"Console: http://127\.0\.0\.1:(\d+)/#token=(\S+)", told)) is None:
             line = process.stderr.readline()
             assert line, told
             told += line
-        desk = Desk(codec("diffdrive"), pty, None, None, int(found[1]))  # type: ignore[arg-type]
+        desk = Desk(codec("diffdrive"), pty, None, None, int(found[1]), found[2])  # type: ignore[arg-type]
         assert desk.ask("/api/protocol")[1]["name"] == "diffdrive"
+        assert desk.ask("/api/protocol", headers={"Authorization": ""})[0] == 401
+        assert found[2] == (tmp_path / "wirebond" / "token").read_text()  # the next server has the same
         process.terminate()
         assert process.wait(PATIENCE) == 0, process.stderr.read()
     pty.close()

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, Playwright, expect
 
-from tests.console.browser import CHROMIUM, Desk, chromium, desk, wait_until
+from tests.console.browser import CHROMIUM, Desk, address_of, chromium, desk, wait_until
 from tests.relay import Relay
-from wirebond.attach.words import OLDEST_COMMAND
+from wirebond.link.attached.words import OLDEST_COMMAND
 from wirebond.server.control import ControlBook
 
 BOUND = 0.35  # seconds from the last heartbeat that the server heard to zero velocity at the robot
@@ -115,7 +115,7 @@ def is_killed(rover: Desk, beats: list[float]) -> None:
     word = f"--user-agent-product={time.monotonic_ns()}"
     launch = rover.browser.browser_type.launch
     page = launch(executable_path=str(CHROMIUM), args=["--no-sandbox", word]).new_page()
-    page.goto(f"{rover.console.address}#/control")
+    page.goto(address_of(rover.console, "control"))
     ends_within_the_bound(rover, page, beats, lambda: signal_all(word, signal.SIGKILL))
 
 

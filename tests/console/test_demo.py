@@ -9,18 +9,42 @@ from typing import cast
 import wirebond
 from tests.console.conftest import Desk
 from tests.shared import PATIENCE
-from wirebond.cli.demo_console import drive
+from wirebond.cli.commands.demo_console import drive
 from wirebond.sim.rover import RoverProcess
 
 
 class NoRover:
     """What the drive tells the rover's process."""
 
+    def __init__(self) -> None:
+        self.may_step = threading.Event()
+        self.may_step.set()
+        self.waits = threading.Event()
+
     def tell(self, line: str) -> None:
         pass
 
     def events(self) -> list[str]:
+        self.waits.set()
+        assert self.may_step.wait(PATIENCE)
         return []
+
+
+def test_the_drive_does_not_go_on_after_a_stop_that_was_released_between_two_of_its_steps(desk: Desk) -> None:
+    address = f"wirebond://{desk.server.path}"
+    with wirebond.open(desk.codec, address) as link, wirebond.open(desk.codec, address) as person:
+        rover = NoRover()
+        end = time.monotonic() + 2 * PATIENCE
+        driving = threading.Thread(target=drive, args=(link, cast(RoverProcess, rover), end))
+        rover.may_step.clear()
+        driving.start()
+        assert rover.waits.wait(PATIENCE)
+        person.emergency_stop()
+        person.release_stop()
+        rover.may_step.set()
+        driving.join(PATIENCE)
+        assert not driving.is_alive()
+        assert desk.server.holder is None
 
 
 def test_the_drive_goes_on_after_a_silence_and_ends_where_a_person_takes_control(desk: Desk) -> None:

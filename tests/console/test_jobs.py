@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from tests.console.conftest import Desk, view
+from wirebond.console.jobs import JobError, Worker
+from wirebond.console.jobs.protocol_files import codec_of
 from wirebond.errors import ProtocolFileError
-from wirebond.jobs import JobError, Worker
-from wirebond.jobs.protocol_files import codec_of
 
 
 @pytest.fixture(scope="module")

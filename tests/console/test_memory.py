@@ -58,8 +58,9 @@ def served(folder: Path, seconds: float) -> Iterator[tuple[int, str]]:
 
 
 def look(server: int, address: str, page: Page) -> Look:
-    with connect(f"ws://{urlsplit(address).netloc}/views", compression=None) as socket:
-        socket.send(json.dumps({"views": {"link": True}}))
+    parts = urlsplit(address)
+    with connect(f"ws://{parts.netloc}/views", compression=None) as socket:
+        socket.send(json.dumps({"token": parts.fragment.removeprefix("token="), "views": {"link": True}}))
         while (said := json.loads(socket.recv(timeout=20))).get("view") != "link":
             pass
     status = Path(f"/proc/{server}/status").read_text()
@@ -78,7 +79,7 @@ def looks(browser: Browser, folder: Path, width: float, settle: float, seconds: 
     with served(folder, settle + seconds + 60) as (server, address):
         page = browser.new_page(viewport={"width": 1280, "height": 720})
         page.add_init_script(f"localStorage.setItem('wirebond.layout.console_bench', {layout})")
-        page.goto(f"{address}#/plots")
+        page.goto(address.replace("#", "#/plots?&"))
         page.locator("[data-newest]").nth(1).wait_for()
         page.wait_for_timeout(settle * 1000)
         found = [look(server, address, page)]

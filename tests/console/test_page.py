@@ -12,7 +12,16 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
-from tests.console.browser import VIEWS, Desk, desk, serious, shows_the_robot, take_control, wait_until
+from tests.console.browser import (
+    VIEWS,
+    Desk,
+    address_of,
+    desk,
+    serious,
+    shows_the_robot,
+    take_control,
+    wait_until,
+)
 from tests.shared import ROOT
 from wirebond.console import Console
 
@@ -107,13 +116,69 @@ def test_the_pad_drives_while_a_key_is_held_and_stops_when_it_is_let_go(rover: D
     page.mouse.up()
 
 
+def test_a_released_pad_repeats_zero_so_that_a_pause_does_not_end_in_safe_mode(rover: Desk) -> None:
+    page = rover.page("control")
+    rover.drive(page)
+    page.keyboard.up("ArrowUp")
+    expect(page.get_by_text("Let go: zero is sent")).to_be_visible()
+    released = rover.robot.velocities[-1].t
+    rover.robot.wait_for(lambda v: v.linear == 0, released + 4)  # safe mode would hold after 3 s
+    rested = [v for v in rover.robot.velocities if v.t > released + 1]
+    assert all(v.linear == 0 and v.angular == 0 for v in rested)
+    expect(page.locator(".held")).to_have_count(0)
+    form = page.get_by_role("form", name="velocity")
+    form.get_by_role("spinbutton", name="linear").fill("0.5")
+    form.get_by_role("button", name="Send once").click()  # the pad gives way
+    once = rover.robot.wait_for(lambda v: v.linear == 0.5, released)
+    wait_until(lambda: time.monotonic() > once.t + 0.3, "a while")
+    assert rover.robot.velocities[-1].linear == 0.5
+    page.get_by_role("application").focus()
+    page.keyboard.down("ArrowUp")
+    driving = rover.robot.wait_for(lambda v: v.linear == 1.0, once.t)
+    page.keyboard.up("ArrowUp")
+    rover.robot.wait_for(lambda v: v.linear == 0, driving.t)
+    page.keyboard.press("1")
+    wait_until(lambda: time.monotonic() - rover.robot.velocities[-1].t > 1, "another view sends no zero")
+
+
+def test_what_cannot_reach_the_robot_is_not_offered_and_what_is_not_read_back_is_not_shown(rover: Desk) -> None:
+    page = rover.page("tuning")
+    expect(page.locator("main")).to_contain_text("No message of this protocol reads back what parameter sets")
+    expect(page.locator("td.in-force").first).to_have_text("not read back")
+    page.get_by_role("spinbutton", name="max_linear", exact=True).fill("1")
+    page.get_by_role("button", name="Send changes").click()
+    expect(page.locator("td.state").filter(has_text="sent, nothing confirms it")).to_have_count(1)
+    rover.robot.kill()
+    try:
+        expect(page.get_by_text("The robot cannot be reached, so nothing can be sent")).to_be_visible()
+        page.keyboard.press("4")
+        expect(page.get_by_text("The robot cannot be reached, so nothing can be sent")).to_be_visible()
+        expect(page.locator(".pad")).to_contain_text("The robot cannot be reached.")
+        form = page.get_by_role("form", name="status_query")
+        expect(form).to_contain_text("The robot cannot be reached.")
+        expect(form.get_by_role("button", name="Send once")).to_be_disabled()
+    finally:
+        rover.robot.start()
+    expect(form.get_by_role("button", name="Send once")).to_be_enabled()
+
+
 def test_control_is_handed_over_only_by_a_deliberate_act(rover: Desk) -> None:
     first, second = rover.page("control"), rover.page("control")
     take_control(first)
     expect(second.locator("header")).to_contain_text("is in control")
     expect(second.get_by_role("form", name="velocity").get_by_role("button", name="Send once")).to_be_disabled()
     driving = rover.drive(first)
-    second.locator("header").get_by_role("button", name="Take over").click()
+    name = rover.server.holder
+    second.locator("header").get_by_role("button", name="Take over…").click()
+    sure = second.locator("header").get_by_role("button", name=f"Yes, take over from {name}", exact=True)
+    expect(sure).to_be_visible()
+    assert rover.server.holder == name
+    second.locator("header").get_by_role("button", name="Cancel").click()
+    expect(sure).to_have_count(0)
+    second.locator("header").get_by_role("button", name="Take over…").dblclick()
+    expect(sure).to_be_visible()
+    assert rover.server.holder == name
+    sure.click()
     expect(second.get_by_text("You are in control")).to_be_visible()
     expect(first.get_by_role("log")).to_contain_text("Another program has taken control over")
     rover.robot.wait_for(lambda v: v.linear == 0, driving.t)
@@ -121,7 +186,7 @@ def test_control_is_handed_over_only_by_a_deliberate_act(rover: Desk) -> None:
     assert rover.robot.velocities[-1].linear == 0
 
 
-def test_space_stops_the_robot_and_the_stop_stays_until_it_is_released_in_two_steps(rover: Desk) -> None:
+def test_space_stops_the_robot_and_the_stop_stays_until_it_is_released(rover: Desk) -> None:
     page = rover.page("control")
     take_control(page)
     driving = rover.drive(page)
@@ -133,9 +198,7 @@ def test_space_stops_the_robot_and_the_stop_stays_until_it_is_released_in_two_st
     page.keyboard.press("2")
     expect(page.get_by_role("alert").filter(has_text="Emergency stop")).to_be_visible()
     assert serious(page) == []
-    page.get_by_role("button", name="Release the stop…").click()
-    assert rover.link.stopped
-    page.get_by_role("button", name="Yes, release the stop").click()
+    page.get_by_role("button", name="Release the stop").click()
     expect(page.get_by_role("alert")).to_have_count(0)
     assert not rover.link.stopped
 
@@ -168,12 +231,11 @@ def test_a_server_that_is_gone_is_named_and_comes_back_without_control(
     console.show(rover.link, rover.server)
     context = browser.new_context(locale="en-US")
     page = context.new_page()
-    page.goto(f"{console.address}#/control")
+    page.goto(address_of(console, "control"))
     take_control(page)
-    port = console.port
     console.close()
-    expect(page.get_by_role("status")).to_contain_text("The server does not answer")
-    with Console(port=port) as again:
+    expect(page.locator("header").get_by_role("status")).to_contain_text("The server does not answer")
+    with Console(port=console.port, token=console.token) as again:
         again.show(rover.link, rover.server)
         shows_the_robot(page)
         expect(page.locator("header")).to_contain_text("No program is in control")

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 import wirebond
-from tests.console.browser import Robot, noisy_robot, open_page, shows_the_robot, wait_until
+from tests.console.browser import Robot, noisy_robot, open_page, shows_the_robot, wait_until, with_told
 from tests.shared import PROTOCOLS, codec
 from wirebond.console import Console, Options
 from wirebond.server import Server
@@ -88,6 +88,15 @@ def test_a_press_acts_on_what_was_under_the_finger_even_if_the_page_moves_meanwh
         expect(page.get_by_role("region", name="odometry")).to_be_visible()
         page.get_by_role("button", name="velocity").click()
         expect(page.get_by_role("region", name="velocity")).to_be_visible()
+        page.context.close()
+
+
+def test_the_drift_of_the_clock_has_its_unit(browser: Browser, problems: list[str]) -> None:
+    with noisy_robot() as console:
+        page = open_page(browser, console, "link", problems)
+        clock = {"offset": 1.5, "drift": -41.26, "error": 0.0002, "round_trip": 0.003, "exchanges": 9}
+        with_told(page, "link", {"clock": clock})
+        expect(page.locator(".latency")).to_contain_text("\u221241.3 ppm")
         page.context.close()
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
 from tests.shared import ROOT, codec
-from wirebond.codec import load
+from wirebond.codec import Codec, load
 from wirebond.console.protocol_form import protocol_form
-from wirebond.history.source import Source
+from wirebond.protocol import loads
 from wirebond.protocol.model import End
+from wirebond.recording.history.source import Source
 
 FILES = ["diffdrive", "native", "servo_bus", "contrib/dynamixel_2", "contrib/robomaster_referee"]
 
@@ -25,7 +27,7 @@ def leaves(fields: list[dict[str, Any]], prefix: str) -> dict[str, dict[str, Any
     found: dict[str, dict[str, Any]] = {}
     for field in fields:
         name = f"{prefix}{field['name']}"
-        if field["kind"] == "struct" and field["max_count"] is None and field["count"] is None:
+        if field["kind"] == "struct":
             found |= leaves(field["fields"], f"{name}.")
         else:
             found[name] = field
@@ -43,8 +45,32 @@ def test_every_number_can_be_plotted_and_every_column_has_its_form(name: str) ->
             columns = [column.removeprefix(f"{message['name']}.") for column in field["columns"]]
             told |= set(columns)
             if field["kind"] in ("number", "bool", "enum", "flags") and field["max_count"] is None:
-                assert columns and columns[0].partition("[")[0] == field_name
+                assert columns and re.sub(r"\[\d+\]", "", columns[0]) == field_name
         assert told == all_columns
+
+
+def test_elements_of_groups_are_columns_that_can_be_plotted() -> None:
+    proto = Codec(
+        loads("""
+wirebond: 1
+protocol: arm
+frame: [magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+messages:
+  state:
+    id: 1
+    sender: mcu
+    fields:
+      joints: {group: {count: 2, fields: {position: {type: i16, scale: 0.001}, currents: {type: u8, count: 2}}}}
+      points: {group: {count: to_end, max: 2, fields: {x: {type: i8}}}}
+""")
+    )
+    source = Source(proto, End.HOST, 0.01)
+    joints, points = protocol_form(proto, source.history, "", "port", 9600)["messages"][0]["fields"]
+    position, currents = joints["fields"]
+    assert position["columns"] == ["state.joints[0].position", "state.joints[1].position"]
+    assert currents["columns"] == [f"state.joints[{i}].currents[{n}]" for i in range(2) for n in range(2)]
+    assert points["fields"][0]["columns"] == ["state.points[0].x", "state.points[1].x"]
+    assert joints["columns"] == points["columns"] == []
 
 
 def test_bits_that_share_a_number_are_a_struct() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import random
 import time
 import urllib.error
@@ -14,7 +13,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Error, Page
 
-from tests.console.browser import VIEWS, Robot, open_page
+from tests.console.browser import VIEWS, Robot, open_page, request_to
 from tests.shared import PROTOCOLS
 from wirebond.console import Console, Options
 
@@ -75,6 +74,6 @@ def _connect(console: Console, robot: Robot, chance: random.Random) -> None:
 
 
 def _post(console: Console, what: str, body: dict[str, object]) -> None:
-    request = urllib.request.Request(f"{console.address}api/{what}", json.dumps(body).encode(), method="POST")
+    request = request_to(console, f"api/{what}", body)
     with contextlib.suppress(urllib.error.HTTPError):  # a refusal is an answer
         urllib.request.urlopen(request).close()

@@ -22,7 +22,7 @@ import wirebond
 from tests.console.browser import Robot, open_page, take_control, wait_until
 from tests.shared import PATIENCE, PROTOCOLS, ROOT, codec
 from wirebond.console import Console
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 from wirebond.server import Server
 from wirebond.sim.process import FirmwareProcess
 
@@ -202,7 +202,7 @@ def test_a_robot_that_answers_late_is_read_without_a_hand(tmp_path: Path, browse
         axis.has("acceleration", 5)
         os.kill(axis.process.pid, signal.SIGSTOP)
         axis.page.reload()
-        expect(axis.page.get_by_role("alert")).to_contain_text("no reply to parameter_read")
+        expect(axis.page.get_by_role("alert")).to_contain_text("no parameter_value within")
         asked: set[float] = set()
 
         def was_asked_again() -> bool:
@@ -225,7 +225,7 @@ def test_a_robot_that_has_started_again_is_read_again(tmp_path: Path, browser: B
             axis.set(acceleration=2)
             axis.has("acceleration", 2)
             robot.kill()
-            expect(page.get_by_role("status")).to_contain_text("Down")
+            expect(page.locator("header").get_by_role("status")).to_contain_text("Down")
             robot.start()
             axis.has("acceleration", 0)
     finally:

@@ -68,10 +68,10 @@ def from_wires(fields: tuple[Field, ...], wire: Wire) -> dict[str, Any]:
 
 def to_wire(described: Field, value: Any) -> Any:
     """A value as it lies on the wire, worked out here and not by the engine; of a struct or of bits their list."""
-    if described.fields:
-        return to_wires(described.fields, value)
     if isinstance(value, list) and (described.is_list or described.count is not None):
         return [to_wire(described, element) for element in value]
+    if described.fields:
+        return to_wires(described.fields, value)
     if described.kind == FieldKind.TEXT:
         return value.encode()
     if described.kind == FieldKind.BYTES:
@@ -89,7 +89,7 @@ def to_wire(described: Field, value: Any) -> Any:
 
 def from_wire(described: Field, wire: Any) -> Any:
     """The value that a number on the wire stands for: the inverse of ``to_wire``."""
-    if described.fields:
+    if described.fields and not (wire and isinstance(wire[0], list)) and wire != []:
         return from_wires(described.fields, wire)
     if isinstance(wire, list):
         return [from_wire(described, element) for element in wire]

@@ -14,7 +14,7 @@ from pathlib import Path
 import wirebond
 from tests.conformance.build import run
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.gen import generate_c, generate_cpp
+from wirebond.generate.code import generate_c, generate_cpp
 
 HERE = Path(__file__).parent
 BOARD = HERE / "board"

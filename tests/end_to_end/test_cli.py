@@ -54,7 +54,7 @@ def test_check_assesses_a_claimed_load() -> None:
 
 
 def test_check_works_the_files_examples_out_again() -> None:
-    specification = PROTOCOLS.parent / "python" / "tests" / "check" / "diffdrive_specification.yaml"
+    specification = PROTOCOLS.parent / "tests" / "analysis" / "check" / "diffdrive_specification.yaml"
     result = run("check", str(specification))
     assert result.returncode == 1
     assert "byte 9 (check) is 0xFF, expected 0x0B" in result.stdout
@@ -284,6 +284,19 @@ def test_signals_end_a_repeated_send_with_the_emergency_stop(number: signal.Sign
     pty.close()
     assert commands(data)[0] == {"speed": 1.0, "mode": "manual"}
     assert commands(data)[-1] == {"speed": 0.0, "mode": "idle"}
+
+
+@pytest.mark.parametrize(
+    ("words", "speeds", "told"),
+    [([], [1.0, 0.0], "the safe value of command follows"), (["--hand-over"], [1.0], "")],
+)
+def test_a_single_command_is_made_safe_unless_it_hands_over(words: list[str], speeds: list[float], told: str) -> None:
+    pty = PtyPort()
+    result = run("send", NATIVE, pty.path, "command", "speed=1", "mode=manual", *words)
+    assert [fields["speed"] for fields in commands(pty.read(0.1))] == speeds
+    assert told in result.stderr
+    assert bool(told) == bool(result.stderr)
+    pty.close()
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,56 @@ NATIVE = str(PROTOCOLS / "native.yaml")
 (REJECTED,) = (vector.frame for vector in rejected_vectors() if vector.protocol == "pid_tuner")
 
 
+def from_stdin(text: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([COMMAND, *arguments], input=text, capture_output=True, text=True, timeout=60, check=False)
+
+
+class TestStdin:
+    """``-`` in the place of a protocol file."""
+
+    def test_check_reads_it(self) -> None:
+        text = Path(PID).read_text()
+        done = from_stdin(text, "check", "-")
+        assert (done.returncode, done.stderr) == (0, "")
+        assert "<stdin>: protocol pid_tuner" in done.stdout
+        findings = json.loads(from_stdin(text, "check", "-", "--json").stdout)
+        assert findings["file"] == "<stdin>"
+        assert findings["findings"] == json.loads(run("check", PID, "--json").stdout)["findings"]  # with their places
+
+    def test_problems_have_their_places(self) -> None:
+        done = from_stdin("wirebond: 1\nprotocol: 5 x\n", "check", "-")
+        assert done.returncode == 1
+        assert "\n<stdin>:2:11: `5 x` is not a name" in done.stderr
+        assert json.loads(from_stdin("", "check", "-", "--json").stdout)["file"] == "<stdin>"
+
+    def test_diff_reads_one_of_its_files(self) -> None:
+        changed = Path(PID).read_text().replace("protocol: pid_tuner", "protocol: pid_tuned")
+        for words in (("-", PID), (PID, "-")):
+            done = from_stdin(changed, "diff", *words)
+            assert done.returncode in (0, 1)
+            assert "<stdin>" in done.stdout
+            assert "Traceback" not in done.stderr
+        both = from_stdin(changed, "diff", "-", "-")
+        assert (both.returncode, "only one of the two files" in both.stderr) == (2, True)
+
+
+def test_python_runs_the_package_as_the_command() -> None:
+    whole = [sys.executable, "-m", "wirebond"]
+    done = subprocess.run([*whole, "check"], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (2, run("check").stderr)
+    shown = subprocess.run([*whole, "--version"], capture_output=True, text=True, timeout=60, check=True)
+    assert shown.stdout == run("--version").stdout
+
+
+def test_shells_complete_commands_and_help_says_how() -> None:
+    shown = run("--help").stdout
+    assert "--install-completion" in shown
+    assert "--show-completion" in shown
+    asked = {**os.environ, "_WIREBOND_COMPLETE": "complete_bash", "COMP_WORDS": "wirebond ex", "COMP_CWORD": "1"}
+    done = subprocess.run([COMMAND], env=asked, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.split() == ["explain", "export"]
+
+
 class TestExplain:
     def test_a_frame_is_explained_with_exit_0(self) -> None:
         result = run("explain", PID, "--hex", "7A 02 01 00 00 7B", "--sender", "host")
@@ -148,3 +198,10 @@ class TestImport:
             result = run("import", header, cwd=tmp_path)
             assert result.returncode in (1, 2)
             assert said in result.stderr
+
+
+def test_the_document_is_written_in_chinese_where_it_is_asked_for() -> None:
+    done = run("doc", NATIVE, "--language", "zh")
+    assert done.returncode == 0 and "## 线路" in done.stdout and "## Line" not in done.stdout
+    done = run("doc", NATIVE, "--language", "fr")
+    assert done.returncode == 2 and "expected en or zh" in done.stderr

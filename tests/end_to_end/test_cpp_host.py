@@ -77,6 +77,24 @@ def test_a_cpp_program_finds_the_headers_and_asks_an_mcu_for_its_status(project:
     assert "cannot open the tty: No such file" in run(project / "build" / "status", "/dev/ttyNOPE", fails=True)
 
 
+def test_the_commands_of_the_page_work_in_its_order(project: Path, mcu: str) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    files, _, rest = page.partition(block("cpp"))
+    assert "cmake -S" not in files, "the page builds a program that it has not shown yet"
+    commands = re.findall(r"^    (\S.*)$", rest.partition("\n## ")[0], re.MULTILINE)
+    assert len(commands) == 3
+    out = run("bash", "-e", "-c", "\n".join(["cd " + str(project), *commands]).replace("/dev/ttyUSB0", mcu))
+    assert re.search(r"^battery [\d.]+ V$", out, re.MULTILINE)
+
+
+@pytest.mark.skipif(not (ROOT / ".venv" / "bin" / "wirebond").exists(), reason="this Python is not the clone's .venv")
+def test_the_command_of_a_clone_is_found_without_the_path(project: Path) -> None:
+    environment = {**os.environ, "PATH": "/usr/local/bin:/usr/bin:/bin"}
+    command = ["cmake", "-S", str(project), "-B", str(project / "build"), f"-Dwirebond_DIR={ROOT / 'cmake'}"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_mistake_in_the_file_ends_the_configuration_in_a_sentence(project: Path) -> None:
     text = (project / "diffdrive.yaml").read_text()
     (project / "diffdrive.yaml").write_text(text.replace("id: 0x01", "id: 1x", 1))

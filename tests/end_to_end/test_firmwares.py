@@ -19,7 +19,7 @@ import pytest
 
 import wirebond
 from tests.shared import PATIENCE, PROTOCOLS, ROOT, codec
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 from wirebond.sim.process import FirmwareProcess
 
 FIRMWARE = ROOT / "firmware"

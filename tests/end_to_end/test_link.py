@@ -343,7 +343,7 @@ class TestPortThatCannotBeOpened:
 
     @pytest.mark.parametrize("baud", [0, -1, 10**9])
     def test_impossible_baud_is_refused(self, port: PtyPort, baud: int) -> None:
-        with pytest.raises(UsageError, match="expected 1 to 100000000 bits per second"):
+        with pytest.raises(UsageError, match="expected a whole number from 1 to 100000000 bits per second"):
             wirebond.open(codec("diffdrive"), port.path, baud=baud)
 
 

@@ -18,10 +18,10 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.host_link.mcu import Mcu, wait_until
+from tests.link.mcu import Mcu, wait_until
 from tests.shared import PROTOCOLS, ROOT, codec
 from wirebond.cli.main import main
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 from wirebond.sim.process import FirmwareProcess
 from wirebond.sim.pty_port import PtyPort
 from wirebond.sim.pty_port import run as serve
@@ -240,27 +240,28 @@ def test_parameters_of_a_firmware_from_the_command_line(
     assert run("param", "list", AXIS, port).stdout.split() == names
     done = run("param", "set", AXIS, port, "max_speed=0.25", "travel=0.75", "--json")
     assert (done.returncode, json.loads(done.stdout)) == (0, {"max_speed": 0.25, "travel": 0.75})
-    refused = run("param", "set", AXIS, port, "travel=7", "acceleration=2.5")
-    assert refused.returncode == 1
+    refused = run("param", "set", AXIS, port, "acceleration=2.5", "travel=7")
+    assert (refused.returncode, refused.stdout) == (1, "")
+    assert "nothing was set; 1 refused" in refused.stderr
     assert "the MCU refused 7 for parameter travel: it is out of range; 0.75 stays in force" in refused.stderr
-    assert refused.stdout.split() == ["acceleration", "2.5"]
+    assert run("param", "get", AXIS, port, "acceleration").stdout.split() == ["acceleration", "5"]
     missing = run("param", "get", AXIS, port, "kp")
     assert missing.returncode == 1
     assert "linear_axis has no parameter 'kp'" in missing.stderr
     stored = [line.partition(" ")[2] for line in firmware.events()]
-    assert stored == ["parameter 0 is 0.250", "parameter 2 is 0.750", "parameter 1 is 2.500"]
+    assert stored == ["parameter 0 is 0.250", "parameter 2 is 0.750", "parameter 1 is 2.500", "parameter 1 is 5.000"]
 
     file = tmp_path / "gains.yaml"
     saved = run("param", "save", AXIS, port, str(file))
     assert (saved.returncode, saved.stdout) == (0, "")
     assert file.read_text() == (
-        "# Parameters of linear_axis, as its MCU had them.\nmax_speed: 0.25\nacceleration: 2.5\ntravel: 0.75\n"
+        "# Parameters of linear_axis, as its MCU had them.\nmax_speed: 0.25\nacceleration: 5.0\ntravel: 0.75\n"
     )
     file.write_text("max_speed: 1\ntravel: 0.5\n")
     assert run("param", "load", AXIS, port, str(file)).returncode == 0
     assert json.loads(run("param", "list", AXIS, port, "--json").stdout) == {
         "max_speed": 1.0,
-        "acceleration": 2.5,
+        "acceleration": 5.0,
         "travel": 0.5,
     }
     file.write_text("max_speed: 1\n7: 0.5\n")

@@ -10,9 +10,9 @@ from pathlib import Path
 from tests.fuzz.files import SHAPES
 from tests.random_formats import random_protocol
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.gen.cpp import cpp_header, rules_views, struct_names
-from wirebond.gen.cpp_format import format_lines
-from wirebond.gen.names import namespace
+from wirebond.generate.code.cpp import cpp_header, rules_views, struct_names
+from wirebond.generate.code.cpp_format import format_lines
+from wirebond.generate.code.names import namespace
 from wirebond.protocol import ProtocolFileError, load, loads
 from wirebond.protocol.model import End, Field, Protocol
 from wirebond.protocol.planning import plan_for
@@ -82,7 +82,8 @@ def _function(name: str, protocol: Protocol, end: End) -> str:
                 sizes[kind] = len(entries)
                 tables.append(f"static const wirebond::{type_name} {pointers[kind]}[] = {{{', '.join(entries)}}};")
         shape = f"{{{row.index}, {row.min_payload}, {row.max_payload}, {row.seed}}}"
-        applied = f"{{{pointers['constants']}, {pointers['counts']}, {sizes['constants']}, {sizes['counts']}}}"
+        listed = f"{pointers['constants']}, {pointers['counts']}, {sizes['constants']}, {sizes['counts']}"
+        applied = f"{{{listed}, {row.rules.most_beside}}}"
         rows.append(f"{{{row.id}U, {shape}, {str(row.only_expected).lower()}, {applied}}}")
     lines = [
         f"static fuzz::Described {name}() {{  // {protocol.name} from {end.value}",

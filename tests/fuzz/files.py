@@ -10,7 +10,7 @@ from tests.shared import PROTOCOLS, ROOT
 HERE = Path(__file__).parent
 CORPUS = HERE / "corpus"
 BUILD = ROOT / "build" / "fuzz"
-SHAPES = ROOT / "python" / "tests" / "gen"
+SHAPES = ROOT / "tests" / "generate" / "code"
 
 
 @cache

@@ -13,7 +13,7 @@ from pathlib import Path
 import wirebond
 from tests.contrib.cases import CONTRIB
 from tests.shared import ROOT
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 from wirebond.sim.process import FirmwareProcess
 from wirebond.sim.pty_port import PtyPort
 

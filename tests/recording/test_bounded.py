@@ -90,7 +90,7 @@ def test_an_exported_file_has_an_index_of_every_message(
 
 def test_the_engine_trusts_no_place_and_no_length() -> None:
     one = np.ones(1, np.uint64)
-    decoder = codec("diffdrive").decoder("mcu")._engine
+    decoder = codec("diffdrive").decoder("mcu").engine
     for places, sizes in ((one * 9, np.ones(1, np.uint32)), (one, np.full(1, 0xFFFFFFFF, np.uint32))):
         with pytest.raises(ValueError, match="a place lies outside"):
             decoder.feed_reads(b"12345678", places, sizes, np.zeros(1), True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import itertools
+import json
 import os
 import random
 import resource
@@ -11,6 +12,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -25,6 +28,7 @@ from wirebond.cli.main import main
 from wirebond.errors import WirebondError
 from wirebond.link.tap import Chunk
 from wirebond.recording.closing import close_recording
+from wirebond.recording.mcap_file import CHUNK, DATA_END, HEAD, MAGIC
 
 WHOLE = 20  # seconds: a bound for slow machines
 
@@ -107,6 +111,92 @@ def test_a_damaged_chunk_is_left_out_and_told(tmp_path: Path, diffdrive: wirebon
     assert 0 < len(after.raw("received")) < len(before)
 
 
+@pytest.fixture(scope="module")
+def minute(tmp_path_factory: pytest.TempPathFactory, diffdrive: wirebond.Codec) -> Minute:
+    """A closed recording of a minute, and the messages in it."""
+    path = made(tmp_path_factory.mktemp("minute") / "run.mcap", diffdrive, drive(diffdrive, 60.0))
+    close_recording(path)
+    return Minute(path.read_bytes(), rows(recordings.open(path)))
+
+
+@dataclass(frozen=True)
+class Minute:
+    data: bytes
+    rows: list[Row]
+
+    def without_bit(self, path: Path, at: int, bit: int, protocol: wirebond.Codec | None) -> recordings.Recording:
+        """Opens it with one bit flipped, and checks that at most a second is lost, and nothing is invented."""
+        flipped = bytearray(self.data)
+        flipped[at] ^= 1 << bit
+        path.write_bytes(flipped)
+        found = recordings.open(path, protocol)
+        kept = Counter(rows(found))
+        lost = Counter(self.rows) - kept
+        times = [row[0] for row in lost]
+        assert not times or max(times) - min(times) <= 1.1, (at, bit)  # a frame may lie in two chunks
+        assert not kept - Counter(self.rows), (at, bit)
+        assert not lost or found.problems, (at, bit)
+        return found
+
+
+Row = tuple[float, str, str]
+
+
+def rows(found: recordings.Recording) -> list[Row]:
+    return [(round(m.t, 4), m.name, str(m.fields)) for sender in ("mcu", "host") for m in found.messages(sender)]
+
+
+def chunks_of(data: bytes) -> list[int]:
+    """Where each chunk begins."""
+    at, found = len(MAGIC), []
+    while True:
+        opcode, length = HEAD.unpack_from(data, at)
+        if opcode == DATA_END:
+            return found
+        if opcode == CHUNK:
+            found.append(at)
+        at += HEAD.size + length
+
+
+def test_a_closed_recording_has_a_chunk_for_each_second(minute: Minute) -> None:
+    assert 60 <= len(chunks_of(minute.data)) <= 62
+
+
+@few_or_many(20, 20_000)
+def test_a_flipped_bit_costs_a_second_at_most(
+    tmp_path: Path, diffdrive: wirebond.Codec, minute: Minute, number: int
+) -> None:
+    source = random.Random("a bit")
+    for _ in range(number):
+        at = source.randrange(len(minute.data))
+        minute.without_bit(tmp_path / "flipped.mcap", at, source.randrange(8), diffdrive)
+
+
+@few_or_many(40, 2000)
+def test_a_flipped_bit_where_the_file_says_what_follows_costs_a_second_at_most(
+    tmp_path: Path, diffdrive: wirebond.Codec, minute: Minute, number: int
+) -> None:
+    first, middle = chunks_of(minute.data)[0], chunks_of(minute.data)[30]
+    source = random.Random("a head")
+    end = len(minute.data)
+    places = [*range(40), *range(first, first + 64), *range(middle, middle + 64), *range(end - 60, end)]
+    for _ in range(number):
+        minute.without_bit(tmp_path / "flipped.mcap", source.choice(places), source.randrange(8), diffdrive)
+
+
+def test_the_protocol_and_what_the_file_says_of_itself_survive_a_flipped_bit(
+    tmp_path: Path, diffdrive: wirebond.Codec, minute: Minute
+) -> None:
+    (tmp_path / "whole.mcap").write_bytes(minute.data)
+    whole = recordings.open(tmp_path / "whole.mcap")
+    begin = minute.data.index(b"started_ns")
+    text = minute.data.index(diffdrive.model.text.encode())
+    for at in (begin + 2, begin + 15, begin + 25, text - 40, text - 9, text + 5, text + len(diffdrive.model.text) - 1):
+        found = minute.without_bit(tmp_path / "flipped.mcap", at, 1, None)
+        assert found.codec.hash == diffdrive.hash
+        assert (found.started, found.port) == (whole.started, "made")
+
+
 YEARS = 5e8  # seconds
 
 
@@ -153,6 +243,21 @@ def test_info_repairs_a_file_cut_short(
     assert "the last whole record" in found.repaired
     assert main(["info", str(path)]) == 0
     assert "repaired before: " in capsys.readouterr().out
+
+
+def test_info_does_not_call_a_healthy_file_repaired(
+    tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One that was ended as it should, and not compressed yet."""
+    path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 1.0))
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(path.read_bytes())
+    assert not recordings.open(path).is_closed
+    assert main(["info", str(path)]) == 0
+    assert "repaired" not in capsys.readouterr().out
+    assert recordings.open(path).is_closed
+    assert main(["info", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["repaired"] is False
 
 
 def test_what_is_no_recording_has_its_sentence(
@@ -255,6 +360,66 @@ def test_a_full_disk_ends_the_recording_and_not_the_link(tmp_path: Path, caplog:
     found = recordings.open(path)
     assert 0 < sum(event.kind == "big" for event in found.events) < 20
     assert found.problems
+
+
+@pytest.mark.parametrize("safe_times", [0, 1])
+def test_a_disk_that_does_not_keep_what_was_written_is_reported_at_once(
+    tmp_path: Path, safe_times: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    real, calls = os.fdatasync, list[int]()
+
+    def fails(descriptor: int) -> None:
+        calls.append(descriptor)
+        if len(calls) > safe_times:
+            raise OSError(errno.EIO, "Input/output error")
+        real(descriptor)
+
+    path = tmp_path / "run.mcap"
+    with wirebond.open(PROTOCOLS / "diffdrive.yaml", "sim:") as link:
+        monkeypatch.setattr(os, "fdatasync", fails)
+        recorder = link.record(path)
+        end = time.monotonic() + WHOLE
+        while not recorder.error:  # not only when it is closed
+            assert time.monotonic() < end
+            link.note("lap")
+            time.sleep(0.02)
+        assert "the disk did not keep what was written (Input/output error)" in recorder.error
+        if safe_times:
+            assert "bytes after them are not" in recorder.error
+            assert 0 < recorder.safe_size < recorder.size
+        else:
+            assert "are safe on the disk" in recorder.error and "None of its" in recorder.error
+            assert recorder.safe_size == 0
+        assert link.receive(WHOLE)  # the link goes on
+        recorder.close()
+    assert [record.message for record in caplog.records if "ended early" in record.message] == [recorder.error]
+    assert len(calls) == safe_times + 1  # the system says it once: a later success would prove nothing
+    assert "lap" in [event.kind for event in recordings.open(path).events]
+
+
+def test_record_says_what_is_not_safe_on_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(_: int) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(os, "fdatasync", fails)
+    assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", "-o", str(tmp_path / "run.mcap")]) == 1
+    told = " ".join(capsys.readouterr().err.split())
+    assert "did not keep what was written (Input/output error)" in told
+    assert "bytes are safe on the disk" in told
+
+
+def test_a_disk_that_fails_at_the_end_is_reported_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(_: int) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    with wirebond.open(PROTOCOLS / "diffdrive.yaml", "sim:") as link:
+        recorder = link.record(tmp_path / "run.mcap")
+        monkeypatch.setattr(os, "fdatasync", fails)
+        recorder.close()
+    assert "did not keep what was written" in recorder.error
+    assert not recordings.open(tmp_path / "run.mcap").is_closed
 
 
 def test_a_disk_without_room_for_the_closed_file_keeps_the_open_one(

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from wirebond.cli.main import main
 from wirebond.errors import UsageError
 from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.protocol import loads
+from wirebond.recording import export as export_module
 from wirebond.recording.closing import close_recording
 from wirebond.recording.export import export
 
@@ -172,7 +174,7 @@ def test_the_public_reader_opens_it(tmp_path: Path, diffdrive: wirebond.Codec, c
         topics = {channel.topic for channel in summary.channels.values()}
         raw = b"".join(m.data for _, _, m in reader.iter_messages(topics=["rx"]))
         assert raw == recordings.open(path).raw("received")
-        assert [a.data.decode() for a in reader.iter_attachments()] == [diffdrive.model.text]
+        assert [a.data.decode() for a in reader.iter_attachments()] == [diffdrive.model.text] * (1 + closed)
         if closed:
             assert topics >= {"rx", "tx", "events", "mcu/odometry", "host/velocity"}
             values = [json.loads(m.data) for _, _, m in reader.iter_messages(topics=["mcu/odometry"])]
@@ -230,7 +232,39 @@ def test_export_writes_a_file_for_each_message(
     assert "expected csv, parquet, mcap" in capsys.readouterr().err
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     assert main(["export", str(path), "--to", "parquet", "-o", str(out)]) == 1
-    assert "pip install 'wirebond[parquet]'" in capsys.readouterr().err
+    assert "pip install 'pyarrow>=17'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("to", "name"), [("csv", "velocity.csv"), ("mcap", "run-decoded.mcap")])
+def test_export_replaces_files_only_when_told_to(
+    tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str], to: str, name: str
+) -> None:
+    path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 1.0))
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / name).write_text("mine")
+    assert main(["export", str(path), "--to", to, "-o", str(out)]) == 2
+    assert f"{name} exists already; nothing was written" in " ".join(capsys.readouterr().err.split())
+    assert [(p.name, p.read_text()) for p in out.iterdir()] == [(name, "mine")]
+    assert main(["export", str(path), "--to", to, "-o", str(out), "--force"]) == 0
+    assert (out / name).read_bytes() != b"mine"
+
+
+def test_a_file_that_appears_while_another_is_written_is_left_as_it_is(
+    tmp_path: Path, diffdrive: wirebond.Codec, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 1.0))
+    out = tmp_path / "out"
+    write = export_module._write_csv
+
+    def slow(*arguments: Any) -> Any:
+        yield from write(*arguments)
+        (out / "velocity.csv").write_text("mine")
+
+    monkeypatch.setattr(export_module, "_write_csv", slow)
+    assert main(["export", str(path), "--to", "csv", "--message", "velocity", "-o", str(out)]) == 1
+    assert "velocity.csv" in capsys.readouterr().err
+    assert [(p.name, p.read_text()) for p in out.iterdir()] == [("velocity.csv", "mine")]
 
 
 def test_parquet_has_the_columns(tmp_path: Path, diffdrive: wirebond.Codec, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,10 +9,20 @@ from tests.reference.match import Seen, find, header_numbers, is_late
 from tests.reference.messages import fits
 from tests.reference.order import order_of
 from tests.reference.outcome import Incomplete, Rejected
-from tests.reference.payload import Broken, TooShort, constants_hold, counted_size
+from tests.reference.payload import Broken, TooShort, constants_hold, counted_size, most_bytes
 from tests.reference.sizes import longest_frame
 from tests.reference.stuffing import overhead, undone, unstuffed
-from wirebond.protocol.model import BitRole, End, LengthCounts, Message, Part, PartKind, PayloadRule, Protocol, Subject
+from wirebond.protocol.model import (
+    BitRole,
+    End,
+    LengthCounts,
+    Message,
+    Part,
+    PartKind,
+    PayloadRule,
+    Protocol,
+    Subject,
+)
 
 # Causes, as one after the other can be decided. Stuffing is undone before.
 IN_ORDER = (
@@ -205,6 +215,9 @@ def _examine_as(
         if not frame_format.deliver_unknown and not fits(frame_format.parts[payload_at], message, size, known_size):
             raise Rejected("unknown_message", total)
 
+    is_bounded = message is not None and not frame_format.deliver_unknown and not known_size
+    if message is not None and is_bounded and size > most_bytes(message.fields, data[prefix : prefix + size]):
+        raise Rejected("unknown_message", total)
     trims = frame_format.parts[payload_at].trims_zeros
     decodable = message is not None and (trims or size >= message.min_payload)
     if message is not None and decodable and not constants_hold(message.fields, data[prefix : prefix + size], trims):
@@ -245,7 +258,7 @@ def _payload_size(
 ) -> tuple[int, bool]:
     """Payload bytes, and whether the format itself fixes them."""
     payload = next(p for p in parts if p.kind == PartKind.PAYLOAD)
-    most = protocol.format.max_payload
+    most = protocol.format.max_payload_from(sender)
     if payload.payload == PayloadRule.FIXED:
         return payload.fixed_payload, True
     if payload.payload == PayloadRule.REST:
@@ -286,6 +299,6 @@ def _payload_size(
         raise Rejected("length_out_of_range", prefix)
     if protocol.format.length_on_wire and is_whole:
         size = len(data) - prefix - suffix
-        if not 0 <= size <= protocol.format.max_payload:
+        if not 0 <= size <= protocol.format.max_payload_from(sender):
             raise Rejected("length_out_of_range", 0)
     return size, False

@@ -8,6 +8,8 @@ from typing import Literal
 
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind
 
+MOST_COUNTS = 8  # of one message
+
 
 class Broken(Exception):  # noqa: N818  (an outcome, not an error)
     """The payload cannot be this message's."""
@@ -35,6 +37,46 @@ def counted_size(fields: tuple[Field, ...], data: bytes, at: int = 0) -> int:
             places[field.name] = at, field
             at += field.min_wire_bytes
     return at
+
+
+def most_bytes(fields: tuple[Field, ...], payload: bytes) -> int:
+    """The most bytes that a payload with these counts may have. One whose counts are not all there may have any."""
+    try:
+        return _Bound(payload).of(fields)
+    except TooShort:
+        return 1 << 16
+
+
+@dataclass
+class _Bound:
+    payload: bytes
+    at: int = 0
+    knows_place: bool = True
+    counts: int = 0
+
+    def of(self, fields: tuple[Field, ...]) -> int:
+        places: dict[str, tuple[int, Field]] = {}
+        total = 0
+        for field in fields:
+            varies = field.is_list or (field.is_string and field.size == 0)
+            if field.kind == FieldKind.STRUCT and not varies:
+                total += sum(self.of(field.fields) for _ in range(field.count or 1))
+                continue
+            size = self._taken(field, places) if varies else field.min_wire_bytes
+            if not varies and self.knows_place:
+                places[field.name] = self.at, field
+            self.at += size
+            total += size
+        return total
+
+    def _taken(self, field: Field, places: dict[str, tuple[int, Field]]) -> int:
+        self.counts += 2 if field.bytes_counted_by else 1
+        is_known = field.counted_by.partition(".")[0] in places and self.counts <= MOST_COUNTS
+        if not is_known or any(member.is_variable for member in field.fields):
+            self.knows_place = False
+            return field.max_wire_bytes
+        unit = 1 if field.is_string or field.counted_in_bytes else field.element_min_bytes
+        return _told(field.counted_by, places, self.payload) * unit
 
 
 def _told(name: str, places: dict[str, tuple[int, Field]], data: bytes) -> int:

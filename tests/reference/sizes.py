@@ -12,7 +12,7 @@ from wirebond.protocol.model import BitRole, End, Part, PartKind, Protocol, Subj
 
 def longest_frame(protocol: Protocol, sender: End | None) -> int:
     """Of all forms of this sender's frames the longest, before stuffing."""
-    return longest_together(protocol.format.parts, sender) + protocol.format.max_payload
+    return longest_together(protocol.format.parts, sender) + protocol.format.max_payload_from(sender)
 
 
 def longest_together(parts: tuple[Part, ...], sender: End | None) -> int:

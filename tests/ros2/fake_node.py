@@ -10,7 +10,9 @@ from typing import Any
 
 from tests.shared import PATIENCE
 from wirebond.ros2.cdr import decode, encode
+from wirebond.ros2.failure import Failure
 from wirebond.ros2.node import Answer, Parameter, Qos, Quick
+from wirebond.ros2.stalls import Stalls
 from wirebond.ros2.subscriber import Subscriber
 from wirebond.ros2.types import RosType, ServiceType
 
@@ -42,6 +44,9 @@ class FakeNode:
         self.take: dict[str, Callable[[dict[str, Any]], None]] = {}
         self.undecodable: Counter[str] = Counter()
         self.answer: dict[str, Answer] = {}  # of services
+        self.failure = Failure()
+        self.now = 0.0  # seconds, of the clock that finds stalls
+        self.stalls = Stalls(lambda: self.now)
         self.parameters: dict[str, Parameter] = {}
         self.lines: list[tuple[str, str]] = []
         self.cancelled: list[str] = []

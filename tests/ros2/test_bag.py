@@ -139,13 +139,25 @@ def test_what_is_wrong_leaves_nothing_behind(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_bag_that_exists_is_replaced_only_when_told_to(recording: Path, tmp_path: Path) -> None:
+    command = ["export", str(recording), "--to", "ros2", "-o", str(tmp_path)]
+    assert main([*command, "--message", "status"]) == 0
+    assert main(command) == 2
+    assert set(by_rosbags(tmp_path / "run-ros2")) == {"/diffdrive/status"}
+    assert main([*command, "--force"]) == 0
+    assert {"/diffdrive/status", "/diffdrive/odometry"} <= set(by_rosbags(tmp_path / "run-ros2"))
+    assert [path.name for path in tmp_path.iterdir()] == ["run-ros2"]
+
+
 def test_a_folder_that_exists_is_left_as_it_is(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "run-ros2").mkdir()
     (tmp_path / "run-ros2" / "mine").write_text("mine")
     assert main(["export", str(recording), "--to", "ros2", "-o", str(tmp_path)]) == 2
-    assert "run-ros2 exists already, and is left as it is" in " ".join(capsys.readouterr().err.split())
+    assert "run-ros2 exists already; nothing was written" in " ".join(capsys.readouterr().err.split())
+    assert main(["export", str(recording), "--to", "ros2", "-o", str(tmp_path), "--force"]) == 2
+    assert "run-ros2 is not a bag, and is left as it is" in " ".join(capsys.readouterr().err.split())
     assert [path.name for path in tmp_path.rglob("*")] == ["run-ros2", "mine"]
 
 

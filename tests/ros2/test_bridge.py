@@ -17,6 +17,7 @@ import pytest
 import wirebond
 from tests.ros2.fake_node import FakeNode
 from tests.shared import PATIENCE, PROTOCOLS
+from wirebond.link.stop_file import StopFile
 from wirebond.protocol import loads
 from wirebond.protocol.model import FieldKind
 from wirebond.ros2.bridge import Bridge
@@ -41,11 +42,12 @@ class Bench:
         codec: wirebond.Codec = ROVER,
         line: PtyPort | None = None,
         node: FakeNode | None = None,
+        kept_stop: StopFile | None = None,
     ) -> None:
         self.line = line or PtyPort()
         self.link = wirebond.open(codec, self.line.path)
         self.node = node or FakeNode()
-        self.bridge = Bridge(self.link, self.node, mapping)
+        self.bridge = Bridge(self.link, self.node, mapping, kept_stop)
         self._heard = ROVER.decoder(sender="host")
         self._came: list[wirebond.Message] = []
         self._thread = threading.Thread(target=self.bridge.run, daemon=True)
@@ -154,6 +156,70 @@ def test_emergency_stop_is_a_topic(rover: Bench) -> None:
     assert rover.link.stopped
     rover.node.take["/emergency_stop"]({"data": False})
     assert not rover.link.stopped
+
+
+def test_a_stop_outlives_a_bridge_with_a_port_of_its_own(tmp_path: Path) -> None:
+    mapping = replace(MAPPING, navigation=None)
+    first = Bench(mapping, kept_stop=StopFile(tmp_path / "stop"))
+    first.node.take["/emergency_stop"]({"data": True})
+    first.close()  # a kill leaves the same file
+    second = Bench(mapping, kept_stop=StopFile(tmp_path / "stop"))
+    try:
+        assert second.mcu_hears("velocity") == {"linear": 0.0, "angular": 0.0}
+        assert any(
+            "an emergency stop still holds" in text and "/emergency_stop" in text for _, text in second.node.lines
+        )
+        second.node.take["/cmd_vel"]({"linear": {"x": 0.5}, "angular": {"z": 0.0}})
+        assert second.bridge.commands.counts["sent"] == 0
+        second.node.take["/emergency_stop"]({"data": False})
+        assert not second.link.stopped
+    finally:
+        second.close()
+    third = Bench(mapping, kept_stop=StopFile(tmp_path / "stop"))
+    assert not third.link.stopped
+    third.close()
+
+
+def commands_status(bench: Bench) -> tuple[int, str, dict[str, str]]:
+    published = bench.node.published["/diagnostics"]
+    if not published:
+        return -1, "", {}
+    statuses = published[-1]["status"]
+    status = next(s for s in statuses if s["name"] == "diffdrive: commands")
+    return status["level"], status["message"], {pair["key"]: pair["value"] for pair in status["values"]}
+
+
+def test_what_the_mcu_holds_back_is_told_and_ends_by_a_topic() -> None:
+    rover = Bench(replace(MAPPING, navigation=None))
+    node = rover.node
+    node.take["/cmd_vel"]({"linear": {"x": 0.5}, "angular": {"z": 0.0}})
+    text = "no velocity was sent for 3 s: the MCU is in safe_mode and ignores velocity; to end safe_mode: "
+    text += "ros2 topic pub --once /diffdrive/recover std_msgs/msg/Empty"
+    node.wait(lambda: ("warning", text) in node.lines)
+    node.wait(lambda: commands_status(rover)[:2] == (1, text))
+    node.take["/cmd_vel"]({"linear": {"x": 0.5}, "angular": {"z": 0.0}})
+    node.wait(lambda: int(commands_status(rover)[2]["held back by the MCU"]) > 0)
+    node.wait(lambda: node.lines.count(("warning", text)) > 1)
+    assert node.types["/diffdrive/recover"] == "std_msgs/Empty"
+    node.take["/diffdrive/recover"]({})
+    assert rover.mcu_hears("parameter") == {"name": "clear_safe_mode", "reserved": 0, "value": 0.0}
+    node.wait(lambda: ("info", "safe_mode is over: the MCU acts on velocity again") in node.lines)
+    node.wait(lambda: commands_status(rover)[0] == 0)
+    rover.close()
+
+
+def test_what_the_mcu_holds_back_from_its_start_is_told() -> None:
+    text = FAST.replace("then: safe_mode,       recover: explicit,", "then: safe_mode, start: held, recover: explicit,")
+    assert text != FAST
+    rover = Bench(replace(MAPPING, navigation=None), wirebond.Codec(loads(text)))
+    node = rover.node
+    told = "the MCU starts in safe_mode (`start: held`) and ignores velocity unless somebody ended that; to end "
+    node.wait(lambda: commands_status(rover)[0] == 1 and commands_status(rover)[1].startswith(told))
+    node.take["/cmd_vel"]({"linear": {"x": 0.5}, "angular": {"z": 0.0}})
+    node.wait(lambda: int(commands_status(rover)[2]["held back by the MCU"]) > 0)
+    node.take["/diffdrive/recover"]({})
+    node.wait(lambda: ("info", "safe_mode is over: the MCU acts on velocity again") in node.lines)
+    rover.close()
 
 
 def test_diagnostics_name_the_flags_and_the_deadlines(rover: Bench) -> None:

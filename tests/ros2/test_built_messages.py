@@ -12,10 +12,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.ros2.domains import own_domain
 from tests.ros2.over_rclpy import build_environment, with_package
 from tests.ros2.test_rover import Served
 from tests.shared import PROTOCOLS
-from wirebond.gen import generate_ros2
+from wirebond.generate.code import generate_ros2
 from wirebond.protocol import load
 from wirebond.ros2.dds import LOOPBACK
 from wirebond.ros2.mapping.own_types import OwnTypes
@@ -45,7 +46,7 @@ def bridge(
     request: pytest.FixtureRequest, built: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[dict[str, str]]:
     """A bridge runs; the environment of programs that meet it."""
-    number = 1 + os.getpid() % 100
+    number = own_domain()
     environment = built | {"ROS_DOMAIN_ID": str(number)}
     (tmp_path / "mapping.yaml").write_text(MAPPING)
     if request.param == "dds":

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import math
+import time
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from tests.shared import PROTOCOLS
+from tests.shared import PATIENCE, PROTOCOLS
 from wirebond.codec import Codec, load
 from wirebond.errors import LinkDownError
+from wirebond.link import open_link
+from wirebond.protocol import loads
 from wirebond.ros2.commands import Commands
+from wirebond.ros2.stalls import Stalls
 from wirebond.ros2.throttle import Throttle
+from wirebond.sim.pty_port import PtyPort
 
 
 class FakeLink:
     """Notes what is sent, as the link would encode it."""
 
-    def _sends_plain(self, _name: str) -> bool:
+    def sends_plain(self, _name: str) -> bool:
         return True
 
-    def _send_all(self, frames: list[tuple[int, bytes]]) -> list[LinkDownError | None]:
+    def send_all(self, frames: list[tuple[int, bytes]]) -> list[LinkDownError | None]:
         messages = self.codec.decoder("host").feed(b"".join(frame for _, frame in frames))
         self.sent += [(message.name, dict(message), None) for message in messages if not self.is_down]
         return [LinkDownError("the port is away") if self.is_down else None for _ in frames]
@@ -29,6 +35,7 @@ class FakeLink:
         self.codec: Codec = load(PROTOCOLS / "diffdrive.yaml")
         self.sent: list[tuple[str, dict[str, Any], float | None]] = []
         self.is_down = False
+        self.internals = SimpleNamespace(sender=self)
 
     def send(self, name: str, values: dict[str, Any], *, header: Any = None) -> None:
         if self.is_down:
@@ -40,8 +47,10 @@ class FakeLink:
         self.codec.encode(name, values)
         self.sent.append((name, values, hold))
 
-    def stop_repeating(self, name: str) -> None:
-        self.sent.append((f"no more {name}", {}, None))
+    def end_safely(self, name: str, header: dict[str, Any]) -> bool:
+        assert header == {}
+        self.sent.append((name, {"safe": True}, None))
+        return True
 
 
 @pytest.fixture
@@ -98,11 +107,78 @@ def test_link_that_is_down_is_said_and_not_raised(commands: Commands, link: Fake
 
 def test_stop_sends_the_safe_values_and_holds_what_moves_the_robot(commands: Commands, link: FakeLink) -> None:
     commands.stop("no odometry")
-    assert [entry[:2] for entry in link.sent] == [("no more velocity", {}), ("velocity", {"linear": 0, "angular": 0})]
+    assert link.sent == [("velocity", {"safe": True}, None)]
     assert not commands.send("velocity", {"linear": 0.5}, hold=0.5)
     assert commands.send("status_query", {})
     commands.resume()
     assert commands.send("velocity", {"linear": 0.5}, hold=0.5)
+
+
+SERVOS = """
+wirebond: 1
+protocol: servos
+frame:
+  - magic: 0xAA
+  - {field: servo, type: u8, default: 1, address: mcu, broadcast: 0xFE}
+  - {field: mode, type: u8, default: 0}
+  - length: u8
+  - id: u8
+  - payload: by_length
+  - check: crc-16/mcrf4xx
+messages:
+  move: {id: 1, sender: host, every: 20 ms, fields: {speed: {type: i8}}}
+deadlines: [{message: move, at: mcu, after: 200 ms, then: stop}]
+emergency_stop: {message: move, speed: 0, header: {servo: 2, mode: 3}}
+"""
+
+
+def test_stop_has_the_header_of_the_file_and_goes_to_every_address_that_was_commanded() -> None:
+    codec, line = Codec(loads(SERVOS)), PtyPort()
+    decoder, heard = codec.decoder("host"), list[tuple[int, int, int]]()
+
+    def hears(*wanted: tuple[int, int, int]) -> None:
+        end = time.monotonic() + PATIENCE
+        while not set(wanted) <= set(heard):
+            assert time.monotonic() < end, heard
+            heard.extend((m.header["servo"], m.header["mode"], m["speed"]) for m in decoder.feed(line.read(0.05)))
+
+    with open_link(codec, line.path) as link:
+        commands = Commands(link, lambda *_: None)
+        for header in (None, {"servo": 7, "mode": 1}, {"servo": 7}):
+            assert commands.send("move", {"speed": 5}, header=header)
+        assert not commands.send("move", {"speed": 5}, header={"servo": 999})
+        hears((1, 0, 5), (7, 1, 5), (7, 0, 5))
+        commands.stop("no odometry")
+        hears((1, 3, 0), (2, 3, 0), (7, 3, 0))
+        assert commands.counts["refused"] == 1
+    line.close()
+
+
+def test_what_waited_in_a_stall_is_refused_but_for_a_stop(link: FakeLink, said: list[str]) -> None:
+    now = [0.0]
+    stalls = Stalls(lambda: now[0])
+    commands = Commands(link, lambda level, text: said.append(text), why_old=lambda: stalls.why_old)  # type: ignore[arg-type]
+    for _ in range(20):  # looks as they are on a busy computer
+        now[0] += 0.4
+        stalls.look()
+        assert commands.send("velocity", {"linear": 0.5, "angular": 0.0}, hold=0.5)
+    link.sent.clear()
+    now[0] += 3.0  # until here it did not run; its other threads may come before the one that looks
+    assert not commands.send("velocity", {"linear": 0.5, "angular": 0.0}, hold=0.5)
+    stalls.look()
+    assert not commands.send("status_query", {})
+    commands.send_frames(*frames_of(link, linear=0.5, angular=0.0))
+    commands.send_frames(*frames_of(link, linear=0.0, angular=0.0))
+    commands.flush()
+    assert commands.send("velocity", {"linear": 0.0, "angular": 0.0})
+    assert [values for _, values, _ in link.sent] == 2 * [{"linear": 0.0, "angular": 0.0}]
+    assert commands.counts["refused"] == 3
+    why = "it may have waited while this node was held up for 3.0 s; publish it again if it is still meant"
+    assert said[0] == f"velocity was not sent: {why}"
+    for _ in range(11):
+        now[0] += 0.1
+        stalls.look()
+    assert commands.send("velocity", {"linear": 0.5, "angular": 0.0}, hold=0.5)
 
 
 def test_the_same_thing_is_said_once_a_second_with_how_often_it_happened() -> None:
@@ -121,7 +197,7 @@ def test_the_same_thing_is_said_once_a_second_with_how_often_it_happened() -> No
 
 
 def frames_of(link: FakeLink, **fields: float) -> tuple[int, list[bytes]]:
-    return link.codec._index_of("velocity"), [link.codec.encode("velocity", fields)]
+    return link.codec.tables.indices["velocity"], [link.codec.encode("velocity", fields)]
 
 
 def test_frames_leave_together_with_the_flush_and_before_what_is_sent_later(commands: Commands, link: FakeLink) -> None:
@@ -136,11 +212,11 @@ def test_frames_leave_together_with_the_flush_and_before_what_is_sent_later(comm
 
 def test_frame_that_waits_when_navigation_stops_is_refused(commands: Commands, link: FakeLink, said: list[str]) -> None:
     commands.send_frames(*frames_of(link, linear=0.5, angular=0.0))
-    commands.send_frames(link.codec._index_of("status_query"), [link.codec.encode("status_query")])
+    commands.send_frames(link.codec.tables.indices["status_query"], [link.codec.encode("status_query")])
     commands.stop("no odometry")
     commands.flush()
-    assert [name for name, _, _ in link.sent] == ["no more velocity", "velocity", "status_query"]
-    assert link.sent[1][1] == {"linear": 0, "angular": 0}
+    assert [name for name, _, _ in link.sent] == ["velocity", "status_query"]
+    assert link.sent[0][1] == {"safe": True}
     assert (commands.counts["sent"], commands.counts["refused"]) == (1, 1)
     assert said == ["warning: velocity was not sent: no odometry"]
 

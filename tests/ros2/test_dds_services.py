@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 
 import pytest
 from cyclonedds._clayer import ddspy_take
@@ -13,6 +12,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
+from tests.ros2.domains import own_domain
 from tests.ros2.peer import wait
 from wirebond.ros2.dds import LOOPBACK, DdsNode
 from wirebond.ros2.dds_services import any_bytes
@@ -21,7 +21,7 @@ from wirebond.ros2.types import service_type
 
 @pytest.fixture
 def domain(monkeypatch: pytest.MonkeyPatch) -> int:
-    number = 101 + os.getpid() % 100
+    number = own_domain()
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
     monkeypatch.delenv("RMW_IMPLEMENTATION", raising=False)

@@ -1,7 +1,7 @@
 """Seed 000 whole: five commands at 1 kHz twice over, every message of the MCU as topics, all at once on one link.
 
 The line is a pty that is read as fast as 2 Mbaud carry, at an eighth of all rates here; the engine's share is in
-tests/host_link/test_latest.py.
+tests/link/test_latest.py.
 """
 
 from __future__ import annotations

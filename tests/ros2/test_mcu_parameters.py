@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import threading
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.ros2.domains import own_domain
 from tests.ros2.fake_node import FakeNode
 from tests.ros2.over_rclpy import rclpy_environment
 from tests.shared import PROTOCOLS
@@ -105,7 +105,7 @@ def test_parameters_are_read_set_and_followed(axis: Axis) -> None:
 def test_ros_sets_them_over_rclpy(axis: Axis, tmp_path: Path) -> None:
     """One process has two links, whose nodes have parameters of their own in one file. A service reads one, too.
     Overrides of qualities of service, remaps and namespaces hold."""
-    environment = rclpy_environment() | {"ROS_DOMAIN_ID": str(101 + os.getpid() % 100)}
+    environment = rclpy_environment() | {"ROS_DOMAIN_ID": str(own_domain())}
     axis.is_on.set()
     protocol = PROTOCOLS / "linear_axis.yaml"
     nodes = {

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 import random
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.ros2 import stand_in_rclpy
 from tests.ros2.fake_node import FakeNode
 from tests.ros2.test_bridge import Bench
 from tests.ros2.test_mapping import ROVER, STAMP, read
@@ -18,8 +15,8 @@ from tests.shared import PROTOCOLS, ROOT
 from tests.streams import random_values
 from wirebond import Codec, MessageError, _engine
 from wirebond.codec import Message, load
-from wirebond.errors import ProtocolFileError, UsageError
-from wirebond.gen.ros2_types import interfaces
+from wirebond.errors import ProtocolFileError
+from wirebond.generate.code.ros2_types import interfaces
 from wirebond.protocol import loads
 from wirebond.protocol.model import End
 from wirebond.ros2.cdr import decode, encode
@@ -27,7 +24,7 @@ from wirebond.ros2.mapping.model import HEADER_KEY
 from wirebond.ros2.mapping.own_types import OwnTypes
 from wirebond.ros2.types import ros_type
 
-FILES = [*sorted(PROTOCOLS.glob("*.yaml")), *sorted((ROOT / "python" / "tests" / "gen").glob("every_*.yaml"))]
+FILES = [*sorted(PROTOCOLS.glob("*.yaml")), *sorted((ROOT / "tests" / "generate" / "code").glob("every_*.yaml"))]
 FLOAT32 = 1e-6  # relative
 
 
@@ -50,7 +47,7 @@ def test_every_value_arrives_in_both_directions(path: Path) -> None:
     for model in codec.model.messages:
         tree, type_ = own.tree(model.name), own.of(model.name)
         fill, plan = tree.filler(), tree.plan(model.name)
-        packer = None if plan is None else _engine.CdrPacker.make(codec._table, plan)
+        packer = None if plan is None else _engine.CdrPacker.make(codec.tables.protocol, plan)
         for _ in range(5):
             message = received(codec, model.name, random_values(model, source))
             if message is None or received(codec, model.name, message.fields) is None:
@@ -73,7 +70,7 @@ def test_bytes_are_those_of_rosbags_and_the_hash_is_that_of_ros() -> None:
     message = received(codec, "status", {"battery": 12.5, "errors": ["encoder", 0x80], "state": ["charging"]})
     assert message is not None
     plan = own.tree("status").plan("status")
-    packer = _engine.CdrPacker.make(codec._table, plan)
+    packer = _engine.CdrPacker.make(codec.tables.protocol, plan)
     assert packer is not None  # the engine makes them
     (data,) = packer.pack([message], [7_000_000_009])
     golden = "00010000 07000000 09000000 01000000 00000000 0000000000002940 90 02".replace(" ", "")
@@ -100,7 +97,7 @@ messages: {state: {id: 1, sender: both, fields: {mode: {type: i8, enum: {off: 0,
 def test_numbers_without_a_name_come_as_numbers() -> None:
     codec, newer = Codec(loads(MODES)), Codec(loads(MODES.replace("on: -1", "on: -1, fast: 7")))
     tree = OwnTypes(codec.model).tree("state")
-    packer = _engine.CdrPacker.make(codec._table, tree.plan("state"))
+    packer = _engine.CdrPacker.make(codec.tables.protocol, tree.plan("state"))
     assert packer is not None
     for given, number in (("on", -1), ("off", 0), ("fast", 7)):
         (message,) = codec.decoder(sender="mcu").feed(newer.encode("state", mode=given), t=0.0)
@@ -209,17 +206,3 @@ def test_bridge_publishes_own_types_and_sends_what_comes_as_them() -> None:
         assert bench.mcu_hears("parameter") == {"name": "max_linear", "reserved": 0, "value": 0.5}
     finally:
         bench.close()
-
-
-def test_a_package_that_is_not_built_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    stand_in_rclpy.install(monkeypatch)
-    monkeypatch.syspath_prepend(str(ROOT / "ros2" / "wirebond_ros"))
-    adapter = importlib.import_module("wirebond_ros.node")
-    try:
-        with pytest.raises(
-            UsageError, match=r"no diffdrive_msgs/Status; write its package by `wirebond gen --lang ros2`"
-        ):
-            adapter.class_of(OwnTypes(ROVER).of("status"))
-    finally:
-        for name in [name for name in sys.modules if name.split(".")[0] == "wirebond_ros"]:
-            del sys.modules[name]

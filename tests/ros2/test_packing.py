@@ -139,7 +139,7 @@ def compare(codec: Codec, messages: list[Message], draw: random.Random) -> int:
     """How many were packed by the engine."""
     packed = 0
     for topic in drawn_mappings(codec, draw):
-        packer = None if topic.plan is None else _engine.CdrPacker.make(codec._table, topic.plan)
+        packer = None if topic.plan is None else _engine.CdrPacker.make(codec.tables.protocol, topic.plan)
         for message in messages if packer is not None else ():
             stamp_ns = draw.choice(STAMPS_NS)
             (found,) = packer.pack([message], [stamp_ns])
@@ -191,7 +191,7 @@ def test_message_of_another_protocol_is_not_packed() -> None:
             {"message": "all", "topic": "t", "type": "std_msgs/UInt8", "fields": {"data": "byte"}}
         ]}), EVERYTHING.model
     ).publish  # fmt: skip
-    packer = _engine.CdrPacker.make(EVERYTHING._table, topic.plan)
+    packer = _engine.CdrPacker.make(EVERYTHING.tables.protocol, topic.plan)
     assert packer is not None
     rover = shipped("diffdrive")
     (status,) = rover.decoder("mcu").feed(rover.encode("status", battery=12.0, errors=[], state=[]))

@@ -21,10 +21,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.ros2.domains import own_domain
 from tests.ros2.over_rclpy import rclpy_environment
 from tests.ros2.peer import Peer, message, twist
 from tests.shared import PATIENCE, PROTOCOLS
-from wirebond.gen.ros2 import ros2_files
+from wirebond.generate.code.ros2 import ros2_files
 from wirebond.protocol import load
 from wirebond.ros2.dds import LOOPBACK
 from wirebond.ros2.types import ros_type, types_from
@@ -106,7 +107,7 @@ class Served:
 @pytest.fixture(scope="module")
 def domain() -> Iterator[int]:
     """A domain that no other process has, on this computer alone."""
-    number = 1 + os.getpid() % 100
+    number = own_domain()
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(number))
         patch.setenv("CYCLONEDDS_URI", LOOPBACK)
@@ -240,6 +241,9 @@ def test_ros_sees_a_node_with_its_topics_and_the_hashes_of_their_types(peer: Pee
             data = next((policy.data for policy in endpoint.qos if type(policy).__name__ == "Userdata"), b"")
             found[endpoint.topic_name] = endpoint.type_name, data
             assert endpoint.topic_name == "ros_discovery_info" or endpoint.key.bytes in writers
+    told = ros_type("rmw_dds_common/ParticipantEntitiesInfo")
+    assert told is not None
+    assert found["ros_discovery_info"] == (told.dds_name, f"typehash={told.hash};".encode())
     for topic, type_name in (topics | LATCHED).items():
         type_ = GENERATED.get(type_name) or ros_type(type_name)
         assert type_ is not None
@@ -284,7 +288,7 @@ def test_what_the_rover_says_becomes_topics(peer: Peer, topics: dict[str, str]) 
 def test_e_stop_is_latched_and_errors_have_words(peer: Peer, robot: rover.RoverProcess) -> None:
     robot.tell("estop on")
     peer.wait(lambda: peer.seen["/estop"] and peer.seen["/estop"][-1].data)
-    late = Peer(1 + os.getpid() % 100)
+    late = Peer(own_domain())
     late.listen("/estop", "std_msgs/Bool", latched=True)
     assert late.wait(lambda: late.seen["/estop"])[0].data
     robot.tell("estop off")
@@ -328,6 +332,32 @@ def test_frames_of_a_topic_are_sent_under_the_same_rules(driving: Peer) -> None:
     driving.wait(lambda: said(driving, "11 of its 11 bytes are no frame of diffdrive"))
     facts = driving.wait(lambda: diagnosed(driving, "serial_tx_data", "in the last second bytes came that are no"))
     assert facts["bytes: check mismatch"] == "11"
+    stand_still(driving)
+
+
+def test_safe_mode_of_the_mcu_is_told_and_ends_by_a_topic(driving: Peer, robot: rover.RoverProcess) -> None:
+    """By the start guide: drive, pause for longer than the deadline, drive on."""
+
+    def is_fast() -> bool:
+        driving.publish("/cmd_vel", twist(0.5, 0.0))
+        return bool(driving.seen["/odom"][-1].twist.twist.linear.x > 0.4)
+
+    driving.wait(is_fast)
+    driving.wait(lambda: diagnosed(driving, "commands", "the MCU is in safe_mode and ignores velocity"))
+    driving.wait(lambda: said(driving, "to end safe_mode: ros2 topic pub --once /diffdrive/recover std_msgs/msg/Empty"))
+    robot.events()
+
+    def is_held_back() -> bool:
+        driving.publish("/cmd_vel", twist(0.5, 0.0))
+        return diagnosed(driving, "commands", "ignores velocity")["held back by the MCU"] != "0"
+
+    driving.wait(is_held_back)
+    assert driving.seen["/odom"][-1].twist.twist.linear.x == 0
+    driving.advertise("/diffdrive/recover", "std_msgs/Empty")
+    driving.wait(lambda: driving.is_heard("/diffdrive/recover"))
+    driving.publish("/diffdrive/recover", message("std_msgs/Empty"))
+    driving.wait(is_fast)
+    driving.wait(lambda: said(driving, "safe_mode is over"))
     stand_still(driving)
 
 

@@ -144,7 +144,7 @@ def test_reply_that_does_not_come_is_told_and_counted(cart: Cart) -> None:
     cart.result = ""
     success, message = cart.call("/motors_enabled", data=True)
     assert not success
-    assert message.startswith("no enabled within 0.3 s of enable. ")
+    assert message.startswith("no enabled within 0.3 s of enable; nothing arrived meanwhile. ")
     assert cart.bridge.commands.counts["unanswered"] == 1
     assert cart.node.answer["/quiet"]({}) == {
         "structure_needs_at_least_one_member": 0

@@ -19,8 +19,8 @@ import wirebond
 from tests.server.conftest import Served, wait_until
 from tests.shared import PATIENCE, PROTOCOLS
 from wirebond import recording as recordings
-from wirebond.attach import words
 from wirebond.cli.main import main
+from wirebond.link.attached import words
 from wirebond.link.tap import TAP_BYTES
 
 DIFFDRIVE = str(PROTOCOLS / "diffdrive.yaml")

@@ -24,8 +24,8 @@ import pytest
 import wirebond
 from tests.server.conftest import Served, wait_until
 from tests.shared import PATIENCE, PROTOCOLS, ROOT, account_closes, few_or_many
-from wirebond import LinkDownError, PortError, UsageError
-from wirebond.attach import words
+from wirebond import LinkDownError, NotInControlError, PortError, UsageError
+from wirebond.link.attached import words
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
 
@@ -168,6 +168,36 @@ def test_a_client_needs_only_a_socket_and_json(served: Served) -> None:
         refused = client.ask(do="send", message="velocity", fields={"linear": 99, "angular": 0}, tick=tick)
         assert refused["error"] == "message"
         assert "velocity.linear = 99 m/s is outside" in refused["text"]
+
+
+KEYS = """
+wirebond: 1
+protocol: keys
+frame: [magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+messages:
+  keys:
+    id: 1
+    sender: host
+    fields:
+      own:    {type: bytes, size: 2}
+      others: {group: {count: to_end, max: 4, fields: {key: {type: bytes, size: 1}}}}
+"""
+
+
+def test_bytes_in_json_are_hexadecimal_digits(tmp_path: Path) -> None:
+    proto, pty = wirebond.Codec(wirebond.protocol.loads(KEYS)), PtyPort()
+    with wirebond.open(proto, pty.path) as link, Server(link, tmp_path / "s.sock") as server:
+        served = Served(proto, pty, link, server, "")
+        with json_client(served) as client:
+            fields = {"own": "01ff", "others": [{"key": "A0"}, {"key": "a1"}]}
+            assert client.ask(do="send", message="keys", fields=fields) == {"re": 77, "ok": None}
+            found: list[wirebond.Message] = []
+            wait_until(lambda: found.extend(served.sent()) or found)
+            assert found[0].fields == {"own": b"\x01\xff", "others": [{"key": b"\xa0"}, {"key": b"\xa1"}]}
+            wrong = client.ask(do="send", message="keys", fields={**fields, "own": "0g"})
+            assert wrong["text"] == "keys: own is '0g'; expected bytes as hexadecimal digits"
+            assert "十六进制" in wrong["text_zh"]
+    pty.close()
 
 
 def test_the_client_in_the_manual_compiles_and_shows_messages(served: Served, tmp_path: Path) -> None:
@@ -331,9 +361,14 @@ def test_a_wrong_token_is_refused(served: Served, tmp_path: Path, token: str) ->
             assert link.state == "stale"
 
 
-def test_beyond_this_computer_a_token_is_made(served: Served) -> None:
-    with Server(served.link, tcp=("0.0.0.0", 0)) as server:
+@pytest.mark.parametrize("host", ["0.0.0.0", "127.0.0.1"])
+def test_a_token_is_made_for_tcp_on_loopback_too(served: Served, host: str) -> None:
+    with Server(served.link, tcp=(host, 0)) as server:
         assert len(server.token or "") > 16
+        with pytest.raises(PortError, match="the token is missing or wrong"):
+            wirebond.open(f"wirebond://127.0.0.1:{server.port}")
+        with wirebond.open(f"wirebond://127.0.0.1:{server.port}?token={server.token}") as link:
+            assert link.state == "stale"
 
 
 @pytest.mark.parametrize(
@@ -386,7 +421,7 @@ def test_a_reply_whose_answer_leaves_before_it_comes_reaches_the_client(
 
     monkeypatch.setattr(owner, "note_answer", note_and_give)
     with served.attach() as link:
-        wait = link._start_request("status_query", {}, PATIENCE)
+        wait = link.begin_request("status_query", {}, PATIENCE)
         wait_until(served.sent, "the request leaves")
         served.pty.write(served.codec.encode("status", battery=12.0, errors=[], state=[]))
         assert wait()["battery"] == 12
@@ -406,6 +441,10 @@ def test_an_attached_link_comes_back_when_the_server_does(tmp_path: Path) -> Non
                 link.send("velocity", linear=0.5, angular=0.0)
             with Server(own, path):
                 wait_until(lambda: link.state != "down")
+                assert link.control.holder is None
+                with pytest.raises(NotInControlError, match=r"take_control\(\)"):
+                    link.send("velocity", linear=0.25, angular=0.0)
+                link.take_control()
                 link.send("velocity", linear=0.25, angular=0.0)
     pty.close()
 

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import json
+import re
 import signal
+import socket
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 import wirebond
 from tests.relay import Relay
 from tests.server.conftest import Served, Writer, wait_until
+from tests.shared import PATIENCE, codec
 from wirebond import NotInControlError, StoppedError
-from wirebond.attach import words
+from wirebond.link.attached import words
+from wirebond.link.attached.attached_link import AttachedLink
+from wirebond.protocol import loads
+from wirebond.server import Server
 from wirebond.server.control import ControlBook
+from wirebond.sim.pty_port import PtyPort
 
 SAFE = 0.0  # m/s
 
@@ -48,6 +59,19 @@ def test_taking_over_is_explicit_and_sends_the_safe_value_between(served: Served
         assert found.index(SAFE) < found.index(0.25)
         assert set(found[: found.index(SAFE)]) == {0.5}
         assert set(found[found.index(SAFE) :]) == {SAFE, 0.25}
+        wait_until(lambda: not first.control.is_own)
+
+
+def test_control_is_taken_over_only_from_the_program_that_is_named(served: Served) -> None:
+    with served.attach() as first, served.attach() as second:
+        first.take_control()
+        name = first.control.holder
+        assert name is not None
+        with pytest.raises(NotInControlError, match=re.escape(f"{name} is in control of the robot by now, not pad")):
+            second.take_control(over="pad")
+        assert first.control.is_own
+        second.take_control(over=name)
+        assert second.control.is_own
         wait_until(lambda: not first.control.is_own)
 
 
@@ -89,6 +113,32 @@ def test_the_end_of_a_program_ends_its_leases_at_once(served: Served) -> None:
         assert speeds(served.sent(0.2)) == []
 
 
+@pytest.mark.parametrize("end", ["close", "release"])
+def test_an_orderly_end_of_control_stops_what_was_sent(served: Served, end: str) -> None:
+    with served.attach() as watcher:
+        driver = served.attach()
+        driver.send("velocity", linear=0.5, angular=0.0)
+        if end == "close":
+            driver.close()
+        else:
+            driver.release_control()
+        wait_until(lambda: watcher.control.holder is None)
+        assert speeds(served.sent(0.1)) == [0.5, SAFE]
+        driver.close()
+    assert speeds(served.sent(0.1)) == []  # once is enough
+
+
+def test_a_client_that_hands_over_leaves_the_robot_moving(served: Served) -> None:
+    with served.attach() as watcher:
+        with served.attach() as driver:
+            driver.send("velocity", linear=0.5, angular=0.0)
+            driver.hand_over()
+        wait_until(lambda: watcher.control.holder is None)
+        assert speeds(served.sent(0.1)) == [0.5]
+        watcher.send("velocity", linear=0.25, angular=0.0)  # the program that goes on
+    assert speeds(served.sent(0.1)) == [0.25, SAFE]
+
+
 @pytest.mark.parametrize("how", ["send", "repeat"])
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_program_that_is_killed_or_stopped_cannot_leave_the_robot_driving(
@@ -114,7 +164,7 @@ def test_a_program_whose_packets_are_dropped_without_a_close_is_silent(
     served: Served, start_writer: Callable[..., Writer]
 ) -> None:
     with Relay(served.server.port or 0) as relay:
-        start_writer("repeat", f"wirebond://127.0.0.1:{relay.port}")
+        start_writer("repeat", f"wirebond://127.0.0.1:{relay.port}?token={served.server.token}")
         served.sent(0.1)
         relay.drops.set()
         seen: list[float] = []
@@ -130,6 +180,176 @@ def book_of_two() -> ControlBook:
     for client in "ab":
         book.add(client, f"program {client}", asks=False, now=0.0)
     return book
+
+
+class Raw:
+    """A client as bytes on a socket, for what the library never sends."""
+
+    def __init__(self, served: Served) -> None:
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._socket.settimeout(PATIENCE)
+        self._socket.connect(served.server.path or "")
+        self._splitter = words.Splitter(words.MOST_TO_CLIENT)
+        self.tick = 0
+        self.number = 0
+        self.ask(words.Attach(messages="none"))
+
+    def write(self, request: words._Request) -> None:
+        self.number += 1
+        request.id = self.number
+        self._socket.sendall(words.json_message(request))
+
+    def ask(self, request: words._Request) -> dict[str, Any]:
+        """The answer; ``tick`` is the newest that came until then."""
+        self.write(request)
+        return self.answer()
+
+    def answer(self) -> dict[str, Any]:
+        """That to the newest request."""
+        while True:
+            for _, body in self._splitter.feed(self._socket.recv(1 << 16)):
+                said = json.loads(body)
+                self.tick = said.get("tick", self.tick)
+                if said.get("re") == self.number:
+                    return said
+
+    def command(self, speed: float) -> words.Send:
+        return words.Send(message="velocity", fields={"linear": speed, "angular": 0.0}, tick=self.tick)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+@pytest.fixture
+def raw(served: Served) -> Iterator[Raw]:
+    client = Raw(served)
+    yield client
+    client.close()
+
+
+@pytest.mark.parametrize("end", ["killed", "runs"])
+def test_what_came_while_the_server_was_stalled_does_not_drive(served: Served, raw: Raw, end: str) -> None:
+    wait_until(lambda: "ok" in raw.ask(raw.command(0.5)))  # with the newest tick
+    stalled, goes_on = threading.Event(), threading.Event()
+    served.server._owner.loop.call_soon_threadsafe(lambda: (stalled.set(), goes_on.wait(PATIENCE)))
+    assert stalled.wait(PATIENCE)
+    assert set(speeds(served.sent(0.05))) == {0.5}
+    for _ in range(20):
+        raw.write(raw.command(0.25))
+    if end == "killed":
+        raw.close()
+    time.sleep(words.OLDEST_COMMAND + words.TICK_EVERY + 0.1)
+    goes_on.set()
+    wait_until(lambda: served.server.holder is None)
+    assert speeds(served.sent(0.2)) == [SAFE]
+    if end == "runs":
+        assert raw.ask(raw.command(0.25))["error"] in ("late", "not_in_control")
+
+
+@pytest.mark.parametrize("request_", [words.Take(over=True), words.ReleaseStop(over=True)])
+def test_what_lets_the_robot_move_does_not_act_after_a_stall(
+    served: Served, raw: Raw, request_: words.Take | words.ReleaseStop
+) -> None:
+    """Its program may have given up, and somebody may have stopped the robot since."""
+    raw.ask(words.Stop())
+    request_.tick = raw.tick
+    stalled, goes_on = threading.Event(), threading.Event()
+    served.server._owner.loop.call_soon_threadsafe(lambda: (stalled.set(), goes_on.wait(PATIENCE)))
+    assert stalled.wait(PATIENCE)
+    raw.write(request_)
+    time.sleep(words.OLDEST_COMMAND + words.TICK_EVERY + 0.1)
+    goes_on.set()
+    assert raw.answer()["error"] == "late"
+    assert served.link.stopped
+    assert served.server.holder is None
+
+
+def test_a_program_that_still_waits_takes_control_and_releases_after_a_stall(served: Served) -> None:
+    with served.attach() as link:
+        link.emergency_stop()
+        engine = link.internals.engine
+        assert isinstance(engine, AttachedLink)
+        engine._tick = 0  # long ago, until the next tick comes
+        wait_until(lambda: served.server._owner.book.ticks.age(0, time.monotonic()) > words.OLDEST_COMMAND)
+        engine._tick = 0
+        link.release_stop()
+        engine._tick = 0
+        link.take_control()
+        assert link.control.is_own
+
+
+# The MCU answers `move` and `ask` with messages of one id, so that a request waits for the reply to the one before.
+_ASKED_IN_TURN = """
+wirebond: 1
+protocol: arm
+link: {baud: 115200}
+frame: [magic: 0xAA 0x55, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+messages:
+  move: {id: 1, sender: host, reply: moved, fields: {speed: {type: i16}}}
+  ask: {id: 2, sender: host, reply: asked}
+  moved: {id: 3, sender: mcu, fields: {speed: {type: i16}}}
+  asked: {id: 3, sender: mcu, fields: {place: {type: i16}}}
+deadlines: [{message: move, at: mcu, after: 1 s, then: stop}]
+emergency_stop: {message: move, speed: 0}
+"""
+
+
+@pytest.mark.parametrize("end", ["killed", "taken over", "waits for long"])
+def test_a_command_that_waits_for_its_turn_leaves_only_in_control_and_in_time(tmp_path: Path, end: str) -> None:
+    proto, pty = wirebond.Codec(loads(_ASKED_IN_TURN)), PtyPort()
+    path = tmp_path / "server.sock"
+    with wirebond.open(proto, pty.path) as link, Server(link, path) as server:
+        served = Served(proto, pty, link, server, f"wirebond://{path}")
+        with served.attach() as other:
+            raw, asks = Raw(served), Raw(served)
+            asks.ask(words.Send(message="ask", fields={}, tick=asks.tick, reply=60))
+            move = words.Send(message="move", fields={"speed": 5}, tick=raw.tick, reply=60)
+            assert "ok" in raw.ask(move)  # its turn comes when `ask` is answered
+            if end == "killed":
+                raw.close()
+                wait_until(lambda: server.holder is None)
+            elif end == "taken over":
+                other.take_control(over=True)
+            else:
+                beats = time.monotonic() + words.OLDEST_COMMAND + 0.05
+                while time.monotonic() < beats:
+                    raw.ask(words.Ask(what="state"))
+                    raw.write(words.Beat(tick=raw.tick))
+            pty.write(proto.encode("asked", place=1))
+            wait_until(lambda: link.stats.receive.frames > 0)
+            asks.ask(words.Ask(what="stats"))
+            assert [m["speed"] for m in served.sent(0.2) if m.name == "move" and m["speed"]] == []
+            asks.close()
+            if end != "killed":
+                raw.close()
+    pty.close()
+
+
+def test_a_program_whose_server_dies_as_it_takes_control_must_take_it_again(tmp_path: Path) -> None:
+    proto, pty, path = codec("diffdrive"), PtyPort(), tmp_path / "server.sock"
+    with wirebond.open(proto, pty.path) as own:
+        server = Server(own, path)
+        with wirebond.open(proto, f"wirebond://{path}") as link:
+            engine = link.internals.engine
+            assert isinstance(engine, AttachedLink)
+            exchange = engine._exchange
+
+            def dies(request: words._Request, *rest: Any) -> dict[str, Any]:
+                answer = exchange(request, *rest)
+                server.close()
+                wait_until(lambda: link.state == "down")
+                return answer
+
+            engine._exchange = dies  # type: ignore[method-assign]
+            link.take_control()
+            engine._exchange = exchange  # type: ignore[method-assign]
+            with Server(own, path):
+                wait_until(lambda: link.state != "down")
+                with pytest.raises(NotInControlError):
+                    link.send("velocity", linear=0.5, angular=0.0)
+                link.take_control()
+                link.send("velocity", linear=0.5, angular=0.0)
+    pty.close()
 
 
 def test_silence_ends_control_within_its_time() -> None:
@@ -157,6 +377,15 @@ def test_a_command_that_was_under_way_for_long_is_refused() -> None:
     assert refused[0] == "late"
     assert book.holder is None
     assert book.refuses("a", book.ticks.newest, now) is None
+
+
+def test_a_command_with_the_newest_tick_is_old_if_no_tick_was_made_for_long() -> None:
+    book = book_of_two()
+    newest = book.ticks.next(0.0)
+    assert book.refuses("a", newest, words.TICK_EVERY + words.OLDEST_COMMAND) is None
+    refused = book.refuses("a", newest, words.TICK_EVERY + words.OLDEST_COMMAND + 0.001)
+    assert refused is not None
+    assert refused[0] == "late"
 
 
 def test_beats_that_come_late_in_one_burst_show_nothing() -> None:

@@ -14,7 +14,7 @@ import wirebond
 from tests.server.conftest import wait_until
 from tests.shared import PROTOCOLS
 from wirebond import recording as recordings
-from wirebond.attach import words
+from wirebond.link.attached import words
 from wirebond.server import Server
 
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
@@ -112,9 +112,10 @@ def test_notes_stay_in_the_file_and_public_tools_read_them(server: Server, tmp_p
         summary = reader.get_summary()
         assert summary is not None
         assert summary.statistics is not None
-        assert summary.statistics.metadata_count == len(summary.metadata_indexes) == 4
-        assert [m.metadata.get("text") for m in reader.iter_metadata()] == [None, "note 0", "note 1", "note 2"]
-        assert len(list(reader.iter_attachments())) == 1
+        assert summary.statistics.metadata_count == len(summary.metadata_indexes) == 5
+        found = [m.metadata.get("text") for m in reader.iter_metadata()]
+        assert found == [None, None, "note 0", "note 1", "note 2"]  # the facts and the file are stored twice
+        assert len(list(reader.iter_attachments())) == 2
         count = summary.statistics.message_count
     assert count == sum(1 for _ in mcap.reader.make_reader(path.open("rb")).iter_messages())
     before = path.read_bytes()
@@ -172,7 +173,7 @@ def test_requests_that_wait_for_the_disk_are_bounded(server: Server) -> None:
     for number in range(2, 502):
         watcher.ask(do="recordings", id=number)
     answers = [watcher.until(re=number) for number in range(2, 502)]
-    assert {tuple(sorted(answer)) for answer in answers} <= {("ok", "re"), ("error", "re", "text")}
+    assert {tuple(sorted(answer)) for answer in answers} <= {("ok", "re"), ("error", "re", "text", "text_zh")}
     assert any("ok" in answer for answer in answers)
     assert {answer["error"] for answer in answers if "error" in answer} <= {"full"}
     watcher.close()

@@ -1,4 +1,5 @@
 // Which fields are plotted where. Kept for each protocol in this browser, and shared as a file.
+import { chooseColours, COLOURS } from "../colours";
 import { columnsOf, type Field, type Protocol } from "../protocol";
 
 export interface PlotLayout {
@@ -11,6 +12,7 @@ export interface LayoutFile {
   seconds: number;
   table?: boolean;
   plots: { fields: string[] }[];
+  colours?: Record<string, number>; // of fields
 }
 const DEFAULT_SECONDS = 10;
 const MOST_FIELDS = 64; // of all plots, as the server allows
@@ -21,6 +23,8 @@ export class Layout {
   plots = $state<PlotLayout[]>([]);
   seconds = $state(DEFAULT_SECONDS);
   hasTable = $state(false);
+  /** Of each plotted field: which colour it has in all plots. */
+  colours = $state.raw<ReadonlyMap<string, number>>(new Map());
   private protocol = "";
   private next = 1;
 
@@ -38,6 +42,7 @@ export class Layout {
       // an unreadable layout is as none
     }
     this.plots = [];
+    this.colours = new Map();
     const regular = columnsOf(protocol).filter(
       ({ message, field }) => message.sender === "mcu" && message.every !== null && field.kind === "number",
     );
@@ -47,6 +52,7 @@ export class Layout {
       byUnit.set(key, [...(byUnit.get(key) ?? []), column]);
     }
     for (const fields of [...byUnit.values()].slice(0, 3)) this.plots.push({ id: this.newId(), fields });
+    this.colour();
   }
 
   add(fields: string[] = []): void {
@@ -89,7 +95,8 @@ export class Layout {
 
   file(): LayoutFile {
     const plots = this.plots.map(({ fields }) => ({ fields: [...fields] }));
-    return { wirebond_layout: 1, protocol: this.protocol, seconds: this.seconds, table: this.hasTable, plots };
+    const { protocol, seconds, hasTable: table } = this;
+    return { wirebond_layout: 1, protocol, seconds, table, plots, colours: Object.fromEntries(this.colours) };
   }
 
   /** Takes a layout over. Returns the fields that this protocol does not have. Throws with what is wrong with it. */
@@ -104,12 +111,23 @@ export class Layout {
       return { id: this.newId(), fields: fields.filter((field) => known.has(field)) };
     });
     this.hasTable = layout.table === true;
+    const colours = Object.entries(layout.colours ?? {});
+    this.colours = new Map(colours.filter(([, index]) => Number.isInteger(index) && index >= 0 && index < COLOURS));
+    this.colour();
     if (typeof layout.seconds === "number" && layout.seconds > 0) this.seconds = layout.seconds;
     return missing;
   }
 
   save(): void {
+    this.colour();
     localStorage.setItem(this.key(), JSON.stringify(this.file()));
+  }
+
+  private colour(): void {
+    this.colours = chooseColours(
+      this.plots.map(({ fields }) => fields),
+      this.colours,
+    );
   }
 
   private key = () => `wirebond.layout.${this.protocol}`;
@@ -117,12 +135,12 @@ export class Layout {
 }
 export const layout = new Layout();
 
-/** Each column of a protocol with its field, and its place, which decides its colour everywhere. */
-export function columnTable(protocol: Protocol | null): Map<string, { field: Field; index: number }> {
-  const table = new Map<string, { field: Field; index: number }>();
-  if (protocol)
-    columnsOf(protocol)
+/** Each column of a protocol that can be plotted, with its field. */
+export function columnTable(protocol: Protocol | null): Map<string, Field> {
+  const all = protocol ? columnsOf(protocol) : [];
+  return new Map(
+    all
       .filter(({ field }) => field.kind !== "text" && field.kind !== "bytes")
-      .forEach(({ column, field }, index) => table.set(column, { field, index }));
-  return table;
+      .map(({ column, field }) => [column, field]),
+  );
 }

@@ -1,6 +1,7 @@
 // What the server shows: link, table, frames, events, batches of plots; live or of a recording. Views say what they want
 // to see while they are there, and read it here.
 import { address, get } from "../http";
+import { joined } from "../marks";
 import { clockText, type Protocol } from "../protocol";
 import {
   Views,
@@ -13,19 +14,32 @@ import {
   type Wish,
 } from "../views";
 import { place } from "./place.svelte";
+import { said } from "./words.svelte";
 
 const MOST_EVENTS = 300;
-const NONE: Wish = { link: true, messages: null, frames: null, events: true, plots: [], source: "live" };
+const MOST_MARKS = 20_000;
+const LOOK_EVERY = 200; // ms between two steps of the ages
+const NONE: Wish = { link: true, messages: null, frames: null, events: true, marks: true, plots: [], source: "live" };
 
 class Live {
   isOpen = $state(false);
+  /** Does the page receive what the server says? False: what it shows is the past. */
+  isHeard = $state(false);
+  /** Seconds since anything came from the server, in steps; null: nothing ever did. */
+  silence = $state<number | null>(null);
+  /** Seconds since the newest report about the link: a server that reads a large recording sends none meanwhile. */
+  age = $state(0);
   why = $state("");
   hasToken = $state(true); // false: the server refused it
   link = $state.raw<LinkView | null>(null);
+  /** Is the emergency stop latched, as far as this page was told? Kept while the server is not heard. */
+  stopped = $state(false);
   rows = $state.raw<Row[]>([]);
   rowsAt = $state(0); // the server's time of `rows`
   entries = $state.raw<Entry[]>([]);
   events = $state.raw<LinkEvent[]>([]);
+  /** What is marked on a line of time; of a recording all of it, wherever the reader is. */
+  marks = $state.raw<LinkEvent[]>([]);
   recording = $state.raw<{ name: string; from: number; to: number; problems: string[] } | null>(null);
   protocol = $state.raw<Protocol | null>(null); // of the link
   private recorded = $state.raw<{ name: string; protocol: Protocol | null }>({ name: "", protocol: null });
@@ -38,11 +52,18 @@ class Live {
   private readonly onBatch = new Set<(batch: Batch) => void>();
   private wallAhead = $state(0); // of the server's clock: its seconds since 1970 less its seconds of `t`
   private readonly clock = { server: 0, page: 0 };
+  private heardAt = -Infinity;
+  private linkAt = -Infinity;
   private readonly views = new Views(
     address("views", "ws"),
     () => place.token,
     {
       open: (isOpen, why) => this.setOpen(isOpen, why),
+      heard: () => (this.heardAt = performance.now()),
+      silent: (isSilent) => {
+        this.isHeard = !isSilent;
+        this.look();
+      },
       text: (view, message) => this.take(view, message),
       batch: (batch) => {
         this.note(batch.now);
@@ -54,6 +75,7 @@ class Live {
 
   start(): void {
     this.views.connect();
+    setInterval(() => this.look(), LOOK_EVERY);
   }
 
   /** The server's time now, as well as this page knows it. */
@@ -63,12 +85,17 @@ class Live {
 
   /** A time of what is shown, in words: of day; in a recording seconds since its start. */
   timeText(t: number, digits = 3): string {
-    return this.recording === null ? clockText(t + this.wallAhead, Math.min(3, digits)) : t.toFixed(digits);
+    return this.recorded.name ? `${t.toFixed(digits)} s` : this.clockText(t, digits);
   }
 
-  /** Is the newest that was shown older than it should be? Then nothing on the page is the present. */
-  isFresh(): boolean {
-    return this.isOpen && performance.now() - this.clock.page < 1500;
+  /** The same on an axis, whose values need no unit each. */
+  tickText(t: number, digits: number): string {
+    return this.recorded.name ? t.toFixed(digits) : this.clockText(t, digits);
+  }
+
+  /** The time of day of something live, whatever is shown beside it. */
+  clockText(t: number, digits = 3): string {
+    return clockText(t + this.wallAhead, Math.min(3, digits));
   }
 
   /** Changes what is wanted; goes out once, after what else this turn of the loop wants. */
@@ -102,11 +129,11 @@ class Live {
 
   /** Shows this recording in place of the link; empty: the link again. */
   async showRecording(name: string): Promise<void> {
-    if (name !== this.recorded.name) this.events = this.rows = []; // they are of what was shown before
+    if (name !== this.recorded.name) this.events = this.marks = this.rows = []; // they are of what was shown before
     this.recording = null;
     this.problem = "";
     this.recorded = { name, protocol: null };
-    this.want(name ? { source: { recording: name }, at: undefined } : { source: "live", at: undefined });
+    this.want({ source: name ? { recording: name } : "live" });
     if (!name) return;
     try {
       const protocol = await get<Protocol>(`api/protocol?recording=${encodeURIComponent(name)}`);
@@ -116,8 +143,15 @@ class Live {
     }
   }
 
+  private look(): void {
+    const now = performance.now();
+    this.silence = this.heardAt === -Infinity ? null : (now - this.heardAt) / 1000;
+    this.age = this.link === null ? 0 : (now - this.linkAt) / 1000;
+  }
+
   private setOpen(isOpen: boolean, why: string): void {
-    this.isOpen = isOpen;
+    this.isOpen = this.isHeard = isOpen;
+    this.look();
     this.why = why;
     if (isOpen) {
       this.hasToken = true;
@@ -143,6 +177,9 @@ class Live {
     switch (view) {
       case "link":
         this.link = message as unknown as LinkView;
+        this.linkAt = performance.now();
+        this.stopped = this.link.stopped ?? false;
+        this.age = 0;
         this.note(message.t);
         this.wallAhead = (message.wall as number) - (message.t as number);
         if (this.link.connected && this.link.hash !== this.protocolHash) {
@@ -162,12 +199,17 @@ class Live {
         this.events = message.replace ? news : [...this.events, ...news].slice(-MOST_EVENTS);
         return;
       }
+      case "marks": {
+        const news = message.marks as LinkEvent[];
+        this.marks = message.replace ? news : joined(this.marks, news).slice(-MOST_MARKS);
+        return;
+      }
       case "recording":
         this.recording = message as unknown as NonNullable<Live["recording"]>;
         return;
       case "error":
         if (message.error === "token") this.hasToken = false;
-        this.problem = (message.text as string) ?? "";
+        this.problem = said(message, "text");
     }
   }
 }

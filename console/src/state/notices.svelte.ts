@@ -14,12 +14,9 @@ class Notices {
 
   say(text: string, tone: Notice["tone"] = "calm"): void {
     const same = this.all.find((notice) => notice.text === text);
-    if (same) {
-      same.count++;
-      return;
-    }
-    const id = this.next++;
-    this.all = [...this.all.slice(1 - MOST), { id, text, tone, count: 1 }];
+    const id = this.next++; // of one that is said again, too: it stays as long as a new one
+    const count = same ? same.count + 1 : 1;
+    this.all = [...this.all.filter((notice) => notice !== same).slice(1 - MOST), { id, text, tone, count }];
     setTimeout(() => this.drop(id), STAY);
   }
 

@@ -25,10 +25,13 @@ class PlaceState {
     location.reload();
   }
 
-  /** Shows another view, of the same recording; what belonged to the last one alone goes. */
+  /** Shows another view, of the same recording at the same position, with the same range; what belonged to the last view
+   *  alone goes. */
   open(view: ViewName, more: Partial<Place> = {}): void {
     clearTimeout(this.timer);
-    this.now = { view, recording: this.now.recording, ...more };
+    const { recording, at, from, to } = this.now;
+    const isSame = !("recording" in more) || more.recording === recording;
+    this.now = { view, ...(recording && isSame ? { recording, at, from, to } : {}), ...more };
     history.pushState(null, "", writePlace(this.now));
   }
 

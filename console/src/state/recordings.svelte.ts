@@ -1,6 +1,5 @@
 // The server's recordings, and which one is shown in place of the live link.
 import { get } from "../http";
-import type { LinkEvent } from "../views";
 import { live } from "./live.svelte";
 import { place } from "./place.svelte";
 
@@ -24,10 +23,8 @@ class Recordings {
   all = $state.raw<Recorded[]>([]);
   folder = $state("");
   problem = $state("");
-  /** What happened in all of it; `live.events` ends where the reader is. */
-  happened = $state.raw<LinkEvent[]>([]);
-  /** Where the reader is in the recording; null: at its end. */
-  at = $state<number | null>(null);
+  /** Where the reader is in the recording; null: at its end, or none is shown. */
+  readonly at = $derived(place.now.recording === undefined ? null : (place.now.at ?? null));
 
   async load(): Promise<void> {
     try {
@@ -45,24 +42,21 @@ class Recordings {
   }
 
   close(): void {
-    place.set({ recording: undefined, from: undefined, to: undefined });
+    place.set({ recording: undefined, at: undefined, from: undefined, to: undefined });
   }
 
   /** Follows the address: asks the server for the recording that it names, or for the live link. */
   follow(): void {
-    this.at = null;
-    this.happened = [];
     void live.showRecording(place.now.recording ?? "");
   }
 
-  /** Keeps what happened in the whole recording: at its end, all of it is shown. */
-  keep(): void {
-    if (this.at === null && live.recording) this.happened = live.events;
+  /** Follows the address: asks for what is shown to be of its position. */
+  seek(): void {
+    live.want({ at: this.at ?? undefined });
   }
 
   scrub(at: number): void {
-    this.at = at;
-    live.want({ at });
+    place.slide({ at });
   }
 }
 export const recordings = new Recordings();

@@ -1,5 +1,6 @@
 // A value that is renewed while somebody wants it, and ends with its safe value when not. The server's lease is short: a
 // page that is gone renews nothing, and the robot stops by itself.
+import { Refusal } from "../link";
 import { session } from "./session.svelte";
 import { notices } from "./notices.svelte";
 import { live } from "./live.svelte";
@@ -7,6 +8,12 @@ import { addressOf, type Header, type Message } from "../protocol";
 
 const RENEW = 50; // ms between two renewals
 const HOLD = 0.2; // seconds that the server repeats without one
+const running = new Set<Repeat>();
+
+/** What repeats this message to this device ends without a safe value: another value of it is sent now. */
+export function giveWay(message: Message, header: Header | undefined, to: Repeat | null = null): void {
+  for (const one of [...running]) if (one !== to && one.isOf(message, header)) one.giveWay();
+}
 
 export class Repeat {
   isOn = $state(false);
@@ -15,11 +22,20 @@ export class Repeat {
   private header: Header | undefined;
   private message: Message | null = null;
   private waits = 0;
+  private isPatient = false;
 
-  /** Begins, or changes what is repeated. Without an `every` in the file the page sends each `every_ms` itself. */
-  set(message: Message, values: Record<string, unknown>, every_ms = RENEW, header?: Header): void {
-    const isSame = this.message?.name === message.name && this.address() === addressOf(live.protocol, header ?? {});
-    if (!isSame) this.end(); // what another device was sent does not go on
+  /** Begins, or changes what is repeated. Without an `every` in the file the page sends each `every_ms` itself.
+   *  `isPatient`: goes on when the network was late; only for values that stop the robot. */
+  set(
+    message: Message,
+    values: Record<string, unknown>,
+    every_ms = RENEW,
+    header?: Header,
+    { isPatient = false } = {},
+  ): void {
+    if (!this.isOf(message, header)) this.end(); // what another device was sent does not go on
+    giveWay(message, header, this);
+    this.isPatient = isPatient;
     this.values = values;
     this.header = header;
     if (this.isOn) {
@@ -28,6 +44,7 @@ export class Repeat {
     }
     this.message = message;
     this.isOn = true;
+    running.add(this);
     this.waits = 0;
     this.renew();
     this.timer = setInterval(() => this.renew(), message.every === null ? every_ms : RENEW);
@@ -36,15 +53,33 @@ export class Repeat {
   /** Ends with the safe value. Safe to call at any time. */
   end(): void {
     if (!this.isOn) return;
-    this.isOn = false;
-    if (this.timer) clearInterval(this.timer);
-    this.timer = null;
     const message = this.message;
-    this.message = null;
+    this.drop();
     if (message?.is_controlled && session.control.yours)
       void session.endSafely(message.name, this.address()).catch((error: Error) => notices.say(error.message, "bad"));
     else if (message && !message.is_controlled && message.every !== null)
       void session.ask("stop_repeating", { message: message.name }).catch(() => {});
+  }
+
+  isOf(message: Message, header: Header | undefined): boolean {
+    return this.message?.name === message.name && this.address() === addressOf(live.protocol, header ?? {});
+  }
+
+  /** Ends without a safe value. The server's lease would otherwise send the old value on for `HOLD`. */
+  giveWay(): void {
+    const message = this.message;
+    const address = this.address();
+    this.drop();
+    if (message && message.every !== null)
+      void session.ask("stop_repeating", { message: message.name, address }).catch(() => {});
+  }
+
+  private drop(): void {
+    this.isOn = false;
+    running.delete(this);
+    if (this.timer) clearInterval(this.timer);
+    this.timer = null;
+    this.message = null;
   }
 
   private address(): number | undefined {
@@ -63,6 +98,7 @@ export class Repeat {
       () => this.waits--,
       (error: Error) => {
         this.waits--;
+        if (!this.isOn || (this.isPatient && error instanceof Refusal && error.word === "late")) return;
         notices.say(error.message, "bad");
         this.end();
       },

@@ -185,6 +185,7 @@ export class Tuner {
       if (source.isService) this.takeOne(parameters[0]!, reply, why);
       else if (source.read)
         this.takeFields((await session.request(source.read.name, { ...this.selected })).fields, why);
+      else if (source.value) this.takeFields(reply.fields, why); // the reply has what is in force
     } catch (error) {
       for (const parameter of parameters)
         if (this.of(parameter).state === "sent")

@@ -21,3 +21,16 @@ function first(): Language {
   return navigator.language.toLowerCase().startsWith("zh") ? "zh" : "en";
 }
 export const words = new Words();
+
+/** What the server says under this key, in the reader's language where it has it: `text`, and `text_zh` beside it. */
+export function said(told: object, key: string): string {
+  const all = told as Record<string, unknown>;
+  const found = (words.language === "zh" ? all[`${key}_zh`] : null) ?? all[key];
+  return typeof found === "string" ? found : "";
+}
+
+/** The same of several sentences. */
+export function allSaid(told: object, key: string): string[] {
+  const all = told as Record<string, unknown>;
+  return ((words.language === "zh" ? all[`${key}_zh`] : null) ?? all[key] ?? []) as string[];
+}

@@ -45,7 +45,10 @@ beforeEach(() => {
       notAttached: () => "not attached",
       staleTick: () => "stale",
       noAnswer: () => "no answer",
+      late: (what) => `${what} was late`,
+      lost: (what) => `lost before ${what}`,
       noReply: () => "no reply",
+      said: (message) => String(message.text),
     },
     () => Date.now(),
   );
@@ -81,28 +84,84 @@ test("a page that heard no tick for 250 ms sends no command, but stops the robot
   expect(last().of("emergency_stop")).toHaveLength(1);
 });
 
-test("it beats each 100 ms while it is in control, and only then", () => {
+test("it beats at once when it is in control, and each 100 ms", () => {
   vi.advanceTimersByTime(500);
   expect(last().of("beat")).toEqual([]);
   last().say({ event: "control", holder: "page", yours: true, why: "taken" });
   vi.advanceTimersByTime(500);
-  expect(last().of("beat")).toHaveLength(5);
+  expect(last().of("beat")).toHaveLength(6);
   last().say({ event: "control", holder: "other", yours: false, why: "taken over" });
   vi.advanceTimersByTime(500);
-  expect(last().of("beat")).toHaveLength(5);
+  expect(last().of("beat")).toHaveLength(6);
 });
 
 test("after a lost connection it attaches again, without control, and what waited has failed", async () => {
   last().say({ event: "control", holder: "page", yours: true, why: "taken" });
   const waiting = link.ask("release");
   last().onclose?.({ reason: "" });
-  await expect(waiting).rejects.toBeInstanceOf(Refusal);
-  expect(control.yours).toBe(false);
+  await expect(waiting).rejects.toMatchObject({ word: "down", message: "lost before release" });
+  expect(control).toMatchObject({ yours: false, why: "connection" });
   vi.advanceTimersByTime(250);
   expect(sockets).toHaveLength(2);
   attach();
   vi.advanceTimersByTime(500);
   expect(last().sent.map((message) => message.do)).toEqual(["attach"]);
+});
+
+const refuseNewest = (what: string) => {
+  const { id } = last().of(what).at(-1)!;
+  last().say({ re: id, error: "late", text: "it was under way for long" });
+};
+
+test("a decision that came too late is sent once more, with the next tick", async () => {
+  const asked = link.decide("take", { over: false }, () => true);
+  refuseNewest("take");
+  await vi.advanceTimersByTimeAsync(0);
+  expect(last().of("take")).toHaveLength(1);
+  last().say({ event: "tick", tick: 90 });
+  await vi.advanceTimersByTimeAsync(0);
+  expect(last().of("take")).toMatchObject([{ tick: 7 }, { over: false, tick: 90 }]);
+  last().say({ re: last().of("take")[1]!.id, ok: null });
+  await expect(asked).resolves.toBe(null);
+});
+
+test("what is late twice says so, and is not sent a third time", async () => {
+  const asked = link.decide("release_stop", { over: "pad" }, () => true);
+  asked.catch(() => {});
+  refuseNewest("release_stop");
+  await vi.advanceTimersByTimeAsync(300); // no tick comes
+  expect(last().of("release_stop")).toHaveLength(2);
+  refuseNewest("release_stop");
+  await expect(asked).rejects.toMatchObject({ word: "late", message: "release_stop was late" });
+  await vi.advanceTimersByTimeAsync(1000);
+  expect(last().of("release_stop")).toHaveLength(2);
+});
+
+test.each(["it is not meant any more", "there is another connection"])(
+  "nothing is sent again where %s",
+  async (why) => {
+    let isMeant = true;
+    const asked = link.decide("take", { over: false }, () => isMeant);
+    asked.catch(() => {});
+    refuseNewest("take");
+    await vi.advanceTimersByTimeAsync(0);
+    if (why === "it is not meant any more") isMeant = false;
+    else {
+      last().onclose?.({ reason: "" });
+      await vi.advanceTimersByTimeAsync(250);
+      attach();
+    }
+    last().say({ event: "tick", tick: 90 });
+    await expect(asked).rejects.toMatchObject({ word: "late", message: "take was late" });
+    expect(sockets.flatMap((socket) => socket.of("take"))).toHaveLength(1);
+  },
+);
+
+test("the refusal to release a stop names the program that stopped", async () => {
+  const asked = link.decide("release_stop", { over: false }, () => true);
+  const told = { error: "stopped_by_other", text: "pad stopped the robot", by: "pad" };
+  last().say({ re: last().of("release_stop")[0]!.id, ...told });
+  await expect(asked).rejects.toMatchObject({ word: "stopped_by_other", by: "pad" });
 });
 
 test("a refused token ends the attempts, with the server's own sentence", () => {
@@ -129,4 +188,41 @@ test("a reply is the message with the offset that the server named", async () =>
   last().say({ event: "reply", request: id, offset: 900 });
   last().say({ event: "message", offset: 900, name: "status", fields: { battery: 12 } });
   await expect(asked).resolves.toMatchObject({ name: "status", fields: { battery: 12 } });
+});
+
+test("a page that hears nothing for 1 s is not in control, whatever the server thinks, and a stop still leaves", async () => {
+  last().say({ event: "control", holder: "page", yours: true, why: "taken" });
+  vi.advanceTimersByTime(1200);
+  expect(link.phase).toBe("silent");
+  expect(control).toEqual({ holder: null, yours: false, why: "unheard", releasedBy: null });
+  const beats = last().of("beat").length;
+  vi.advanceTimersByTime(500);
+  expect(last().of("beat")).toHaveLength(beats);
+  await expect(link.command("send", { message: "velocity" })).rejects.toMatchObject({ word: "down" });
+  await expect(link.ask("take")).rejects.toMatchObject({ word: "down" });
+  link.stop().catch(() => {});
+  expect(last().of("emergency_stop")).toHaveLength(1);
+});
+
+test("what comes again after a silence gives no control back", () => {
+  last().say({ event: "control", holder: "page", yours: true, why: "taken" });
+  vi.advanceTimersByTime(1200);
+  last().say({ event: "tick", tick: 60 });
+  expect(link.phase).toBe("attached");
+  expect(link.hasControl).toBe(false);
+  vi.advanceTimersByTime(500);
+  expect(last().of("take")).toEqual([]);
+});
+
+test("a connection that stays silent for 3 s is given up for another, and so is one that never opens", async () => {
+  const stop = link.stop();
+  vi.advanceTimersByTime(3100);
+  await expect(stop).rejects.toBeInstanceOf(Refusal);
+  expect(link.phase).toBe("lost");
+  vi.advanceTimersByTime(300);
+  expect(sockets).toHaveLength(2);
+  vi.advanceTimersByTime(3100 + 500);
+  expect(sockets).toHaveLength(3);
+  attach();
+  expect(link.phase).toBe("attached");
 });

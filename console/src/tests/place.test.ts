@@ -6,6 +6,14 @@ test("an address and the place it names are the same both ways", () => {
   expect(readPlace(writePlace(place))).toEqual(place);
 });
 
+test("the position in a recording is in the address, and belongs to it", () => {
+  const place = { view: "link", recording: "run 1.mcap", at: 7.125, from: 2, to: 9.5 } as const;
+  expect(readPlace(writePlace(place))).toEqual(place);
+  expect(readPlace("#/link?recording=a.mcap&at=0")).toEqual({ view: "link", recording: "a.mcap", at: 0 });
+  expect(readPlace("#/link?recording=a.mcap&at=x")).toEqual({ view: "link", recording: "a.mcap" });
+  expect(readPlace("#/link?at=3")).toEqual({ view: "link" });
+});
+
 test("an address without a view shows the messages", () => {
   expect(readPlace("#/nowhere?from=x&to=3")).toEqual({ view: "messages" });
   expect(readPlace("")).toEqual({ view: "messages" });

@@ -1,5 +1,5 @@
-// For whom a frame is, at an end whose format is a constant: its own address, broadcasts, frames for others. No
-// message.
+// Finds out for whom a frame is, at an end whose format is a constant: its own address, broadcasts, frames for others.
+// No message.
 #pragma once
 
 #include <atomic>
@@ -12,7 +12,7 @@
 
 namespace wirebond {
 
-/// Whom a frame is for.
+/// The receiver of a frame.
 enum class Addressee : std::uint8_t {
   own,      ///< this end alone: it may answer
   all,      ///< a broadcast: acted on, never answered
@@ -21,8 +21,8 @@ enum class Addressee : std::uint8_t {
 
 namespace detail {
 
-/// An address that one context sets and any context reads. More than a word of the processor's is no atomic on small
-/// ones: set such an address before anything is sent.
+/// An address that one context sets and any context reads. A small processor cannot change more than one word at once:
+/// set such a long address before anything is sent.
 template <class Address>
 class AddressCell {
  public:
@@ -57,7 +57,7 @@ struct NamesAsked<Source, std::void_t<decltype(Source::asked_broadcasts)>> : std
 
 }  // namespace detail
 
-/// Do the source's frames say whom they are for (`address: mcu` in what the host sends, `address: receiver`)? Then it
+/// Whether the source's frames name their receiver (`address: mcu` in frames of the host, `address: receiver`). Then it
 /// has
 ///
 ///   using Address = …;                             // an unsigned integer that holds the field
@@ -66,18 +66,18 @@ struct NamesAsked<Source, std::void_t<decltype(Source::asked_broadcasts)>> : std
 ///   static constexpr std::array<Address, …> broadcasts;
 template <class Source>
 inline constexpr bool names_receiver = detail::NamesReceiver<Source>::value;
-/// Do they say whose they are (`address: mcu` in what the MCU sends, `address: sender`)? Then it has `Address`,
+/// Whether they name their sender (`address: mcu` in frames of the MCU, `address: sender`). Then it has `Address`,
 /// `sender_place` and `sender_default` in the same way.
 template <class Source>
 inline constexpr bool names_sender = detail::NamesSender<Source>::value;
-/// Are they an MCU's that say whose they are? Then a host can ask one of several. The source also has
+/// Whether they come from an MCU and name it. Then a host can ask one of several. The source also has
 /// `asked_broadcasts`: an array of the addresses that ask all of them.
 template <class Source>
 inline constexpr bool names_asked = detail::NamesAsked<Source>::value;
 
 namespace detail {
 
-/// The type of a protocol's addresses.
+/// Address type of a protocol without addresses.
 struct NoAddress {};
 template <class Source, class = void>
 struct AddressType {
@@ -90,8 +90,8 @@ struct AddressType<Source, std::void_t<typename Source::Address>> {
 template <class Source>
 using AddressOf = typename AddressType<Source>::type;
 
-/// The own address of an end whose frames name their sender, where those that it receives name no receiver: they are
-/// not filtered by it.
+/// Own address of an end whose frames name their sender, where received frames name no receiver: nothing is filtered by
+/// it.
 template <class Sends, bool ReceiverKeepsIt, bool = names_sender<Sends> && !ReceiverKeepsIt>
 class SenderAddress {};
 template <class Sends, bool ReceiverKeepsIt>
@@ -110,7 +110,7 @@ class SenderAddress<Sends, ReceiverKeepsIt, true> {
 
 }  // namespace detail
 
-/// Which frames an end acts on. Of a source that names no receiver all are its own, and this takes no memory.
+/// Decides which frames an end acts on. If the source names no receiver, all are its own, and this takes no memory.
 template <class Source, bool = names_receiver<Source>>
 class Listening {
  public:
@@ -126,26 +126,25 @@ class Listening<Source, true> {
  public:
   using Address = typename Source::Address;
 
-  /// Act on frames for `address`, and on broadcasts. Until somebody calls it, or `listen_to_all`, that is the file's
-  /// default. False: the field cannot hold it, or it is a broadcast; nothing has changed. One context: that which
-  /// feeds.
+  /// Act on frames for `address`, and on broadcasts. The default is the file's address. Returns false if the field
+  /// cannot hold it or it is a broadcast; nothing has changed then. Call it in the context that feeds.
   bool set_address(Address address) {
     if (address > Source::most_address || is_broadcast(address)) return false;
     address_.store(address);
     hears_all_ = false;
     return true;
   }
-  /// Act on frames for any address, for a gateway or a monitor. The own address stays.
+  /// Act on frames for any address, for a gateway or a monitor. The own address is unchanged.
   void listen_to_all() { hears_all_ = true; }
   Address address() const { return address_.load(); }  ///< any context
 
-  Addressee addressee() const { return addressee_; }  ///< of the frame that is being handed out
+  Addressee addressee() const { return addressee_; }  ///< of the frame that is being delivered
   std::uint32_t foreign() const { return foreign_; }  ///< intact frames for others, modulo 2^32
 
  protected:
-  /// May this end act on the frame? One for another address is counted.
+  /// Check whether this end may act on the frame. A frame for another address is counted.
   bool hears(const Frame& frame) {
-    addressee_ = Addressee::own;  // also of a form without the address
+    addressee_ = Addressee::own;  // also for a form without the address
     detail::each_header_field<Source>(frame, [&](const HeaderField& field) WIREBOND_INLINE_LAMBDA {
       if (field.place != Source::receiver_place) return;
       const auto to = static_cast<Address>(detail::read_wide(field.number, frame.bytes, frame.size));
@@ -174,7 +173,8 @@ class Listening<Source, true> {
   std::uint32_t foreign_ = 0;
 };
 
-/// Whose reply a host waits for. Of a source that does not name the MCU anybody's is one, and this takes no memory.
+/// Remembers whose reply a host waits for. If the source does not name the MCU, any reply is accepted, and this takes
+/// no memory.
 template <class Source, bool = names_asked<Source>>
 class Asked {
  protected:
@@ -188,9 +188,9 @@ class Asked<Source, true> {
  protected:
   using Address = typename Source::Address;
 
-  /// Anybody answers with message `reply`.
+  /// Accept message `reply` from any MCU.
   void ask(std::int16_t) { reply_ = -1; }
-  /// This one does. A broadcast asks everybody.
+  /// Accept it from this MCU only. A broadcast asks all.
   void ask(std::int16_t reply, Address address) {
     reply_ = reply;
     address_ = address;
@@ -199,10 +199,10 @@ class Asked<Source, true> {
     }
   }
 
-  /// False for the reply of another one, which is counted.
+  /// Returns false for a reply from another MCU, and counts it.
   bool is_from_asked(const Frame& frame) {
     if (reply_ < 0 || frame.message != reply_) return true;
-    bool is_from_another = false;  // a form without the address concerns everybody
+    bool is_from_another = false;  // a form without the address concerns everyone
     detail::each_header_field<Source>(frame, [&](const HeaderField& field) WIREBOND_INLINE_LAMBDA {
       if (field.place != Source::sender_place) return;
       is_from_another = detail::read_wide(field.number, frame.bytes, frame.size) != address_;

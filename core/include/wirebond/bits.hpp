@@ -1,4 +1,4 @@
-// Numbers of any width: among the bits of a byte string, and with their sign in the top bit. Bytes are bytes.hpp's.
+// Numbers of any width: inside a string of bits, and with their sign in the top bit. For whole bytes see bytes.hpp.
 #pragma once
 
 #include <cstddef>
@@ -10,14 +10,14 @@
 
 namespace wirebond {
 
-/// From which bit of each byte on a string of bits runs.
+/// Which bit of each byte comes first in a string of bits.
 enum class BitOrder : std::uint8_t { low_first, high_first };
 
-/// The lowest `bits` (1 to 64) bits set.
+/// Return a value whose lowest `bits` (1 to 64) bits are set.
 constexpr std::uint64_t low_bits(unsigned bits) { return ~std::uint64_t{0} >> (64 - bits); }
 
-/// The number of `width` (1 to 64) bits that begins `bit` bits behind `from`. Bytes without a bit of it are not read.
-/// The first bit is the number's lowest where `order` is low_first, else its highest.
+/// Read the number of `width` (1 to 64) bits that begins `bit` bits after `from`. Bytes without a bit of it are not
+/// read. The first bit is the number's lowest if `order` is low_first, otherwise its highest.
 WIREBOND_INLINE std::uint64_t load_bits(const std::uint8_t* from, std::size_t bit, unsigned width, BitOrder order) {
   const std::uint8_t* byte = from + bit / 8;
   unsigned skipped = static_cast<unsigned>(bit % 8);
@@ -36,7 +36,8 @@ WIREBOND_INLINE std::uint64_t load_bits(const std::uint8_t* from, std::size_t bi
   return value;
 }
 
-/// Pair of `load_bits`; bits beside the number keep their value. Higher bits of `value` than `width` are dropped.
+/// Store a number; pairs with `load_bits`. Bits beside the number keep their value. Bits of `value` above `width` are
+/// dropped.
 WIREBOND_INLINE void store_bits(std::uint8_t* to, std::size_t bit, unsigned width, BitOrder order,
                                 std::uint64_t value) {
   std::uint8_t* byte = to + bit / 8;
@@ -53,21 +54,22 @@ WIREBOND_INLINE void store_bits(std::uint8_t* to, std::size_t bit, unsigned widt
   }
 }
 
-/// The number that the lowest `width` bits of `raw` hold in two's complement.
+/// Return the number that the lowest `width` bits of `raw` hold in two's complement.
 constexpr std::int64_t from_twos_complement(std::uint64_t raw, unsigned width) {
   return static_cast<std::int64_t>(raw << (64 - width)) >> (64 - width);
 }
 
-/// The number whose sign is bit `width` - 1 of `raw` and whose amount the bits below are. Minus zero is zero.
+/// Return the number whose sign is bit `width` - 1 of `raw` and whose magnitude is in the bits below. Minus zero is
+/// zero.
 constexpr std::int64_t from_sign_magnitude(std::uint64_t raw, unsigned width) {
   const auto amount = static_cast<std::int64_t>(raw & (low_bits(width) >> 1));
   return ((raw >> (width - 1)) & 1) != 0 ? -amount : amount;
 }
 
-/// How a signed number lies in its bits.
+/// How the sign of a number is encoded.
 enum class Sign : std::uint8_t { twos_complement, magnitude };
 
-/// The number in the lowest `Width` bits of `raw`; higher bits are ignored.
+/// Return the number in the lowest `Width` bits of `raw`; higher bits are ignored.
 template <class T, unsigned Width, Sign Encoding = Sign::twos_complement>
 constexpr T from_bits(std::uint64_t raw) {
   static_assert(std::is_integral_v<T> && Width <= 8 * sizeof(T), "the number needs room for its bits");
@@ -80,7 +82,7 @@ constexpr T from_bits(std::uint64_t raw) {
   }
 }
 
-/// Pair of `from_bits`. False where `value` does not fit: `raw` is then untouched.
+/// Encode `value`; pairs with `from_bits`. Returns false if it does not fit; `raw` is then unchanged.
 template <unsigned Width, Sign Encoding = Sign::twos_complement, class T>
 constexpr bool to_bits(T value, std::uint64_t& raw) {
   static_assert(std::is_integral_v<T> && Width <= 8 * sizeof(T), "the number needs room for its bits");
@@ -102,13 +104,13 @@ constexpr bool to_bits(T value, std::uint64_t& raw) {
   return true;
 }
 
-/// Number `index` of a packed stream of numbers of `Width` bits that begins at `from`.
+/// Read number `index` of a packed stream of numbers of `Width` bits that begins at `from`.
 template <class T, unsigned Width, BitOrder Order, Sign Encoding = Sign::twos_complement>
 WIREBOND_INLINE T load_packed(const std::uint8_t* from, std::size_t index) {
   return from_bits<T, Width, Encoding>(load_bits(from, index * Width, Width, Order));
 }
 
-/// Pair of `load_packed`. False where `value` does not fit: nothing is stored then.
+/// Store a number; pairs with `load_packed`. Returns false if `value` does not fit; nothing is stored then.
 template <unsigned Width, BitOrder Order, Sign Encoding = Sign::twos_complement, class T>
 WIREBOND_INLINE bool store_packed(std::uint8_t* to, std::size_t index, T value) {
   std::uint64_t raw = 0;
@@ -117,13 +119,14 @@ WIREBOND_INLINE bool store_packed(std::uint8_t* to, std::size_t index, T value) 
   return true;
 }
 
-/// The number of `Width` bits whose lowest is bit `Shift` of `bits`.
+/// Return the number of `Width` bits whose lowest is bit `Shift` of `bits`.
 template <class T, unsigned Width, unsigned Shift, Sign Encoding = Sign::twos_complement, class Bits>
 constexpr T extract_bits(Bits bits) {
   return from_bits<T, Width, Encoding>(static_cast<std::uint64_t>(bits) >> Shift);
 }
 
-/// Pair of `extract_bits`, into bits that are zero there. False where `value` does not fit: nothing is changed then.
+/// Insert a number into bits that are zero there; pairs with `extract_bits`. Returns false if `value` does not fit;
+/// nothing is changed then.
 template <unsigned Width, unsigned Shift, Sign Encoding = Sign::twos_complement, class Bits, class T>
 constexpr bool insert_bits(Bits& bits, T value) {
   std::uint64_t raw = 0;
@@ -132,13 +135,13 @@ constexpr bool insert_bits(Bits& bits, T value) {
   return true;
 }
 
-/// As load_integer of bytes.hpp, for sign and amount.
+/// Read a number stored as sign and magnitude; otherwise as load_integer of bytes.hpp.
 template <class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
 WIREBOND_INLINE T load_magnitude(const std::uint8_t* from) {
   return from_bits<T, 8 * Bytes, Sign::magnitude>(load_bytes<Bytes, Order>(from));
 }
 
-/// Pair of `load_magnitude`. False where `value` does not fit: nothing is stored then.
+/// Store a number; pairs with `load_magnitude`. Returns false if `value` does not fit; nothing is stored then.
 template <class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
 WIREBOND_INLINE bool store_magnitude(std::uint8_t* to, T value) {
   std::uint64_t raw = 0;

@@ -1,4 +1,4 @@
-// A string of bytes or characters of varying size, in place. Encoding of the characters is not looked at.
+// A string of bytes or characters of varying size, in place. Ignores the encoding of the characters.
 #pragma once
 
 #include <array>
@@ -10,19 +10,28 @@
 
 namespace wirebond {
 
-/// Bytes before the first `end` among the `most + 1` bytes at `from`; `most + 1` where it is not among them. Any thread
+/// Count the bytes before the first `end` among the `most + 1` bytes at `from`; `most + 1` if there is none. Any thread
 /// or interrupt.
 inline std::size_t size_before(const std::uint8_t* from, std::size_t most, std::uint8_t end) {
   const void* const found = std::memchr(from, end, most + 1);
   return found == nullptr ? most + 1 : static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - from);
 }
 
-/// Is `byte` one of these `size` elements? Any thread or interrupt.
+/// Check whether `byte` is among these `size` elements. Any thread or interrupt.
 inline bool has_byte(const void* from, std::size_t size, std::uint8_t byte) {
   return size != 0 && std::memchr(from, byte, size) != nullptr;
 }
 
-/// At most `Capacity` elements of one byte. Plain data: copy it, compare `size` first. Not terminated by a zero.
+/// Check whether these two bytes are adjacent among `size` elements. Any thread or interrupt.
+inline bool has_pair(const void* from, std::size_t size, std::uint8_t first, std::uint8_t second) {
+  const auto* const bytes = static_cast<const std::uint8_t*>(from);
+  for (std::size_t i = 1; i < size; ++i) {
+    if (bytes[i - 1] == first && bytes[i] == second) return true;
+  }
+  return false;
+}
+
+/// Holds at most `Capacity` elements of one byte. Plain data: copy it, compare `size` first. Not terminated by a zero.
 template <class Element, std::size_t Capacity>
 struct Bounded {
   static_assert(sizeof(Element) == 1, "an element is one wire byte");
@@ -33,7 +42,7 @@ struct Bounded {
 
   static constexpr std::size_t capacity = Capacity;
 
-  /// Take a copy of `count` elements. False where they do not fit: nothing is changed then.
+  /// Copy `count` elements. Returns false if they do not fit; nothing is changed then.
   bool assign(const Element* from, std::size_t count) {
     if (count > Capacity) return false;
     if (count != 0) std::memcpy(data.data(), from, count);
@@ -43,7 +52,7 @@ struct Bounded {
 
   bool assign(std::basic_string_view<Element> text) { return assign(text.data(), text.size()); }
 
-  /// The elements in use; valid while this object is.
+  /// View the elements in use; valid while this object is.
   std::basic_string_view<Element> view() const { return {data.data(), size}; }
 };
 

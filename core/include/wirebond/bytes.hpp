@@ -1,4 +1,4 @@
-// Bytes and numbers only: loads and stores in a stated byte order, at any alignment.
+// Bytes and numbers only: loads and stores in a given byte order, at any alignment.
 #pragma once
 
 #if __cplusplus < 201703L
@@ -12,9 +12,9 @@
 #include <limits>
 #include <type_traits>
 
-// Forced only where the compiler optimises: at -O0 each copy of a function would keep its own variables on the stack,
-// and fold nothing. No macro tells -Og from -O1; there, and in builds with instrumentation, the two may be given from
-// outside as `inline` and nothing: code becomes small, and slower.
+// Forced inline only if the compiler optimises: at -O0 each copy of a function would keep its own variables on the
+// stack, and fold nothing. No macro distinguishes -Og from -O1; there, and in instrumented builds, the two macros may
+// be defined from outside as `inline` and empty: code becomes small, and slower.
 #if defined(WIREBOND_INLINE) && defined(WIREBOND_INLINE_LAMBDA)
 #elif defined(__GNUC__) && defined(__OPTIMIZE__)
 #define WIREBOND_INLINE inline __attribute__((always_inline))
@@ -23,7 +23,7 @@
 #define WIREBOND_INLINE inline
 #define WIREBOND_INLINE_LAMBDA
 #endif
-// What is inlined for speed, and called where the compiler was asked for small code.
+// For functions inlined for speed, but called if the compiler optimises for size.
 #if defined(__OPTIMIZE_SIZE__)
 #define WIREBOND_QUICK inline
 #else
@@ -39,7 +39,7 @@ namespace wirebond {
 
 enum class ByteOrder : std::uint8_t { little, big };
 
-/// Unsigned integer of `Bytes` (1 to 8) wire bytes at `from`. Any thread or interrupt; never fails.
+/// Read an unsigned integer of `Bytes` (1 to 8) wire bytes at `from`. Any thread or interrupt; never fails.
 template <unsigned Bytes, ByteOrder Order>
 WIREBOND_INLINE std::uint64_t load_bytes(const std::uint8_t* from) {
   static_assert(Bytes >= 1 && Bytes <= 8, "a wire integer has 1 to 8 bytes");
@@ -51,7 +51,7 @@ WIREBOND_INLINE std::uint64_t load_bytes(const std::uint8_t* from) {
   return value;
 }
 
-/// The same with width and order known only at run time.
+/// Read one whose width and order are known only at run time.
 WIREBOND_INLINE std::uint64_t load_bytes(const std::uint8_t* from, unsigned bytes, ByteOrder order) {
   std::uint64_t value = 0;
   if (order == ByteOrder::little) {
@@ -91,7 +91,7 @@ struct UnsignedOf<8> {
 };
 }  // namespace detail
 
-/// A number of type `T` (integer or IEEE 754 float) in wire order. Compiles to one load where order and alignment
+/// Read a number of type `T` (integer or IEEE 754 float) in wire order. Compiles to one load where order and alignment
 /// allow.
 template <class T, ByteOrder Order = ByteOrder::little>
 WIREBOND_INLINE T load(const std::uint8_t* from) {
@@ -110,7 +110,7 @@ WIREBOND_INLINE T load(const std::uint8_t* from) {
   return value;
 }
 
-/// Pair of `load`.
+/// Store a number; pairs with `load`.
 template <class T, ByteOrder Order = ByteOrder::little>
 WIREBOND_INLINE void store(std::uint8_t* to, T value) {
   using Bits = typename detail::UnsignedOf<sizeof(T)>::type;
@@ -126,7 +126,7 @@ WIREBOND_INLINE void store(std::uint8_t* to, T value) {
   }
 }
 
-/// Consecutive numbers; one copy where the machine's order is the wire's.
+/// Read consecutive numbers; one copy if the machine's order is the wire's.
 template <class T, std::size_t Size, ByteOrder Order = ByteOrder::little>
 WIREBOND_INLINE void load_array(const std::uint8_t* from, std::array<T, Size>& to) {
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
@@ -139,7 +139,7 @@ WIREBOND_INLINE void load_array(const std::uint8_t* from, std::array<T, Size>& t
   }
 }
 
-/// Pair of `load_array`.
+/// Store consecutive numbers; pairs with `load_array`.
 template <class T, std::size_t Size, ByteOrder Order = ByteOrder::little>
 WIREBOND_INLINE void store_array(std::uint8_t* to, const std::array<T, Size>& from) {
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
@@ -152,7 +152,7 @@ WIREBOND_INLINE void store_array(std::uint8_t* to, const std::array<T, Size>& fr
   }
 }
 
-/// A two's complement or unsigned integer of `Bytes` wire bytes, extended to `T`.
+/// Read a two's complement or unsigned integer of `Bytes` wire bytes, extended to `T`.
 template <class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
 WIREBOND_INLINE T load_integer(const std::uint8_t* from) {
   static_assert(std::is_integral_v<T> && Bytes <= sizeof(T), "the integer needs room for the wire bytes");
@@ -166,7 +166,7 @@ WIREBOND_INLINE T load_integer(const std::uint8_t* from) {
   }
 }
 
-/// Pair of `load_integer`. False where `value` does not fit: nothing is stored then.
+/// Store an integer; pairs with `load_integer`. Returns false if `value` does not fit; nothing is stored then.
 template <class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
 WIREBOND_INLINE bool store_integer(std::uint8_t* to, T value) {
   static_assert(std::is_integral_v<T> && Bytes <= sizeof(T), "the integer needs room for the wire bytes");

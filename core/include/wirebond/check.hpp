@@ -1,4 +1,4 @@
-// Check algorithms only: how a register runs over bytes. Where a check lies in a frame is format.hpp's business.
+// Check algorithms only: how a register runs over bytes. The place of a check in a frame belongs to format.hpp.
 #pragma once
 
 #include <array>
@@ -17,8 +17,8 @@ enum class CheckKind : std::uint8_t {
   fletcher,  ///< two sums of width/2 bits, the second of the first's values; the first is the low half
 };
 
-/// One algorithm, by parameters. CRC parameters follow Williams' "A Painless Guide to CRC Error Detection
-/// Algorithms" (1993), as in the reveng catalogue: `poly` and `init` are written most significant bit first.
+/// One algorithm, by parameters. CRC parameters follow Williams' "A Painless Guide to CRC Error Detection Algorithms"
+/// (1993), as in the reveng catalogue: `poly` and `init` are written most significant bit first.
 struct CheckAlgorithm {
   CheckKind kind = CheckKind::crc;
   std::uint8_t width_bits = 16;  ///< 8, 16, 24, 32 or 64
@@ -37,7 +37,7 @@ WIREBOND_INLINE constexpr std::uint64_t mask_of(unsigned bits) {
   return bits >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1;
 }
 
-/// The low `bits` bits in reverse order. Without a loop, so that compilers fold it for a constant.
+/// Reverse the order of the low `bits` bits. Without a loop, so that compilers fold it for a constant.
 WIREBOND_INLINE constexpr std::uint64_t reflect(std::uint64_t value, unsigned bits) {
   value = ((value >> 1) & 0x5555555555555555u) | ((value & 0x5555555555555555u) << 1);
   value = ((value >> 2) & 0x3333333333333333u) | ((value & 0x3333333333333333u) << 2);
@@ -47,7 +47,7 @@ WIREBOND_INLINE constexpr std::uint64_t reflect(std::uint64_t value, unsigned bi
   return ((value >> 32) | (value << 32)) >> (64 - bits);
 }
 
-/// Entry `index` of the byte table. A reflected register keeps its first bit lowest, a plain one highest.
+/// Return entry `index` of the byte table. A reflected register keeps its first bit lowest, a plain one highest.
 constexpr std::uint64_t crc_table_entry(unsigned index, unsigned width, std::uint64_t poly, bool reflected) {
   if (reflected) {
     const std::uint64_t reversed = reflect(poly, width);
@@ -71,7 +71,7 @@ template <unsigned Width, std::uint64_t Poly, bool Reflected>
 struct CrcTable {
   using Entry = typename RegisterOf<Width>::type;
   struct Entries {
-    Entry at[256];  // std::array would be two calls for each byte where nothing is optimised
+    Entry at[256];  // with std::array each byte would cost two calls without optimisation
   };
   static constexpr Entries make() {
     Entries table{};
@@ -95,7 +95,7 @@ WIREBOND_INLINE constexpr bool reflects_end(const CheckAlgorithm& a) {
   return a.kind == CheckKind::crc && a.reflect_in != a.reflect_out;
 }
 
-/// `check_end` behind the reflection.
+/// Do the part of `check_end` after the reflection.
 WIREBOND_INLINE constexpr std::uint64_t check_finish(const CheckAlgorithm& a, std::uint64_t reg) {
   if (a.negate) reg = ~reg + 1;
   return (reg ^ a.xor_out) & mask_of(a.width_bits);
@@ -103,7 +103,7 @@ WIREBOND_INLINE constexpr std::uint64_t check_finish(const CheckAlgorithm& a, st
 
 }  // namespace detail
 
-/// The check's value, out of the register after the last byte.
+/// Return the check's value, computed from the register after the last byte.
 WIREBOND_INLINE constexpr std::uint64_t check_end(const CheckAlgorithm& a, std::uint64_t reg) {
   if (detail::reflects_end(a)) reg = detail::reflect(reg, a.width_bits);
   return detail::check_finish(a, reg);
@@ -111,8 +111,8 @@ WIREBOND_INLINE constexpr std::uint64_t check_end(const CheckAlgorithm& a, std::
 
 namespace detail {
 
-/// How the register of a CRC of up to 32 bits runs over bytes, with its byte table. A plain register is held at the top
-/// of 32 bits.
+/// Runs the register of a CRC of up to 32 bits over bytes, with its byte table. A plain register is held at the top of
+/// 32 bits.
 template <unsigned Width, std::uint64_t Poly, bool Reflected>
 struct CrcRun {
   using Table = CrcTable<Width, Poly, Reflected>;
@@ -130,7 +130,7 @@ struct CrcRun {
     return step(reg ^ (static_cast<std::uint32_t>(byte) << (Reflected ? 0 : 24)));
   }
 
-  /// Four bytes at once: a register is linear, so bytes may be added before it gets to them, above it where it is
+  /// Take four bytes at once: a register is linear, so bytes may be added before it reaches them, above it where it is
   /// narrower.
   WIREBOND_INLINE static std::uint32_t over_word(std::uint32_t reg, const std::uint8_t* bytes) {
     constexpr ByteOrder order = Reflected ? ByteOrder::little : ByteOrder::big;
@@ -138,8 +138,8 @@ struct CrcRun {
     return step(step(step(step(reg))));
   }
 
-  /// Less than four instructions a byte on a Cortex-M4. Not inlined: among a deframer's variables the loop would not
-  /// have its registers for itself.
+  /// Take `size` bytes, with less than four instructions per byte on a Cortex-M4. Not inlined: among a deframer's
+  /// variables the loop would not get enough registers.
   WIREBOND_NOINLINE static std::uint32_t over(std::uint32_t reg, const std::uint8_t* bytes, std::size_t size) {
     const std::uint8_t* const end = bytes + (size & ~std::size_t{7});
     for (; bytes != end; bytes += 8) reg = over_word(over_word(reg, bytes), bytes + 4);
@@ -157,7 +157,7 @@ struct CrcRun {
 
 }  // namespace detail
 
-/// Run a CRC with its byte table, known at compile time. Any thread or interrupt; one table look-up a byte.
+/// Run a CRC with its byte table, known at compile time. Any thread or interrupt; one table look-up per byte.
 template <unsigned Width, std::uint64_t Poly, bool Reflected>
 WIREBOND_INLINE std::uint64_t crc_update(std::uint64_t reg64, const std::uint8_t* bytes, std::size_t size) {
   if constexpr (Width > 32) {
@@ -175,7 +175,7 @@ WIREBOND_INLINE std::uint64_t crc_update(std::uint64_t reg64, const std::uint8_t
     using Crc = detail::CrcRun<Width, Poly, Reflected>;
     std::uint32_t reg = static_cast<std::uint32_t>(reg64) << Crc::spare;
 #if defined(__GNUC__)
-    if (__builtin_constant_p(size) && size <= 3) {  // of a short header: without a loop, its constants fold
+    if (__builtin_constant_p(size) && size <= 3) {  // a short header: without a loop, its constants fold
       if (size >= 1) reg = Crc::over_byte(reg, bytes[0]);
       if (size >= 2) reg = Crc::over_byte(reg, bytes[1]);
       if (size == 3) reg = Crc::over_byte(reg, bytes[2]);

@@ -1,4 +1,4 @@
-// Finding frames in a run of bytes, resynchronising, and accounting for every byte. It owns no byte.
+// Finds frames in a run of bytes, resynchronises, and accounts for every byte. Owns no byte.
 #pragma once
 
 #include <cstddef>
@@ -17,7 +17,8 @@
 
 namespace wirebond {
 
-/// Every settled byte lies in exactly one of these. `Counter` is 64 bits on the host, 32 (modulo 2^32) on the MCU.
+/// Every settled byte is counted in exactly one of these. `Counter` has 64 bits on the host, 32 (modulo 2^32) on the
+/// MCU.
 template <class Counter>
 struct ByteCounts {
   Counter frame_bytes = 0;
@@ -34,7 +35,7 @@ struct ByteCounts {
   }
 };
 
-/// And how often a candidate failed, where discarded_bytes says how much; for those who have the memory.
+/// Also counts how often a candidate failed, where discarded_bytes counts its bytes; for ends with enough memory.
 template <class Counter>
 struct ByteAccount : ByteCounts<Counter> {
   Counter rejected_candidates[cause_count] = {};
@@ -42,7 +43,7 @@ struct ByteAccount : ByteCounts<Counter> {
 
 namespace detail {
 
-/// Counts bytes up to the largest frame: in two bytes where the format is a constant that needs no more.
+/// Counts bytes up to the largest frame: in two bytes if the format is a constant whose frames are short enough.
 template <class Source>
 constexpr bool has_short_frames() {
   if constexpr (folds<Source>(0)) {
@@ -54,13 +55,13 @@ constexpr bool has_short_frames() {
 template <class Source>
 using Extent = std::conditional_t<has_short_frames<Source>(), std::uint16_t, std::size_t>;
 
-/// What the head of a waiting candidate told, where the format is read at run time; nothing where it is a constant.
+/// The decoded head of a waiting candidate, where the format is read at run time; empty where it is a constant.
 template <class Source, bool IsConstant = Source::is_constant>
 struct WaitingHead {};
 template <class Source>
 struct WaitingHead<Source, false> : Source::FastPath::Head {};
 
-/// Has the account a place for frames of messages that the file does not list?
+/// Check whether the account counts frames of messages that the file does not list.
 template <class Account, class = void>
 struct TellsUnlisted : std::false_type {};
 template <class Account>
@@ -68,17 +69,27 @@ struct TellsUnlisted<Account, std::void_t<decltype(Account::unlisted)>> : std::t
 
 }  // namespace detail
 
-/// The deframer proper works on a *window*: contiguous bytes, the first of them the first that is not settled yet.
-/// `consume` says how many it settled; the caller presents the rest again, at the front, with more bytes behind it.
-/// A window of max_wire_bytes + n bytes always settles more than n. One thread or interrupt at a time.
+/// The problem: a received byte that looks like a frame's start may be payload or noise, and a length field may be
+/// damaged. If a false start were trusted, the deframer would wait for bytes that never come, or skip real frames. And
+/// a frame may come in pieces of any size.
+///
+/// The answer: nothing is settled before it is certain. `consume` works on a *window*: contiguous bytes that begin with
+/// the first unsettled one. It examines the candidate at the front. A frame is delivered and its bytes are settled. If
+/// a candidate found by its start fails, only its first byte is discarded (unless the format has `skips_failed`) and
+/// the search goes on at the second, so a frame inside a false start is found; a failed block between delimiters or
+/// silences is discarded whole. If more bytes are needed, `consume` returns how many it settled; the caller presents
+/// the rest again, at the front, with more bytes after it. A window of max_wire_bytes + n bytes always settles more
+/// than n.
+///
+/// Every settled byte is counted once: as frame, fill or discard with a cause. One thread or interrupt at a time.
 template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
 class Deframer {
  public:
-  /// `scratch`: room to unstuff one frame (max_wire_bytes; may be null where nothing is stuffed). The caller keeps it.
+  /// `scratch`: memory to unstuff one frame (max_wire_bytes; may be null if nothing is stuffed). The caller keeps it.
   Deframer(const Source& source, std::uint8_t* scratch) : source_(source), scratch_(scratch) {}
 
-  /// `give_up`: no more bytes will come for the candidate at the end; its bytes are rescanned and all are settled.
-  /// `sink(const Frame&)` is called for each frame, in order.
+  /// Settle bytes from the front of the window and call `sink(const Frame&)` for each frame, in order. `give_up`: no
+  /// more bytes will come for the candidate at the end, so its bytes are rescanned and all bytes are settled.
   template <class Sink>
   WIREBOND_INLINE std::size_t consume(const std::uint8_t* window, std::size_t size, bool give_up, Sink&& sink) {
     if constexpr (Source::is_constant) {
@@ -87,12 +98,12 @@ class Deframer {
       if (source_.format().framing != Framing::by_start) return consume_by_rules(window, size, give_up, sink);
       if (size < needed_) {  // examined before: this many bytes decide
         if (!give_up) return 0;
-        needed_ = 0;  // they will not come: the straight way must not look for them
+        needed_ = 0;  // they will not come: the fast path must not wait for them
       }
       std::size_t at = 0;
       while (true) {
         bool is_straight = true;
-        if constexpr (tells_unlisted) is_straight = !account_.unlisted.waits();  // else each frame's begin is asked for
+        if constexpr (tells_unlisted) is_straight = !account_.unlisted.waits();  // else every frame's start counts
         if (is_straight) {
           const bool waits = take_straight(window, size, at, sink);
           if (at == size || (waits && !give_up)) return at;
@@ -104,23 +115,23 @@ class Deframer {
     }
   }
 
-  /// From here on the message `index` is what is meant where several share its id; -1: none of them. What waits to be
-  /// settled is examined for that message, too.
+  /// Expect the message `index` from now on, where several messages share its id; -1: none of them. Waiting bytes are
+  /// examined for that message, too.
   void expect(std::int16_t index) {
     source_.expect(index);
     needed_ = 0;
     waiting_ = {};
   }
 
-  /// Where silence ends a frame: are these bytes one? Nothing is counted.
+  /// Where silence ends a frame: check whether these bytes are one. Counts nothing.
   bool is_block_frame(const std::uint8_t* block, std::size_t size) {
     Frame frame;
     return !overlong_ && size != 0 && examine_block(block, size, frame).outcome == Outcome::frame;
   }
 
-  /// Bytes that decide the candidate at the window's front; 0: not known.
+  /// How many bytes decide the candidate at the window's front; 0: not known.
   std::size_t needed() const { return needed_; }
-  /// Behind a frame: whether what comes depends on the bytes that follow alone.
+  /// Called after a frame: check whether the result from here on depends only on the bytes that follow.
   bool owes_nothing() const {
     bool waits = false;
     if constexpr (tells_unlisted) waits = account_.unlisted.waits_for(settled_);
@@ -169,7 +180,7 @@ class Deframer {
       if (available < needed_ && !give_up) break;  // examined before: this many bytes decide
       cut_unlisted();
       Frame frame;
-      if constexpr (Source::is_constant) frame = {};  // else GCC 12 warns of it at -O1 and -Os
+      if constexpr (Source::is_constant) frame = {};  // otherwise GCC 12 warns at -O1 and -Os
       if constexpr (tells_unlisted) frame.size = 0;
       Verdict verdict = examine_candidate(window + at, available, frame);
       if (verdict.outcome == Outcome::need_more) {
@@ -187,7 +198,7 @@ class Deframer {
         deliver(frame, window + at, verdict.bytes, sink);
         at += verdict.bytes;
       } else {
-        if constexpr (tells_unlisted) {  // a form without a constant would have one at every byte
+        if constexpr (tells_unlisted) {  // a form without a constant would match at every byte
           const bool is_marked = source_.format().forms[0].prefix_constants != 0;
           if (verdict.cause == Cause::unknown_message && frame.size != 0 && is_marked) {
             account_.unlisted.failed(settled_, frame.id, frame.size, source_.format().plain_front);
@@ -200,7 +211,7 @@ class Deframer {
         at += failed;
       }
       if constexpr (!Source::is_constant) {
-        if (source_.format().framing == Framing::by_start) break;  // the next one may be good again: the straight way
+        if (source_.format().framing == Framing::by_start) break;  // the next one may be good: use the fast path
       }
     }
     return at;
@@ -215,8 +226,8 @@ class Deframer {
     return examine(source_, candidate, available, nullptr, frame);
   }
 
-  /// Frames as long as they follow each other without a fault; settles `at` bytes with them. True: the next one has a
-  /// good head and must wait.
+  /// Take frames for as long as one follows another without a fault, and move `at` past them. Returns true if the next
+  /// one has a good head and must wait for more bytes.
   template <class Sink>
   WIREBOND_INLINE bool take_straight(const std::uint8_t* window, std::size_t size, std::size_t& at, Sink& sink) {
     const auto& fast_path = source_.fast_path();
@@ -275,7 +286,7 @@ class Deframer {
     }
   }
 
-  /// Several forms, or one whose first byte is not wholly constant.
+  /// For several forms, or one whose first byte is not entirely constant.
   bool may_start(std::uint8_t byte) const {
     constexpr bool unroll = Source::is_constant;
     constexpr detail::PartCounts most = detail::part_counts<Source>;
@@ -291,8 +302,8 @@ class Deframer {
     return !detail::every<unroll, most.forms>(0, format.form_count, differs);
   }
 
-  /// Recover before trust: the next candidate may begin one byte later. With skips_failed a candidate whose size was
-  /// known is skipped whole, lest something in its payload is taken for a frame.
+  /// How many bytes to discard: one, because the next candidate may begin there. With skips_failed a candidate of known
+  /// size is skipped whole, so that nothing in its payload is taken for a frame.
   std::size_t failed_bytes(const Verdict& verdict) const {
     const auto& format = source_.format();
     return format.skips_failed && verdict.bytes > detail::of_format<longest_prefix<detail::FormatOf<Source>>>(source_)
@@ -311,7 +322,7 @@ class Deframer {
     std::size_t at = 0;
     while (at < size) {
       const std::size_t opening = mark.stands_at(window + at, size - at) ? mark.size : 0;
-      if (opening != 0 && !format.sends_opening) {  // it ends a block that is empty, or was too long
+      if (opening != 0 && !format.sends_opening) {  // it ends a block that is empty or was too long
         if (overlong_) {
           blame(Cause::length_out_of_range, opening);
           discard(opening);
@@ -324,7 +335,7 @@ class Deframer {
       }
       if (opening != 0) {
         overlong_ = false;
-        if (at + opening == size) {  // it opens a frame or is fill: the next byte tells
+        if (at + opening == size) {  // it opens a frame or is fill: the next byte decides
           if (!give_up) break;
           fill(opening);
           at = size;
@@ -339,7 +350,7 @@ class Deframer {
       const std::size_t begin = at + opening;
       const std::size_t end = detail::find_mark(mark, window, at == 0 && searched_ > begin ? searched_ : begin, size);
       searched_ = 0;
-      // Of a mark of two bytes the first may be there already.
+      // Of a two-byte mark, the first byte may have come already.
       const std::size_t known = end == size && !give_up && window[size - 1] == mark.first ? size + 1 - mark.size : size;
       if (overlong_) {  // the rest of a block that was too long already
         const std::size_t rest = (end < known ? end : known) - at;
@@ -365,7 +376,7 @@ class Deframer {
         }
         break;
       }
-      Frame frame{};  // GCC 12 does not see that a frame's verdict comes with its fields
+      Frame frame{};  // GCC 12 does not see that a frame's verdict sets its fields
       const Verdict verdict = examine_block(window + begin, end - begin, frame);
       if (verdict.outcome == Outcome::frame) {
         deliver(frame, window + at, end + mark.size - at, sink);
@@ -404,7 +415,7 @@ class Deframer {
                                                           at == 0 ? searched_ : 0, available);
       searched_ = 0;
       Verdict verdict{Outcome::reject, Cause::incomplete, end.at};
-      Frame frame{};  // GCC 12 does not see that a frame's verdict comes with its fields
+      Frame frame{};  // GCC 12 does not see that a frame's verdict sets its fields
       if (end.kind == detail::BlockEnd::closing) {
         const std::size_t begin = at + format.opening.size;
         verdict = examine_block(window + begin, at + end.at - begin, frame);
@@ -423,7 +434,7 @@ class Deframer {
       if (verdict.outcome == Outcome::frame) {
         deliver(frame, window + at, verdict.bytes, sink);
         at += verdict.bytes;
-      } else {  // an opening delimiter may stand inside: as data, or because the candidate began in garbage
+      } else {  // an opening delimiter may be inside: as data, or because the candidate began in garbage
         note_unlisted(frame, verdict.bytes);
         reject(verdict.cause, verdict.bytes);
         const bool is_closed = end.kind == detail::BlockEnd::closing;
@@ -437,7 +448,7 @@ class Deframer {
 
   // ---- frames between silences ----------------------------------------------------------------------------------
 
-  /// `give_up` says that the line was silent behind the window: the window is one block.
+  /// `give_up`: the line was silent after the window, so the window is one block.
   template <class Sink>
   WIREBOND_INLINE std::size_t consume_silence(const std::uint8_t* window, std::size_t size, bool give_up, Sink&& sink) {
     const std::size_t longest = detail::of_format<max_frame_bytes<detail::FormatOf<Source>>>(source_);
@@ -461,7 +472,7 @@ class Deframer {
     return size;
   }
 
-  /// Where the block failed by its id alone, the frame has the id and a size; else it has none, if it is no frame.
+  /// If the block failed only by its id, the frame has that id and a size; if it failed otherwise, its size is 0.
   WIREBOND_INLINE Verdict examine_block(const std::uint8_t* block, std::size_t size, Frame& frame) {
     if constexpr (tells_unlisted) frame.size = 0;
     const std::size_t longest = detail::of_format<max_frame_bytes<detail::FormatOf<Source>>>(source_);
@@ -512,8 +523,8 @@ class Deframer {
     sink(static_cast<const Frame&>(frame));
   }
 
-  /// A block that is no frame and has `wire_size` bytes with its delimiters: examine_block left its id if only that was
-  /// wrong.
+  /// Note a block that is not a frame and has `wire_size` bytes with its delimiters. examine_block sets the frame's
+  /// size only if nothing but its id was wrong.
   WIREBOND_INLINE void note_unlisted(const Frame& frame, std::size_t wire_size) {
     if constexpr (tells_unlisted) {
       if (frame.size != 0) account_.unlisted.stands(settled_, frame.id, wire_size);
@@ -523,7 +534,7 @@ class Deframer {
     }
   }
 
-  /// A start byte is settled next. Where frames are escaped, those before it end here.
+  /// Called when a start byte is settled next. Where frames are escaped, candidates before it end here.
   WIREBOND_INLINE void cut_unlisted() {
     if constexpr (tells_unlisted && detail::may_be<Source>(Framing::sized)) {
       const auto& format = source_.format();
@@ -533,7 +544,7 @@ class Deframer {
     }
   }
 
-  /// These bytes are settled next: escapes among them move the end of a frame that the file does not list.
+  /// Called when these bytes are settled next: escapes among them move the end of a frame that the file does not list.
   WIREBOND_INLINE void pass_unlisted(const std::uint8_t* bytes, std::size_t size) {
     if constexpr (tells_unlisted && detail::may_be<Source>(Framing::sized)) {
       if (grows_by_escapes(source_.format())) account_.unlisted.pass(source_, bytes, size, settled_);
@@ -550,8 +561,8 @@ class Deframer {
     blame(cause, extent);
   }
 
-  /// Bytes of a failed candidate carry its cause when a rescan finds no frame in them. Of two that overlap, the one
-  /// that reaches further keeps the bytes from its start on.
+  /// Blame the bytes of a failed candidate on its cause; they count so if a rescan finds no frame in them. Where two
+  /// overlap, the one that reaches further keeps the bytes from its start on.
   void blame(Cause cause, std::size_t extent) {
     if (extent > blamed_) {
       blamed_ = extent;
@@ -576,14 +587,14 @@ class Deframer {
     if (blamed_ != 0) blamed_ = size < blamed_ ? blamed_ - size : 0;
   }
 
-  // The small ones together: a constant source and what waits for it have no bytes of their own.
+  // Small members together: a constant source and its waiting head take no bytes of their own.
   Source source_;
-  detail::WaitingHead<Source> waiting_;  ///< by start: of what waits for needed_ bytes
+  detail::WaitingHead<Source> waiting_;  ///< by start: head of the candidate that waits for needed_ bytes
   Cause blame_ = Cause::no_start;
-  bool overlong_ = false;                ///< inside a block that is longer than any frame
+  bool overlong_ = false;                ///< inside a block longer than any frame
   detail::Extent<Source> needed_ = 0;    ///< by start: the candidate at the front was examined; this many bytes decide
-  detail::Extent<Source> searched_ = 0;  ///< delimiters: this many bytes of the window hold no end of the block
-  std::size_t blamed_ = 0;               ///< this many bytes from here on belong to a candidate that failed
+  detail::Extent<Source> searched_ = 0;  ///< delimiters: the first bytes of the window that hold no end of the block
+  std::size_t blamed_ = 0;               ///< bytes from here on that belong to a failed candidate
   std::uint8_t* scratch_;
   Counter settled_ = 0;
   Account account_{};

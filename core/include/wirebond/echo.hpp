@@ -1,5 +1,5 @@
-// A line on which an end hears what it sends: which received bytes are its own. Bytes in, bytes of others out: no
-// frame, no port, no clock.
+// A line on which an end receives what it sends: separates its own bytes from those of others. Bytes in, bytes of
+// others out: no frame, no port, no clock.
 #pragma once
 
 #include <atomic>
@@ -11,32 +11,35 @@
 
 namespace wirebond {
 
-/// Two wires of RS-485, or one wire for both directions: what an end sends comes back to its own receiver. Each piece
-/// that it sends is kept here until it was heard. What comes is compared with it, and whatever is not an own piece from
-/// its first to its last byte is passed on, in its order. So no byte of another sender is lost, wherever it stands:
-/// before the echo, because it was not read yet, or in its place, because there was no echo.
+/// The problem: on the two wires of RS-485, or on one wire for both directions, an end receives its own bytes, mixed
+/// with those of others. Dropping as many bytes as were sent would drop another sender's: bytes that came before the
+/// echo and were not read yet, or bytes in its place because there was no echo.
 ///
-/// A piece that is not heard as it was sent is a collision: another end sent at the same time, a byte was disturbed, or
-/// the line does not echo. That is known when a later piece is heard, or when the caller gives up.
+/// The answer: each piece that the end sends is kept here until it is heard. Received bytes are compared with it, and
+/// all that is not a whole own piece is passed on, in its order. So no byte of another sender is lost.
 ///
-/// The memory holds the pieces, each behind two bytes with its size. One context sends (`keep` to `refused`), one
-/// hears; the sender may interrupt the hearer. Neither waits. A byte is compared with each piece that is not heard yet;
-/// where a piece breaks off, again from each of its bytes. While nothing is to be heard, bytes are passed on untouched.
+/// A piece that is not heard as it was sent is a collision: another end sent at the same time, a byte was damaged, or
+/// the line does not echo. A collision is counted when a later piece is heard, or when the caller gives up.
+///
+/// The memory holds the pieces, each after two bytes with its size. One context sends (`keep`, `sent`, `refused`),
+/// another hears; the sender may interrupt the hearer. Neither waits. A byte is compared with each piece that is not
+/// heard yet and, where a match fails, so are the bytes held back for it. While no piece is expected, bytes are passed
+/// on untouched.
 class Echo {
  public:
   using Count = std::uint32_t;
 
   static constexpr std::size_t piece_overhead = 2;
 
-  /// `size`: a power of two. The memory outlives this object. A piece has 65535 bytes at most.
+  /// `size`: a power of two. The memory must outlive this object. A piece has at most 65535 bytes.
   Echo(std::uint8_t* memory, std::size_t size) : memory_(memory), mask_(static_cast<Count>(size - 1)) {}
   Echo(const Echo&) = delete;
   Echo& operator=(const Echo&) = delete;
 
-  // ---- who sends
+  // ---- the sending context
 
-  /// Keep a piece that is about to leave; then call `sent` or `refused`. False: there is no room, because too much was
-  /// not heard yet. Send it later.
+  /// Keep a piece that is about to leave; then call `sent` or `refused`. Returns false if the memory is full because
+  /// too many pieces were not heard yet: send this one later.
   bool keep(const std::uint8_t* bytes, std::size_t size) {
     const Count begin = kept_until_;
     const Count used = begin - begin_.load(std::memory_order_acquire);  // pairs with `free_until`
@@ -48,14 +51,14 @@ class Echo {
     return true;
   }
 
-  /// The port took it: it is expected from here on. Before any of its bytes can be heard.
+  /// Expect the piece that the port took. Call it before any of its bytes can be heard.
   void sent() { end_.store(kept_until_, std::memory_order_release); }  // pairs with `hear`
-  /// The port did not take it.
+  /// Forget the piece that the port did not take.
   void refused() { kept_until_ = end_.load(std::memory_order_relaxed); }
 
-  // ---- who hears
+  // ---- the hearing context
 
-  /// These bytes came. `pass(bytes, size)` is called for those of others; the last of them may be held back until the
+  /// Take received bytes and call `pass(bytes, size)` for those of others. The last ones may be held back until the
   /// next call, while they look like the beginning of an own piece.
   template <class Pass>
   void hear(const std::uint8_t* bytes, std::size_t size, Pass&& pass) {
@@ -77,7 +80,7 @@ class Echo {
     free_until(first_);
   }
 
-  /// What has not been heard by now does not come any more: a collision each. What is held back is passed on.
+  /// Give up the pieces that were not heard: each counts as a collision. Pass on the bytes that were held back.
   template <class Pass>
   void give_up(Pass&& pass) {
     const Count end = end_.load(std::memory_order_acquire);  // pairs with `sent`
@@ -88,7 +91,7 @@ class Echo {
     free_until(end);
   }
 
-  /// The port is away: nothing is expected any more, and nothing was a collision.
+  /// Expect nothing any more, because the port is closed. Counts no collision.
   void forget() {
     echoed_ += matched_;
     matched_ = 0;
@@ -96,12 +99,12 @@ class Echo {
     free_until(first_);
   }
 
-  /// Is there a piece that was not heard yet?
+  /// Check whether a piece was not heard yet.
   bool waits() const { return first_ != end_.load(std::memory_order_relaxed); }
-  std::size_t held() const { return matched_; }          ///< bytes that may be an own piece's beginning
+  std::size_t held() const { return matched_; }          ///< bytes that may begin an own piece
   Count progress() const { return echoed_ + matched_; }  ///< changes while an own piece is heard
-  Count echoed() const { return echoed_; }               ///< own bytes that were heard, modulo 2^32
-  Count collisions() const { return collisions_; }       ///< pieces that were not heard as they were sent, modulo 2^32
+  Count echoed() const { return echoed_; }               ///< own bytes heard, modulo 2^32
+  Count collisions() const { return collisions_; }       ///< pieces not heard as they were sent, modulo 2^32
 
  private:
   std::uint8_t at(Count place) const { return memory_[place & mask_]; }
@@ -110,7 +113,7 @@ class Echo {
   static Count byte_of(Count piece, Count i) { return piece + static_cast<Count>(piece_overhead) + i; }
   Count after(Count piece) const { return byte_of(piece, size_of(piece)); }
 
-  /// Only at the end of a call: until then held bytes are looked at in pieces that are done with.
+  /// Called only at the end of a call: until then, held bytes are still read from pieces that are already finished.
   void free_until(Count place) { begin_.store(place, std::memory_order_release); }  // pairs with `keep`
 
   Count pieces_between(Count from, Count to) const {
@@ -143,8 +146,9 @@ class Echo {
     if (size > to_wrap) pass(memory_, size - to_wrap);
   }
 
-  /// The held bytes and `byte` behind them are not the piece that they were compared with. Which piece are they, from
-  /// which of them on? True: `byte` is of no piece, and the caller passes it on.
+  /// Find the piece that the held bytes and `byte` after them match, once they no longer match the piece they were
+  /// compared with; a match may begin at any of them. Returns true if `byte` belongs to no piece: the caller passes it
+  /// on.
   template <class Pass>
   WIREBOND_NOINLINE bool match_again(std::uint8_t byte, Count end, Pass& pass) {
     const Count held = matched_;
@@ -184,12 +188,12 @@ class Echo {
 
   std::uint8_t* memory_;
   Count mask_;
-  Count kept_until_ = 0;       ///< by who sends
-  LoadStore<Count> end_{0};    ///< of the pieces that are expected; by who sends
-  LoadStore<Count> begin_{0};  ///< of the room that is in use; by who hears
-  Count first_ = 0;            ///< the first piece that was not heard; `begin_` follows
-  Count piece_ = 0;            ///< the one that is being heard, where `matched_` is not 0
-  Count matched_ = 0;          ///< of its bytes
+  Count kept_until_ = 0;       ///< written by the sender
+  LoadStore<Count> end_{0};    ///< end of the expected pieces; written by the sender
+  LoadStore<Count> begin_{0};  ///< start of the memory in use; written by the hearer
+  Count first_ = 0;            ///< the first piece not heard yet; `begin_` follows it
+  Count piece_ = 0;            ///< the piece being heard, while `matched_` is not 0
+  Count matched_ = 0;          ///< how many of its bytes were heard
   Count echoed_ = 0;
   Count collisions_ = 0;
 };

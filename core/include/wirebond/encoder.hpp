@@ -1,4 +1,4 @@
-// Closing a frame around a payload that already lies in place: constants, length, id, checks, stuffing.
+// Completes a frame around a payload that is already in place: constants, length, id, checks, stuffing.
 #pragma once
 
 #include <cstddef>
@@ -13,12 +13,13 @@
 
 namespace wirebond {
 
-/// Where in the frame's buffer its first byte lies before it is stuffed.
+/// Offset of the frame's first byte in its buffer before it is stuffed.
 WIREBOND_INLINE constexpr std::size_t frame_lead(const FormatRules& format) {
   return opening_bytes(format) + (format.stuffing == Stuffing::cobs ? 1 : 0);
 }
 
-/// Where in the frame's buffer the payload is written, so that `seal` can finish the frame without moving it.
+/// Offset in the frame's buffer at which the payload must be written, so that `seal` can finish the frame without
+/// moving it.
 template <class Source>
 WIREBOND_INLINE constexpr std::size_t payload_lead(const Source& source, std::size_t form = 0) {
   return frame_lead(source.format()) + source.format().forms[form].prefix;
@@ -32,14 +33,14 @@ inline void write_hex(std::uint8_t* digits, std::uint64_t value, unsigned bytes)
   }
 }
 
-/// Returns the mark's size.
+/// Write a mark. Returns its size.
 WIREBOND_INLINE std::size_t write_mark(const Mark& mark, std::uint8_t* to) {
   to[0] = mark.first;
   if (mark.size == 2) to[1] = mark.second;
   return mark.size;
 }
 
-/// Put the delimiters around the `size` bytes behind where the opening one goes. Returns the size on the wire.
+/// Put the delimiters around `size` bytes that follow the place of the opening one. Returns the size on the wire.
 WIREBOND_INLINE std::size_t enclose(const FormatRules& format, std::uint8_t* buffer, std::size_t size) {
   if (!has_marks(format)) return size;
   const std::size_t opening = opening_bytes(format);
@@ -47,15 +48,15 @@ WIREBOND_INLINE std::size_t enclose(const FormatRules& format, std::uint8_t* buf
   return opening + size + write_mark(format.closing, buffer + opening + size);
 }
 
-/// The length of a frame with `payload` bytes, those that stuffing added included where it counts them. False: the
-/// length cannot tell them.
+/// Write the length of a frame with `payload` bytes, including bytes that stuffing added if it counts them. Returns
+/// false if the length cannot express them.
 WIREBOND_INLINE bool write_length(const Form& form, std::uint8_t* frame, std::size_t size, std::size_t payload) {
   const std::int64_t counted = static_cast<std::int64_t>(payload) - form.length_bias;
   write_number(form.length, frame, size, static_cast<std::uint64_t>(counted / form.length_unit));
   return counted <= form.length.most();
 }
 
-/// Bytes that a check's places are counted in.
+/// Bytes that the check's places refer to.
 template <class Source>
 WIREBOND_INLINE std::size_t covered_by([[maybe_unused]] const Form& form, [[maybe_unused]] std::size_t index,
                                        std::size_t size) {
@@ -65,7 +66,7 @@ WIREBOND_INLINE std::size_t covered_by([[maybe_unused]] const Form& form, [[mayb
   return size;
 }
 
-/// Write a check's value: over what `rule` says of `frame`, or of the bytes as they are sent.
+/// Write a check over the range of `frame` that its rule gives, or over the bytes as they are sent.
 template <class Source>
 WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::size_t index, std::uint8_t* frame,
                                  std::size_t size, std::uint32_t id, CheckRegisters<Source>& registers) {
@@ -97,13 +98,13 @@ WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::si
   store_bytes(at, value, rule.bytes, rule.order);
 }
 
-/// Write all checks over the frame or, `on_wire`, those over the bytes as they are sent.
+/// Write all checks over the frame or, if `on_wire`, those over the bytes as they are sent.
 template <class Source>
 WIREBOND_INLINE void write_checks(const Source& source, const Form& form, [[maybe_unused]] bool on_wire,
                                   std::uint8_t* bytes, std::size_t size, std::uint32_t id,
                                   CheckRegisters<Source>& registers) {
   constexpr PartCounts most = part_counts<Source>;
-  if constexpr (most.checks == 1 && !most.is_on_wire) {  // as most formats have it
+  if constexpr (most.checks == 1 && !most.is_on_wire) {  // as in most formats
     if (form.check_count != 0) write_check(source, form, 0, bytes, size, id, registers);
   } else {
     every<Source::is_constant, most.checks>(0, form.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
@@ -118,9 +119,9 @@ WIREBOND_INLINE void write_checks(const Source& source, const Form& form, [[mayb
 
 }  // namespace detail
 
-/// The first half of `seal`: everything but what depends on the number of a frame. Constants, header fields, length and
-/// id are written around the payload; checks, stuffing and delimiters are left to `close_frame`. Room for all of these
-/// is set aside as `seal` needs it. `size` is the frame's without them. False: where `seal` makes no frame.
+/// Do the first half of `seal`: everything that does not depend on the frame's number. Writes constants, header fields,
+/// length and id around the payload; checks, stuffing and delimiters are left to `close_frame`, but memory for them is
+/// checked as `seal` does. `size` becomes the frame's size without them. Returns false where `seal` makes no frame.
 template <class Source>
 WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
                                    std::size_t payload_size, std::size_t form_index, const std::uint64_t* header,
@@ -133,7 +134,7 @@ WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, s
   [[maybe_unused]] const std::size_t whole_payload = payload_size;
   std::size_t payload = payload_size;
   if (form.payload_size == PayloadSize::fixed) payload = form.fixed_payload;
-  if (form.trims_zeros) {  // one byte stays, as receivers of such formats expect
+  if (form.trims_zeros) {  // one byte remains, as receivers of such formats expect
     while (payload > 1 && frame[form.prefix + payload - 1] == 0) --payload;
     payload_size = payload;
   }
@@ -167,8 +168,8 @@ WIREBOND_INLINE bool lay_out_frame(const Source& source, std::uint8_t* buffer, s
   return true;
 }
 
-/// The second half of `seal`: checks, stuffing and delimiters of the `size` bytes that `lay_out_frame` laid out, in
-/// which a number may have been changed since. Returns the size on the wire.
+/// Do the second half of `seal`: checks, stuffing and delimiters for the `size` bytes from `lay_out_frame`, whose
+/// number may have been changed since. Returns the size on the wire.
 template <class Source>
 WIREBOND_INLINE std::size_t close_frame(const Source& source, std::uint8_t* buffer, std::size_t size, std::uint32_t id,
                                         std::size_t form_index = 0) {
@@ -181,7 +182,7 @@ WIREBOND_INLINE std::size_t close_frame(const Source& source, std::uint8_t* buff
   if constexpr (detail::may_be_stuffed<Source>()) between = stuff_in_place(source, frame, size);
   if constexpr (detail::may_be<Source>(Framing::sized)) {
     if (format.length_on_wire) {
-      detail::clear_number(form.length, frame, size);  // a frame that is closed again has the one of before
+      detail::clear_number(form.length, frame, size);  // a frame that is closed again still has its old one
       if (!detail::write_length(form, frame, size, between - form.prefix - form.suffix)) return 0;
     }
   }
@@ -191,7 +192,7 @@ WIREBOND_INLINE std::size_t close_frame(const Source& source, std::uint8_t* buff
   return detail::enclose(format, buffer, between);
 }
 
-/// How a frame that is written ends: whole, or waiting for its number (numbering.hpp).
+/// Finishes a written frame: whole here, or waiting for its number (numbering.hpp).
 struct Sealed {
   template <class Source>
   WIREBOND_INLINE static std::size_t end(const Source& source, std::uint8_t* buffer, std::size_t capacity,
@@ -207,14 +208,13 @@ struct Sealed {
   }
 };
 
-/// Finish the frame for message `id` whose `payload_size` bytes lie at buffer + payload_lead. Formats with a fixed
-/// payload are padded with zeros. `header` holds a value for each header field of the format, by place, of which the
-/// form takes those that it has; null: their defaults.
-/// Returns the size on the wire. 0: no frame was made, because
-/// - it does not fit `capacity`,
-/// - the form cannot carry it: its length cannot tell the payload's size, its id has no room for this one, one of form
-///   and message has an id and the other has none, or a condition of the form says otherwise,
-/// - it would have no byte at all, which a receiver cannot tell from fill or from silence.
+/// Finish the frame for message `id` whose `payload_size` bytes are at buffer + payload_lead. Formats with a fixed
+/// payload are padded with zeros. `header` holds a value for each header field of the format, by index; the form takes
+/// those that it has; null: the defaults. Returns the size on the wire, or 0 if no frame was made, because
+/// - it does not fit in `capacity`,
+/// - the form cannot carry it: the payload's size does not fit in its length, the id does not fit, only one of form and
+///   message has an id, or a condition of the form excludes it,
+/// - it would have no byte at all, which a receiver cannot distinguish from fill or silence.
 /// Any thread or interrupt; no allocation.
 template <class Source>
 WIREBOND_INLINE std::size_t seal(const Source& source, std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,

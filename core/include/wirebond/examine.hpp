@@ -156,6 +156,19 @@ WIREBOND_INLINE bool fits(const Form& form, const MessageShape& shape, std::size
   return shape.known() && (!size_is_free || (long_enough && payload <= shape.max_payload));
 }
 
+/// Has a payload more bytes than its message's counts allow, where that matters?
+template <class Source>
+WIREBOND_INLINE bool is_overlong(const Source& source, const MessageShape& shape, const std::uint8_t* payload,
+                                 std::size_t size) {
+  if constexpr (BoundsByCounts<Source>::value) {
+    return shape.known() &&
+           exceeds_counts<CountsBytes<Source>::value>(source.payload_rules(shape.index), payload, size);
+  } else {
+    static_cast<void>(source), static_cast<void>(shape), static_cast<void>(payload), static_cast<void>(size);
+    return false;
+  }
+}
+
 /// Whether the message is known before its payload. Where the payload's size is the message's own and there is no id,
 /// it is the only message without one, or the one that is expected.
 WIREBOND_INLINE bool id_comes_early(const Form& form) {
@@ -373,6 +386,9 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
     if (!source.format().deliver_unknown && !fits(form, head.shape, head.payload)) {
       return {Outcome::reject, Cause::unknown_message, size};
     }
+  }
+  if (is_overlong(source, head.shape, candidate + form.prefix, head.payload)) {
+    return {Outcome::reject, Cause::unknown_message, size};
   }
   if constexpr (HasPayloadRules<Source>::value) {
     const bool long_enough = form.trims_zeros || head.payload >= head.shape.min_payload;

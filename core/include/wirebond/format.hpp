@@ -1,5 +1,5 @@
-// What a frame looks like, as plain data: one description that is a compile-time constant on the MCU and a value on
-// the host. No byte is examined here.
+// Describes a frame as plain data: one description that is a compile-time constant on the MCU and a value on the host.
+// No byte is examined here.
 #pragma once
 
 #include <array>
@@ -12,8 +12,8 @@
 
 namespace wirebond {
 
-/// A place in a frame: `offset` from its first byte, or (`from_end`, then negative or zero) from one past its last.
-/// "Frame" means the bytes after unstuffing, without delimiters.
+/// A place in a frame: `offset` from its first byte or, with `from_end` (then negative or zero), from one past its
+/// last. "Frame" means the bytes after unstuffing, without delimiters.
 struct Position {
   std::int16_t offset = 0;
   bool from_end = false;
@@ -24,15 +24,15 @@ struct Position {
   }
 };
 
-/// A byte that must have a value: of a magic, a constant, a tail. `mask` selects the bits that count.
+/// A byte that must have a certain value: part of a magic, a constant or a tail. `mask` selects the bits that count.
 struct Constant {
   Position at{};
   std::uint8_t mask = 0xFF;
   std::uint8_t value = 0;
 };
 
-/// A number in the frame's own parts: (wire integer >> shift) & mask. Absent when `bytes` is 0. Default mask: all bits
-/// that its bytes have, which are up to 64.
+/// A number in the frame's own parts: (wire integer >> shift) & mask. Absent if `bytes` is 0. Default mask: all bits of
+/// its bytes, up to 64.
 struct Number {
   Position at{};
   std::uint8_t bytes = 0;
@@ -41,7 +41,7 @@ struct Number {
   std::uint64_t mask = ~std::uint64_t{0};
 
   constexpr bool present() const { return bytes != 0; }
-  /// The greatest number of an id or a length, which has 32 bits at most.
+  /// Maximum value of an id or a length, which has at most 32 bits.
   WIREBOND_INLINE constexpr std::int64_t most() const {
     return static_cast<std::int64_t>(mask & (detail::mask_of(8u * bytes) >> shift) & 0xFFFFFFFFu);
   }
@@ -51,11 +51,11 @@ struct Number {
 enum class PayloadSize : std::uint8_t {
   by_length,  ///< payload bytes = length number * unit + bias
   fixed,      ///< always `fixed_payload` bytes
-  by_id,      ///< the message's own size, or what its counts tell; without an id, of the one or the expected message
-  rest,       ///< what lies between the delimiters
+  by_id,      ///< the message's own size, or as its counts give it; without an id: of the only or the expected message
+  rest,       ///< all bytes between the delimiters
 };
 
-/// One check: over [from, to), its value in `bytes` bytes at `at`.
+/// A check over [from, to), stored in `bytes` bytes at `at`.
 struct CheckRule {
   std::uint8_t algorithm = 0;  ///< index into FrameFormat::algorithms
   Position from{};
@@ -64,48 +64,48 @@ struct CheckRule {
   std::uint8_t bytes = 0;
   ByteOrder order = ByteOrder::little;
   std::uint8_t shift = 0;      ///< value on the wire = check >> shift (8: the high byte of a 16-bit sum)
-  bool seeded = false;         ///< the message's seed is counted after the range, and not sent
-  bool as_hex = false;         ///< on the wire as two hex digits a byte, the highest digit first
-  bool on_wire = false;        ///< over the bytes as they are sent, after stuffing; stands outside the stuffed ones
-  std::int8_t continues = -1;  ///< an earlier check with the same start and algorithm: go on from its register
+  bool seeded = false;         ///< the message's seed is included after the range, and not sent
+  bool as_hex = false;         ///< on the wire as two hex digits per byte, the higher one first
+  bool on_wire = false;        ///< over the bytes as they are sent, after stuffing; the check itself is not stuffed
+  std::int8_t continues = -1;  ///< an earlier check with the same start and algorithm, whose register is continued
 };
 
-/// Where a form has a number that is neither length nor id: a named field, a sequence number. Its bits are as on the
-/// wire: what they mean is known outside.
+/// Place in a form of a number that is neither length nor id: a named field or a sequence number. Its bits are as on
+/// the wire; their meaning is known elsewhere.
 struct HeaderField {
   Number number{};
   std::uint64_t default_value = 0;  ///< of the sender
-  std::uint8_t place = 0;           ///< in the list of all header fields of the format, which is the same for all forms
-  std::uint64_t fixed_mask = 0;     ///< bits that tell this form from others: they are constants, too,
+  std::uint8_t place = 0;           ///< index into the format's list of header fields, which is the same for all forms
+  std::uint64_t fixed_mask = 0;     ///< bits that distinguish this form from others: they are constants, too,
   std::uint64_t fixed_value = 0;    ///< of these values
-  bool is_magic = false;            ///< any form will do where no value was given
+  bool is_magic = false;            ///< any form is acceptable if no value was given
 };
 
-/// What a condition compares beside constants.
+/// The number that a condition compares, besides constants.
 enum class Subject : std::uint8_t {
   field,  ///< a header field
   id,
-  size,  ///< the payload's, before it is trimmed
+  size,  ///< of the payload, before it is trimmed
 };
 
-/// A frame is not of the form if this number lies in [low, high].
+/// Excludes the form for frames whose number is in [low, high].
 struct Exclusion {
   Subject subject = Subject::field;
-  std::uint8_t place = 0;  ///< of a header field, in the list of all of them
+  std::uint8_t place = 0;  ///< index of a header field in the format's list
   bool on_receive = true;  ///< false: it only chooses the sender's form
   Number number{};         ///< where a receiver finds it, and which of its bits count; absent for the size
   std::uint64_t low = 0;
   std::uint64_t high = 0;
 };
 
-/// Header values of a frame to send: bits as on the wire, by place. Points at as many as the format has header fields;
-/// the caller keeps them alive during the call.
+/// Header values of a frame to send: bits as on the wire, by index. Points to as many values as the format has header
+/// fields; the caller keeps them alive during the call.
 struct HeaderValues {
   const std::uint64_t* values = nullptr;  ///< null: the sender's defaults
-  std::uint32_t given = 0;                ///< bit i: the sender asked for value i, so a form without it is not taken
+  std::uint32_t given = 0;  ///< bit i: the sender asked for value i, so a form without that field is not used
 };
 
-/// Instead of a place in the list of header fields: there is no such field.
+/// Marks a missing header field, instead of an index.
 constexpr std::uint8_t no_header_field = 0xFF;
 
 constexpr std::size_t max_constants = 16;
@@ -118,26 +118,26 @@ constexpr std::size_t max_exclusions = 24;
 constexpr std::size_t max_insertion = 4;
 
 /// One shape that a frame can take: fixed bytes before the payload (`prefix`), the payload, fixed bytes after it
-/// (`suffix`). A format whose header varies (two magics, optional parts) has several forms, told apart by their
+/// (`suffix`). A format whose header varies (two magics, optional parts) has several forms, distinguished by their
 /// constants.
 struct Form {
   std::uint16_t prefix = 0;
   std::uint16_t suffix = 0;
-  std::uint8_t prefix_constants = 0;  ///< this many of the first `constants` lie in the prefix, by rising offset
+  std::uint8_t prefix_constants = 0;  ///< this many of the first `constants` are in the prefix, by rising offset
   std::uint8_t constant_count = 0;
-  std::uint8_t header_checks = 0;  ///< this many of the first `checks` cover and lie in the prefix only
+  std::uint8_t header_checks = 0;  ///< this many of the first `checks` cover and are in the prefix only
   std::uint8_t check_count = 0;
   PayloadSize payload_size = PayloadSize::fixed;
   std::uint8_t length_unit = 1;
   std::int32_t length_bias = 0;
   std::uint16_t fixed_payload = 0;
-  bool trims_zeros = false;  ///< zeros at the payload's end are not sent; the receiver puts them back
+  bool trims_zeros = false;  ///< zeros at the payload's end are not sent; the receiver restores them
   std::uint8_t header_count = 0;
-  std::uint8_t first_exclusion = 0;  ///< in FrameFormat::exclusions
+  std::uint8_t first_exclusion = 0;  ///< index into FrameFormat::exclusions
   std::uint8_t exclusion_count = 0;
   Number length{};
   Number id{};
-  std::uint32_t id_mask = 0;   ///< bits of the id that tell this form from others: they are constants, too,
+  std::uint32_t id_mask = 0;   ///< bits of the id that distinguish this form from others: they are constants, too,
   std::uint32_t id_value = 0;  ///< of these values
   std::array<Constant, max_constants> constants{};
   std::array<CheckRule, max_checks> checks{};
@@ -146,10 +146,10 @@ struct Form {
 
 enum class Framing : std::uint8_t {
   by_start,   ///< a frame is found by its first constant and its size
-  delimited,  ///< a frame lies between two equal delimiters and cannot contain one; neighbours may share one
-  bracketed,  ///< it lies between an opening and a closing delimiter that differ
-  silence,    ///< a frame is what lies between two silences of the line
-  sized,      ///< a frame is found by its first constant, and stuffed; its length tells where it ends
+  delimited,  ///< a frame is between two equal delimiters and cannot contain one; neighbours may share one
+  bracketed,  ///< a frame is between an opening and a closing delimiter that differ
+  silence,    ///< a frame is the bytes between two silences of the line
+  sized,      ///< a frame is found by its first constant, and stuffed; its length gives its end
 };
 
 /// A delimiter of one or two bytes.
@@ -168,12 +168,12 @@ enum class Stuffing : std::uint8_t {
   cobs,
   escape,
   hex,        ///< each byte is sent as two hex digits
-  insertion,  ///< a byte is sent behind each place where a certain sequence stands
+  insertion,  ///< a byte is inserted after each occurrence of a certain sequence
 };
 
-/// A byte that must not appear is sent as `escape` and a code: its value xor `exclusive_or` or, where that is 0, the
-/// code beside it in the table (SLIP). A receiver with `exclusive_or` takes any escaped byte (HDLC). Where the escape
-/// is the first byte of both delimiters it is doubled: its own code is the escape again (DLE).
+/// A forbidden byte is sent as `escape` and a code: its value xor `exclusive_or` or, if that is 0, the code beside it
+/// in the table (SLIP). A receiver with `exclusive_or` takes any escaped byte (HDLC). If the escape is the first byte
+/// of both delimiters it is doubled: its own code is the escape again (DLE).
 struct EscapeRule {
   std::uint8_t escape = 0;
   std::uint8_t exclusive_or = 0;
@@ -181,56 +181,56 @@ struct EscapeRule {
   std::array<std::uint8_t, max_escapes> plain{};
   std::array<std::uint8_t, max_escapes> code{};
   std::uint8_t starts =
-      0;  ///< this many of the first `plain` begin frames found by their start; none stands within one
+      0;  ///< this many of the first `plain` begin frames found by their start; none occurs inside a frame
 };
 
-/// Behind the bytes `after`, wherever they stand among the stuffed ones, `byte` is sent (Dynamixel 2.0: 0xFD behind
-/// FF FF FD). The sequence does not begin as it ends, so that two of them never overlap.
+/// After each occurrence of the bytes `after` in the stuffed part, `byte` is sent (Dynamixel 2.0: 0xFD after FF FF FD).
+/// The sequence does not begin as it ends, so two of them never overlap.
 struct InsertionRule {
   std::uint8_t size = 0;
   std::uint8_t byte = 0;
   std::array<std::uint8_t, max_insertion> after{};
 };
 
-/// What holds for all forms of a format.
+/// Rules that hold for all forms of a format.
 struct FormatRules {
   Framing framing = Framing::by_start;
   Stuffing stuffing = Stuffing::none;
   Mark opening{};             ///< delimiter before a frame
-  Mark closing{};             ///< delimiter behind it
+  Mark closing{};             ///< delimiter after it
   bool sends_opening = true;  ///< delimited: false where only the end of a frame is marked
   std::uint8_t form_count = 1;
-  std::uint8_t own_forms = 1;  ///< the first of the forms: those that a sender takes by itself, by what it sends
+  std::uint8_t own_forms = 1;  ///< the first of the forms: those that a sender chooses from by itself
   std::uint8_t algorithm_count = 0;
   bool deliver_unknown = false;  ///< unknown ids and other payload sizes are frames, not false starts
-  bool skips_failed = false;     ///< a candidate that failed behind its header is not looked through again
+  bool skips_failed = false;     ///< a candidate that failed after its header is not searched again
   bool length_on_wire = false;   ///< sized: the length counts the bytes as they are sent, after stuffing
   std::uint8_t plain_front = 0;  ///< this many bytes before the stuffed ones are sent as they are
-  std::uint8_t plain_back = 0;   ///< and this many behind them
+  std::uint8_t plain_back = 0;   ///< and this many after them
   std::uint8_t sequence_place = no_header_field;  ///< the header field that counts a sender's frames
   bool sequence_per_message = false;              ///< it counts those of each message
-  std::uint8_t peer_place = no_header_field;      ///< the header field that tells senders apart
+  std::uint8_t peer_place = no_header_field;      ///< the header field that identifies the sender
   std::uint16_t max_payload = 0;
-  /// What Source::message is asked for a frame without an id. Not 0 where other frames of this sender have one: then it
-  /// is a value that no message has as its id.
+  /// Id that Source::message is asked for, for a frame without an id. Where other frames of this sender have one, it is
+  /// not 0 but a value that no message has as its id.
   std::uint32_t no_id = 0;
   std::array<CheckAlgorithm, max_algorithms> algorithms{};
   EscapeRule escapes{};
   InsertionRule insertion{};
 };
 
-/// A whole format, with room for `Forms` forms and `Exclusions` exclusions. A constant has room for its own only: where
-/// nothing is optimised, all of it lies in flash.
+/// A whole format with memory for `Forms` forms and `Exclusions` exclusions. A constant has only as many as it needs:
+/// without optimisation all of it takes flash.
 template <std::size_t Forms, std::size_t Exclusions>
 struct SizedFormat : FormatRules {
   std::array<Form, Forms> forms{};
   std::array<Exclusion, Exclusions> exclusions{};  ///< of all forms
 };
 
-/// One with room for whatever a protocol file may say: for formats that are read at run time.
+/// A format with memory for anything that a protocol file may say: for formats read at run time.
 using FrameFormat = SizedFormat<max_forms, max_exclusions>;
 
-/// The same format with all the room.
+/// Copy a format into one of maximum size.
 template <class Format>
 constexpr FrameFormat widened(const Format& format) {
   FrameFormat wide{};
@@ -240,9 +240,9 @@ constexpr FrameFormat widened(const Format& format) {
   return wide;
 }
 
-/// What the deframer must know of a message: nothing about its fields.
+/// All that the deframer knows about a message: nothing about its fields.
 struct MessageShape {
-  std::int16_t index = -1;  ///< its place in the protocol's table; -1: unknown id
+  std::int16_t index = -1;  ///< index in the protocol's table; -1: unknown id
   std::uint16_t min_payload = 0;
   std::uint16_t max_payload = 0;
   std::uint8_t seed = 0;  ///< for checks that are `seeded`
@@ -263,10 +263,11 @@ WIREBOND_INLINE constexpr std::size_t max_frame_bytes(const Format& format) {
   return largest;
 }
 
-/// Bytes that COBS adds to `size` bytes at most (Cheshire and Baker 1999: one code byte per started 254 bytes).
+/// Maximum number of bytes that COBS adds to `size` bytes (Cheshire and Baker 1999: one code byte per started 254
+/// bytes).
 WIREBOND_INLINE constexpr std::size_t cobs_overhead(std::size_t size) { return 1 + size / 254; }
 
-/// Bytes that stuffing adds to a frame of `size` bytes at most.
+/// Maximum number of bytes that stuffing adds to a frame of `size` bytes.
 WIREBOND_INLINE constexpr std::size_t stuffing_overhead(const FormatRules& format, std::size_t size) {
   switch (format.stuffing) {
     case Stuffing::cobs: return cobs_overhead(size);
@@ -300,7 +301,7 @@ WIREBOND_INLINE constexpr std::size_t max_wire_bytes(const Format& format) {
   return frame + stuffing_overhead(format, frame) + marks;
 }
 
-/// Wire bytes that a sender sets aside for a frame of this form: exact where nothing is stuffed, else the worst.
+/// Wire bytes that a sender reserves for a frame of this form: exact without stuffing, otherwise the worst case.
 template <class Format>
 WIREBOND_INLINE constexpr std::size_t wire_bytes(const Format& format, std::size_t payload_size,
                                                  std::size_t form_index = 0) {
@@ -310,8 +311,8 @@ WIREBOND_INLINE constexpr std::size_t wire_bytes(const Format& format, std::size
   return frame + delimiter_bytes(format) + stuffing_overhead(format, frame);
 }
 
-/// Can a frame of this form have a payload of this size? A length must be able to tell it; a form without the length
-/// that others have carries nothing.
+/// Check whether a frame of this form can have a payload of this size. A length must be able to express it; a form
+/// without the length that others have carries no payload.
 WIREBOND_INLINE constexpr bool carries(const Form& form, std::size_t payload) {
   if (form.payload_size == PayloadSize::fixed) return payload <= form.fixed_payload;
   if (form.payload_size != PayloadSize::by_length) return true;
@@ -320,29 +321,29 @@ WIREBOND_INLINE constexpr bool carries(const Form& form, std::size_t payload) {
   return counted >= 0 && counted % form.length_unit == 0 && counted / form.length_unit <= form.length.most();
 }
 
-/// The greatest payload that the form's own rule for its size allows; `max_payload` of the format bounds it, too.
+/// Maximum payload that the form's own size rule allows; the format's `max_payload` limits it, too.
 WIREBOND_INLINE constexpr std::int64_t most_payload(const Form& form) {
   if (form.payload_size == PayloadSize::fixed) return form.fixed_payload;
   if (form.payload_size != PayloadSize::by_length) return 0xFFFF;
   return form.length.present() ? form.length.most() * form.length_unit + form.length_bias : 0;
 }
 
-/// Does `carries` hold for every size up to the format's greatest? Then no code asks it.
+/// Check whether `carries` holds for every size up to the format's maximum: then no code needs to call it.
 WIREBOND_INLINE constexpr bool carries_all(const FormatRules& format, const Form& form) {
   if (form.payload_size != PayloadSize::by_length) return true;  // `seal` compares with a fixed size itself
   return form.length.present() && form.length_unit == 1 && form.length_bias <= 0 &&
          static_cast<std::int64_t>(format.max_payload) - form.length_bias <= form.length.most();
 }
 
-/// Can a frame of this form carry message `id`? Its id has room for it. `no_id` is the message that frames without an
-/// id carry, and no others.
+/// Check whether a frame of this form can carry message `id`: the id must fit. A form without an id carries only the
+/// message `no_id`.
 WIREBOND_INLINE constexpr bool carries_id(const FormatRules& format, const Form& form, std::uint32_t id) {
   if (!form.id.present()) return id == format.no_id;
   return (format.no_id == 0 || id != format.no_id) && id <= form.id.most() && (id & form.id_mask) == form.id_value;
 }
 
-/// Do these header values allow a frame of this form? It has every field that was given, and the bits that tell it from
-/// other forms are its own. `Unroll`, `Most`: as for `every`.
+/// Check whether these header values allow a frame of this form: it has every field that was given, and the bits that
+/// distinguish it from other forms match. `Unroll`, `Most`: as for `every`.
 template <bool Unroll = false, std::size_t Most = max_header_fields>
 WIREBOND_INLINE constexpr bool agrees(const Form& form, const HeaderValues& header) {
   std::uint32_t held = 0;
@@ -355,7 +356,7 @@ WIREBOND_INLINE constexpr bool agrees(const Form& form, const HeaderValues& head
   return detail::every<Unroll, Most>(0, form.header_count, agrees_in) && (header.given & ~held) == 0;
 }
 
-/// The number of the header field of this place; absent where the form lacks it.
+/// Return the number of this header field; absent if the form lacks it.
 WIREBOND_INLINE constexpr Number number_at(const Form& form, std::uint8_t place) {
   for (std::size_t i = 0; i < form.header_count; ++i) {
     if (form.header[i].place == place) return form.header[i].number;
@@ -363,8 +364,9 @@ WIREBOND_INLINE constexpr Number number_at(const Form& form, std::uint8_t place)
   return {};
 }
 
-/// Does an exclusion keep a sender from this form, for message `id` with `payload` bytes before trimming? `header` may
-/// be null: then the fields have their defaults, which the sender's own forms allow. `Unroll`, `Most`: as for `every`.
+/// Check whether an exclusion keeps a sender from this form, for message `id` with `payload` bytes before trimming.
+/// `header` may be null: then the fields have their defaults, which the sender's own forms allow. `Unroll`, `Most`: as
+/// for `every`.
 template <bool Unroll = false, std::size_t Most = max_exclusions, class Format>
 WIREBOND_INLINE constexpr bool is_excluded(const Format& format, const Form& form, std::uint32_t id,
                                            std::size_t payload, const std::uint64_t* header) {
@@ -380,8 +382,8 @@ WIREBOND_INLINE constexpr bool is_excluded(const Format& format, const Form& for
   });
 }
 
-/// Does a payload of this size, with the zeros that were cut from its end, break a condition of the form? `Unroll`,
-/// `Most`: as for `every`.
+/// Check whether a payload of this size, including the zeros cut from its end, breaks a condition of the form.
+/// `Unroll`, `Most`: as for `every`.
 template <bool Unroll = false, std::size_t Most = max_exclusions, class Format>
 WIREBOND_INLINE constexpr bool size_is_excluded(const Format& format, const Form& form, std::size_t payload) {
   return !detail::every<Unroll, Most>(0, form.exclusion_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
@@ -391,7 +393,7 @@ WIREBOND_INLINE constexpr bool size_is_excluded(const Format& format, const Form
   });
 }
 
-/// Bytes before the payload, of the form that has most.
+/// Maximum number of bytes before the payload, over all forms.
 template <class Format>
 WIREBOND_INLINE constexpr std::size_t longest_prefix(const Format& format) {
   std::size_t longest = 0;
@@ -401,7 +403,7 @@ WIREBOND_INLINE constexpr std::size_t longest_prefix(const Format& format) {
   return longest;
 }
 
-/// The byte that every frame begins with; -1: there are several forms, or it is not wholly constant.
+/// Return the byte that every frame begins with; -1 if there are several forms, or it is not entirely constant.
 template <class Format>
 WIREBOND_INLINE constexpr int one_start(const Format& format) {
   const Form& form = format.forms[0];

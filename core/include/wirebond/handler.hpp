@@ -1,5 +1,5 @@
-// Which functions a handler has for a message: questions to the compiler, and its words where one would never be
-// called. No function of a handler is called here.
+// Finds out at compile time which functions a handler has for a message, with readable errors for one that would never
+// be called. Calls no function of a handler.
 #pragma once
 
 #include <type_traits>
@@ -11,15 +11,15 @@
 
 namespace wirebond {
 
-/// A handler derives from it if receivers or links of both ends use its class. It may then have an `on` for every
-/// message of the protocol.
+/// Base class of a handler used by receivers or links of both ends. It may have an `on` for every message of the
+/// protocol.
 struct ServesBothEnds {};
 
 }  // namespace wirebond
 
 namespace wirebond::detail {
 
-/// A template may take `NoHeader`, too, but none is handed out.
+/// A template may accept `NoHeader`, too, but none is passed.
 template <class Header>
 using IsHeader = std::bool_constant<!std::is_same_v<Header, NoHeader>>;
 
@@ -39,7 +39,7 @@ struct HasOnWithHeader<
     std::void_t<decltype(std::declval<Handler&>().on(std::declval<const Message&>(), std::declval<const Header&>()))>>
     : IsHeader<Header> {};
 
-/// Takes the place of any argument, in questions to the compiler.
+/// Stands for any argument, in questions to the compiler.
 struct Something {
   template <class T>
   operator T&() const;
@@ -60,7 +60,7 @@ template <class Handler, class Message>
 struct HasOnThatChanges<Handler, Message, std::void_t<decltype(std::declval<Handler&>().on(std::declval<Message&>()))>>
     : std::true_type {};
 
-/// The compiler says here what is wrong with a handler's `on` for this message, where it would never be called.
+/// Makes the compiler explain an `on` for this message that would never be called.
 template <class Handler, class Message, class Header>
 struct RightOn {
   static constexpr bool is_called = HasOn<Handler, Message>::value || HasOnWithHeader<Handler, Message, Header>::value;
@@ -75,10 +75,10 @@ struct RightOn {
   static constexpr bool value = true;
 };
 
-/// No message of a protocol: only a template takes it.
+/// Not a message of any protocol: only a template accepts it.
 struct AnyMessage {};
 
-/// Takes the place of an argument of one type. No template finds out which.
+/// Stands for an argument of one type; no template can deduce that type.
 template <class Argument>
 struct InPlaceOf {
   operator Argument() const;
@@ -90,13 +90,13 @@ template <class Handler, class... Arguments>
 struct TakesOn<std::void_t<decltype(std::declval<Handler&>().on(std::declval<Arguments>()...))>, Handler, Arguments...>
     : std::true_type {};
 
-/// Is there an `on` that is written for this message? A template is written for none.
+/// Whether an `on` is written for this very message, not as a template.
 template <class Handler, class Message, class... Header>
 inline constexpr bool has_own_on = (TakesOn<void, Handler, InPlaceOf<const Message&>, Header...>::value ||
                                     TakesOn<void, Handler, InPlaceOf<Message&>, Header...>::value) &&
                                    !TakesOn<void, Handler, AnyMessage&, Header...>::value;
 
-/// The compiler says here that a handler waits for a message that its own end sends.
+/// Makes the compiler explain an `on` for a message that the handler's own end sends.
 template <class Handler, class Message>
 struct OnOfRightEnd {
   static_assert(!has_own_on<Handler, Message> && !has_own_on<Handler, Message, Something>,
@@ -120,11 +120,12 @@ struct NeverIn<Source, std::void_t<typename Source::NeverSent>> {
   using Messages = typename Source::NeverSent;
 };
 
-/// True, unless the compiler refuses the handler. `Source`: the frames that are handed to it.
+/// True, or the compiler refuses the handler. `Source`: sender of the frames passed to it.
 template <class Handler, class Source>
 inline constexpr bool has_ons_of_right_end = OnsOfRightEnd<Handler, typename NeverIn<Source>::Messages>::value;
 
-/// Does it want to hear of this message, too, where its field rules keep it away from `on`? For the services of a link.
+/// Whether the handler is also called for this message when its field rules keep it away from `on`. For the services of
+/// a link.
 template <class Nothing, class Handler, class... MessageAndHeader>
 struct HasOnRejectedOf : std::false_type {};
 template <class Handler, class... MessageAndHeader>
@@ -163,7 +164,8 @@ struct HasFillWithHeader<
     std::void_t<decltype(std::declval<Handler&>().fill(std::declval<Message&>(), std::declval<Header&>()))>>
     : IsHeader<Header> {};
 
-/// Does `fill` take a message that it cannot change: by value, or as a constant? A template takes what it is given.
+/// Whether `fill` takes a message that it cannot change: by value or as a constant. A template accepts the argument as
+/// given.
 template <class Handler, class Message, class = void>
 struct HasFillThatReads : std::false_type {};
 template <class Handler, class Message>
@@ -177,7 +179,7 @@ struct HasFillWithSomething<
     std::void_t<decltype(std::declval<Handler&>().fill(std::declval<Message&>(), std::declval<Something>()))>>
     : std::true_type {};
 
-/// The compiler says here what is wrong with a handler's `fill` for this message, where it would never be called.
+/// Makes the compiler explain a `fill` for this message that would never be called.
 template <class Handler, class Message, class Header>
 struct RightFill {
   static constexpr bool is_called =

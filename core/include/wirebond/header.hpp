@@ -1,4 +1,5 @@
-// Header fields as a struct: between the struct of a generated namespace and the numbers of a frame. No message.
+// Header fields as a struct: converts between the struct of a generated namespace and the numbers of a frame. No
+// message.
 #pragma once
 
 #include <array>
@@ -14,7 +15,7 @@
 
 namespace wirebond {
 
-/// Stands for the header of frames that have no header field.
+/// Header of frames without header fields.
 struct NoHeader {};
 
 namespace detail {
@@ -30,9 +31,8 @@ struct HeaderType<Source, std::void_t<typename Source::Header>> {
 
 }  // namespace detail
 
-/// The struct that a source's frames have their header fields in. A generated source has it as `Header`, and
-/// `static constexpr Header header()`: the values that its sender sends unless it is given others. The struct's
-/// namespace supplies
+/// Struct with the header fields of the source's frames. A generated source provides it as `Header`, and its sender's
+/// defaults as `static constexpr Header header()`. The struct's namespace supplies
 ///
 ///   bool write_header(const Header&, std::uint64_t* numbers);   // false: a value is out of range, or has no name
 ///   void read_header(const std::uint64_t* numbers, Header&);
@@ -46,8 +46,8 @@ inline constexpr bool has_header = !std::is_same_v<HeaderOf<Source>, NoHeader>;
 
 namespace detail {
 
-/// How many header fields the protocol has: where the source is generated those of the other end's frames, too, which
-/// its Header has as well.
+/// How many header fields the protocol has; a generated source counts those of the other end's frames, too, because its
+/// Header includes them.
 template <class Source, class = void>
 inline constexpr std::size_t named_header_fields = 0;
 template <class Source>
@@ -77,11 +77,11 @@ constexpr HeaderNumbers<Source> make_default_numbers() {
   }
   return numbers;
 }
-/// What the source's sender sends unless it is given other values.
+/// Default header values of the source's sender.
 template <class Source>
 inline constexpr HeaderNumbers<Source> default_numbers = make_default_numbers<Source>();
 
-/// fn(field) for each header field of the frame's form.
+/// Call fn(field) for each header field of the frame's form.
 template <class Source, class Fn>
 WIREBOND_INLINE void each_header_field(const Frame& frame, Fn&& fn) {
   constexpr Source source{};
@@ -96,7 +96,7 @@ WIREBOND_INLINE void each_header_field(const Frame& frame, Fn&& fn) {
   });
 }
 
-/// A sender's header values, of which those that differ from the defaults are asked for.
+/// Build a sender's header values; those that differ from the defaults are marked as given.
 template <class Source>
 WIREBOND_INLINE HeaderValues values_of(const HeaderNumbers<Source>& numbers) {
   std::uint32_t given = 0;
@@ -107,8 +107,8 @@ WIREBOND_INLINE HeaderValues values_of(const HeaderNumbers<Source>& numbers) {
   return {numbers.data(), given};
 }
 
-/// Header values that have become those that the message's frames have (`settle_match`), and which of them are asked
-/// for by that.
+/// Header values changed to those that the message's frames have (`settle_match`), and which of them count as given for
+/// that reason.
 template <class Source>
 struct SettledNumbers : HeaderNumbers<Source> {
   std::uint32_t settled = 0;
@@ -121,12 +121,12 @@ WIREBOND_INLINE HeaderValues values_of(const SettledNumbers<Source>& numbers) {
   return values;
 }
 
-/// Is what a sender is given beside its message the source's Header? Nothing is none, and wire numbers are none.
+/// Whether the argument after the message is the source's Header; no argument, or wire numbers, are not.
 template <class Source, class... Given>
 inline constexpr bool is_header = false;
 template <class Source, class Given>
 inline constexpr bool is_header<Source, Given> = has_header<Source>&& std::is_same_v<Given, HeaderOf<Source>>;
-/// Or are they these numbers already, by place?
+/// Whether it is these numbers already, by index.
 template <class Source, class... Given>
 inline constexpr bool is_numbers = false;
 template <class Source, class Given>
@@ -134,8 +134,8 @@ inline constexpr bool is_numbers<Source, Given> = std::is_same_v<Given, HeaderNu
 
 }  // namespace detail
 
-/// The header of a frame that came from `Source`. A field that the frame's form lacks has its default. The frame's
-/// pointers must still be valid: call it where the frame was handed out.
+/// Return the header of a frame from `Source`. A field that the frame's form lacks has its default. The frame's
+/// pointers must still be valid: call it inside the handler.
 template <class Source>
 WIREBOND_INLINE HeaderOf<Source> header_of(const Frame& frame) {
   static_assert(has_header<Source>, "frames of this protocol have no header field");

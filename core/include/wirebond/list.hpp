@@ -1,4 +1,4 @@
-// Elements of a varying number, in place. What an element is does not matter here; strings are bounded.hpp's.
+// Elements of varying number, in place, of any type. For strings see bounded.hpp.
 #pragma once
 
 #include <array>
@@ -7,7 +7,7 @@
 
 namespace wirebond {
 
-/// At most `Capacity` elements. Plain data: copy it; elements behind `size` mean nothing.
+/// Holds at most `Capacity` elements. Plain data: copy it; elements after `size` mean nothing.
 template <class Element, std::size_t Capacity>
 struct List {
   static_assert(Capacity <= 0xFFFF, "no frame carries so much");
@@ -17,7 +17,7 @@ struct List {
 
   static constexpr std::size_t capacity = Capacity;
 
-  /// Put a copy of `element` behind the others. False where there is no room: nothing is changed then.
+  /// Append a copy of `element`. Returns false if the list is full; nothing is changed then.
   constexpr bool push_back(const Element& element) {
     if (size >= Capacity) return false;
     data[size] = element;
@@ -25,7 +25,7 @@ struct List {
     return true;
   }
 
-  /// Elements in use, `Capacity` at most, whatever was written to `size`.
+  /// Return the number of elements in use: at most `Capacity`, whatever was written to `size`.
   constexpr std::size_t used() const { return size < Capacity ? size : Capacity; }
 
   constexpr Element& operator[](std::size_t index) { return data[index]; }

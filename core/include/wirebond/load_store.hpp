@@ -7,8 +7,8 @@
 
 namespace wirebond {
 
-/// `load` and `store` of std::atomic, whose own are forced inline: where nothing is optimised each of them would be 60
-/// bytes of code in each place.
+/// `load` and `store` of std::atomic, forced inline: without optimisation each call would otherwise be 60 bytes of code
+/// at each place.
 template <class T>
 class LoadStore {
  public:

@@ -1,5 +1,4 @@
-// Delimiters in a run of bytes: where one stands, and where a block between two of them ends. No frame is examined
-// here.
+// Finds delimiters in a run of bytes, and where a block between two of them ends. No frame is examined here.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +9,7 @@
 
 namespace wirebond::detail {
 
-/// The first place from `from` on where `mark` stands whole; `size` where none does.
+/// Return the first place from `from` on with a whole `mark`; `size` if there is none.
 inline std::size_t find_mark(Mark mark, const std::uint8_t* bytes, std::size_t from, std::size_t size) {
   while (from + mark.size <= size) {
     const void* const found = std::memchr(bytes + from, mark.first, size + 1 - mark.size - from);
@@ -22,13 +21,13 @@ inline std::size_t find_mark(Mark mark, const std::uint8_t* bytes, std::size_t f
   return size;
 }
 
-/// How a block ends that begins with an opening delimiter, and where.
+/// How and where a block ends that begins with an opening delimiter.
 struct BlockEnd {
   enum Kind {
     closing,  ///< by the closing delimiter at `at`
-    opening,  ///< not: another opening delimiter stands at `at`, and is a better candidate
-    no_pair,  ///< not: this many bytes were looked at, and the last two are no pair that a sender makes
-    open,     ///< not yet: the search goes on from `at`
+    opening,  ///< not ended: another opening delimiter is at `at`, and is a better candidate
+    no_pair,  ///< not ended: the last two of the bytes read are a pair that no sender makes
+    open,     ///< not ended yet: the search continues at `at`
   };
   Kind kind;
   std::size_t at;
@@ -36,12 +35,13 @@ struct BlockEnd {
 
 WIREBOND_INLINE bool begins_long_mark(Mark mark, std::uint8_t byte) { return mark.size == 2 && byte == mark.first; }
 
-/// `size` bytes at `block`; `from`: the place that an earlier search of the same block ended at, or 0.
-/// `doubles`: the delimiters' first byte is doubled among the data. Then a pair is told from a delimiter by counting
-/// from the block's start.
+/// Find the end of the block in the `size` bytes at `block`. `from`: where an earlier search of the same block ended,
+/// or 0. `doubles`: the delimiters' first byte is doubled among the data, so a pair and a delimiter are distinguished
+/// by counting from the block's start.
 inline BlockEnd find_block_end(Mark opening, Mark closing, bool doubles, const std::uint8_t* block, std::size_t from,
                                std::size_t size) {
-  // An opening delimiter of the doubled byte alone: the byte behind it tells it from a pair and from the closing one.
+  // An opening delimiter that is only the doubled byte: the byte after it distinguishes it from a pair and from the
+  // closing one.
   const bool opens_alone = doubles && opening.size == 1;
   if (opens_alone) {
     if (size < 2) return {BlockEnd::open, 1};
@@ -58,7 +58,7 @@ inline BlockEnd find_block_end(Mark opening, Mark closing, bool doubles, const s
       }
       ++at;
     } else if (at + 1 == size && (begins_long_mark(closing, block[at]) || begins_long_mark(opening, block[at]))) {
-      break;  // the next byte tells
+      break;  // the next byte decides
     }
     ++at;
   }

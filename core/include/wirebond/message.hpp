@@ -209,6 +209,63 @@ class Room<Message, true> {
   alignas(Message) unsigned char bytes_[sizeof(Message)];
 };
 
+template <class Message>
+WIREBOND_INLINE bool decode_frame(const Frame& frame, Message& message) {
+  constexpr std::size_t least = Message::Info::min_payload_bytes;
+  const std::uint8_t* payload = frame.payload;
+  std::size_t size = frame.payload_size;
+  [[maybe_unused]] std::array<std::uint8_t, least> whole;
+  if constexpr (least > 0) {
+    if (size < least) {  // zeros that were trimmed from its end are put back
+      std::memcpy(whole.data(), payload, size);
+      std::memset(whole.data() + size, 0, least - size);
+      payload = whole.data();
+      size = least;
+    }
+  }
+  return decode(payload, size, message);
+}
+
+/// Are two values of a field equal? Without `==`, of which compilers warn for floats.
+template <class Value>
+auto are_equal(const Value& a, const Value& b, int) -> decltype(a.view() == b.view()) {
+  return a.view() == b.view();
+}
+template <class Value>
+bool are_equal(const Value& a, const Value& b, long) {
+  return a <= b && b <= a;  // not a NaN
+}
+
+/// The same for a scaled integer that loses digits as a real: does less than `half_step` lie between the two?
+template <class Real>
+bool are_near(Real a, Real b, Real half_step) {
+  return a - b < half_step && b - a < half_step;
+}
+/// The same for a scaled float, of which each end may lose some last digits; `offset` is its own, without sign.
+template <class Real>
+bool are_close(Real a, Real b, Real offset) {
+  const Real limit = ((b < 0 ? -b : b) + offset) / 1048576;
+  return a - b <= limit && b - a <= limit;
+}
+
+/// Has the frame's message the values that `has(message)` asks for?
+template <class Message, class Has>
+bool has_values(const Frame& frame, const Has& has) {
+  Room<Message> room;
+  Message& message = room.message();
+  return decode_frame(frame, message) && has(static_cast<const Message&>(message));
+}
+
+/// Is it a message of the file's emergency stop, with its values? The source of a generated header knows.
+template <class Source>
+auto is_stop(const Frame& frame, int) -> decltype(Source::is_stop(frame)) {
+  return Source::is_stop(frame);
+}
+template <class Source>
+bool is_stop(const Frame&, long) {
+  return false;
+}
+
 /// The rest of `hand_over` where frames have header fields: the rules of both, then the handler.
 template <class Message, class Header, class Handler>
 WIREBOND_INLINE bool hand_over_both(Message& message, const Header& header, Handler& handler, Violations& counts) {
@@ -239,21 +296,9 @@ WIREBOND_INLINE bool hand_over_both(Message& message, const Header& header, Hand
 /// message.
 template <class Message, class Source = void, class Handler>
 bool hand_over(const Frame& frame, Handler& handler, Violations& counts) {
-  constexpr std::size_t least = Message::Info::min_payload_bytes;
-  const std::uint8_t* payload = frame.payload;
-  std::size_t size = frame.payload_size;
-  [[maybe_unused]] std::array<std::uint8_t, least> whole;
-  if constexpr (least > 0) {
-    if (size < least) {  // zeros that were trimmed from its end are put back
-      std::memcpy(whole.data(), payload, size);
-      std::memset(whole.data() + size, 0, least - size);
-      payload = whole.data();
-      size = least;
-    }
-  }
   detail::Room<Message> room;
   Message& message = room.message();
-  if (!decode(payload, size, message)) {  // the deframer has seen to the payload's least size
+  if (!detail::decode_frame(frame, message)) {  // the deframer has seen to the payload's least size
     counts.count(Violation::wrong_count);
     return false;
   }

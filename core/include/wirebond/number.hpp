@@ -1,4 +1,5 @@
-// Numbers of a message on their way to the wire: finite or not, the nearest wire integer. Ranges are the protocol's.
+// Converts a message's numbers for the wire: rejects those that are not finite, rounds to the nearest wire integer.
+// Ranges belong to the protocol.
 #pragma once
 
 #include <array>
@@ -13,7 +14,7 @@
 
 namespace wirebond {
 
-/// Neither NaN nor infinite. Reads the bits, so that -ffast-math cannot take the answer for granted.
+/// Check that the value is neither NaN nor infinite. Reads the bits, so that -ffast-math cannot assume the answer.
 WIREBOND_INLINE bool is_finite(float value) {
   constexpr std::uint32_t exponent = 0x7F800000u;
   std::uint32_t bits;
@@ -30,7 +31,8 @@ WIREBOND_INLINE bool is_finite(double value) {
 
 namespace detail {
 
-/// Its top bit is set where the exponent has no zero bit: the value is not finite. Others say nothing.
+/// Return a word whose top bit is set if the exponent has no zero bit: the value is not finite. Its other bits mean
+/// nothing.
 WIREBOND_INLINE std::uint32_t exponent_overflow(float value) {
   std::uint32_t bits;
   std::memcpy(&bits, &value, sizeof bits);
@@ -50,7 +52,7 @@ WIREBOND_INLINE std::uint32_t exponent_overflows(const std::array<Real, Size>& v
 
 }  // namespace detail
 
-/// Is each of them finite? One question for all, without a branch: three instructions a float on a Cortex-M4.
+/// Check that all values are finite. One test for all, without a branch: three instructions per float on a Cortex-M4.
 template <class Real, std::size_t Size>
 WIREBOND_INLINE bool all_finite(const std::array<Real, Size>& values) {
   std::uint32_t overflows = 0;
@@ -62,9 +64,9 @@ WIREBOND_INLINE bool all_finite(const std::array<Real, Size>& values) {
   return overflows >> 31 == 0;
 }
 
-/// The integer of `Bytes` wire bytes nearest to `value`, halves away from zero. False where `value` is not finite or
-/// the nearest integer has no room; `wire` is then untouched. `Real` decides the arithmetic: with float no double is
-/// used. It holds every integer of its mantissa exactly, so wide integers want double.
+/// Round `value` to the nearest integer of `Bytes` wire bytes, halves away from zero. Returns false if `value` is not
+/// finite or the nearest integer does not fit; `wire` is then unchanged. `Real` decides the arithmetic: with float no
+/// double is used. It holds every integer of its mantissa exactly, so wide integers need double.
 template <unsigned Bytes, class Wire, class Real>
 WIREBOND_INLINE bool nearest(Real value, Wire& wire) {
   static_assert(std::is_integral_v<Wire> && Bytes <= sizeof(Wire), "the integer needs room for the wire bytes");
@@ -73,8 +75,7 @@ WIREBOND_INLINE bool nearest(Real value, Wire& wire) {
   constexpr unsigned unused_bits = 8 * (sizeof(Wire) - Bytes);
   constexpr Real half = static_cast<Real>(0.5);
   constexpr Real least = static_cast<Real>(Limits::min() >> unused_bits);
-  constexpr Real low =
-      least - half;  // the half is lost where the mantissa ends at whole numbers: then `least` has room
+  constexpr Real low = least - half;  // the half is lost where the mantissa ends at whole numbers: then `least` fits
   constexpr Real high = static_cast<Real>(Limits::max() >> unused_bits) + half;
   if (!is_finite(value) || value < low || (value == low && low != least) || value >= high) return false;
   // Adding a half first would round twice: 0.49999997f + 0.5f is 1.
@@ -90,14 +91,14 @@ WIREBOND_INLINE bool nearest(Real value, Wire& wire) {
   return true;
 }
 
-/// Store the nearest integer; pair of `load_integer`. False as for `nearest`: nothing is stored then.
+/// Store the nearest integer; pairs with `load_integer`. Returns false as `nearest` does, and then stores nothing.
 template <class Wire, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(Wire), class Real>
 WIREBOND_INLINE bool store_nearest(std::uint8_t* to, Real value) {
   Wire wire;
   return nearest<Bytes>(value, wire) && store_integer<Wire, Order, Bytes>(to, wire);
 }
 
-/// Store a float. False where it is not finite: nothing is stored then.
+/// Store a float. Returns false if it is not finite, and then stores nothing.
 template <class Real, ByteOrder Order = ByteOrder::little>
 WIREBOND_INLINE bool store_finite(std::uint8_t* to, Real value) {
   if (!is_finite(value)) return false;

@@ -1,4 +1,4 @@
-// A frame that waits for its sequence number: laid out, without its number, checks and stuffing. No queue, no counter.
+// A frame that waits for its sequence number: laid out, without number, checks and stuffing. No queue, no counter.
 #pragma once
 
 #include <cstddef>
@@ -13,9 +13,9 @@
 
 namespace wirebond {
 
-/// The form of a frame as `lay_out_frame` made it, or as it was unstuffed: the first whose constants it has, and none
-/// of whose exclusions holds. Where zeros at the payload's end were cut, its size excludes nothing: there the forms
-/// differ in other bytes.
+/// Find the form of a frame as `lay_out_frame` made it, or as it was unstuffed: the first whose constants match and
+/// none of whose exclusions holds. If zeros at the payload's end were cut, its size excludes nothing: such forms differ
+/// in other bytes.
 template <class Source>
 WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* frame, std::size_t size) {
   constexpr bool unroll = Source::is_constant;
@@ -25,7 +25,7 @@ WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* fr
   detail::every<unroll, most.forms>(0, format.form_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const Form& form = format.forms[i];
     found = i;
-    if (i + 1u == format.form_count) return false;  // nothing is left to be told apart
+    if (i + 1u == format.form_count) return false;  // the only one left
     if (size < std::size_t{form.prefix} + form.suffix) return true;
     const auto stands = [&](std::size_t c) WIREBOND_INLINE_LAMBDA {
       const Constant& constant = form.constants[c];
@@ -45,7 +45,7 @@ WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* fr
   return found;
 }
 
-/// Where a frame of this form has its sequence number; absent where it has none.
+/// Return the place of the sequence number in a frame of this form; absent if it has none.
 template <class Source>
 WIREBOND_INLINE Number sequence_number(const Source& source, std::size_t form_index) {
   if constexpr (detail::folds<Source>(0)) {
@@ -55,8 +55,8 @@ WIREBOND_INLINE Number sequence_number(const Source& source, std::size_t form_in
   }
 }
 
-/// Give the laid-out frame of `size` bytes that begins at buffer + frame_lead its number, where its form has one, and
-/// close it. Returns the size on the wire. `next()` gives the number; it is called only for a frame that has one.
+/// Write the number into the laid-out frame of `size` bytes at buffer + frame_lead, if its form has one, and close the
+/// frame. Returns the size on the wire. `next()` returns the number; it is called only for a frame that has one.
 template <class Source, class Next>
 WIREBOND_INLINE std::size_t close_numbered(const Source& source, std::uint8_t* buffer, std::size_t size, Next&& next) {
   const auto& format = source.format();
@@ -79,23 +79,23 @@ WIREBOND_INLINE std::size_t close_numbered(const Source& source, std::uint8_t* b
   return on_wire;
 }
 
-/// Bytes that a laid-out frame of `size` bytes takes in a queue until `waiting_size` and `close_numbered` read it
-/// there: enough for its number, checks, stuffing and delimiters, and never more than `wire_bytes`. Where stuffing
-/// depends on the bytes, they are counted here, and the size is noted behind the frame.
+/// Return how many bytes a laid-out frame of `size` bytes takes in a queue until `waiting_size` and `close_numbered`
+/// read it there: enough for its number, checks, stuffing and delimiters, and never more than `wire_bytes`. If stuffing
+/// depends on the bytes, they are counted here, and the size is stored after the frame.
 template <class Source>
 WIREBOND_INLINE std::size_t set_aside(const Source& source, std::uint8_t* buffer, std::size_t size,
                                       std::size_t form_index) {
   const auto& format = source.format();
   if (format.stuffing != Stuffing::escape) return size + delimiter_bytes(format) + stuffing_overhead(format, size);
   const Form& form = format.forms[form_index];
-  std::size_t added = size;  // what is sent as it is behind the others is moved while they are stuffed: no less will do
+  std::size_t added = size;  // bytes after the stuffed part move while it is stuffed, so this much is needed
   if (format.plain_back == 0) {
     added = sequence_number(source, form_index).bytes + escapes_needed(detail::escapes_of(source),
                                                                        buffer + frame_lead(format) + format.plain_front,
                                                                        size - format.plain_front);
     for (std::size_t i = 0; i < form.check_count; ++i)
       added += form.checks[i].bytes * (form.checks[i].as_hex ? 2u : 1u);
-    if (added == 0) added = 1;  // room for the size, with a delimiter
+    if (added == 0) added = 1;  // for the size, with a delimiter
     if (added > size) added = size;
   }
   const std::size_t room = size + delimiter_bytes(format) + added;
@@ -103,7 +103,7 @@ WIREBOND_INLINE std::size_t set_aside(const Source& source, std::uint8_t* buffer
   return room;
 }
 
-/// Instead of `Sealed`: the frame waits in a queue, which later closes it by `waiting_size` and `close_numbered`.
+/// Replaces `Sealed`: the frame waits in a queue, which later closes it with `waiting_size` and `close_numbered`.
 struct Waiting {
   template <class Source>
   WIREBOND_INLINE static std::size_t end(const Source& source, std::uint8_t* buffer, std::size_t capacity,
@@ -115,7 +115,7 @@ struct Waiting {
   }
 };
 
-/// The size of a laid-out frame for which `room` bytes were set aside.
+/// Return the size of a laid-out frame that takes `room` bytes in the queue.
 WIREBOND_INLINE std::size_t waiting_size(const FormatRules& format, const std::uint8_t* buffer, std::size_t room) {
   if (format.stuffing == Stuffing::escape)
     return static_cast<std::size_t>(load_bytes(buffer + room - 2, 2, ByteOrder::little));

@@ -43,6 +43,7 @@ struct PayloadRules {
   const PayloadCount* counts = nullptr;
   std::uint8_t constant_count = 0;
   std::uint8_t count_count = 0;
+  std::uint16_t most_beside = 0;  ///< not 0: beside what the counts tell, a payload has this many bytes at most
 };
 
 namespace detail {
@@ -71,6 +72,13 @@ struct CountsBytes : std::true_type {};
 template <class Source>
 struct CountsBytes<Source, std::void_t<decltype(Source::counts_bytes)>>
     : std::integral_constant<bool, Source::counts_bytes> {};
+
+/// Do counts of the source's messages bound their payloads? Other firmware has no code for it.
+template <class Source, class = void>
+struct BoundsByCounts : HasPayloadRules<Source> {};
+template <class Source>
+struct BoundsByCounts<Source, std::void_t<decltype(Source::bounds_by_counts)>>
+    : std::integral_constant<bool, Source::bounds_by_counts> {};
 
 /// May a count tell this number, if `taken` bytes are what it agrees with?
 template <bool counts_bytes>
@@ -109,11 +117,13 @@ ToldSize told_size(const PayloadRules& rules, const std::uint8_t* payload, std::
   return {least + shifts.behind[rules.count_count], 0, true};
 }
 
-/// What the counts of a whole payload say. False: one of them lies beyond it, or tells what is no number of elements.
+/// What the first `how_many` counts of a whole payload say. False: one of them lies beyond it, or tells what is no
+/// number of elements (`any_number`: that is read all the same).
 template <bool counts_bytes>
-bool read_counts(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size, PayloadShifts& shifts) {
+bool read_counts(const PayloadRules& rules, std::size_t how_many, bool any_number, const std::uint8_t* payload,
+                 std::size_t size, PayloadShifts& shifts) {
   shifts.behind[0] = 0;
-  for (std::size_t i = 0; i < rules.count_count; ++i) {
+  for (std::size_t i = 0; i < how_many; ++i) {
     const PayloadCount& count = rules.counts[i];
     const std::size_t at = count.at + shifts.behind[count.behind];
     if (at >= size || size - at < count.bytes) return false;
@@ -121,7 +131,7 @@ bool read_counts(const PayloadRules& rules, const std::uint8_t* payload, std::si
     const std::size_t bounded = number < size ? static_cast<std::size_t>(number) : size;  // no sum overflows
     const bool is_first = !counts_bytes || count.agrees_with < 0;
     const bool is_possible = number <= count.most && is_first;  // a greater one is the message's violation
-    if (is_possible && !may_tell<counts_bytes>(count, static_cast<std::size_t>(number), 0)) return false;
+    if (is_possible && !any_number && !may_tell<counts_bytes>(count, static_cast<std::size_t>(number), 0)) return false;
     const std::size_t shift = shifts.behind[i] + (is_first ? bounded * count.unit : 0);
     shifts.behind[i + 1] = shift < size ? shift : size;
   }
@@ -133,7 +143,8 @@ template <bool counts_bytes>
 bool payload_holds(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size, bool trims_zeros) {
   if (rules.constant_count == 0) return true;
   PayloadShifts shifts;
-  if (!read_counts<counts_bytes>(rules, payload, size, shifts)) return false;
+  const std::size_t needed = rules.constants[rules.constant_count - 1].behind;  // the last one is behind the most
+  if (!read_counts<counts_bytes>(rules, needed, false, payload, size, shifts)) return false;
   for (std::size_t i = 0; i < rules.constant_count; ++i) {
     const PayloadConstant& constant = rules.constants[i];
     const std::size_t at = constant.at + shifts.behind[constant.behind];
@@ -142,6 +153,15 @@ bool payload_holds(const PayloadRules& rules, const std::uint8_t* payload, std::
     if ((byte & constant.mask) != constant.value) return false;
   }
   return true;
+}
+
+/// Has a whole payload more bytes than its counts allow? One of which a count is missing has not.
+template <bool counts_bytes>
+bool exceeds_counts(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size) {
+  if (rules.most_beside == 0) return false;
+  PayloadShifts shifts;
+  return read_counts<counts_bytes>(rules, rules.count_count, true, payload, size, shifts) &&
+         size > rules.most_beside + shifts.behind[rules.count_count];
 }
 
 }  // namespace detail

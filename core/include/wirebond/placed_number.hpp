@@ -1,4 +1,4 @@
-// The numbers of a frame's own parts, such as length and id: their bits read out of a frame and written into it.
+// Reads and writes the numbers of a frame's own parts, such as length and id.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace wirebond::detail {
 
-/// Make a number's bits zero and leave the others of its bytes.
+/// Set a number's bits to zero and keep the other bits of its bytes.
 WIREBOND_INLINE void clear_number(const Number& number, std::uint8_t* frame, std::size_t frame_size) {
   std::uint8_t* const at = frame + number.at.in(frame_size);
   const std::uint64_t bits = number.mask << number.shift;
@@ -18,7 +18,7 @@ WIREBOND_INLINE void clear_number(const Number& number, std::uint8_t* frame, std
   }
 }
 
-/// Merge a number into bytes that are zero in its place.
+/// Merge a number into bytes whose bits are zero there.
 WIREBOND_INLINE void write_number(const Number& number, std::uint8_t* frame, std::size_t frame_size,
                                   std::uint64_t value) {
   std::uint8_t* const at = frame + number.at.in(frame_size);
@@ -29,7 +29,7 @@ WIREBOND_INLINE void write_number(const Number& number, std::uint8_t* frame, std
   }
 }
 
-/// A number of up to 64 bits.
+/// Read a number of up to 64 bits.
 WIREBOND_INLINE std::uint64_t read_wide(const Number& number, const std::uint8_t* frame, std::size_t frame_size) {
   const std::uint8_t* const at = frame + number.at.in(frame_size);
   std::uint64_t value = 0;
@@ -46,7 +46,7 @@ WIREBOND_INLINE std::uint64_t read_wide(const Number& number, const std::uint8_t
   return (value >> number.shift) & number.mask;
 }
 
-/// A number of up to 32 bits, as an id and a length are.
+/// Read a number of up to 32 bits, such as an id or a length.
 WIREBOND_INLINE std::uint32_t read_number(const Number& number, const std::uint8_t* frame, std::size_t frame_size) {
   return static_cast<std::uint32_t>(read_wide(number, frame, frame_size));
 }

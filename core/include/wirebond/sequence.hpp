@@ -1,4 +1,4 @@
-// What the sequence numbers of received frames tell: how many frames are missing. Numbers in, counts out; no byte.
+// Counts missing frames from the sequence numbers of received ones. Numbers in, counts out; no byte.
 #pragma once
 
 #include <array>
@@ -14,14 +14,14 @@
 
 namespace wirebond {
 
-/// What the numbers of received frames told, modulo the counter. A number is compared with the one before it from the
-/// same peer. The first number of a peer only says where its count begins.
+/// Counters modulo their type. A number is compared with the one before it from the same peer; the first number of a
+/// peer only starts the comparison.
 template <class Counter>
 struct SequenceCounts {
-  Counter numbered = 0;  ///< frames whose number was looked at
-  Counter gaps = 0;      ///< frames that are missing: numbers that were left out
+  Counter numbered = 0;  ///< frames whose number was compared
+  Counter gaps = 0;      ///< missing frames: numbers that were skipped
   Counter repeats = 0;   ///< frames with the number of the frame before
-  Counter restarts = 0;  ///< jumps beyond half the range of numbers: the peer began again, and nothing is known missing
+  Counter restarts = 0;  ///< jumps beyond half the range of numbers: the peer restarted, missing frames are unknown
 
   void add(const SequenceCounts& other) {
     numbered += other.numbered;
@@ -31,8 +31,8 @@ struct SequenceCounts {
   }
 };
 
-/// The newest number of one counter of a peer. `Value` holds every number of the field, whose bits are `mask`.
-/// Of a field with n bits, 2^(n-1) - 1 missing frames in a row are the most that can be told from a restart.
+/// Keeps the newest number of one counter of a peer. `Value` holds every number of the field, whose bits are `mask`.
+/// With n bits, at most 2^(n-1) - 1 missing frames in a row can be distinguished from a restart.
 template <class Value>
 class SequenceTrack {
  public:
@@ -57,7 +57,7 @@ class SequenceTrack {
   bool has_begun_ = false;
 };
 
-/// Bits of the sequence number; 0: no form of the format has one.
+/// Return the bits of the sequence number; 0 if no form of the format has one.
 template <class Format>
 constexpr std::uint64_t sequence_mask(const Format& format) {
   for (std::size_t i = 0; i < format.form_count; ++i) {
@@ -69,7 +69,7 @@ constexpr std::uint64_t sequence_mask(const Format& format) {
 
 namespace detail {
 
-/// The header field of this place in a frame, whose format is a constant. False: its form has none.
+/// Read this header field of a frame whose format is a constant. Returns false if its form has none.
 template <class Source, std::size_t Place, class Value>
 WIREBOND_INLINE bool read_at(const Frame& frame, Value& value) {
   constexpr Source source{};
@@ -82,7 +82,7 @@ WIREBOND_INLINE bool read_at(const Frame& frame, Value& value) {
       });
 }
 
-/// How many counters a sender has: one, or one for each message of the protocol.
+/// Return how many counters a sender has: one, or one for each message of the protocol.
 template <class Source>
 constexpr std::size_t sequence_counters() {
   if constexpr (Source{}.format().sequence_per_message) {
@@ -109,12 +109,12 @@ using HoldsMask =
 
 }  // namespace detail
 
-/// Counts what one end misses, where the format is a constant. It takes no memory and no instruction where frames have
+/// Counts frames that one end misses, where the format is a constant. Takes no memory and no instruction if frames have
 /// no sequence number.
 ///
-/// Where frames name their sender (`address: sender`) the last `peers` of them are told apart; of more, the one that
-/// was silent longest is forgotten, and starts over when it is heard again. Where each message has its own numbers,
-/// frames of no known message are not looked at.
+/// Where frames name their sender (`address: sender`) the last `peers` senders are counted apart; if there are more,
+/// the one silent longest is forgotten and starts over when it is heard again. Where each message has its own numbers,
+/// frames of unknown messages are ignored.
 template <class Source, bool = detail::has_sequence<Source>()>
 class SequenceWatch {
  public:
@@ -165,7 +165,7 @@ class SequenceWatch<Source, true> {
       Peer found = peers_[at];
       if (at >= heard_ || found.address != address) found = Peer{address, {}};
       if (at >= heard_) heard_ = static_cast<std::uint8_t>(at + 1);
-      for (; at > 0; --at) peers_[at] = peers_[at - 1];  // the one that was heard last stands first
+      for (; at > 0; --at) peers_[at] = peers_[at - 1];  // the one heard last is first
       return peers_[0] = found;
     }
   }

@@ -1,5 +1,5 @@
-// One stuffed candidate that no delimiter ends: its length tells where it ends, among bytes that are stuffed or before
-// them. No state, no position in a stream.
+// Examines one stuffed candidate that no delimiter ends: its length, among stuffed bytes or before them, gives its end.
+// No state, no position in a stream.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@ namespace wirebond {
 
 namespace detail {
 
-/// Undoes a stuffing from the frame's first byte on, as far as it is asked to.
+/// Undoes a stuffing from the frame's first byte on, as far as requested.
 template <class Source>
 class Unstuffer {
  public:
@@ -23,12 +23,12 @@ class Unstuffer {
 
   static constexpr std::size_t everything = static_cast<std::size_t>(-1);
 
-  /// `from`: the bytes as they came; `to` has room for what is asked for.
+  /// `from`: the received bytes; `to`: memory for the bytes that will be requested.
   WIREBOND_INLINE Unstuffer(const Source& source, const std::uint8_t* from, std::uint8_t* to)
       : source_(source), from_(from), to_(to) {}
 
-  /// Go on until `count` bytes are written. Those from `stuffed_end` on are sent as they are. `waits`: that needs more
-  /// than `available` bytes. `bad`: the next byte is none that a sender makes.
+  /// Continue until `count` bytes are written. Those from `stuffed_end` on are sent as they are. `waits`: that needs
+  /// more than `available` bytes. `bad`: no sender makes the next byte.
   WIREBOND_INLINE Result run(std::size_t available, std::size_t count, std::size_t stuffed_end) {
     const auto& format = source_.format();
     const EscapeRule& escapes = escapes_of(source_);
@@ -63,7 +63,7 @@ class Unstuffer {
 
   std::size_t read() const { return read_; }
   std::size_t written() const { return written_; }
-  bool owes() const { return owes_; }  ///< what is written ends with the sequence, and the inserted byte must follow
+  bool owes() const { return owes_; }  ///< the written bytes end with the sequence: the inserted byte must follow
 
  private:
   WIREBOND_INLINE bool is_start(std::uint8_t byte) const {
@@ -84,21 +84,21 @@ class Unstuffer {
 
 }  // namespace detail
 
-/// Do escapes among a frame's bytes make it longer than the size that it tells?
+/// Check whether escapes make a frame longer than its length says.
 WIREBOND_INLINE bool grows_by_escapes(const FormatRules& format) {
   return format.framing == Framing::sized && format.stuffing == Stuffing::escape && !format.length_on_wire;
 }
 
-/// Examine the bytes at `candidate`, as `examine` does; sizes in the verdict are those on the wire. `scratch`: room for
-/// max_wire_bytes; the frame points into it. Where the cause is unknown_message, the frame's size is the one on the
-/// wire, or without escapes where it grows_by_escapes; 0: not known. Any thread or interrupt; work is bounded by one
+/// Examine the bytes at `candidate`, as `examine` does; sizes in the verdict are those on the wire. `scratch`: memory
+/// for max_wire_bytes; the frame points into it. If the cause is unknown_message, the frame's size is the one on the
+/// wire, or without escapes if the format grows_by_escapes; 0: not known. Any thread or interrupt; takes at most one
 /// pass over max_wire_bytes.
 template <class Source>
 WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* candidate, std::size_t available,
                                       std::uint8_t* scratch, Frame& frame) {
   using Unstuffer = detail::Unstuffer<Source>;
   const auto& format = source.format();
-  const std::size_t prefix = format.forms[0].prefix;  // that of all forms
+  const std::size_t prefix = format.forms[0].prefix;  // the same for all forms
   const auto more = [](std::size_t size, std::size_t by) {
     return Verdict{Outcome::need_more, Cause::incomplete, size + by};
   };
@@ -107,7 +107,7 @@ WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* 
   Unstuffer unstuffer(source, candidate, scratch);
   typename Unstuffer::Result result = unstuffer.run(available, prefix, Unstuffer::everything);
   Verdict verdict = examine(source, scratch, unstuffer.written(), nullptr, frame);
-  const bool grows = grows_by_escapes(format);  // the closure below would keep the whole format in flash
+  const bool grows = grows_by_escapes(format);  // a copy: the closure below would keep the whole format in flash
   const auto rejected = [&] {
     if (verdict.bytes > 1) verdict.bytes = unstuffer.read();
     if (!grows) frame.size = 0;  // its size on the wire is not known
@@ -121,7 +121,7 @@ WIREBOND_INLINE Verdict examine_sized(const Source& source, const std::uint8_t* 
   };
   if (result == Unstuffer::waits) return waits(prefix);
 
-  // Counts within the payload tell the size one after the other.
+  // Counts inside the payload give its size one after the other.
   while (verdict.outcome == Outcome::need_more && frame.size == 0) {
     const std::size_t wanted = verdict.bytes;
     result = unstuffer.run(available, wanted, Unstuffer::everything);

@@ -1,4 +1,4 @@
-// Where the algorithms get a format from, and what they can leave out where it is a constant.
+// Provides the algorithms with a format, and decides what they can leave out where it is a constant.
 #pragma once
 
 #include <array>
@@ -13,18 +13,18 @@
 
 namespace wirebond {
 
-// A *source* says where the format comes from. The algorithms are templates over it:
+// A *source* provides the format. The algorithms are templates over it:
 //
 //   struct Source {
 //     static constexpr bool is_constant;               // true: loops over parts unroll and fold
 //     const FrameFormat& format() const;               // or another SizedFormat
 //     MessageShape message(std::uint32_t id) const;
-//     void expect(std::int16_t index);  // message() answers so from here on, where several messages share an id
+//     void expect(std::int16_t index);  // the message that message() returns from now on, if several share its id
 //     std::uint64_t check_update(unsigned algorithm, std::uint64_t reg, const std::uint8_t*, std::size_t) const;
-//     // only where more than an id tells messages (match.hpp):
+//     // only where more than an id distinguishes messages (match.hpp):
 //     bool matches() const; bool matches_late() const; template <class Asked> MessageShape match(const Asked&) const;
 //     PayloadRules payload_rules(std::int16_t index) const;  // only where a message has some (payload_rules.hpp)
-//     // where it is no constant: the good case (host/fast_path.hpp), and what check_begin and check_end give
+//     // only if not a constant: the fast path (host/fast_path.hpp), and the results of check_begin and check_end
 //     using FastPath; const FastPath& fast_path() const;
 //     int start() const;  // one_start(format())
 //     bool ends_by_silence() const;  // framing is Framing::silence
@@ -32,16 +32,16 @@ namespace wirebond {
 //     std::uint64_t check_end_of(unsigned algorithm, std::uint64_t reg) const;
 //   };
 //
-// Generated code holds a constant source for each sender; runtime_source.hpp is the other one.
+// Generated code has a constant source for each sender; the other kind is in runtime_source.hpp.
 
 namespace detail {
 
-/// The type of the source's format: a constant has room for its own forms only.
+/// Type of the source's format: a constant holds only its own forms.
 template <class Source>
 using FormatOf = std::decay_t<decltype(std::declval<const Source&>().format())>;
 
-/// Is the source's format known to the compiler? A source may ask for the algorithms of a constant and hold values that
-/// are read at run time, as tests do that compile once for many formats.
+/// Check whether the compiler knows the source's format. A source may use the algorithms of a constant and still hold
+/// values read at run time, as tests do that compile once for many formats.
 template <class Source, std::size_t = Source{}.format().form_count>
 constexpr bool folds(int) {
   return Source::is_constant;
@@ -51,8 +51,8 @@ constexpr bool folds(...) {
   return false;
 }
 
-/// The format's rule for escapes, and that for insertions. Of a format that folds it is a constant of its own:
-/// functions that are given it by reference keep nothing else of the format in memory.
+/// The format's rule for escapes, and that for insertions. For a format that folds, each is a constant of its own:
+/// functions that take it by reference keep nothing else of the format in memory.
 template <class Source>
 inline constexpr EscapeRule constant_escapes = Source{}.format().escapes;
 template <class Source>
@@ -74,7 +74,7 @@ WIREBOND_INLINE const InsertionRule& insertion_of(const Source& source) {
   }
 }
 
-/// How many forms a format has, and the most parts of a kind that one of them has.
+/// How many forms a format has, and the maximum number of parts of each kind in one form.
 struct PartCounts {
   std::size_t forms = 0;
   std::size_t constants = 0;
@@ -82,16 +82,16 @@ struct PartCounts {
   std::size_t checks = 0;
   std::size_t exclusions = 0;
   std::size_t header_checks = 0;
-  bool payload_sizes[4] = {};  ///< by PayloadSize: a form has it so
-  // Some check is so:
+  bool payload_sizes[4] = {};  ///< by PayloadSize: some form uses it
+  // True if some check is like this:
   bool is_seeded = false;
   bool is_hex = false;
   bool is_on_wire = false;
   bool is_continued = false;
 };
 
-/// May the source's frames be found so? Where the format folds, code for what it is not is not even compiled: a build
-/// that optimises little would keep it.
+/// Check whether the source's frames may be found this way. If the format folds, code for other ways is not even
+/// compiled: a build with little optimisation would keep it.
 template <class Source>
 constexpr bool may_be(Framing framing) {
   if constexpr (folds<Source>(0)) {
@@ -101,7 +101,7 @@ constexpr bool may_be(Framing framing) {
   }
 }
 
-/// May they be stuffed?
+/// Check whether its frames may be stuffed.
 template <class Source>
 constexpr bool may_be_stuffed() {
   if constexpr (folds<Source>(0)) {
@@ -148,25 +148,25 @@ constexpr PartCounts count_parts() {
   }
 }
 
-/// How often a loop over parts is unrolled: no compiler folds for nothing what a constant format does not have.
+/// How often a loop over parts is unrolled: the compiler spends no time on parts that a constant format does not have.
 template <class Source>
 inline constexpr PartCounts part_counts = count_parts<Source>();
 
-/// May a form of the source know its payload's size so?
+/// Check whether a form of the source may determine its payload's size this way.
 template <class Source>
 constexpr bool may_have(PayloadSize size) {
   return part_counts<Source>.payload_sizes[static_cast<std::size_t>(size)];
 }
 
-/// Registers of a frame's checks: those that a later check goes on from are kept.
+/// Registers of a frame's checks; those that a later check continues are kept.
 template <class Source>
 struct CheckRegisters {
   static constexpr bool are_kept = part_counts<Source>.is_continued;
   std::uint64_t of[are_kept ? max_checks : 1];
 };
 
-/// Where the header field of place `Place` lies in each form of a format that folds: a few bytes in memory at most,
-/// where a look into the format could keep all of it there.
+/// Place of the header field `Place` in each form of a format that folds. Takes a few bytes; reading the format at run
+/// time could keep all of it in memory.
 template <class Source, std::size_t Place>
 constexpr std::array<Number, part_counts<Source>.forms> make_field_numbers() {
   std::array<Number, part_counts<Source>.forms> numbers{};
@@ -178,7 +178,7 @@ constexpr std::array<Number, part_counts<Source>.forms> make_field_numbers() {
 template <class Source, std::size_t Place>
 inline constexpr auto field_numbers = make_field_numbers<Source, Place>();
 
-/// What a function of the format gives, such as `max_wire_bytes`: computed by the compiler where the format folds.
+/// Call a function of the format, such as `max_wire_bytes`; the compiler evaluates it if the format folds.
 template <auto Function, class Source>
 WIREBOND_INLINE auto of_format(const Source& source) {
   if constexpr (folds<Source>(0)) {
@@ -201,7 +201,7 @@ constexpr auto make_check_begins() {
 template <class Source>
 inline constexpr auto check_begins = make_check_begins<Source>();
 
-/// May a register of the source's be reflected at its end? Where the format folds, code for what it is not is not even
+/// Check whether a register of the source may be reflected at its end. If the format folds, unneeded code is not even
 /// compiled.
 template <class Source>
 constexpr bool may_reflect() {
@@ -227,7 +227,7 @@ WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm)
   }
 }
 
-/// The check's value, out of the register after the last byte.
+/// Return the check's value, computed from the register after the last byte.
 template <class Source>
 WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, std::uint64_t reg) {
   if constexpr (Source::is_constant && !may_reflect<Source>()) {
@@ -239,7 +239,7 @@ WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, s
   }
 }
 
-/// Do the header values allow this form, and can it carry message `id` with `payload` bytes?
+/// Check whether the header values allow this form and it can carry message `id` with `payload` bytes.
 template <class Source>
 WIREBOND_INLINE bool takes_form(const Source& source, std::size_t index, std::uint32_t id, std::size_t payload,
                                 const HeaderValues& header) {
@@ -257,9 +257,9 @@ WIREBOND_INLINE bool takes_form(const Source& source, std::size_t index, std::ui
   return true;
 }
 
-/// fn(index) for the form that a sender takes for message `id` with `payload` bytes: the first that the header values
-/// allow and that can carry both. False: there is none, and fn was not called. Unrolled, so that each call knows its
-/// form.
+/// Call fn(index) for the form that a sender uses for message `id` with `payload` bytes: the first that the header
+/// values allow and that can carry both. Returns false if there is none; fn is then not called. Unrolled, so that each
+/// call knows its form.
 template <class Source, class Fn>
 WIREBOND_INLINE bool with_own_form(const Source& source, std::uint32_t id, std::size_t payload, Fn&& fn,
                                    HeaderValues header = {}) {

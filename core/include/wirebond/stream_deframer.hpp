@@ -1,4 +1,5 @@
-// A deframer for bytes that come in chunks: carries the unsettled tail from call to call, and knows when to give it up.
+// A deframer for bytes that come in chunks: carries the unsettled tail from call to call, and decides when to give it
+// up.
 #pragma once
 
 #include <cstddef>
@@ -9,12 +10,12 @@
 
 namespace wirebond {
 
-/// Chunks of at most this many bytes are joined with what was carried; larger ones are looked at where they lie, but
-/// for the seam. A microcontroller joins seams only: memory is dear there, and frames are handed out in place.
+/// Chunks of at most this many bytes are joined with the carried ones; larger ones are read in place, except at the
+/// seam. A microcontroller joins seams only: memory is scarce there, and frames are delivered in place.
 template <class Source>
 constexpr std::size_t joined_chunk = Source::is_constant ? 0 : 512;
 
-/// Memory that a StreamDeframer asks for: bytes carried from call to call, and room to unstuff one frame.
+/// Memory that a StreamDeframer needs: bytes carried from call to call, and space to unstuff one frame.
 template <class Source>
 WIREBOND_INLINE constexpr std::size_t workspace_bytes(const Source& source) {
   const auto& format = source.format();
@@ -24,7 +25,8 @@ WIREBOND_INLINE constexpr std::size_t workspace_bytes(const Source& source) {
 
 namespace detail {
 
-/// Where in its memory a StreamDeframer carries bytes. A constant source joins seams only, and these at the front.
+/// Where in its memory a StreamDeframer carries bytes. A constant source joins seams only, and carries these at the
+/// front.
 template <class Source, bool IsFolded = folds<Source>(0)>
 class CarryPlace {
  public:
@@ -47,13 +49,13 @@ class CarryPlace<Source, false> {
   std::size_t begin_ = 0;
 };
 
-/// Where silence ends a frame: what the pauses of the line left open. Nothing for other formats.
+/// Where silence ends a frame: remembers a pause that may have ended one. Empty for other formats.
 template <class Counter>
 class Pauses {
  public:
   explicit Pauses(Counter pause_us) : pause_us_(pause_us) {}
   Counter pause_us() const { return pause_us_; }
-  /// This many of the carried bytes came before a pause whose end was not watched; 0: none.
+  /// How many of the carried bytes came before a pause whose end was not observed; 0: none.
   std::size_t before_pause() const { return before_pause_; }
   void note_pause(std::size_t before) { before_pause_ = before; }
 
@@ -81,21 +83,21 @@ using PausesOf = std::conditional_t<ends_by_silence<Source>(), Pauses<Counter>, 
 
 }  // namespace detail
 
-/// Chunks in, frames out. Never allocates.
-/// One thread or interrupt at a time. `Counter` also carries time, in microseconds, and may wrap.
+/// Chunks in, frames out. Never allocates. One thread or interrupt at a time. `Counter` also carries time, in
+/// microseconds, and may wrap.
 template <class Source, class Counter = std::uint32_t, class Account = ByteAccount<Counter>>
 class StreamDeframer : private detail::CarryPlace<Source>, private detail::PausesOf<Source, Counter> {
   using Pauses = detail::PausesOf<Source, Counter>;
   static constexpr bool may_end_by_silence = detail::ends_by_silence<Source>();
 
  public:
-  /// `workspace`: workspace_bytes(source) bytes that outlive this object. `idle_us`: the silence after which an
-  /// incomplete candidate is given up.
+  /// `workspace`: workspace_bytes(source) bytes that outlive this object. `idle_us`: silence after which an incomplete
+  /// candidate is given up.
   StreamDeframer(const Source& source, std::uint8_t* workspace, Counter idle_us)
       : StreamDeframer(source, workspace, idle_us, idle_us) {}
 
-  /// The same for a port that may hold bytes back. Where silence ends a frame: after a pause of `pause_us` what is
-  /// there is a frame if it is one whole; an incomplete one is waited for until `idle_us`.
+  /// For a port that may hold bytes back, where silence ends a frame: after a pause of `pause_us` the bytes are a frame
+  /// if they form a whole one; an incomplete one is kept until `idle_us`.
   StreamDeframer(const Source& source, std::uint8_t* workspace, Counter idle_us, Counter pause_us)
       : detail::CarryPlace<Source>(source),
         Pauses(pause_us),
@@ -103,20 +105,20 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
         idle_us_(idle_us),
         deframer_(source, workspace + capacity()) {}
 
-  /// Bytes that were read at `now_us`, and came then. Work per byte is bounded whatever they are.
+  /// Take bytes that were read at `now_us`, and came then. Work per byte is bounded for any input.
   template <class Sink>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter now_us, Sink&& sink) {
     feed(bytes, size, now_us, now_us, sink);
   }
 
-  /// Bytes that were read at `now_us` and came at `came_us` or later: the last look before found nothing.
+  /// Take bytes that were read at `now_us` and came at `came_us` or later: the last read before found nothing.
   template <class Sink>
   void feed(const std::uint8_t* bytes, std::size_t size, Counter came_us, Counter now_us, Sink&& sink) {
     if (size == 0) return;
     if constexpr (may_end_by_silence) {
       if (ends_by_silence()) {
         pause(came_us, now_us, sink);
-        // With what came before the pause this is no frame.
+        // Together with the bytes before the pause this is too long for a frame.
         constexpr auto longest = max_frame_bytes<detail::FormatOf<Source>>;
         if (this->before_pause() != 0 && carried_ + size > detail::of_format<longest>(deframer_.source())) {
           drop_before_pause(sink);
@@ -131,12 +133,13 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
     }
   }
 
-  /// A request has gone out: of messages that share an id, its reply `index` is meant from here on, until the next
-  /// call. -1: none of them. No effect on other ids. Where silence ends a frame, take what came before (`idle`) first.
+  /// Expect the reply `index` from now on, where several messages share its id, until the next call. -1: none of them.
+  /// No effect on other ids. Call it when the request leaves. Where silence ends a frame, settle earlier bytes (`idle`)
+  /// first.
   void expect(std::int16_t index) { deframer_.expect(index); }
 
-  /// A read that began at `now_us` found nothing. Gives up an incomplete candidate when the silence has lasted
-  /// `idle_us`; its bytes are rescanned, which may free frames behind a false start.
+  /// Note that a read that began at `now_us` found nothing. Gives up an incomplete candidate once the silence has
+  /// lasted `idle_us`; its bytes are rescanned, which may deliver frames after a false start.
   template <class Sink>
   void idle(Counter now_us, Sink&& sink) {
     if constexpr (may_end_by_silence) {
@@ -145,10 +148,10 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
     if (is_silent(now_us)) give_up(sink);
   }
 
-  /// Has the silence before a read that began at `now_us` and found nothing lasted `idle_us`?
+  /// Check whether the silence before a read that began at `now_us` and found nothing has lasted `idle_us`.
   bool is_silent(Counter now_us) const { return static_cast<Counter>(now_us - last_byte_us_) >= idle_us_; }
 
-  /// No byte will ever follow (end of a capture, port closed): settle everything.
+  /// Settle everything, because no byte will follow (end of a capture, port closed).
   template <class Sink>
   void give_up(Sink&& sink) {
     if (carried_ == 0 && !ends_by_silence()) return;
@@ -167,10 +170,10 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
   std::size_t pending() const { return carried_; }                                        ///< of these, not settled yet
   Counter idle_us() const { return idle_us_; }
 
-  /// The bytes that were fed last came at `when_us` at the latest: an event of the port says so.
+  /// Note that the bytes fed last came at `when_us` at the latest, according to an event of the port.
   void last_came_at(Counter when_us) { last_byte_us_ = when_us; }
 
-  /// When `idle` is worth a call after a read that ended at `last_us`.
+  /// Return when `idle` should be called after a read that ended at `last_us`.
   Counter look_at(Counter last_us, Counter now_us) const {
     const bool may_be_whole = ends_by_silence() && static_cast<Counter>(now_us - last_us) < this->pause_us();
     return last_us + (may_be_whole ? static_cast<Counter>(this->pause_us()) : idle_us_);
@@ -189,26 +192,28 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
     }
   }
 
-  /// Where silence ends a frame: the line was silent until `came_us` at least, and until `now_us` at most.
+  /// Where silence ends a frame: note that the line was silent until `came_us` at least, and until `now_us` at most.
   ///
-  /// A silence that a look saw to its end (`came_us`) ends the frame, whatever it is. One that is only likely, because
-  /// the look came late or because the port may hold bytes back, ends it if the bytes are a frame whole; else its
-  /// place is kept, in case that what follows is a frame without them.
+  /// The problem: a silence may be real, or the program read late, or the port held bytes back.
+  ///
+  /// The answer: a silence observed to its end (`came_us`) ends the frame in any case. One that is only likely ends it
+  /// if the bytes form a whole frame; otherwise its place is kept, because the bytes after it may be a frame without
+  /// those before.
   template <class Sink>
   void pause(Counter came_us, Counter now_us, Sink& sink) {
     const Counter silence_us = static_cast<Counter>(now_us - last_byte_us_);
     const bool is_watched =
-        static_cast<Counter>(came_us - last_byte_us_) <= silence_us;  // else it came before the last
+        static_cast<Counter>(came_us - last_byte_us_) <= silence_us;  // otherwise it came before the last
     if (is_watched && is_silent(came_us)) return give_up(sink);
     if (silence_us < this->pause_us()) return;
-    if (this->before_pause() == carried_ && carried_ != 0) return;  // looked at before
+    if (this->before_pause() == carried_ && carried_ != 0) return;  // checked before
     if (carried_ == 0 || holds_frame(0) || (this->before_pause() != 0 && holds_frame(this->before_pause()))) {
       return give_up(sink);
     }
     this->note_pause(carried_);
   }
 
-  /// Are the carried bytes from this place on one frame?
+  /// Check whether the carried bytes from this place on are one frame.
   bool holds_frame(std::size_t from) { return deframer_.is_block_frame(buffer_ + begin() + from, carried_ - from); }
 
   template <class Sink>
@@ -223,7 +228,7 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
 
   template <class Sink>
   WIREBOND_INLINE void feed_joined(const std::uint8_t* bytes, std::size_t size, Sink& sink) {
-    if (capacity() - begin() - carried_ < size) settle_down();  // then there is room: less than one frame is carried
+    if (capacity() - begin() - carried_ < size) settle_down();  // then it fits: less than one frame is carried
     std::uint8_t* const window = buffer_ + begin();
     std::memcpy(window + carried_, bytes, size);
     const std::size_t available = carried_ + size;
@@ -243,12 +248,12 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
         return;
       }
       if (begin() != 0) settle_down();
-      const std::size_t needed = deframer_.needed();  // no more than that: what follows is handed out where it lies
+      const std::size_t needed = deframer_.needed();  // no more than that: the rest is delivered in place
       const std::size_t room = needed > carried_ && needed <= capacity() ? needed - carried_ : capacity() - carried_;
       const std::size_t taken = size < room ? size : room;
       std::memcpy(buffer_ + carried_, bytes, taken);
       const std::size_t done = deframer_.consume(buffer_, carried_ + taken, false, sink);
-      if (done >= carried_) {  // past the seam: go on in the caller's bytes
+      if (done >= carried_) {  // past the seam: continue in the caller's bytes
         bytes += done - carried_;
         size -= done - carried_;
         carried_ = 0;
@@ -257,12 +262,12 @@ class StreamDeframer : private detail::CarryPlace<Source>, private detail::Pause
         size -= taken;
         carried_ += taken - done;
         if (done != 0)
-          std::memmove(buffer_, buffer_ + done, carried_);  // else a byte at a time would move a frame each
+          std::memmove(buffer_, buffer_ + done, carried_);  // otherwise single bytes would move a frame each time
       }
     }
   }
 
-  /// Move what is carried to the buffer's front.
+  /// Move the carried bytes to the buffer's front.
   void settle_down() {
     std::memmove(buffer_, buffer_ + begin(), carried_);
     begin_at(0);

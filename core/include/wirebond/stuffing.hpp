@@ -1,4 +1,4 @@
-// Byte stuffing only: taking a delimiter's value out of a run of bytes, and putting it back.
+// Byte stuffing only: removes a delimiter's value from a run of bytes, and restores it.
 #pragma once
 
 #include <cstddef>
@@ -11,14 +11,14 @@
 
 namespace wirebond {
 
-/// Consistent Overhead Byte Stuffing (Cheshire and Baker, IEEE/ACM Transactions on Networking 7(2), 1999), in place.
-/// `buffer[0]` is free, the data lies in buffer[1 .. size]; room for cobs_overhead(size) more bytes in all.
-/// Returns the stuffed size; the result holds no zero.
+/// Encode with Consistent Overhead Byte Stuffing (Cheshire and Baker, IEEE/ACM Transactions on Networking 7(2), 1999),
+/// in place. `buffer[0]` is free, the data is in buffer[1 .. size]; the buffer has cobs_overhead(size) bytes more in
+/// all. Returns the stuffed size; the result holds no zero.
 inline std::size_t cobs_encode_in_place(std::uint8_t* buffer, std::size_t size) {
   std::size_t code_at = 0;
   std::size_t end = 1 + size;
   for (std::size_t i = 1; i < end; ++i) {
-    if (i - code_at == 0xFF) {  // a full block of 254 bytes: its code stands for no zero, so a new one is put in
+    if (i - code_at == 0xFF) {  // a full block of 254 bytes: its code stands for no zero, so a new code is inserted
       buffer[code_at] = 0xFF;
       std::memmove(buffer + i + 1, buffer + i, end - i);
       ++end;
@@ -34,8 +34,8 @@ inline std::size_t cobs_encode_in_place(std::uint8_t* buffer, std::size_t size) 
   return end;
 }
 
-/// Undo it: `size` bytes without a zero at `from`, at most `capacity` bytes to `to`.
-/// Returns the size, or -1 where a code points past the end or the result does not fit.
+/// Decode `size` bytes without a zero at `from`, writing at most `capacity` bytes to `to`. Returns the size, or -1 if a
+/// code points past the end or the result does not fit.
 inline std::ptrdiff_t cobs_decode(const std::uint8_t* from, std::size_t size, std::uint8_t* to, std::size_t capacity) {
   std::size_t at = 0;
   std::size_t out = 0;
@@ -55,7 +55,7 @@ inline std::ptrdiff_t cobs_decode(const std::uint8_t* from, std::size_t size, st
   return static_cast<std::ptrdiff_t>(out);
 }
 
-/// Bytes that `escape_in_place` will add.
+/// Count the bytes that `escape_in_place` will add.
 inline std::size_t escapes_needed(const EscapeRule& rule, const std::uint8_t* bytes, std::size_t size) {
   std::size_t count = 0;
   for (std::size_t i = 0; i < size; ++i) {
@@ -64,7 +64,7 @@ inline std::size_t escapes_needed(const EscapeRule& rule, const std::uint8_t* by
   return count;
 }
 
-/// Escape `size` bytes at `buffer`, which has room for escapes_needed more. Returns the stuffed size.
+/// Escape `size` bytes at `buffer`, which has escapes_needed bytes more. Returns the stuffed size.
 inline std::size_t escape_in_place(const EscapeRule& rule, std::uint8_t* buffer, std::size_t size) {
   const std::size_t stuffed = size + escapes_needed(rule, buffer, size);
   std::size_t to = stuffed;
@@ -81,8 +81,8 @@ inline std::size_t escape_in_place(const EscapeRule& rule, std::uint8_t* buffer,
   return stuffed;
 }
 
-/// Undo it. Returns the size, or -1 where an escape stands at the end, its code is none of the rule's, or the result
-/// does not fit.
+/// Undo `escape_in_place`. Returns the size, or -1 if an escape is the last byte, its code is not in the rule, or the
+/// result does not fit.
 inline std::ptrdiff_t unescape(const EscapeRule& rule, const std::uint8_t* from, std::size_t size, std::uint8_t* to,
                                std::size_t capacity) {
   std::size_t out = 0;
@@ -106,7 +106,7 @@ inline std::ptrdiff_t unescape(const EscapeRule& rule, const std::uint8_t* from,
   return static_cast<std::ptrdiff_t>(out);
 }
 
-/// The digits of `size` bytes at `buffer`, which has room for as many more. Returns the number of digits.
+/// Replace `size` bytes at `buffer`, which can hold twice as many, by their hex digits. Returns the number of digits.
 inline std::size_t hex_in_place(std::uint8_t* buffer, std::size_t size) {
   for (std::size_t i = size; i-- > 0;) {  // from the end, so that nothing is overwritten unread
     const std::uint8_t byte = buffer[i];
@@ -116,7 +116,7 @@ inline std::size_t hex_in_place(std::uint8_t* buffer, std::size_t size) {
   return 2 * size;
 }
 
-/// The value of a hex digit of either case; -1: it is none.
+/// Return the value of a hex digit of either case; -1: not a digit.
 inline int hex_digit(std::uint8_t c) {
   return c >= '0' && c <= '9'   ? c - '0'
          : c >= 'A' && c <= 'F' ? c - 'A' + 10
@@ -124,7 +124,7 @@ inline int hex_digit(std::uint8_t c) {
                                 : -1;
 }
 
-/// Undo it. Returns the size, or -1 where a digit is missing or none, or the result does not fit.
+/// Undo `hex_in_place`. Returns the size, or -1 if a digit is missing or invalid, or the result does not fit.
 inline std::ptrdiff_t unhex(const std::uint8_t* from, std::size_t size, std::uint8_t* to, std::size_t capacity) {
   if (size % 2 != 0 || size / 2 > capacity) return -1;
   for (std::size_t i = 0; i < size / 2; ++i) {
@@ -136,7 +136,7 @@ inline std::ptrdiff_t unhex(const std::uint8_t* from, std::size_t size, std::uin
   return static_cast<std::ptrdiff_t>(size / 2);
 }
 
-/// Do the `size` bytes at `bytes` end with the rule's sequence?
+/// Check whether the `size` bytes at `bytes` end with the rule's sequence.
 inline bool ends_with(const InsertionRule& rule, const std::uint8_t* bytes, std::size_t size) {
   if (size < rule.size) return false;
   for (std::size_t i = 0; i < rule.size; ++i) {
@@ -145,19 +145,19 @@ inline bool ends_with(const InsertionRule& rule, const std::uint8_t* bytes, std:
   return true;
 }
 
-/// Insert what the rule asks for into `size` bytes at `buffer`, which has room. Returns the new size.
+/// Insert the rule's byte where needed among `size` bytes at `buffer`, which is large enough. Returns the new size.
 inline std::size_t insert_in_place(const InsertionRule& rule, std::uint8_t* buffer, std::size_t size) {
   std::size_t stuffed = size;
   for (std::size_t i = 1; i <= size; ++i) stuffed += ends_with(rule, buffer, i) ? 1 : 0;
   std::size_t to = stuffed;
-  for (std::size_t from = size; from != to; --from) {  // until all that is left stays where it is
+  for (std::size_t from = size; from != to; --from) {  // until all remaining bytes stay in place
     if (ends_with(rule, buffer, from)) buffer[--to] = rule.byte;
     buffer[--to] = buffer[from - 1];
   }
   return stuffed;
 }
 
-/// Undo it. Returns the size, or -1 where the inserted byte is missing, or the result does not fit.
+/// Undo `insert_in_place`. Returns the size, or -1 if an inserted byte is missing, or the result does not fit.
 inline std::ptrdiff_t uninsert(const InsertionRule& rule, const std::uint8_t* from, std::size_t size, std::uint8_t* to,
                                std::size_t capacity) {
   std::size_t out = 0;
@@ -169,8 +169,9 @@ inline std::ptrdiff_t uninsert(const InsertionRule& rule, const std::uint8_t* fr
   return static_cast<std::ptrdiff_t>(out);
 }
 
-/// Stuff the frame of `size` bytes at `frame` but for what is sent as it is. Room: stuffing_overhead more bytes, under
-/// COBS the first of them before the frame. Returns the stuffed size; under COBS the result begins at frame - 1.
+/// Stuff the frame of `size` bytes at `frame`, except bytes that are sent as they are. The buffer has stuffing_overhead
+/// bytes more, under COBS the first of them before the frame. Returns the stuffed size; under COBS the result begins at
+/// frame - 1.
 template <class Source>
 WIREBOND_INLINE std::size_t stuff_in_place(const Source& source, std::uint8_t* frame, std::size_t size) {
   const auto& format = source.format();
@@ -179,8 +180,8 @@ WIREBOND_INLINE std::size_t stuff_in_place(const Source& source, std::uint8_t* f
   const std::size_t back = format.plain_back;
   const std::size_t inner = size - front - back;
   std::uint8_t* const begin = frame + front;
-  const std::size_t code = format.stuffing == Stuffing::cobs ? 1 : 0;  // its first byte is put before the others
-  std::uint8_t* const kept = begin + inner + stuffing_overhead(format, inner) - code;  // behind all that is written
+  const std::size_t code = format.stuffing == Stuffing::cobs ? 1 : 0;  // its first byte goes before the others
+  std::uint8_t* const kept = begin + inner + stuffing_overhead(format, inner) - code;  // after all that is written
   if (back != 0) std::memmove(kept, begin + inner, back);
   std::size_t stuffed;
   if (format.stuffing == Stuffing::cobs) {
@@ -197,8 +198,8 @@ WIREBOND_INLINE std::size_t stuff_in_place(const Source& source, std::uint8_t* f
   return front + stuffed + back;
 }
 
-/// Undo it: `size` bytes of a block to `to`, which has room for max_wire_bytes. Returns the size, or -1 where these
-/// bytes are no possible result.
+/// Undo the stuffing of a block of `size` bytes; `to` holds max_wire_bytes. Returns the size, or -1 if stuffing cannot
+/// produce these bytes.
 template <class Source>
 WIREBOND_INLINE std::ptrdiff_t unstuff(const Source& source, const std::uint8_t* block, std::size_t size,
                                        std::uint8_t* to) {

@@ -1,5 +1,5 @@
-// Counts of frames of messages that the protocol file does not list, where nothing lets them be delivered as unknown:
-// candidates that failed by their id alone, and where their ends show. No byte of them.
+// Counts frames of messages that the protocol file does not list, where no rule lets them be delivered as unknown. No
+// byte of them.
 #pragma once
 
 #include <cstddef>
@@ -12,12 +12,12 @@
 
 namespace wirebond {
 
-/// How many frames by id and size: `most_kinds` kinds, in the order in which they were first seen.
+/// Counts frames by id and size: up to `most_kinds` kinds, in the order in which they were first seen.
 class UnlistedKinds {
  public:
   struct Kind {
     std::uint32_t id = 0;
-    std::uint32_t bytes = 0;  ///< of the frame
+    std::uint32_t bytes = 0;  ///< size of the frame
     std::uint64_t frames = 0;
   };
   static constexpr std::size_t most_kinds = 64;
@@ -33,7 +33,7 @@ class UnlistedKinds {
     if (kind_count_ < most_kinds) kinds_[kind_count_++] = {id, bytes, 1};
   }
 
-  std::uint64_t frames() const { return frames_; }  ///< of all kinds, also of those that `kind` has no room for
+  std::uint64_t frames() const { return frames_; }  ///< of all kinds, including those that did not fit
   std::size_t kind_count() const { return kind_count_; }
   const Kind& kind(std::size_t index) const { return kinds_[index]; }
 
@@ -43,14 +43,15 @@ class UnlistedKinds {
   Kind kinds_[most_kinds];
 };
 
-/// Where a candidate ends on the wire: each escape among its bytes makes it one longer. Places are modulo 2^32 or 2^64.
+/// Where a candidate ends on the wire: each escape among its bytes makes it one byte longer. Places are modulo 2^32 or
+/// 2^64.
 template <class Place>
 struct WireEnd {
   Place end = 0;            ///< as far as its bytes have passed
   Place stuffed = 0;        ///< its escapes begin here
-  bool is_escaped = false;  ///< the byte that passes next stands behind an escape
+  bool is_escaped = false;  ///< the next byte to pass follows an escape
 
-  /// These bytes pass, the first of them at the place `at`.
+  /// Pass these bytes, the first of them at the place `at`.
   template <class Source>
   void pass(const Source& source, const std::uint8_t* bytes, std::size_t size, Place at) {
     const std::uint8_t escape = detail::escapes_of(source).escape;
@@ -62,7 +63,7 @@ struct WireEnd {
     }
   }
 
-  /// Does what begins here cut it short? No start stands among its escaped bytes.
+  /// Check whether a frame that begins here cuts this one short: its escaped bytes contain no start.
   bool is_cut(Place at, std::size_t plain_back) const {
     return !is_before(at, stuffed) && is_before(at, end - static_cast<Place>(plain_back));
   }
@@ -70,25 +71,28 @@ struct WireEnd {
   static bool is_before(Place a, Place b) { return static_cast<std::make_signed_t<Place>>(a - b) < 0; }
 };
 
-/// Under `unknown: reject` a candidate of unknown id is a false start, and its bytes are scanned again: its check is
-/// weak, or counts a seed that the file does not give. But a peer that sends such messages is no noise. Counted here,
-/// beside the discard of its bytes, is a candidate that failed by its id alone, if its end shows: a frame or another
-/// such candidate begins there, or it is what lies between two delimiters or silences. What is found depends on the
-/// bytes alone, and not on how they come in pieces.
+/// The problem: under `unknown: reject` a candidate with an unknown id is a false start, because its check is weak or
+/// counts a seed that the file does not give; its bytes are scanned again. But a peer that sends such messages is not
+/// noise, and a user who sees only discarded bytes would look for a bad cable.
 ///
-/// `Found` has `add(id, bytes)`, which is called for each in the order in which their ends show.
+/// The answer: a candidate that failed only by its id is counted here, beside the discard of its bytes, if its end is
+/// confirmed: a frame or another such candidate begins there, or it fills the space between two delimiters or silences.
+/// The result depends only on the bytes, not on the pieces in which they come.
+///
+/// `Found::add(id, bytes)` is called for each, in the order in which their ends are confirmed.
 template <class Found>
 class UnlistedIn {
  public:
-  /// A candidate at this place of the stream failed by its id alone; it would have `size` bytes, and one more for each
-  /// escape that passes behind its `plain_front` bytes.
+  /// Note a candidate at this place of the stream that failed only by its id. It has `size` bytes, and one more for
+  /// each escape that passes after its first `plain_front` bytes.
   void failed(std::uint64_t at, std::uint32_t id, std::size_t size, std::size_t plain_front) {
     settle(at);
     if (waiting_count_ == most_waiting) return;  // false starts within false starts
     waiting_[waiting_count_++] = {at, {at + size, at + plain_front}, id};
   }
 
-  /// A frame that was escaped begins here: one that has not come to its last `plain_back` bytes was cut short.
+  /// Drop each candidate that the escaped frame beginning here cuts short: those that have not reached their last
+  /// `plain_back` bytes.
   void cut(std::uint64_t at, std::size_t plain_back) {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < waiting_count_; ++i) {
@@ -97,27 +101,27 @@ class UnlistedIn {
     waiting_count_ = kept;
   }
 
-  /// Where frames grow by their escapes: these bytes are settled next, the first of them at the place `at`.
+  /// Where escapes make frames longer: pass the bytes that are settled next, the first of them at the place `at`.
   template <class Source>
   void pass(const Source& source, const std::uint8_t* bytes, std::size_t size, std::uint64_t at) {
     for (std::size_t i = 0; i < waiting_count_; ++i) waiting_[i].wire.pass(source, bytes, size, at);
   }
 
-  /// A frame begins at this place.
+  /// Note that a frame begins at this place.
   void begins(std::uint64_t at) {
     if (waiting_count_ != 0) settle(at);
   }
 
-  /// A whole block of `size` bytes at this place failed by its id alone.
+  /// Note a whole block of `size` bytes at this place that failed only by its id.
   void stands(std::uint64_t at, std::uint32_t id, std::size_t size) {
-    if (at < stood_until_) return;  // it lies within one that was counted
+    if (at < stood_until_) return;  // inside one that was counted
     stood_until_ = at + size;
     found_.add(id, static_cast<std::uint32_t>(size));
   }
 
-  /// Does a candidate wait for what follows?
+  /// Check whether a candidate still waits for its end.
   bool waits() const { return waiting_count_ != 0; }
-  /// Does one wait for what begins at this place or later?
+  /// Check whether one waits for a frame that begins at this place or later.
   bool waits_for(std::uint64_t at) const {
     for (std::size_t i = 0; i < waiting_count_; ++i) {
       if (waiting_[i].wire.end >= at) return true;
@@ -135,7 +139,7 @@ class UnlistedIn {
   };
   static constexpr std::size_t most_waiting = 16;
 
-  /// Something begins here: what ends here is confirmed, and what began before that lay within it, or was none.
+  /// Confirm the candidate that ends here. Drop those that began before: they were inside it, or false.
   void settle(std::uint64_t at) {
     std::size_t kept = 0;
     bool is_confirmed = false;
@@ -155,7 +159,8 @@ class UnlistedIn {
   Waiting waiting_[most_waiting];
 };
 
-/// Their number alone, for a link that asks only whether its peer speaks: 20 bytes.
+/// Counts such frames without their ids and sizes, for a link that only needs to know whether its peer speaks: 20
+/// bytes.
 class UnlistedCount {
  public:
   void failed(std::uint32_t at, std::uint32_t, std::size_t size, std::size_t plain_front) {
@@ -184,17 +189,17 @@ class UnlistedCount {
   std::uint32_t frames() const { return frames_; }
 
  private:
-  WireEnd<std::uint32_t> wire_;  ///< of a candidate that failed by its id alone
+  WireEnd<std::uint32_t> wire_;  ///< of a candidate that failed only by its id
   std::uint32_t frames_ = 0;
   bool waits_ = false;
 };
 
-/// What an MCU's link counts, where the format can have such frames.
+/// Counters of an MCU's link, where the format can have such frames.
 struct UnlistedByteCounts : ByteCounts<std::uint32_t> {
   UnlistedCount unlisted;
 };
 
-/// What a host's deframer counts.
+/// Counters of a host's deframer.
 struct HostAccount : ByteAccount<std::uint64_t> {
   UnlistedIn<UnlistedKinds> unlisted;
 };

@@ -1,4 +1,5 @@
-// Whether a block between delimiters or silences is a frame but for its id. No state, no position in a stream.
+// Checks whether a block between delimiters or silences is a frame except for its id. No state, no position in a
+// stream.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +14,8 @@ namespace wirebond {
 
 namespace detail {
 
-/// Is this block one of this form, but for an id that the format does not have, or not with this size? Its constants,
-/// its length and each check hold, except for checks that count a seed which is not known. `id` is set then.
+/// Check whether this block has this form except for its id, which the format does not have, or not with this size: its
+/// constants, its length and each check hold, except for checks that count an unknown seed. Sets `id` then.
 template <class Source>
 WIREBOND_INLINE bool is_unlisted_form(const Source& source, const Form& form, const std::uint8_t* candidate,
                                       std::size_t size, const Received& received, std::uint32_t& id) {
@@ -49,7 +50,7 @@ WIREBOND_INLINE bool is_unlisted_form(const Source& source, const Form& form, co
 
   const std::uint32_t number = read_number(form.id, candidate, size);
   const MessageShape shape = shape_of(source, form, number, candidate, size, payload);
-  if (fits(form, shape, payload)) return false;
+  if (fits(form, shape, payload) && !is_overlong(source, shape, candidate + form.prefix, payload)) return false;
   CheckRegisters<Source> registers{};
   const bool checks_hold = every<unroll, most.checks>(0, form.check_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
     const bool holds = check_holds(source, form, i, candidate, size, received, shape.seed, registers);
@@ -59,8 +60,8 @@ WIREBOND_INLINE bool is_unlisted_form(const Source& source, const Form& form, co
   return checks_hold;
 }
 
-/// The same for the forms of the format: `size` bytes at `candidate` after unstuffing, `received` before it. One pass
-/// over the block for each form and check; only for a block that failed by its id.
+/// Check all forms of the format: `size` bytes at `candidate` after unstuffing, `received` before it. One pass over the
+/// block for each form and check; only for a block that failed by its id.
 template <class Source>
 WIREBOND_INLINE bool is_unlisted_block(const Source& source, const std::uint8_t* candidate, std::size_t size,
                                        const Received& received, std::uint32_t& id) {

@@ -1,5 +1,4 @@
-// Loops over the parts of a format: unrolled where the format is a constant, so that the compiler folds every read of
-// it.
+// Loops over the parts of a format: unrolled if the format is a constant, so that the compiler folds every read of it.
 #pragma once
 
 #include <cstddef>
@@ -22,8 +21,8 @@ WIREBOND_INLINE constexpr bool every_unrolled(std::size_t begin, std::size_t end
   return ((I < begin || I >= end || fn(I)) && ...);
 }
 
-/// fn(i) for begin <= i < end until one is false. Unrolled where the format is a constant, so that every read of it
-/// folds.
+/// Call fn(i) for begin <= i < end until one returns false. Unrolled if the format is a constant, so that every read of
+/// it folds.
 template <bool Unroll, std::size_t Capacity, class Fn>
 WIREBOND_INLINE constexpr bool every(std::size_t begin, std::size_t end, Fn&& fn) {
   if constexpr (Unroll && Capacity == 0) {

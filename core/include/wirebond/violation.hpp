@@ -1,18 +1,19 @@
-// Field rules of received messages: what can be broken, and how often it was. Delivery is the deframer's business.
+// Field rules of received messages: what can be broken, and how often it was. The deframer delivers; this file does
+// not.
 #pragma once
 
 #include <cstdint>
 
 namespace wirebond {
 
-/// What the field rules find in one message, a bit each.
+/// Violations found in one message, a bit each.
 enum class Violation : std::uint8_t {
   none = 0,
   not_finite = 1,    ///< a float is NaN or infinite
-  unknown_enum = 2,  ///< an enum holds a value without a name
-  out_of_range = 4,  ///< a number lies outside its range, and its rule is to reject
-  clamped = 8,       ///< a number lies outside its range, and its rule is to clamp
-  wrong_count = 16,  ///< a count tells more elements than there are, or than the protocol allows
+  unknown_enum = 2,  ///< an enum has a value without a name
+  out_of_range = 4,  ///< a number is out of its range, and its rule is to reject
+  clamped = 8,       ///< a number is out of its range, and its rule is to clamp
+  wrong_count = 16,  ///< a count is larger than the number of elements received, or than the protocol allows
 };
 
 constexpr Violation operator|(Violation a, Violation b) {
@@ -20,12 +21,12 @@ constexpr Violation operator|(Violation a, Violation b) {
 }
 constexpr Violation& operator|=(Violation& a, Violation b) { return a = a | b; }
 
-/// Does `found` hold any of `wanted`?
+/// Check whether `found` includes any of `wanted`.
 constexpr bool has(Violation found, Violation wanted) {
   return (static_cast<unsigned>(found) & static_cast<unsigned>(wanted)) != 0;
 }
 
-/// Must the handler not see such a message?
+/// Check whether the handler must not get such a message.
 constexpr bool rejects(Violation found) {
   return has(found, Violation::not_finite | Violation::unknown_enum | Violation::out_of_range | Violation::wrong_count);
 }

@@ -1,5 +1,5 @@
-// The linear axis as a process, with a simulated slide. Events: a parameter that was set. On stdin it takes log lines
-// for the host: LEVEL TEXT.
+// The linear axis as a process, with a simulated slide. Events: a parameter was set. On stdin it takes log lines for
+// the host: LEVEL TEXT.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -31,7 +31,7 @@ class SimulatedBoard {
   float speed_m_s_ = 0.0F;
 };
 
-/// The level that a line begins with, and the text behind it.
+/// Split a line into its level and the text after it.
 bool log_line(const std::string& line, wirebond::Level& level, std::string& text) {
   static constexpr std::array<const char*, 4> names = {"debug ", "info ", "warning ", "error "};
   for (std::size_t i = 0; i < names.size(); ++i) {

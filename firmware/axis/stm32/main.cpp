@@ -1,6 +1,6 @@
-// The linear axis on a board with an STM32: the left motor and the left encoder at the pins that boards/stm32 says. The
-// slide is at the lower end when the board starts. The light is on while silence has stopped it. Parameters are
-// forgotten when the power goes.
+// The linear axis on a board with an STM32: the left motor and the left encoder at the pins in boards/stm32. The slide
+// is at the lower end when the board starts. The light is on while silence has stopped it. Parameters are lost when the
+// power goes off.
 #include <cstddef>
 
 #include "axis.hpp"
@@ -10,8 +10,8 @@
 
 namespace {
 
-constexpr float full_speed_m_s = 1.0F;                  // what the motor makes of full voltage
-constexpr float m_per_tick = 0.008F / (4.0F * 256.0F);  // a spindle of 8 mm a turn; 256 lines, four edges each
+constexpr float full_speed_m_s = 1.0F;                  // speed at full voltage
+constexpr float m_per_tick = 0.008F / (4.0F * 256.0F);  // a spindle of 8 mm per turn; 256 lines, four edges each
 
 axis::Buffers buffers;
 

@@ -1,4 +1,4 @@
-// The balance bot as a process: its firmware and a simulated body in somebody's hand. Events: its motors run, its
+// The balance bot as a process: its firmware and a simulated body in a person's hand. Events: its motors run, its
 // motors rest. On stdin it takes: push.
 #include <string>
 
@@ -42,7 +42,7 @@ int main(int argument_count, char** arguments) {
         board.push(1.0F);
         return true;
       },
-      // Control in each millisecond of the body's time: a machine that is late does not make it fall.
+      // Control in each millisecond of the body's time: a slow machine does not make it fall.
       [&](std::uint32_t) {
         if (clock.advance()) board.step(1e-3F);
         balance.poll(clock.now_us());

@@ -1,5 +1,4 @@
-// The balance bot on a board with an STM32: motors and encoders at the pins that boards/stm32 says, an MPU-6050 at
-// I2C3.
+// The balance bot on a board with an STM32: motors and encoders at the pins in boards/stm32, an MPU-6050 at I2C3.
 #include "balance.hpp"
 #include "board.hpp"
 #include "encoders.hpp"
@@ -12,10 +11,10 @@ constexpr float ticks_per_m = 1024.0F / (3.14159265F * 0.065F);  // 256 lines, f
 
 balance::Buffers buffers;
 
-/// `Balance` asks for the pitch first in each of its steps: then all is measured.
+/// `Balance` reads the pitch first in each of its steps: everything is measured then.
 class Body {
  public:
-  /// A sensor that is silent counts as a bot that has fallen: its motors rest.
+  /// A silent sensor counts as a fallen bot: its motors rest.
   float pitch_rad() {
     const std::uint32_t now_us = board::now_us();
     const float seconds = static_cast<float>(now_us - measured_us_) * 1e-6F;

@@ -1,12 +1,12 @@
-// The battery's voltage, at PC0 behind a divider.
+// The battery's voltage, at PC0 after a divider.
 #pragma once
 
 namespace board {
 
-/// Once, after `start`. What the HAL refuses ends in `fail`.
+/// Start the measurement. Once, after `start`. Calls `fail` if the HAL refuses.
 void start_battery();
 
-/// At the pin, 0 to 3.3 V. Takes some microseconds.
+/// Return the voltage at the pin, 0 to 3.3 V. Takes some microseconds.
 float battery_pin_v();
 
 }  // namespace board

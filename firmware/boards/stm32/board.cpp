@@ -1,4 +1,4 @@
-// Start, UART and time of a board, as far as all families have them in common; family.hpp names the rest.
+// Start, UART and time of a board, common to all families; family.hpp has the rest.
 #include "board.hpp"
 
 #include <initializer_list>
@@ -76,7 +76,7 @@ void set_uart_events(const UartEvents& events) {
 
 }  // namespace board
 
-// ---- what the start-up code and the HAL call
+// ---- called by the start-up code and the HAL
 
 extern "C" {
 

@@ -1,4 +1,4 @@
-// What the firmwares' programs ask of a board with an STM32: its start, one UART with DMA, time. No protocol.
+// Board functions for the firmwares' programs with an STM32: start, one UART with DMA, time. No protocol.
 #pragma once
 
 #include <cstdint>
@@ -8,28 +8,28 @@
 
 namespace board {
 
-/// Priorities of interrupts, 0 the most urgent. Inside the UART's the HAL waits by its tick, so the tick comes first.
-/// The UART's interrupt and those of its DMA have one priority: they never interrupt each other.
+/// Priorities of interrupts, 0 the most urgent. The tick is above the UART's interrupt, because the HAL waits by its
+/// tick inside that. The UART's interrupt and those of its DMA have one priority: they never interrupt each other.
 constexpr std::uint32_t tick_priority = 0;
 constexpr std::uint32_t uart_priority = 1;
 
-/// Clocks, pins, the clock of `now_us`, and USART3 on PD8 (TX) and PD9 (RX) with its DMA. First of all. What the HAL
-/// refuses ends in `fail`.
+/// Start clocks, pins, the clock of `now_us`, and USART3 on PD8 (TX) and PD9 (RX) with its DMA. Call it first. Calls
+/// `fail` if the HAL refuses.
 void start(std::uint32_t baud, float stop_bits);
 
-/// USART3, after `start`.
+/// Return USART3, after `start`.
 wirebond::stm32_hal::Uart& uart();
 
-/// Microseconds since `start`, modulo 2^32. Any context.
+/// Return microseconds since `start`, modulo 2^32. Any context.
 std::uint32_t now_us();
 
-/// Sleep until the next interrupt, which is a millisecond away at most.
+/// Sleep until the next interrupt, which is at most a millisecond away.
 inline void rest() { __WFI(); }
 
-/// Nothing can go on: the light is on, interrupts are off. Motors stay as they are: it is for the start only.
+/// Stop for good: the light is on, interrupts are off. Motors are not changed, so call it only during the start.
 [[noreturn]] void fail();
 
-/// Who hears of the UART. Filled in by `serve`.
+/// The receiver of the UART's events. Filled in by `serve`.
 struct UartEvents {
   void* link;
   void (*received)(void* link);
@@ -39,7 +39,7 @@ struct UartEvents {
 };
 void set_uart_events(const UartEvents& events);
 
-/// The UART's interrupts tell `link` from here on; it lives as long as the program.
+/// Let the UART's interrupts call `link` from now on; it lives as long as the program.
 template <class Link>
 void serve(Link& link) {
   set_uart_events({&link, [](void* it) { static_cast<Link*>(it)->on_received(); },

@@ -8,7 +8,7 @@
 
 namespace board {
 
-/// The counter of one encoder, which wraps; its timer's clock and pins are configured before.
+/// The counter of one encoder, which wraps; configure its timer's clock and pins first.
 class Encoder {
  public:
   explicit Encoder(TIM_TypeDef* timer) {
@@ -24,7 +24,7 @@ class Encoder {
     if (HAL_TIM_Encoder_Start(&handle_, TIM_CHANNEL_ALL) != HAL_OK) fail();
   }
 
-  /// Ticks since the call before, forwards positive. Call it at least once in 32767 ticks.
+  /// Return the ticks since the last call, forwards positive. Call it at least once in 32767 ticks.
   std::int16_t take_ticks() {
     const auto now = static_cast<std::uint16_t>(__HAL_TIM_GET_COUNTER(&handle_));
     const auto ticks = static_cast<std::int16_t>(static_cast<std::uint16_t>(now - taken_));
@@ -37,7 +37,7 @@ class Encoder {
   std::uint16_t taken_ = 0;
 };
 
-/// Left: PC6 and PC7. Right: PD12 and PD13; mounted the other way round, its two lines are exchanged.
+/// Left: PC6 and PC7. Right: PD12 and PD13; it is mounted the other way round, so its two lines are swapped.
 struct Encoders {
   Encoder left{connect_left()};
   Encoder right{connect_right()};

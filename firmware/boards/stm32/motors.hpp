@@ -9,14 +9,14 @@
 
 namespace board {
 
-/// Left: PE9 forwards, PE11 backwards. Right: PE13 forwards, PE14 backwards. 20 kHz, which nobody hears. Put a resistor
+/// Left: PE9 forwards, PE11 backwards. Right: PE13 forwards, PE14 backwards. 20 kHz, which is inaudible. Put a resistor
 /// to ground at each bridge's inputs, so that motors rest before this is constructed, too.
 class Motors {
  public:
-  /// The motors rest from here on.
+  /// The motors rest from now on.
   Motors() : pwm_(connect(), fast_timer_hz, fast_timer_hz, period, 4) {}
 
-  /// -1 to 1 of full voltage; beyond is the same as full.
+  /// Set -1 to 1 of full voltage; values beyond count as full.
   void set(float left, float right) {
     set_bridge(0, left);
     set_bridge(2, right);

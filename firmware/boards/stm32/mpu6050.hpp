@@ -13,11 +13,11 @@ struct Lean {
   float pitch_rate_rad_s = 0.0F;
 };
 
-/// One context. A reading takes half a millisecond of the bus, in which the caller waits.
+/// One context. A reading takes half a millisecond on the bus, for which the caller waits.
 class Mpu6050 {
  public:
-  /// A new reading, `seconds` after the one before, into `lean`. False, and `lean` as it was: the sensor does not
-  /// answer.
+  /// Read into `lean`, `seconds` after the last reading. Returns false, and leaves `lean` unchanged, if the sensor does
+  /// not answer.
   bool read(float seconds, Lean& lean) {
     if (!is_awake_ && !wake()) return false;
     std::uint8_t bytes[14];  // acceleration x y z, temperature, rate x y z: each 16 bits, the high byte first
@@ -28,7 +28,7 @@ class Mpu6050 {
     }
     const float forwards = number(bytes), up = number(bytes + 4);
     lean.pitch_rate_rad_s = number(bytes + 10) * (500.0F / 32768.0F) * radians_of_a_degree;
-    // The rate follows quickly and drifts; gravity does not drift, and sees each push. Which way is down counts slowly.
+    // The rate follows quickly but drifts; gravity does not drift, but includes each push. So gravity corrects slowly.
     const float by_gravity = std::atan2(-forwards, up);
     const float by_rate = lean.pitch_rad + lean.pitch_rate_rad_s * seconds;
     lean.pitch_rad = has_pitch_ ? by_rate + gravity_share * (by_gravity - by_rate) : by_gravity;
@@ -49,8 +49,7 @@ class Mpu6050 {
 
   bool wake() {
     has_pitch_ = false;
-    // Out of sleep, by the gyroscope's clock; 94 Hz; up to 500 degrees in a second. Acceleration up to 2 g is its
-    // default.
+    // Wake it, with the gyroscope's clock; 94 Hz; up to 500 degrees per second. Acceleration up to 2 g is its default.
     is_awake_ = start_i2c() && write(power, 1) && write(filter, 2) && write(rate_range, 1 << 3);
     return is_awake_;
   }

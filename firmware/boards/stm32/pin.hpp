@@ -1,4 +1,4 @@
-// Pins. Their ports' clocks run since `start`.
+// Pins. The clocks of their ports are enabled by `start`.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +26,7 @@ inline void configure(const Pin& pin, std::uint32_t mode, std::uint32_t pull, st
   HAL_GPIO_Init(pin.port, &init);
 }
 
-/// It is low from here on.
+/// Configure an output, low from now on.
 inline void configure_output(const Pin& pin) {
   pin.write(false);
   configure(pin, GPIO_MODE_OUTPUT_PP, GPIO_NOPULL);

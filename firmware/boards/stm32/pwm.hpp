@@ -1,4 +1,4 @@
-// A timer's channels as PWM outputs. What is connected to them is said elsewhere.
+// A timer's channels as PWM outputs, for any load.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace board {
 
-/// A timer of 16 bits, whose counter wraps every `period` counts. Its clock and its pins are configured before.
+/// A timer of 16 bits, whose counter wraps every `period` counts. Configure its clock and pins first.
 class Pwm {
  public:
   /// `count_hz` divides `timer_hz`. All `channels` are low until `set`.
@@ -26,7 +26,7 @@ class Pwm {
     }
   }
 
-  /// High for this many counts of each period. `channel`: 0 to 3.
+  /// Set the output high for this many counts of each period. `channel`: 0 to 3.
   void set(int channel, std::uint32_t counts) { __HAL_TIM_SET_COMPARE(&handle_, names[channel], counts); }
 
  private:

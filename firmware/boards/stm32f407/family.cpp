@@ -10,7 +10,7 @@ DMA_HandleTypeDef receive_dma, transmit_dma;
 static_assert(HSE_VALUE % 2'000'000 == 0 && HSE_VALUE >= 4'000'000 && HSE_VALUE <= 26'000'000,
               "CRYSTAL_HZ: an even number of megahertz, 4 to 26");
 
-/// The PLL gets 2 MHz, the least jitter; its 336 MHz make 168 MHz for the core.
+/// Start the PLL. It gets 2 MHz, for the lowest jitter; its 336 MHz make 168 MHz for the core.
 bool start_pll(RCC_OscInitTypeDef source, std::uint32_t name, std::uint32_t hz) {
   source.PLL.PLLState = RCC_PLL_ON;
   source.PLL.PLLSource = name;

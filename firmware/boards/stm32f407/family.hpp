@@ -1,4 +1,4 @@
-// What differs between families, for the STM32F407: its HAL, the rates of its clocks, names of pins' functions, DMA,
+// Differences of the STM32F407 from other families: its HAL, the rates of its clocks, names of pins' functions, DMA,
 // timers.
 #pragma once
 
@@ -13,8 +13,8 @@ namespace board {
 constexpr std::uint32_t slow_timer_hz = 84'000'000;   ///< TIM2 to TIM7, TIM12 to TIM14
 constexpr std::uint32_t fast_timer_hz = 168'000'000;  ///< TIM1, TIM8 to TIM11
 
-/// 168 MHz from the crystal. Where that does not start, from the internal oscillator, whose 1 % a UART bears at room
-/// temperature. False: the HAL refuses both.
+/// Set 168 MHz from the crystal or, if that does not start, from the internal oscillator, whose 1 % is within a UART's
+/// tolerance at room temperature. Returns false if the HAL refuses both.
 bool start_clocks();
 
 // ---- the UART
@@ -22,7 +22,8 @@ bool start_clocks();
 constexpr IRQn_Type receive_dma_interrupt = DMA1_Stream1_IRQn;
 constexpr IRQn_Type transmit_dma_interrupt = DMA1_Stream3_IRQn;
 
-/// USART3 as `Init` says, with one sample a bit, circular DMA in and normal DMA out. False: the HAL refuses.
+/// Start USART3 with the settings in `Init`, one sample per bit, circular DMA in and normal DMA out. Returns false if
+/// the HAL refuses.
 bool start_family_uart(UART_HandleTypeDef& uart);
 
 // ---- pins

@@ -10,7 +10,7 @@ DMA_HandleTypeDef receive_dma, transmit_dma;
 static_assert(HSE_VALUE % 4'000'000 == 0 && HSE_VALUE >= 4'000'000 && HSE_VALUE <= 48'000'000,
               "CRYSTAL_HZ: a multiple of 4 MHz, up to 48 MHz");
 
-/// The PLL gets 4 MHz; its 340 MHz make 170 MHz for the core.
+/// Start the PLL. It gets 4 MHz; its 340 MHz make 170 MHz for the core.
 bool start_pll(RCC_OscInitTypeDef source, std::uint32_t name, std::uint32_t hz) {
   source.PLL.PLLState = RCC_PLL_ON;
   source.PLL.PLLSource = name;

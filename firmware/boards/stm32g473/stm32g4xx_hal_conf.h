@@ -24,7 +24,7 @@
 #define EXTERNAL_CLOCK_VALUE 12288000U
 
 #define VDD_VALUE 3300U      /* mV */
-#define TICK_INT_PRIORITY 0U /* board.hpp says why */
+#define TICK_INT_PRIORITY 0U /* see board.hpp */
 #define USE_RTOS 0U
 #define PREFETCH_ENABLE 1U
 #define INSTRUCTION_CACHE_ENABLE 1U

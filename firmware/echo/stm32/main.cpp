@@ -1,4 +1,4 @@
-// The echo on a board with an STM32: a USB adapter at PD8 and PD9 is all it needs. Its light changes with each echo.
+// The echo on a board with an STM32: it needs only a USB adapter at PD8 and PD9. Its light changes with each echo.
 #include "board.hpp"
 #include "echo.hpp"
 #include "pin.hpp"

@@ -1,5 +1,5 @@
-// The gimbal as a process: four threads send at 1 kHz, and heads that are where they are told to be. Events: it shoots,
-// it holds fire.
+// The gimbal as a process: four threads send at 1 kHz, and the heads are always at their commanded pose. Events: it
+// shoots, it holds fire.
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -33,8 +33,8 @@ class SimulatedBoard : public gimbal::Heads {
 
 using Gimbal = gimbal::Gimbal<SimulatedBoard, wirebond::posix::Port>;
 
-/// A board's line takes a byte each 5.5 us, a pty those that its reader has room for: senders wait for room here. With
-/// these, and one more of each of the others, the queue is not full.
+/// A board's line takes a byte every 5.5 us, a pty only those that fit into its reader's buffer: senders wait here
+/// until the queue has fewer frames. With these, and one more of each of the others, the queue is not full.
 constexpr std::uint32_t most_queued = 8;
 
 void send_at_rhythm(Gimbal& firmware, std::size_t sender, const std::atomic<bool>& ends) {

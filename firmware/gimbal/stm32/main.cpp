@@ -1,5 +1,5 @@
-// The gimbal on a board with an STM32: six hobby servos, two triggers, and four timers in the place of four tasks, so
-// that it needs no RTOS. Servos tell no angle: the heads are reported where they are told to be.
+// The gimbal on a board with an STM32: six hobby servos, two triggers, and four timers instead of four tasks, so that
+// it needs no RTOS. Servos cannot report an angle: the heads are reported at their commanded pose.
 #include <cstdint>
 #include <initializer_list>
 
@@ -18,7 +18,7 @@ const board::Pin left_trigger = {GPIOE, GPIO_PIN_4};
 const board::Pin right_trigger = {GPIOE, GPIO_PIN_5};
 
 /// Left yaw and pitch: PC6, PC7. Right: PC8, PC9. Main: PD12, PD13. A pulse every 20 ms, of 1.5 ms for 0 rad, 1 ms more
-/// for a turn by pi; no pulse before the first command, so that the heads stay where they are.
+/// for a turn by pi; no pulse before the first command, so that the heads stay in place.
 class Turret : public gimbal::Heads {
  public:
   Turret() {
@@ -44,7 +44,7 @@ class Turret : public gimbal::Heads {
  private:
   static constexpr std::uint32_t count_hz = 1'000'000, period_us = 20'000;
 
-  /// Servos turn by a quarter to either side; what is no number turns none.
+  /// Return the pulse of an angle. Servos turn by a quarter to either side; NaN turns none.
   static std::uint32_t pulse_us(float angle_rad) {
     constexpr float quarter_rad = 1.5707963F;
     const float turn = angle_rad > quarter_rad ? 1.0F : angle_rad < -quarter_rad ? -1.0F : angle_rad / quarter_rad;

@@ -1,6 +1,6 @@
 // The rover as a process: its firmware and a simulated body. On stdin it takes: estop on, estop off, charge on, charge
-// off, pose (reports where the body is: x, y, heading). With --lockstep it runs under virtual time, as
-// wirebond/posix/lockstep.hpp says.
+// off, pose (reports the body's pose: x, y, heading). With --lockstep it runs under virtual time: see
+// wirebond/posix/lockstep.hpp.
 #include <cstdio>
 #include <cstring>
 #include <string>
@@ -52,7 +52,7 @@ bool obey(const std::string& line, rover::Plant& plant, Reporter& reporter) {
 
 void step(rover::Plant& plant) { plant.step(1e-3, static_cast<double>(rover::track_m)); }
 
-/// Until stdin ends.
+/// Run until stdin ends.
 int run_in_lockstep() {
   using Port = wirebond::posix::Lockstep;
   Port uart(STDIN_FILENO, STDOUT_FILENO, diffdrive::baud, 10);  // 8N1

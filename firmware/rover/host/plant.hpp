@@ -18,13 +18,13 @@ class Wheel {
     position_m_ += speed_m_s_ * seconds;
   }
 
-  /// Encoder ticks since the last call.
+  /// Return the encoder ticks since the last call.
   std::int16_t take_ticks() {
     constexpr double ticks_per_m = 1024.0 / (3.14159265358979 * 0.065);  // 1024 a turn, wheels of 65 mm
     const auto now = static_cast<std::int64_t>(std::floor(position_m_ * ticks_per_m));
     const std::int64_t ticks = now - taken_ticks_;
     taken_ticks_ = now;
-    return static_cast<std::int16_t>(ticks);  // 50 ms at 2 m/s make 501
+    return static_cast<std::int16_t>(ticks);  // 50 ms at 2 m/s give 501
   }
 
   double speed_m_s() const { return speed_m_s_; }
@@ -55,10 +55,10 @@ class Plant {
     charge_c_ += (charging ? 3.0 - load_a : -load_a) * seconds;
     if (charge_c_ > capacity_c) charge_c_ = capacity_c;
     if (charge_c_ < 0) charge_c_ = 0;
-    sag_v_ = 0.12 * load_a;  // inner resistance times current
+    sag_v_ = 0.12 * load_a;  // internal resistance times current
   }
 
-  /// Three lithium cells: 12.6 V full, 9.6 V empty, less what the load takes.
+  /// Return the voltage of three lithium cells: 12.6 V full, 9.6 V empty, minus the drop under load.
   float battery_v() const { return static_cast<float>(9.6 + 3.0 * charge_c_ / capacity_c - (charging ? 0.0 : sag_v_)); }
 
   double x_m() const { return x_m_; }

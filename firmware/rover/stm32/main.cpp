@@ -1,5 +1,5 @@
-// The rover on a board with an STM32: motors, encoders and battery at the pins that boards/stm32 says, and here an
-// e-stop and a charger. The light is on while silence has stopped it, and in safe mode.
+// The rover on a board with an STM32: motors, encoders and battery at the pins in boards/stm32, and here an e-stop and
+// a charger. The light is on while silence has stopped it, and in safe mode.
 #include "battery.hpp"
 #include "board.hpp"
 #include "encoders.hpp"
@@ -8,7 +8,7 @@
 
 namespace {
 
-constexpr float full_speed_m_s = 2.0F;   // what the wheels make of full voltage
+constexpr float full_speed_m_s = 2.0F;   // speed at full voltage
 constexpr float battery_divider = 5.7F;  // 47 kOhm above, 10 kOhm below
 const board::Pin estop_opened = {GPIOE, GPIO_PIN_2};
 const board::Pin not_charging = {GPIOE, GPIO_PIN_3};

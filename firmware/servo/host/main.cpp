@@ -1,4 +1,4 @@
-// The servo as a process: its number is the first argument. Events: where it is commanded to turn, and that it lets go.
+// The servo as a process: its number is the first argument. Events: the angle that it is commanded to, and its release.
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -10,7 +10,7 @@
 
 namespace {
 
-/// A motor that turns steadily to where it must be, and stays where it was when it is released.
+/// A motor that turns steadily to its target, and stays in place when it is released.
 class SimulatedBoard {
  public:
   explicit SimulatedBoard(const host::Process& process) : process_(process) {}
@@ -42,7 +42,7 @@ class SimulatedBoard {
   float left_s_ = 0.0F;
 };
 
-/// 0: it is no number of a servo.
+/// Return the number in this text; 0 if it is no number of a servo.
 std::uint8_t address_of(const char* text) {
   char* end = nullptr;
   const long number = std::strtol(text, &end, 10);

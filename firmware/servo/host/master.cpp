@@ -1,8 +1,8 @@
-// A host in C++ for a bus of servos: turns each of them and waits until it is there.
+// A host in C++ for a bus of servos: turns each of them and waits until it has arrived.
 //
 //   master TTY NUMBER=ANGLE...     angles in radians
 //
-// Prints a line for each servo that is there. Exit code 1: one of them does not answer, or does not come to its angle.
+// Prints a line for each servo that has arrived. Exit code 1: one of them does not answer, or does not reach its angle.
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -26,7 +26,7 @@ struct Target {
   float angle_rad;
 };
 
-/// Keeps the last pose that came, and whose it is.
+/// Keeps the newest pose, and the number of its servo.
 struct Master {
   void on(const servo_bus::Pose& pose, const servo_bus::Header& header) {
     angle_rad = pose.angle;
@@ -49,7 +49,7 @@ constexpr int answer_ms = 500, turn_ms = 10'000;
 constexpr float near_rad = 0.002F;
 constexpr float turn_s = 0.3F;
 
-/// Ask a servo for its pose. False: it did not answer in time. Another servo's answer is none.
+/// Ask a servo for its pose. Returns false if it did not answer in time; another servo's answer does not count.
 bool ask(Link& link, Master& master, std::uint8_t servo) {
   servo_bus::Header header = link.header();
   header.servo = servo;
@@ -106,6 +106,6 @@ int main(int argument_count, char** arguments) {
       ++failures;
     }
   }
-  port.stop();  // its thread uses the link, which goes first
+  port.stop();  // its thread uses the link, which is destroyed first
   return failures == 0 ? 0 : 1;
 }

@@ -1,5 +1,5 @@
-// The servo on a board with an STM32: a hobby servo at PC6 turns as the bus says. USART3 needs a transceiver for the
-// bus that finds the direction by itself. Two pins to ground, or open, give its number. The light is on while it is
+// The servo on a board with an STM32: a hobby servo at PC6 turns as the bus commands. USART3 needs a transceiver for
+// the bus that finds the direction by itself. Two pins, grounded or open, give its number. The light is on while it is
 // released.
 #include <cstdint>
 
@@ -15,15 +15,15 @@ servo::Buffers buffers;
 const board::Pin number_low = {GPIOE, GPIO_PIN_2};
 const board::Pin number_high = {GPIOE, GPIO_PIN_3};
 
-/// 1 to 4: both pins to ground make 1.
+/// Return 1 to 4: both pins grounded give 1.
 std::uint8_t address() {
   board::configure_input(number_low, GPIO_PULLUP);
   board::configure_input(number_high, GPIO_PULLUP);
   return static_cast<std::uint8_t>(1 + (number_low.read() ? 1 : 0) + (number_high.read() ? 2 : 0));
 }
 
-/// A pulse every 20 ms, of 1.5 ms for 0 rad and 1 ms more for a turn by pi. No pulse: it gives way. Hobby servos tell
-/// no angle: it is reported where it is told to be, once the time is over.
+/// A pulse every 20 ms, of 1.5 ms for 0 rad and 1 ms more for a turn by pi. Without a pulse it gives way. Hobby servos
+/// cannot report an angle: the commanded one is reported once the time is over.
 class HobbyServo {
  public:
   void turn(float angle_rad, float time_s) {

@@ -9,6 +9,7 @@
 #include <deque>
 
 unsigned long micros();
+unsigned long millis();
 
 class Print {
  public:

@@ -24,6 +24,7 @@ struct Registers {
   std::uint32_t control_2 = 0;
   std::uint32_t status = 0;
   bool idle_enabled = false;
+  bool has_ended = false;         ///< the receive channel, in normal mode
   std::uint64_t written = 0;      ///< bytes in memory when an interrupt last ran
   std::uint64_t taken_bytes = 0;  ///< reads of the data register while a byte may come
 };
@@ -66,6 +67,10 @@ void Board::on_received() {
   show_errors();
   const std::size_t place = registers.uart->receive_position();
   const std::uint32_t size = of(DMA_CH4).number;
+  if (place == 0 && (of(DMA_CH4).control & DMA_CHXCTL_CMEN) == 0) {  // it has read its round, and stays enabled
+    registers.uart->stop_receive();
+    registers.has_ended = true;
+  }
   if (place == 0 || place == size / 2) {
     of(DMA_CH4).flags |= place == 0 ? DMA_INTF_FTFIF : DMA_INTF_HTFIF;
     if ((of(DMA_CH4).control & of(DMA_CH4).flags) != 0) DMA0_Channel4_IRQHandler();
@@ -99,6 +104,7 @@ void dma_channel_enable(std::uint32_t, dma_channel_enum channel) {
   Channel& it = of(channel);
   it.control |= DMA_CHXCTL_CHEN;
   if (channel == DMA_CH4) {
+    registers.has_ended = false;
     registers.uart->start_receive(it.memory, it.number);
   } else {
     registers.uart->start_transmit(it.memory, it.number);
@@ -127,6 +133,7 @@ void dma_transfer_number_config(std::uint32_t, dma_channel_enum channel, std::ui
 }
 
 std::uint32_t dma_transfer_number_get(std::uint32_t, dma_channel_enum channel) {
+  if (channel == DMA_CH4 && registers.has_ended) return 0;
   if (channel == DMA_CH4) return of(channel).number - static_cast<std::uint32_t>(registers.uart->receive_position());
   if (!registers.uart->transmitting()) return (of(channel).control & DMA_CHXCTL_CHEN) != 0 ? 0 : of(channel).number;
   return 1 + static_cast<std::uint32_t>(registers.uart->waiting());

@@ -50,6 +50,21 @@ TEST_CASE("a channel that does not stop is an answer, not a hang") {
   CHECK_FALSE(bench.start());
 }
 
+TEST_CASE("a channel in normal mode that has filled the ring has ended reception, and a start begins it again") {
+  Bench bench;
+  DMA_CHCTL(DMA0, DMA_CH4) &= ~DMA_CHXCTL_CMEN;
+  REQUIRE(bench.start());
+  for (std::uint8_t i = 0; i < 15; ++i) bench.in.put(i, 0);
+  bench.board.run(155'000);
+  CHECK(bench.port.receiving());
+  bench.in.put(15, 160'000);
+  bench.board.run(200'000);
+  CHECK((DMA_CHCTL(DMA0, DMA_CH4) & DMA_CHXCTL_CHEN) != 0);
+  CHECK_FALSE(bench.port.receiving());
+  REQUIRE(bench.start());
+  CHECK(bench.port.receiving());
+}
+
 TEST_CASE("each mistake in the settings is reported by its name") {
   using wirebond::Why;
   Bench bench;

@@ -63,3 +63,32 @@ TEST_CASE("a name without a folder lies in the current one") {
   appearance.watch();
   CHECK(appearance.get() >= 0);
 }
+
+TEST_CASE("what appears after the last look is reported, also much later and after a second watch") {
+  const std::string folder = new_folder();
+  Appearance appearance(folder + "/tty");
+  appearance.watch();
+  appearance.watch();
+  const int descriptor = appearance.get();
+  make_file(folder + "/tty");  // the device is back before its loss shows
+  CHECK(appearance.changed());
+  appearance.watch();
+  CHECK(appearance.get() == descriptor);  // a new one would lose what appears in between
+  make_file(folder + "/other");
+  appearance.watch();  // and the caller looks after it
+  CHECK(!is_told(appearance));
+}
+
+TEST_CASE("a folder that goes away and comes back, as /dev/serial/by-id does, is watched again") {
+  const std::string folder = new_folder();
+  const std::string by_id = folder + "/by-id";
+  ::mkdir(by_id.c_str(), 0700);
+  Appearance appearance(by_id + "/arm");
+  appearance.watch();
+  ::rmdir(by_id.c_str());
+  CHECK(appearance.changed());
+  ::mkdir(by_id.c_str(), 0700);
+  CHECK(appearance.changed());
+  REQUIRE(::symlink("/dev/null", (by_id + "/arm").c_str()) == 0);
+  CHECK(appearance.changed());
+}

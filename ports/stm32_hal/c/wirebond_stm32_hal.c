@@ -10,7 +10,7 @@ static void drive(void* uart, bool on) {
 
 static UART_HandleTypeDef* handle_of(void* uart) { return ((wirebond_stm32_hal_t*)uart)->handle; }
 
-/// Also where an interrupt may change the register in between; older HALs lack the macro, and do not care.
+/// Clear bits even if an interrupt may change the register in between; older HALs lack the macro, and do not care.
 static void clear_bits(volatile uint32_t* control, uint32_t bits) {
 #ifdef ATOMIC_CLEAR_BIT
   ATOMIC_CLEAR_BIT(*control, bits);
@@ -21,8 +21,8 @@ static void clear_bits(volatile uint32_t* control, uint32_t bits) {
 
 bool wirebond_stm32_hal_start_receive(void* uart, uint8_t* ring, size_t size) {
   UART_HandleTypeDef* const handle = handle_of(uart);
-  if (handle->hdmarx == NULL) return false;  // the HAL does not look
-  // After a DMA error the HAL calls itself ready with the stream still running, and then starts never again.
+  if (handle->hdmarx == NULL) return false;  // the HAL does not check
+  // After a DMA error the HAL reports ready with the stream still running, and would never start again.
   if (HAL_UART_AbortReceive(handle) != HAL_OK) return false;
   if (HAL_UARTEx_ReceiveToIdle_DMA(handle, ring, (uint16_t)size) != HAL_OK) return false;
   // The HAL enabled them, and would end reception for each error.
@@ -61,6 +61,11 @@ bool wirebond_stm32_hal_reaches(void* uart, const void* bytes, size_t size) {
   return wirebond_stm32_dma_reaches(WIREBOND_STM32_FAMILY, (uintptr_t)bytes, size);
 }
 
+uint32_t wirebond_stm32_hal_tick_ms(void* uart) {
+  (void)uart;
+  return HAL_GetTick();
+}
+
 wirebond_why_t wirebond_stm32_hal_check(void* uart, uint32_t baud) {
   UART_HandleTypeDef* const handle = handle_of(uart);
   const IRQn_Type interrupt = ((wirebond_stm32_hal_t*)uart)->interrupt;
@@ -77,7 +82,7 @@ wirebond_line_errors_t wirebond_stm32_hal_take_line_errors(void* uart) {
   UART_HandleTypeDef* const handle = handle_of(uart);
   wirebond_line_errors_t errors;
   uint32_t flags;
-#ifdef UART_CLEAR_FEF  // the families that clear flags by writing them: F0, F3, F7, G0, G4, H7, L4
+#ifdef UART_CLEAR_FEF  // families that clear flags by writing them: F0, F3, F7, G0, G4, H7, L4
   flags = handle->Instance->ISR;
   handle->Instance->ICR = UART_CLEAR_PEF | UART_CLEAR_FEF | UART_CLEAR_NEF | UART_CLEAR_OREF;
 #else

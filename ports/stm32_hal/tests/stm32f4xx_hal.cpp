@@ -18,6 +18,7 @@ UART_HandleTypeDef huart3{};
 NVIC_Type nvic_registers{};
 GPIO_TypeDef gpio_b_registers{};
 uint32_t uwTickPrio = 0;
+uint32_t ticks = 0;
 
 Board::Board(Uart& uart) : uart_(uart) {
   huart3 = {};
@@ -32,6 +33,7 @@ Board::Board(Uart& uart) : uart_(uart) {
   nvic_registers = {};
   nvic_registers.ISER[USART3_IRQn / 32] = 1u << USART3_IRQn % 32;
   uwTickPrio = 0;
+  ticks = 0;
   huart3.uart = &uart;
 }
 
@@ -41,6 +43,7 @@ void Board::run(wirebond::fake::Time until) {
   using wirebond::fake::OnLineError;
   uart_.behaviour.on_line_error = (usart3.CR3 & USART_CR3_EIE) != 0 ? OnLineError::stop : OnLineError::flag;
   uart_.run(until, *this);
+  ticks = static_cast<uint32_t>(until / 1'000'000);
 }
 
 /// In the status they stay until it was read and DMA has read a byte after that: it is read in each interrupt.
@@ -136,6 +139,8 @@ void NVIC_SetPendingIRQ(IRQn_Type IRQn) {
 }
 
 uint32_t NVIC_GetPriority(IRQn_Type) { return 5; }
+
+uint32_t HAL_GetTick() { return ticks; }
 
 #if USE_HAL_UART_REGISTER_CALLBACKS == 1
 HAL_StatusTypeDef HAL_UART_RegisterCallback(UART_HandleTypeDef* huart, HAL_UART_CallbackIDTypeDef CallbackID,

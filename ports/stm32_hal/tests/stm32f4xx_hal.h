@@ -86,6 +86,7 @@ void NVIC_SetPendingIRQ(IRQn_Type IRQn);
 uint32_t NVIC_GetPriority(IRQn_Type IRQn);
 extern NVIC_Type nvic_registers;
 #define NVIC (&nvic_registers)
+uint32_t HAL_GetTick(void);
 extern uint32_t uwTickPrio;
 
 #if USE_HAL_UART_REGISTER_CALLBACKS == 1

@@ -143,6 +143,19 @@ TEST_CASE_TEMPLATE("a UART that waits for a late DMA has not completed", Port, I
   CHECK(bench.events.log == "t");
 }
 
+TEST_CASE_TEMPLATE("a carrier in normal mode that has filled the ring has ended reception, though it stays enabled",
+                   Port, InCpp, InC) {  // as the channels of F1, G0, G4 and L4 do; a stream clears its bit
+  Tested<Port> bench;
+  REQUIRE(bench.start());
+  const std::uint32_t size = DMA1_Stream1->NDTR;
+  DMA1_Stream1->NDTR = 0;
+  CHECK(bench.port.receiving());  // in circles: it is about to begin the next round
+  DMA1_Stream1->CR = DMA1_Stream1->CR & ~DMA_SxCR_CIRC;
+  CHECK_FALSE(bench.port.receiving());
+  DMA1_Stream1->NDTR = size;
+  CHECK(bench.port.receiving());
+}
+
 TEST_CASE_TEMPLATE("each mistake in the settings is reported by its name", Port, InCpp, InC) {
   using wirebond::Why;
   Tested<Port> bench;

@@ -9,10 +9,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from wirebond.attach.words import Control
-    from wirebond.codec import Codec, Columns, Decoder, Message, SequenceCounts, SequenceStats, Stats, Table, load
-    from wirebond.counters import McuCounters
-    from wirebond.diagnosis import Diagnosis, diagnose
+    from wirebond.analysis.diagnosis import Diagnosis, diagnose
+    from wirebond.codec import (
+        Codec,
+        Columns,
+        Decoder,
+        Message,
+        SequenceCounts,
+        SequenceStats,
+        Stats,
+        Table,
+        load,
+    )
     from wirebond.errors import (
         EngineError,
         LateCommandError,
@@ -25,6 +33,7 @@ if TYPE_CHECKING:
         ProtocolMismatchError,
         QueueFullError,
         RequestTimeoutError,
+        StoppedByOtherError,
         StoppedError,
         UsageError,
         WirebondError,
@@ -32,6 +41,7 @@ if TYPE_CHECKING:
     from wirebond.link import Dump, DumpEntry, LatencyTimer, Line, Link, LinkStats, LowLatency, Rates, SendStats
     from wirebond.link import open_link as open
     from wirebond.link.aio import Aio
+    from wirebond.link.attached.words import Control
     from wirebond.link.clock_line import HostTime
     from wirebond.link.clock_sync import ClockReading
     from wirebond.link.handlers import DeadlineEvent
@@ -40,7 +50,8 @@ if TYPE_CHECKING:
     from wirebond.link.log_lines import LogEvent
     from wirebond.link.parameters import Parameters
     from wirebond.link.peer import Peer
-    from wirebond.log import LogLine
+    from wirebond.protocol.counter_values import McuCounters
+    from wirebond.protocol.log import LogLine
     from wirebond.recording import Recorder, Recording
     from wirebond.server import Server
 
@@ -91,6 +102,7 @@ __all__ = [
     "SequenceStats",
     "Server",
     "Stats",
+    "StoppedByOtherError",
     "StoppedError",
     "Table",
     "UsageError",
@@ -117,8 +129,8 @@ _HOMES = {
             "Table",
             "load",
         ),
-        "counters": ("McuCounters",),
-        "diagnosis": ("Diagnosis", "diagnose"),
+        "protocol.counter_values": ("McuCounters",),
+        "analysis.diagnosis": ("Diagnosis", "diagnose"),
         "errors": tuple(name for name in __all__ if name.endswith("Error")),
         "link.clock_line": ("HostTime",),
         "link.clock_sync": ("ClockReading",),
@@ -140,8 +152,8 @@ _HOMES = {
             "SendStats",
             "open",
         ),
-        "log": ("LogLine",),
-        "attach.words": ("Control",),
+        "protocol.log": ("LogLine",),
+        "link.attached.words": ("Control",),
         "server": ("Server",),
         "recording": ("Recorder", "Recording"),
     }.items()

@@ -191,6 +191,15 @@ class LinkCore:
     def end_safely(self, message: int, address: int) -> bool:
         """End the lease of this message and address with its safe value, which leaves before all else."""
 
+    def end_if_moved(self, message: int, address: int) -> bool:
+        """As ``end_safely``, unless the safe value was the last of this message and address."""
+
+    def end_motion(self) -> None:
+        """End every lease, and send the safe value of everything that moved."""
+
+    def hand_over_motion(self) -> None:
+        """Send no safe value at the end for what was sent so far."""
+
     def note_safe(self, safe: SafeValue) -> bool:
         """One more safe value, as an entry of the settings' ``stop``. False: there is no room."""
     def set_address(self, address: int) -> None:
@@ -284,6 +293,15 @@ class Link:
         """Begin or renew a lease of ``hold`` seconds; the result is that of ``send``."""
     def end_safely(self, message: int, address: int) -> bool:
         """End the lease of this message and address with its safe value, which leaves before all else."""
+
+    def end_if_moved(self, message: int, address: int) -> bool:
+        """As ``end_safely``, unless the safe value was the last of this message and address."""
+
+    def end_motion(self) -> None:
+        """End every lease, and send the safe value of everything that moved."""
+
+    def hand_over(self) -> None:
+        """Send no safe value at the end for what was sent so far."""
 
     def note_safe(self, safe: SafeValue) -> bool:
         """One more safe value, as an entry of the settings' ``stop``. False: there is no room."""

@@ -8,15 +8,17 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from wirebond import _engine
-from wirebond.counters import McuCounters, mcu_counters
+from wirebond.arguments import path as path_of
+from wirebond.arguments import shown
+from wirebond.engine_tables import EngineTables, as_mapping
 from wirebond.errors import MessageError, UsageError
-from wirebond.log import LogLine, log_line
 from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
-from wirebond.protocol.apart import ends_look_alike
-from wirebond.protocol.model import End, FieldKind, HeaderField, Protocol
+from wirebond.protocol.counter_values import McuCounters, mcu_counters
+from wirebond.protocol.log import LogLine, log_line
+from wirebond.protocol.model import End, FieldKind, Protocol
 from wirebond.protocol.model import Message as MessageModel
-from wirebond.protocol.planning import ids_collide, plan_for
+from wirebond.protocol.planning import plan_for
 from wirebond.protocol.problems import no_message
 
 if TYPE_CHECKING:
@@ -153,7 +155,7 @@ class Decoder:
     """
 
     def __init__(self, engine: _engine.Decoder, codec: Codec, sender: End | None) -> None:
-        self._engine = engine
+        self.engine = engine
         self._codec = codec
         self._sender = sender
 
@@ -167,7 +169,7 @@ class Decoder:
         :raises TypeError: ``data`` is no buffer, or ``t`` no number.
         :raises UsageError: ``t`` is not finite.
         """
-        return self._engine.feed(data, t)
+        return self.engine.feed(data, t)
 
     def expect(self, request: str | None, *, header: Mapping[str, Any] | None = None) -> None:
         """Say what was asked: where several messages share an id (or have none), the reply to ``request`` is meant
@@ -182,12 +184,12 @@ class Decoder:
         """
         index, place, address = -1, -1, None
         if request is not None:
-            index = self._codec._index_of(self._codec._reply_to(request))
-            asked = None if header is None else self._codec._address_of(header)
+            index = self._codec.tables.indices[self._codec.tables.reply_to(request)]
+            asked = None if header is None else self._codec.tables.address_of(header)
             peer = plan_for(self._codec.model, End.MCU).peer
-            if asked is not None and peer is not None and asked not in self._codec._broadcasts:
+            if asked is not None and peer is not None and asked not in self._codec.tables.broadcasts:
                 place, address = peer, asked
-        self._engine.expect(index, place, address)
+        self.engine.expect(index, place, address)
 
     def idle(self, t: float) -> list[Message]:
         """Say that a read found nothing. After the protocol's ``idle`` time an incomplete frame is given up and its
@@ -198,19 +200,19 @@ class Decoder:
         :raises TypeError: ``t`` is no number.
         :raises UsageError: ``t`` is not finite.
         """
-        return self._engine.idle(t)
+        return self.engine.idle(t)
 
     def finish(self) -> list[Message]:
         """Say that no byte will ever follow: what is pending is settled.
 
         :returns: messages that stood behind a false start.
         """
-        return self._engine.finish()
+        return self.engine.finish()
 
     @property
     def stats(self) -> Stats:
         """Where every byte went, up to now."""
-        return stats_from(self._engine.stats())
+        return stats_from(self.engine.stats())
 
     def __repr__(self) -> str:
         stats = self.stats
@@ -225,7 +227,9 @@ class Decoder:
 class Table:
     """Every occurrence of one message: a column for each field, all of the same length, which is ``len(table)``.
 
-    ``table["left_ticks"]`` is a column, ``in`` and iteration go over their names, and ``dict(table)`` is possible.
+    ``table["left_ticks"]`` is a column, ``in`` and iteration go over their names, and ``dict(table)`` is possible. A
+    field of a group has a column for each element, ``joints[3].position``. An array is one column of shape (rows,
+    count), and ``gains[1]`` names one element of it.
 
     :ivar offset: of each row's first byte in the capture, in bytes; uint64 of shape (rows,).
     :ivar fields: the columns by name.
@@ -243,12 +247,28 @@ class Table:
 
     def __getitem__(self, name: str) -> Column:
         try:
-            return self.fields[name]
+            return self.fields[name] if name in self.fields else self._element(name)
         except KeyError:
             raise KeyError(f"the table has no column {name!r}; it has {', '.join(self.fields) or 'none'}") from None
 
     def __contains__(self, name: object) -> bool:
-        return name in self.fields
+        try:
+            return name in self.fields or (isinstance(name, str) and self._element(name) is not None)
+        except KeyError:
+            return False
+
+    def _element(self, name: str) -> Column:
+        """The column of one element of an array, such as ``gains[1]``.
+
+        :raises KeyError: there is no such element.
+        """
+        array, _, index = name.removesuffix("]").rpartition("[")
+        column = self.fields[array]
+        if not name.endswith("]") or not index.isdecimal() or isinstance(column, list) or column.ndim != 2:
+            raise KeyError(name)
+        if int(index) >= column.shape[1]:
+            raise KeyError(name)
+        return column[:, int(index)]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.fields)
@@ -310,16 +330,13 @@ class Codec:
 
     :param model: the protocol as plain values.
     :ivar model: the same: all that the file says, with its defaults.
+    :ivar tables: for this package's own modules.
     """
 
     def __init__(self, model: Protocol) -> None:
         self.model = model
-        self._table = _engine.ProtocolTable(model)
-        self._formats: dict[End | None, _engine.FormatTable] = {}
-        plan = plan_for(model, End.HOST)
-        self._address = plan.address  # place of the header field that says for whom a frame of the host is
-        self._broadcasts = plan.broadcast
-        self._index = {message.name: i for i, message in enumerate(model.messages)}
+        self.tables = EngineTables(model)
+        self._index = self.tables.indices
 
     @property
     def name(self) -> str:
@@ -368,16 +385,16 @@ class Codec:
         if header is not None or sender is not None:
             options = {"header": header, "sender": sender}
             refuse_option_for_field("encode", self.model.messages[index], options, values)
-        form = self._format_for(self._end_for(self.model.messages[index], sender))
-        everything = {**({} if values is None else _mapping(message, values)), **fields}
-        return self._frame_of(index, form, everything, header)
+        form = self.tables.format_for(self._end_for(self.model.messages[index], sender))
+        everything = {**({} if values is None else as_mapping(message, values)), **fields}
+        return self.tables.frame_of(index, form, everything, header)
 
     def _end_for(self, message: MessageModel, sender: str | None) -> End:
         """Whose frame is meant."""
         if sender is None:
             return End.HOST if message.sent_by(End.HOST) else End.MCU
         if sender not in (End.HOST, End.MCU):
-            raise UsageError(f"sender is {sender!r}; expected 'mcu' or 'host'")
+            raise UsageError(f"sender is {shown(sender)}; expected 'mcu' or 'host'")
         if not message.sent_by(End(sender)):
             raise MessageError(f"{message.name} is sent by the {message.sender}, not by the {sender}")
         return End(sender)
@@ -389,8 +406,10 @@ class Codec:
         :returns: a decoder that has seen no byte yet.
         :raises UsageError: another sender, or ids that mean different messages in each direction.
         """
-        end = self._sender_for(sender)
-        return Decoder(_engine.Decoder(self._table, self._format_for(end), self.model.idle_seconds), self, end)
+        end = self.tables.sender_for(sender)
+        return Decoder(
+            _engine.Decoder(self.tables.protocol, self.tables.format_for(end), self.model.idle_seconds), self, end
+        )
 
     def decode_columns(
         self,
@@ -411,17 +430,19 @@ class Codec:
             the calling thread; not for a capture of less than 256 KiB. What it raises ends the call.
         :returns: a table for each message that occurred. Scaled fields are float64 in SI units; other numbers keep
             their wire type; enums and flags stay integers; arrays have shape (rows, count); text and bytes are lists.
+            A group has columns for each element, such as ``joints[3].position``. If its number varies, there are
+            columns for the maximum: floats that are NaN, or lists with None, where a row has fewer elements.
             Behind them a column for each header field, such as ``header.servo``: 0 in frames that do not have it.
         :raises TypeError: ``capture`` is no buffer, or ``progress`` cannot be called.
         :raises UsageError: a sender as for ``decoder``, or ``threads`` is no number of 1 or more.
         """
         if threads is not None and (not isinstance(threads, int) or threads < 1):
-            raise UsageError(f"threads is {threads!r}; expected 1 or more, or None for as many as there are cores")
+            raise UsageError(f"threads is {shown(threads)}; expected 1 or more, or None for as many as there are cores")
         if progress is not None and not callable(progress):
             raise TypeError(f"progress is {progress!r}; expected a function that takes two numbers, or None")
         threads = min(threads or os.cpu_count() or 1, _MOST_THREADS)
-        form = self._format_for(self._sender_for(sender))
-        result = _engine.decode_columns(self._table, form, capture, threads, progress)
+        form = self.tables.format_for(self.tables.sender_for(sender))
+        result = _engine.decode_columns(self.tables.protocol, form, capture, threads, progress)
         tables = {name: Table(**table) for name, table in result["messages"].items()}
         return Columns(tables, stats_from(result["stats"]))
 
@@ -446,79 +467,6 @@ class Codec:
     def __repr__(self) -> str:
         return f"<wirebond.Codec {self.name}: {', '.join(self._index)}>"
 
-    # ---- for the package's own modules: the engine's tables, and what names of messages and ends mean
-
-    def _sequence_of(self, sender: End) -> HeaderField | None:
-        """The sequence number of the frames that this end sends without header values; None: there is none."""
-        plan = plan_for(self.model, sender)
-        if plan.sequence is None or all(field.place != plan.sequence for field in plan.forms[0].header):
-            return None
-        return plan.header[plan.sequence]
-
-    def _format_for(self, sender: End | None) -> _engine.FormatTable:
-        """The engine's tables for frames of this sender."""
-        if sender not in self._formats:
-            self._formats[sender] = _engine.FormatTable(plan_for(self.model, sender))
-        return self._formats[sender]
-
-    def _frame_of(
-        self, index: int, form: _engine.FormatTable, values: dict[str, Any], header: Mapping[str, Any] | None
-    ) -> bytes:
-        """One frame of the message with this index, in a format of ``_format_for``."""
-        given = {} if header is None else dict(_mapping("header", header))
-        return _engine.encode(self._table, form, index, values, given)
-
-    def _address_of(self, header: Mapping[str, Any]) -> int | None:
-        """The bits of the address that a frame of the host with these header values is for; None: frames have none.
-
-        :raises MessageError: a wrong name or value.
-        """
-        if self._address is None:
-            return None
-        return _engine.header_bits(self._format_for(End.HOST), dict(header))[self._address]
-
-    def _index_of(self, message: str) -> int:
-        return self._index[message]
-
-    def _reply_to(self, request: str) -> str:
-        """The message that answers ``request``.
-
-        :raises UsageError: the protocol has no such message, or it has no ``reply``.
-        """
-        index = self._index.get(request) if isinstance(request, str) else None
-        if index is None:
-            raise UsageError(no_message(self.name, request, self._index))
-        reply = self.model.messages[index].reply
-        if reply is None:
-            asking = ", ".join(m.name for m in self.model.messages if m.reply is not None) or "none"
-            raise UsageError(f"{request} has no `reply` in {self.name}; messages that have one: {asking}")
-        return reply
-
-    def _request_for(self, reply: str) -> str | None:
-        """The first message that ``reply`` answers."""
-        return next((m.name for m in self.model.messages if m.reply == reply), None)
-
-    def _sender_for(self, sender: str | None) -> End | None:
-        """Check a sender that a user named."""
-        if sender is None:
-            collisions = ids_collide(self.model)
-            if collisions:
-                first, second = collisions[0]
-                raise UsageError(
-                    f"in {self.name} the id 0x{first.id:02X} means {first.name} from {first.sender} and "
-                    f"{second.name} from {second.sender}; say whose bytes these are: `--sender mcu`, or in Python "
-                    "sender='mcu'"
-                )
-            if ends_look_alike(self.model.format.parts):
-                raise UsageError(
-                    f"in {self.name} frames of the two ends differ, and the same bytes can be a frame of either; "
-                    "say whose bytes these are: sender='mcu' or sender='host'"
-                )
-            return None
-        if sender not in (End.HOST, End.MCU):
-            raise UsageError(f"sender is {sender!r}; expected 'mcu' or 'host'")
-        return End(sender)
-
 
 def refuse_option_for_field(
     function: str, message: MessageModel, options: Mapping[str, object], values: Mapping[str, Any] | None
@@ -537,18 +485,12 @@ def refuse_option_for_field(
             )
 
 
-def _mapping(owner: str, values: Mapping[str, Any]) -> Mapping[str, Any]:
-    if type(values) is not dict and not isinstance(values, Mapping):  # the first is ten times as quick
-        what = "the frame's own fields" if owner == "header" else "its fields"
-        raise MessageError(f"{owner} is {values!r:.80}; expected {what} as a mapping of names and values")
-    return values
-
-
 def load(path: str | os.PathLike[str]) -> Codec:
     """Read a protocol file.
 
     :param path: of the file.
     :returns: the protocol, ready to encode and to decode.
     :raises ProtocolFileError: with every problem of the file.
+    :raises UsageError: ``path`` is no path.
     """
-    return Codec(load_model(path))
+    return Codec(load_model(path_of("the protocol file", path, "a path, such as robot.yaml")))

@@ -114,6 +114,18 @@ class NotInControlError(WirebondError):
     of the link takes it."""
 
 
+class StoppedByOtherError(WirebondError):
+    """Another program stopped the robot, or the server was restarted since; the stop still holds.
+    ``release_stop(over=True)`` releases it all the same. ``by`` is the name of the program that stopped."""
+
+    def __init__(self, text: str, by: str = "") -> None:
+        super().__init__(text)
+        self.by = by
+
+    def __reduce__(self) -> tuple[type[StoppedByOtherError], tuple[str, str]]:
+        return type(self), (str(self.args[0]), self.by)
+
+
 class LateCommandError(WirebondError):
     """The command reached the server so late that it may not be meant any more; nothing was sent."""
 
@@ -123,7 +135,7 @@ class ParameterError(WirebondError, ValueError):
 
     ``parameter`` is its name or index. ``reason`` is ``no_such_name``, ``no_such_index``, ``out_of_range``,
     ``wrong_index``, or what else the MCU answered. ``value`` is what stays in force, or None. ``refused`` has a
-    sentence for each parameter of a file that was refused.
+    sentence for each refused parameter of several.
     """
 
     def __init__(

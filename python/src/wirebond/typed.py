@@ -9,6 +9,7 @@ from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar
 
+from wirebond.arguments import shown
 from wirebond.codec import Codec, Message, load
 from wirebond.errors import ProtocolMismatchError, UsageError
 from wirebond.protocol.names import code_name
@@ -58,10 +59,14 @@ def name_and_values(
 ) -> tuple[str, dict[str, Any]]:
     """A message that a caller gave by its name and values, or as one object.
 
-    :raises UsageError: an object and values as well.
+    :raises UsageError: neither a name nor such an object; or an object and values as well.
     """
     if isinstance(message, str):
         return message, {**values, **fields} if values else fields
+    if not isinstance(getattr(message, "NAME", None), str) or isinstance(message, type):
+        raise UsageError(
+            f"the message is {shown(message)}; expected a message's name, or an object of a generated module's class"
+        )
     if values is not None or fields:
         raise UsageError(f"{type(message).__name__} has its values already; change them with dataclasses.replace")
     return message.NAME, message.values()
@@ -72,10 +77,11 @@ def message_class(kind: type) -> Any:
 
     :raises UsageError: there is none.
     """
-    for base in kind.__mro__:
+    for base in kind.__mro__ if isinstance(kind, type) else ():
         if isinstance(vars(base).get("NAME"), str):
             return base
-    raise UsageError(f"{kind.__name__} is no message of a generated module; give a message's name or its class")
+    given = kind.__name__ if isinstance(kind, type) else shown(kind)
+    raise UsageError(f"{given} is no message of a generated module; give a message's name or its class")
 
 
 def maker_of(kind: type) -> Callable[[Message], Any]:

@@ -63,15 +63,20 @@ def _write(path: Path, data: bytes, new: bool, lasting: bool) -> None:
             if lasting:
                 os.fsync(descriptor)
         if new:
-            _name_new(unfinished, target)
+            name_new(unfinished, target)
         else:
             unfinished.replace(target)
     finally:
         unfinished.unlink(missing_ok=True)
 
 
-def _name_new(unfinished: Path, target: Path) -> None:
-    """A link fails where something lies, in one step; a file system that has no links is asked beforehand."""
+def name_new(unfinished: Path, target: Path) -> None:
+    """Give a finished file its name, where nothing has that name yet.
+
+    A link fails in one step if something exists there; on a file system without links, that is checked before.
+
+    :raises FileExistsError: something exists there; it is left as it is.
+    """
     try:
         os.link(unfinished, target)
     except FileExistsError:

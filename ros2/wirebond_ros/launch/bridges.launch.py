@@ -7,6 +7,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 FILES = ("protocol", "mapping")  # paths, as seen from the file
 KEYS = (*FILES, "port", "baud", "namespace", "remappings")
@@ -28,8 +29,10 @@ def _node(path: Path, name: str, link: object) -> Node:
         raise RuntimeError(f"{where} has no port; write for example `{EXAMPLE}`")
     if unknown := sorted(set(link) - set(KEYS)):
         raise RuntimeError(f"{where} has the key `{unknown[0]}`; possible: {', '.join(KEYS)}")
-    parameters = {key: link[key] for key in ("port", "baud") if key in link}
-    parameters |= {key: str(path.parent / link[key]) for key in FILES if link.get(key)}
+    # Without the type, launch reads a text as YAML: `sim:` would be a mapping, and refused.
+    texts = {"port": str(link["port"])} | {key: str(path.parent / link[key]) for key in FILES if link.get(key)}
+    parameters = {key: ParameterValue(text, value_type=str) for key, text in texts.items()}
+    parameters |= {"baud": link["baud"]} if "baud" in link else {}
     return Node(
         package="wirebond_ros",
         executable="bridge",
@@ -39,6 +42,7 @@ def _node(path: Path, name: str, link: object) -> Node:
         remappings=list(link.get("remappings", {}).items()),
         output="screen",
         respawn=True,
+        respawn_delay=1.0,  # a mistake in a file would fill the log and take a core
     )
 
 

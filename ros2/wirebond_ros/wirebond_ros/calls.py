@@ -14,6 +14,7 @@ from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
+from wirebond.ros2.failure import Failure
 from wirebond_ros.not_spun import NotSpun
 
 _LOOK_EVERY = 0.02  # seconds
@@ -26,13 +27,13 @@ class CallLoop:
     :ivar group: for ``create_service``; None: the executor must serve them.
     """
 
-    def __init__(self, fail: Callable[[str], None]) -> None:
-        """``fail``: takes the sentence for an answer that could not be made."""
+    def __init__(self, fail: Callable[[str], None], failure: Failure) -> None:
+        """``fail``: takes the sentence for an answer that could not be made. ``failure``: makes the thread."""
         self.group = NotSpun() if _can_take() else None
         self._fail = fail
         self._services: list[Any] = []
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="ROS 2 services", daemon=True)
+        self._thread = failure.thread("ROS 2 services", self._run)
         self._pool = ThreadPoolExecutor(_AT_ONCE, "ROS 2 answers")
 
     def add(self, service: Any) -> None:

@@ -10,12 +10,14 @@ import importlib
 import os
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from action_msgs.srv import CancelGoal
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidParameterTypeException, ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy, qos_policy_name_from_kind
@@ -23,13 +25,15 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from wirebond.errors import UsageError, WirebondError
 from wirebond.ros2.cdr import encode
+from wirebond.ros2.failure import Failure
 from wirebond.ros2.node import Answer, Parameter, Qos, Quick, mismatch
+from wirebond.ros2.stalls import Stalls
 from wirebond.ros2.subscriber import Subscriber
 from wirebond.ros2.types import RosType, ServiceType
 from wirebond_ros.calls import CallLoop
 from wirebond_ros.taking import TakeLoop, Taken
 
-LEVELS = {"debug": "debug", "info": "info", "warning": "warning", "error": "error"}
+_LOOK_EVERY = 0.1  # seconds between two looks for stalls, where the executor takes the messages
 
 
 class RclpyPublisher:
@@ -58,8 +62,12 @@ class RclpyNode:
         self._parameters: dict[str, Parameter] = {}
         self._started = threading.Event()
         self._updating = threading.local()  # in its thread: the parameter that is set because it has changed
-        self._taking = TakeLoop(node.context)
-        self._calls = CallLoop(lambda text: self.log("error", text))
+        self.failure = Failure(lambda: not node.context.ok())
+        self.stalls = Stalls()
+        self._taking = TakeLoop(node.context, self.failure, self.stalls)
+        if self._taking.group is None:
+            node.create_timer(_LOOK_EVERY, self.stalls.look)
+        self._calls = CallLoop(lambda text: self.log("error", text), self.failure)
         node.add_on_set_parameters_callback(self._set)
 
     def publisher(self, topic: str, type_: RosType, qos: Qos) -> RclpyPublisher:
@@ -67,14 +75,15 @@ class RclpyNode:
 
         :raises UsageError: this ROS 2 has no such type.
         """
-        publisher = self.node.create_publisher(
-            class_of(type_),
-            topic,
-            _profile(qos),
-            callback_group=self._taking.group,
-            event_callbacks=PublisherEventCallbacks(incompatible_qos=self._teller(topic, is_publisher=True)),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
+        with _overrides_of(topic):
+            publisher = self.node.create_publisher(
+                class_of(type_),
+                topic,
+                _profile(qos),
+                callback_group=self._taking.group,
+                event_callbacks=PublisherEventCallbacks(incompatible_qos=self._teller(topic, is_publisher=True)),
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            )
         self._taking.add_events(publisher)
         return RclpyPublisher(publisher, type_)
 
@@ -101,16 +110,17 @@ class RclpyNode:
                 subscriber.give([data])
                 subscriber.flush()
 
-        subscription = self.node.create_subscription(
-            class_of(type_),
-            topic,
-            received_alone,
-            _profile(qos),
-            callback_group=self._taking.group,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._teller(topic, is_publisher=False)),
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-            raw=True,
-        )
+        with _overrides_of(topic):
+            subscription = self.node.create_subscription(
+                class_of(type_),
+                topic,
+                received_alone,
+                _profile(qos),
+                callback_group=self._taking.group,
+                event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._teller(topic, is_publisher=False)),
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                raw=True,
+            )
         self._taking.add(Taken(subscription, subscriber))
         self._taking.add_events(subscription)
 
@@ -134,15 +144,23 @@ class RclpyNode:
         self._calls.add(self.node.create_service(class_, service, respond, callback_group=self._calls.group))
 
     def declare(self, parameter: Parameter) -> None:
-        """See ``wirebond.ros2.node.Node``."""
+        """See ``wirebond.ros2.node.Node``.
+
+        :raises WirebondError: the value that the user gave is not taken; that of ``parameter`` stays.
+        """
         descriptor = ParameterDescriptor()
         descriptor.description = parameter.description
         if parameter.minimum is not None and parameter.maximum is not None and isinstance(parameter.value, float):
             span = FloatingPointRange()
             span.from_value, span.to_value = parameter.minimum, parameter.maximum
             descriptor.floating_point_range = [span]
-        given = self.node.declare_parameter(parameter.name, parameter.value, descriptor).value
-        self._parameters[parameter.name] = parameter
+        try:
+            given = self.node.declare_parameter(parameter.name, parameter.value, descriptor).value
+        except ParameterException as error:
+            self.node.declare_parameter(parameter.name, parameter.value, descriptor, ignore_override=True)
+            raise UsageError(words_of(error)) from None
+        finally:
+            self._parameters[parameter.name] = parameter  # not before: rclpy also asks `_set` about a declaration
         if given != parameter.value:
             try:
                 parameter.set(given)
@@ -170,7 +188,18 @@ class RclpyNode:
 
     def log(self, level: str, text: str) -> None:
         """See ``wirebond.ros2.node.Node``."""
-        getattr(self.node.get_logger(), LEVELS[level])(text)
+        # rclpy remembers the severity of each place in the code that logs, and raises if it changes. So each severity
+        # has a call of its own.
+        logger = self.node.get_logger()
+        match level:
+            case "debug":
+                logger.debug(text)
+            case "info":
+                logger.info(text)
+            case "warning":
+                logger.warning(text)
+            case _:
+                logger.error(text)
 
     def now_ns(self) -> int:
         """See ``wirebond.ros2.node.Node``."""
@@ -179,6 +208,7 @@ class RclpyNode:
     def start(self) -> None:
         """See ``wirebond.ros2.node.Node``."""
         self._taking.drop_waiting()
+        self.stalls.begin()
         self._started.set()
         self._taking.start()
         self._calls.start()
@@ -236,6 +266,31 @@ def class_named(short: str, room: str, *, is_generated: bool) -> Any:
         if is_generated:
             advice = f"write its package by `wirebond gen --lang ros2`, build it with colcon, and source it: {package}"
         raise UsageError(f"this ROS 2 has no {short}; {advice}") from None
+
+
+def words_of(error: Exception) -> str:
+    """Say why the node does not start: an error of Wirebond as it is; one of rclpy, about names and parameters of the
+    user, on one line, with advice."""
+    text = str(error) if isinstance(error, WirebondError) else " ".join(str(error).split())
+    is_of_yaml = isinstance(error, InvalidParameterTypeException) or "parameter override rule" in text
+    return f"{text}; {_YAML}" if is_of_yaml else text
+
+
+_YAML = (
+    "values are YAML: a number that may have a fraction is 1.0, not 1, and a port that ends with a colon needs quotes: "
+    "-p port:=\"'sim:'\""
+)
+
+
+@contextmanager
+def _overrides_of(topic: str) -> Iterator[None]:
+    """:raises UsageError: the user's ``qos_overrides`` of this topic have no such value."""
+    try:
+        yield
+    except RuntimeError as error:
+        if "QoS override" not in str(error):
+            raise
+        raise UsageError(f"{topic}: {error}; correct its qos_overrides") from None
 
 
 def _profile(qos: Qos) -> QoSProfile:

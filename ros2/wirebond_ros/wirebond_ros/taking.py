@@ -16,7 +16,9 @@ from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
+from wirebond.ros2.failure import Failure
 from wirebond.ros2.pace import Pace
+from wirebond.ros2.stalls import Stalls
 from wirebond.ros2.subscriber import Subscriber
 from wirebond_ros.not_spun import NotSpun
 
@@ -50,13 +52,14 @@ class TakeLoop:
     :ivar group: for ``create_subscription`` and ``create_publisher``; None: the executor must serve them.
     """
 
-    def __init__(self, context: Any) -> None:
+    def __init__(self, context: Any, failure: Failure, stalls: Stalls) -> None:
         self.group = NotSpun() if _can_take() else None
         self._context = context
+        self._stalls = stalls
         self._taken: list[Taken] = []
         self._events: list[Any] = []
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="ROS 2 topics", daemon=True)
+        self._thread = failure.thread("ROS 2 topics", self._run)
 
     def add(self, taken: Taken) -> None:
         """Before ``start``."""
@@ -85,17 +88,11 @@ class TakeLoop:
             self._thread.join(5.0)
 
     def _run(self) -> None:
-        try:
-            self._serve()
-        except RuntimeError:
-            if self._context.ok():  # else ROS has ended before the node
-                raise
-
-    def _serve(self) -> None:
         pace = Pace(_GATHER)
         busy_until = next_look = 0.0
         while not self._closed.is_set():
             pace.wait()
+            self._stalls.look()
             found = False
             for taken in self._taken:
                 if messages := taken.take():

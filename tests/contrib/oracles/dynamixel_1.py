@@ -12,6 +12,7 @@ from tests.contrib.oracles.byte_port import ServoPort
 from wirebond.protocol.model import End, Message
 
 _INSTRUCTIONS = {1: "ping", 2: "read", 3: "write", 4: "write_later", 5: "action", 6: "factory_reset"}
+_TO_SEVERAL = ("sync_write", "bulk_read")
 
 
 class Dynamixel1(Oracle):
@@ -20,7 +21,7 @@ class Dynamixel1(Oracle):
 
     def header(self, message: Message, source: random.Random) -> dict[str, int]:
         errors = {"id": source.randrange(128)} if message.name == "status" else {}
-        return {"servo": 254 if message.name == "sync_write" else source.randrange(253), **errors}
+        return {"servo": 254 if message.name in _TO_SEVERAL else source.randrange(253), **errors}
 
     def values(self, message: Message, source: random.Random) -> dict[str, Any]:
         values = super().values(message, source)
@@ -46,12 +47,17 @@ class Dynamixel1(Oracle):
             handler.factoryReset(port, servo)
         elif case.message == "sync_write":
             handler.syncWriteTxOnly(port, wire[0], wire[1], wire[2], len(wire[2]))
+        elif case.message == "bulk_read":
+            places = [number for read in wire[0] for number in read]
+            handler.bulkReadTx(port, places, len(places))
         else:
             return None  # the library is the host's end
         return port.sent
 
     def reads(self, case: Case) -> bool:
-        return case.message != "sync_write"  # the library takes the instruction's place for error flags, 0x7F at most
+        return (
+            case.message not in _TO_SEVERAL
+        )  # the library takes the instruction's place for error flags, 0x7F at most
 
     def decode(self, frame: bytes, sender: End) -> Case | None:
         port = ServoPort(frame)

@@ -11,6 +11,7 @@ from tests.contrib.oracle import Case, Oracle
 from tests.contrib.oracles.byte_port import ServoPort
 from wirebond.protocol.model import End, Message
 
+_TO_SEVERAL = ("sync_write", "sync_read", "fast_sync_read", "bulk_read", "fast_bulk_read", "bulk_write")
 _STUFFED = b"\xff\xff\xfd"
 
 
@@ -27,7 +28,7 @@ class Dynamixel2(Oracle):
         self._handler = _Handler()
 
     def header(self, message: Message, source: random.Random) -> dict[str, Any]:
-        return {"servo": 254 if message.name == "sync_write" else source.randrange(253)}
+        return {"servo": 254 if message.name in _TO_SEVERAL else source.randrange(253)}
 
     def values(self, message: Message, source: random.Random) -> dict[str, Any]:
         values = super().values(message, source)
@@ -59,6 +60,16 @@ class Dynamixel2(Oracle):
             handler.factoryReset(port, servo, wire[0])
         elif case.message == "reboot":
             handler.reboot(port, servo)
+        elif case.message == "clear_turns":
+            handler.clearMultiTurn(port, servo)
+        elif case.message in ("sync_read", "fast_sync_read"):
+            is_fast = case.message == "fast_sync_read"
+            handler.syncReadTx(port, wire[0], wire[1], wire[2], len(wire[2]), is_fast)
+        elif case.message in ("bulk_read", "fast_bulk_read"):
+            places = [n for one, at, size in wire[0] for n in (one, at & 0xFF, at >> 8, size & 0xFF, size >> 8)]
+            handler.bulkReadTx(port, places, len(places), case.message == "fast_bulk_read")
+        elif case.message == "bulk_write":
+            handler.bulkWriteTxOnly(port, list(wire[0]), len(wire[0]))
         elif case.message == "sync_write":
             handler.syncWriteTxOnly(port, wire[0], wire[1], list(wire[2]), len(wire[2]))
         else:

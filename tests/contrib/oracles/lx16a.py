@@ -16,11 +16,17 @@ _HOST = {
     1: ("move", "<HH"), 7: ("move_later", "<HH"), 11: ("start", "<"), 12: ("stop", "<"), 13: ("set_number", "<B"),
     17: ("adjust_offset", "<b"), 18: ("save_offset", "<"), 29: ("set_mode", "<Bxh"), 31: ("power", "<B"),
     35: ("set_alarms", "<B"), 2: ("read_move", "<"), 26: ("read_temperature", "<"), 27: ("read_voltage", "<"),
-    28: ("read_angle", "<"), 36: ("read_alarms", "<"),
+    28: ("read_angle", "<"), 36: ("read_alarms", "<"), 8: ("read_move_later", "<"), 14: ("read_number", "<"),
+    19: ("read_offset", "<"), 20: ("set_angle_limits", "<HH"), 21: ("read_angle_limits", "<"),
+    22: ("set_voltage_limits", "<HH"), 23: ("read_voltage_limits", "<"), 24: ("set_temperature_limit", "<B"),
+    25: ("read_temperature_limit", "<"), 30: ("read_mode", "<"), 32: ("read_power", "<"), 33: ("set_light", "<B"),
+    34: ("read_light", "<"),
 }  # fmt: skip
 _MCU = {
     2: ("last_move", "<HH"), 26: ("temperature", "<B"), 27: ("voltage", "<H"), 28: ("angle", "<h"),
-    36: ("alarms", "<B"),
+    36: ("alarms", "<B"), 8: ("waiting_move", "<HH"), 14: ("number", "<B"), 19: ("offset", "<b"),
+    21: ("angle_limits", "<HH"), 23: ("voltage_limits", "<HH"), 25: ("temperature_limit", "<B"), 30: ("mode", "<Bxh"),
+    32: ("power_state", "<B"), 34: ("light", "<B"),
 }  # fmt: skip
 _KINDS = {End.HOST: _HOST, End.MCU: _MCU}
 

@@ -14,12 +14,18 @@ from wirebond.protocol.model import End, Message
 
 _HOST = {
     "start_measurement": (0x00, ">BB"), "stop_measurement": (0x01, ">"), "read_measurement": (0x03, ">"),
-    "set_interval": (0x80, ">BI"), "read_version": (0xD1, ">"),
+    "set_interval": (0x80, ">BI"), "read_version": (0xD1, ">"), "set_address": (0x90, ">B"),
+    "read_address": (0x90, ">"), "set_baud": (0x91, ">I"), "read_baud": (0x91, ">"), "factory_reset": (0x92, ">"),
+    "read_up_time": (0x93, ">"), "set_reply_delay": (0x95, ">H"), "read_reply_delay": (0x95, ">"),
+    "read_information": (0xD0, ">B"), "read_error_state": (0xD2, ">B"), "reset": (0xD3, ">"),
 }  # fmt: skip
 _MCU = {
-    0x00: ("started", ">"), 0x01: ("stopped", ">"), 0x03: ("measurement", ">10f"), 0x80: ("interval_set", ">"),
-    0xD1: ("version", ">7B"),
+    0x00: {"started": ">"}, 0x01: {"stopped": ">"}, 0x03: {"measurement": ">10f"}, 0x80: {"interval_set": ">"},
+    0x90: {"address_set": ">", "address": ">B"}, 0x91: {"baud_set": ">", "baud": ">I"}, 0x92: {"factory_set": ">"},
+    0x93: {"up_time": ">I"}, 0x95: {"reply_delay_set": ">", "reply_delay": ">H"}, 0xD1: {"version": ">7B"},
+    0xD2: {"error_state": ">IB"}, 0xD3: {"resetting": ">"},
 }  # fmt: skip
+_INFORMATION = 0xD0  # a text
 
 
 class SensirionShdlc(Oracle):
@@ -48,15 +54,19 @@ class SensirionShdlc(Oracle):
             return None
         if not _is_stuffed(frame):
             return None
-        name, layout = _MCU.get(number, ("", ""))
-        if not name or len(data) != struct.calcsize(layout):
+        header = {"device": device, "state": state}
+        if number == _INFORMATION:
+            return Case("information", sender, [bytes(data)], header)
+        kinds = _MCU.get(number, {}).items()
+        name, layout = next((kind for kind in kinds if struct.calcsize(kind[1]) == len(data)), ("", ""))
+        if not name:
             return None
         wire: Wire = list(struct.unpack(layout, data))
         if name == "measurement":
             wire = [wire[:4], wire[4:9], wire[9]]
         if name == "version":
             wire = [wire[:2], *wire[2:5], wire[5:]]
-        return Case(name, sender, wire, {"device": device, "state": state})
+        return Case(name, sender, wire, header)
 
 
 def _is_stuffed(frame: bytes) -> bool:

@@ -18,7 +18,11 @@ _HOST = {
     0x1000: ("ping", ">*"), 0x130D: ("wake", ">"), 0x1301: ("sleep", ">"), 0x1303: ("read_battery", ">"),
     0x1607: ("drive", ">BHB"), 0x1606: ("reset_heading", ">"), 0x1A0E: ("set_light", ">H*"),
 }  # fmt: skip
-_MCU = {0x1000: ("pong", ">*"), 0x1303: ("battery", ">H"), 0x1812: ("collision", ">hhhBhhhBI")}
+_MCU = {
+    0x1000: ("pong", ">*"), 0x1303: ("battery", ">H"), 0x1812: ("collision", ">hhhBhhhBI"),
+    0x130D: ("woken", ">"), 0x1301: ("falling_asleep", ">"), 0x1607: ("driving", ">"), 0x1606: ("heading_reset", ">"),
+    0x1A0E: ("light_set", ">"),
+}  # fmt: skip
 _MOST = {"ping": 16, "pong": 16, "set_light": 48}  # bytes that are left of a payload; the format itself has no limit
 _KINDS = {End.HOST: _HOST, End.MCU: _MCU}
 

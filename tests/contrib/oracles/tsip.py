@@ -9,7 +9,12 @@ from tsip import llapi
 from tests.contrib.oracle import Case, Oracle, Wire
 from wirebond.protocol.model import End
 
-_HOST = {0x1F: ("read_software_version", ">"), 0x2B: ("set_position", ">fff"), 0x21: ("read_time", ">")}
+_HOST = {
+    0x1F: ("read_software_version", ">"),
+    0x2B: ("set_position", ">fff"),
+    0x21: ("read_time", ">"),
+    0x31: ("set_first_position", ">ddd"),
+}
 _MCU = {0x41: ("time", ">fHf"), 0x45: ("software_version", ">10B"), 0x4A: ("position", ">fffff")}
 _KINDS = {End.HOST: _HOST, End.MCU: _MCU}
 
@@ -29,4 +34,4 @@ class Tsip(Oracle):
         if known is None or len(packet) - 1 != struct.calcsize(known[1]):
             return None
         wire: Wire = list(struct.unpack(known[1], packet[1:]))
-        return Case(known[0], sender, [wire] if known[0] == "software_version" else wire)
+        return Case(known[0], sender, [wire] if known[0] in ("software_version", "set_first_position") else wire)

@@ -24,6 +24,7 @@ with warnings.catch_warnings():
     from pyvesc.protocol.interface import encode_request
     from pyvesc.protocol.packet.codec import frame as framed
     from pyvesc.protocol.packet.codec import unframe
+    from pyvesc.VESC import VESC  # noqa: F401, the dialogues drive it
     from pyvesc.VESC.messages import getters, setters
 
 _KINDS: dict[str, tuple[Any, int]] = {  # by message: the library's class, its number
@@ -32,6 +33,8 @@ _KINDS: dict[str, tuple[Any, int]] = {  # by message: the library's class, its n
     "set_brake_current": (setters.SetCurrentBrake, 7),
     "set_speed": (setters.SetRPM, 8),
     "set_position": (setters.SetPosition, 9),
+    "show_position": (setters.SetRotorPositionMode, 11),
+    "set_servo": (setters.SetServoPosition, 12),
     "rotor_position": (getters.GetRotorPosition, 22),
     "values": (getters.GetValues, 4),
 }
@@ -44,6 +47,10 @@ class Vesc(Oracle):
     def encode(self, case: Case) -> bytes | None:
         if case.message == "get_values":
             return encode_request(getters.GetValues)
+        if case.message == "read_version":
+            return encode_request(getters.GetVersion)
+        if case.message == "version":
+            return framed(bytes([0, *case.wire[:2]]) + case.wire[2])
         if case.message in _TEXTS:
             return framed(bytes([_TEXTS[case.message]]) + b"".join(case.wire))
         if case.message == "values":
@@ -57,9 +64,13 @@ class Vesc(Oracle):
             payload, consumed = unframe(frame, errors="strict")
         except Exception:  # what the library raises on a wrong checksum, start or end
             return None
-        if payload is None or consumed != len(frame):
+        if not payload or consumed != len(frame):
             return None
         number, fields = payload[0], payload[1:]
+        if number == 0:
+            if sender == End.HOST:
+                return Case("read_version", sender, []) if not fields else None
+            return Case("version", sender, [*fields[:2], fields[2:]]) if len(fields) >= 2 else None
         if number in _TEXTS.values():
             name = next(n for n, code in _TEXTS.items() if code == number)
             if (name == "print") != (sender == End.MCU) or (name == "alive" and fields):
@@ -73,7 +84,8 @@ class Vesc(Oracle):
         except struct.error:
             return None
         kind, _ = _KINDS[name]
-        if len(fields) != struct.calcsize(">" + kind._fmt_fields):
+        size = struct.calcsize(">" + kind._fmt_fields)
+        if len(fields) < size or (len(fields) > size and name != "values"):
             return None
         wire: Wire = []
         for field in kind.fields:
@@ -82,6 +94,7 @@ class Vesc(Oracle):
         if name == "values":
             # the library takes the last two temperatures for one number, a time
             wire[-1] = list(struct.unpack(">hh", struct.pack(">i", wire[-1])))
+            wire.append(fields[size:])
         return Case(name, sender, wire)
 
 

@@ -1,5 +1,5 @@
-// For whom a received frame is, at the host: its own address, and the addresses that its requests asked. No port, no
-// time.
+// Finds out for whom a received frame is, at the host: its own address, and the addresses that its requests went to. No
+// port, no time.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 
 namespace wirebond {
 
-/// The number of the header field at `place` of the format's list. False: the frame's form does not have it.
+/// Read the header field `place` of the format's list. Returns false if the frame's form does not have it.
 inline bool header_value(const FrameFormat& format, const Frame& frame, int place, std::uint64_t& value) {
   const Form& form = format.forms[frame.form];
   for (std::size_t i = 0; i < form.header_count; ++i) {
@@ -23,20 +23,20 @@ inline bool header_value(const FrameFormat& format, const Frame& frame, int plac
   return false;
 }
 
-/// Which intact frames are not for this end. They are delivered frames in every account, and reach no handler.
+/// Decides which intact frames are for others. They count as delivered frames in every account, but reach no handler.
 ///
 /// Where frames name their receiver: those for another address that is no broadcast. Where an MCU answers with its own
-/// address: replies from an address that no request asked. A frame without the address concerns everybody.
-/// Times play no part. One thread at a time.
+/// address: replies from an address that no request asked. A frame without the address concerns everyone. Independent
+/// of time. One thread at a time.
 class HostAddressing {
  public:
-  /// What the protocol says. Places are those of the header fields in the format's list; -1: there is none.
+  /// Rules from the protocol. Places are indexes in the format's list of header fields; -1: none.
   struct Rules {
-    int receiver_place = -1;       ///< says for whom a frame is
-    int sender_place = -1;         ///< says who sent it; compared only where the MCU answers with its own address
-    std::uint64_t own = 0;         ///< the own address at first
-    std::uint8_t broadcasts = 0;   ///< this many of `broadcast`
-    bool only_last_asked = false;  ///< only its request tells what a reply is, so that an earlier one is over
+    int receiver_place = -1;       ///< the receiver's address
+    int sender_place = -1;         ///< the sender's address; compared only where the MCU answers with its own address
+    std::uint64_t own = 0;         ///< the initial own address
+    std::uint8_t broadcasts = 0;   ///< how many of `broadcast` are used
+    bool only_last_asked = false;  ///< only its request identifies a reply, so earlier requests no longer count
     std::array<std::uint64_t, 4> broadcast{};
   };
 
@@ -45,7 +45,7 @@ class HostAddressing {
 
   std::uint64_t address() const { return rules_.own; }
   void set_address(std::uint64_t address) { rules_.own = address; }
-  /// Nothing is foreign any more, or is again.
+  /// Treat no frame as foreign, or return to the rules.
   void listen_to_all(bool all) { all_ = all; }
 
   bool is_broadcast(std::uint64_t address) const {
@@ -55,21 +55,20 @@ class HostAddressing {
     return false;
   }
 
-  /// A request leaves for this address; `reply` answers it. Of the last `remembered` addresses asked, none is
-  /// forgotten.
+  /// Note that a request leaves for this address; `reply` answers it. The last `remembered` addresses asked are kept.
   void asks(std::int16_t reply, std::uint64_t address) {
     if (rules_.sender_place < 0) return;
     if (rules_.only_last_asked) count_ = 0;
     std::size_t old = 0;
     while (old < count_ && (asked_[old].reply != reply || asked_[old].address != address)) ++old;
     if (old == remembered) old = 0;
-    if (old < count_) {  // it becomes the newest, or makes room
+    if (old < count_) {  // it becomes the newest, or makes space
       --count_;
       for (std::size_t i = old; i < count_; ++i) asked_[i] = asked_[i + 1];
     }
     asked_[count_++] = {reply, address};
   }
-  /// What was asked is not answered any more.
+  /// Forget all requests: they are no longer answered.
   void forget() { count_ = 0; }
 
   bool is_foreign(const Frame& frame) const {
@@ -96,7 +95,7 @@ class HostAddressing {
     std::uint64_t address = 0;
   };
 
-  const FrameFormat* format_ = nullptr;  ///< of the frames that are received; null: all are its own
+  const FrameFormat* format_ = nullptr;  ///< of received frames; null: all frames are for this end
   Rules rules_{};
   bool all_ = false;
   std::size_t count_ = 0;

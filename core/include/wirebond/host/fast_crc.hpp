@@ -1,5 +1,5 @@
-// CRCs of parameters known only at run time, as fast as the processor allows: carry-less multiplication where it has
-// one, else tables through which sixteen bytes pass at once. For hosts; a microcontroller's CRC is check.hpp's.
+// CRCs whose parameters are known only at run time, as fast as the processor allows: carry-less multiplication if it
+// has one, otherwise tables that take sixteen bytes at once. For hosts; for microcontrollers see check.hpp.
 #pragma once
 
 #include <array>
@@ -19,16 +19,16 @@
 
 namespace wirebond {
 
-/// How a CRC is computed. All give the same register.
+/// Methods of computing a CRC. All give the same register.
 enum class CrcMethod : std::uint8_t {
-  byte_table,  ///< one look-up a byte
-  slicing,     ///< sixteen look-ups for sixteen bytes, independent of each other; registers of up to 32 bits
-  carry_less,  ///< a multiplication for eight bytes; registers of up to 32 bits
-  automatic,   ///< the fastest that this processor has
+  byte_table,  ///< one look-up per byte
+  slicing,     ///< sixteen independent look-ups for sixteen bytes; registers of up to 32 bits
+  carry_less,  ///< one multiplication for eight bytes; registers of up to 32 bits
+  automatic,   ///< the fastest that this processor supports
 };
 
-/// One CRC with all that it precomputes. Immutable after construction: any thread.
-/// The register is the one of check_begin and check_end: low bits first where the CRC is reflected.
+/// One CRC with all its precomputed tables. Immutable after construction: any thread. The register is the one of
+/// check_begin and check_end: low bits first if the CRC is reflected.
 class FastCrc {
  public:
   FastCrc() = default;
@@ -55,20 +55,21 @@ class FastCrc {
     }
   }
 
-  /// The register after `size` more bytes.
+  /// Return the register after `size` more bytes.
   std::uint64_t update(std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
     return update_(*this, reg, bytes, size);
   }
 
-  /// Most bytes that update_short takes.
+  /// Maximum number of bytes for update_short.
   static constexpr unsigned longest_short = 8;
 
-  /// From a register of zero over a word as it lies in memory, for registers of up to 32 bits. Zero bytes before the
-  /// first change nothing, so that fewer bytes stand at the word's end. It is in a representation of its own: compare
-  /// it with word_residue only.
+  /// Run from a register of zero over a word as it is in memory, for registers of up to 32 bits. Zero bytes before the
+  /// first change nothing, so fewer bytes can be put at the word's end. The result has its own representation: compare
+  /// it only with word_residue.
   std::uint64_t update_word(std::uint64_t word) const { return update_word_(*this, word); }
 
-  /// What update_word gives for `size` bytes over which the register runs from `begin` to `end`: a CRC is linear.
+  /// Return the result of update_word for `size` bytes over which the register runs from `begin` to `end`: a CRC is
+  /// linear.
   std::uint64_t word_residue(std::uint64_t begin, std::uint64_t end, std::size_t size) const {
     const std::uint8_t zeros[8] = {};
     const std::uint64_t difference = end ^ update(begin, zeros, size);
@@ -76,15 +77,15 @@ class FastCrc {
     return difference << ((by_word_of_64_ ? 64u : 32u) - width_);
   }
 
-  /// How the bytes are taken; never `automatic`.
+  /// Return the method in use; never `automatic`.
   CrcMethod method() const { return method_; }
 
-  /// Whether this processor multiplies without carry.
+  /// Check whether this processor has carry-less multiplication.
   static bool has_carry_less() {
 #if defined(__x86_64__) && defined(__GNUC__)
     return __builtin_cpu_supports("pclmul") && __builtin_cpu_supports("avx");
 #elif defined(WIREBOND_HAS_CARRYLESS)
-    return true;  // it was compiled for one that does
+    return true;  // compiled for a processor that has it
 #else
     return false;
 #endif
@@ -95,7 +96,7 @@ class FastCrc {
   using Slices = std::array<Slice, 16>;
   using UpdateWord = std::uint64_t (*)(const FastCrc&, std::uint64_t);
   using Update = std::uint64_t (*)(const FastCrc&, std::uint64_t, const std::uint8_t*, std::size_t);
-  static constexpr std::size_t shortest_product = 16;  ///< below, a few look-ups are quicker
+  static constexpr std::size_t shortest_product = 16;  ///< for fewer bytes, a few look-ups are faster
   static constexpr std::size_t longest_product = 256;  ///< bytes of one sum of products
   static constexpr std::size_t word_count = longest_product / 8;
 
@@ -113,8 +114,8 @@ class FastCrc {
     }
   }
 
-  /// slices_[k][b]: the register after byte b and k zero bytes. A plain register stands at the top of 32 bits.
-  /// M. E. Kounavis and F. L. Berry, IEEE Transactions on Computers 57(11), 2008.
+  /// slices_[k][b]: the register after byte b and k zero bytes. A plain register is at the top of 32 bits. M. E.
+  /// Kounavis and F. L. Berry, IEEE Transactions on Computers 57(11), 2008.
   void make_slices() {
     const unsigned spare = reflected_ ? 0 : 32u - width_;
     for (unsigned i = 0; i < 256; ++i) slices_[0][i] = static_cast<std::uint32_t>(wide_[i] << spare);
@@ -126,7 +127,7 @@ class FastCrc {
     }
   }
 
-  /// Two bytes at a time: processors take either of the lowest two out of a register without a shift.
+  /// Two bytes at a time: processors read either of the lowest two bytes of a register without a shift.
   WIREBOND_INLINE static std::uint64_t word_by_slices(const FastCrc& crc, std::uint64_t word) {
     const Slices& t = crc.slices_;
     std::uint32_t reg = t[7][word & 0xFFu] ^ t[6][(word >> 8) & 0xFFu];
@@ -141,11 +142,11 @@ class FastCrc {
   WIREBOND_INLINE static void next_two(std::uint64_t& word) {
     word >>= 16;
 #if defined(__GNUC__)
-    __asm__("" : "+r"(word));  // else compilers shift the first word again for each byte
+    __asm__("" : "+r"(word));  // otherwise compilers shift the first word again for each byte
 #endif
   }
 
-  /// Indexed as the bytes lie in memory.
+  /// Take four bytes; the tables are indexed in their order in memory.
   template <bool Reflected>
   WIREBOND_INLINE static std::uint32_t four_bytes(const Slice* t, std::uint32_t reg, const std::uint8_t* bytes) {
     std::uint64_t word = load<std::uint32_t>(bytes) ^ (Reflected ? reg : __builtin_bswap32(reg));
@@ -159,7 +160,7 @@ class FastCrc {
     const Slices& t = crc.slices_;
     const unsigned spare = Reflected ? 0 : 32u - crc.width_;
     std::uint32_t reg = static_cast<std::uint32_t>(reg64 << spare);
-    for (; size >= 16; bytes += 16, size -= 16) {  // only the first four bytes meet the register
+    for (; size >= 16; bytes += 16, size -= 16) {  // only the first four bytes are combined with the register
       std::uint32_t next = t[11][bytes[4]] ^ t[10][bytes[5]] ^ t[9][bytes[6]] ^ t[8][bytes[7]];
       next ^= t[7][bytes[8]] ^ t[6][bytes[9]] ^ t[5][bytes[10]] ^ t[4][bytes[11]];
       next ^= t[3][bytes[12]] ^ t[2][bytes[13]] ^ t[1][bytes[14]] ^ t[0][bytes[15]];
@@ -188,17 +189,18 @@ class FastCrc {
 
   // ---- products ---------------------------------------------------------------------------------------------------
   //
-  // A CRC of width w is the remainder of M * x^w by its polynomial P. Written with P' = P * x^(64-w), of degree 64, it
+  // A CRC of width w is the remainder of M * x^w divided by its polynomial P. With P' = P * x^(64-w), of degree 64, it
   // is the top of (M * x^64) mod P' for any w. M is a sum of 64-bit words W_j * x^(64 j), so that
   //
   //   M * x^64  =  sum of W_j * K_j  (mod P')   with   K_j = x^(64 j + 64) mod P'
   //
-  // whose terms do not wait for each other. What remains, 128 bits, is divided by P' as Barrett's method does: the
+  // The terms of the sum do not depend on each other. The result, 128 bits, is divided by P' with Barrett's method: the
   // quotient is the upper half times floor(x^128 / P'). (V. Gopal et al., "Fast CRC Computation for Generic Polynomials
   // Using PCLMULQDQ Instruction", Intel, 2009, has folding, Barrett and the reflected forms.)
   //
-  // Reflected words hold x^63 in their lowest bit. Their product has x^126 there, one less than its 128 bits would
-  // stand for: K_j is made for x^(64 j + 63) instead, and both divisors carry their leading one, which shifts them.
+  // Reflected words hold x^63 in their lowest bit. Their product has x^126 there, one less than the position in its 128
+  // bits means: K_j is computed for x^(64 j + 63) instead, and both divisors contain their leading one, which shifts
+  // them.
 
   void make_multipliers(std::uint64_t poly) {
     const std::uint64_t scaled = poly << (64u - width_);
@@ -224,16 +226,16 @@ class FastCrc {
   WIREBOND_CARRYLESS static Product multiply(std::uint64_t a, std::uint64_t b) {
     return _mm_clmulepi64_si128(word(a), word(b), 0x00);
   }
-  /// A word times the factor at `factors`, which has another behind it: so it is taken straight from memory.
+  /// Multiply a word by the factor at `factors`, which another one follows: so it is loaded straight from memory.
   WIREBOND_CARRYLESS static Product multiply_first(std::uint64_t a, const std::uint64_t* factors) {
     return _mm_clmulepi64_si128(word(a), _mm_loadu_si128(reinterpret_cast<const __m128i*>(factors)), 0x00);
   }
-  /// The lower half of a product times the first or the second of two factors.
+  /// Multiply the lower half of a product by the first or the second of two factors.
   template <int Which>
   WIREBOND_CARRYLESS static Product multiply_lower(Product a, const std::uint64_t* factors) {
     return _mm_clmulepi64_si128(a, _mm_loadu_si128(reinterpret_cast<const __m128i*>(factors)), Which << 4);
   }
-  /// Two words times two factors.
+  /// Multiply two words by two factors.
   template <bool Reflected>
   WIREBOND_CARRYLESS static Product multiply_pair(const std::uint8_t* words, const std::uint64_t* factors) {
     __m128i a = _mm_loadu_si128(reinterpret_cast<const __m128i*>(words));
@@ -278,11 +280,11 @@ class FastCrc {
   WIREBOND_CARRYLESS static std::uint64_t by_products(const FastCrc& crc, std::uint64_t reg, const std::uint8_t* bytes,
                                                       std::size_t size) {
     if (size - shortest_product > longest_product - shortest_product) return by_parts<Reflected>(crc, reg, bytes, size);
-    const unsigned spare = Reflected ? 0 : 64u - crc.width_;  // a plain register stands at the top of its word
+    const unsigned spare = Reflected ? 0 : 64u - crc.width_;  // a plain register is at the top of its word
     return sum_of_products<Reflected>(crc, reg << spare, bytes, size) >> spare;
   }
 
-  /// Too few bytes for products, or too many for one sum of them.
+  /// For too few bytes for products, or too many for one sum of them.
   template <bool Reflected>
   __attribute__((noinline)) static std::uint64_t by_parts(const FastCrc& crc, std::uint64_t reg,
                                                           const std::uint8_t* bytes, std::size_t size) {
@@ -299,7 +301,7 @@ class FastCrc {
   template <bool Reflected>
   WIREBOND_CARRYLESS WIREBOND_INLINE static std::uint64_t sum_of_products(const FastCrc& crc, std::uint64_t reg,
                                                                           const std::uint8_t* bytes, std::size_t size) {
-    // A word and its factor lie equally far from the ends of the bytes and of the factors.
+    // A word is as far from the end of the bytes as its factor from the end of the factors.
     const std::uint8_t* const end = bytes + size;
     const std::uint64_t* const last = crc.factors_.data() + word_count + 1;
     std::ptrdiff_t left = -static_cast<std::ptrdiff_t>(size / 8);  // words, counted up to 0

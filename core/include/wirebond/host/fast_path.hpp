@@ -1,5 +1,5 @@
-// The good case of a run-time format, straight ahead: says that a candidate holds, or nothing. examine.hpp has the
-// rules and says why a candidate fails; what this file answers must be what they answer.
+// The good case of a run-time format, without branches for rare parts: confirms that a candidate holds, or answers
+// nothing. The rules, and the reason why a candidate fails, are in examine.hpp; both must give the same answers.
 #pragma once
 
 #include <array>
@@ -13,12 +13,12 @@
 
 namespace wirebond {
 
-/// A form with all that can be worked out before a byte comes. Immutable after construction: any thread.
+/// A form with all that can be computed before a byte comes. Immutable after construction: any thread.
 ///
-/// Applies where the first eight bytes hold the head's constants, its id, its length and its check if it has one, and
-/// where a check ends the frame. Checks are CRCs that stand behind their range in their own bit order: the register
-/// that has run over such a range and its check is the same for all ranges, whatever it began with (the CRC's residue).
-/// So a check is one comparison, and one that continues the header's begins behind it, with that residue.
+/// Applies if the first eight bytes hold the head's constants, its id, its length and its check if it has one, and if a
+/// check ends the frame. Checks must be CRCs directly after their range in their own bit order: then the register that
+/// has run over such a range and its check is the same for all ranges, for any initial value (the CRC's residue). So a
+/// check is one comparison, and one that continues the header's begins after it, with that residue.
 class FastPath {
  public:
   FastPath() = default;
@@ -38,25 +38,25 @@ class FastPath {
     if (applies && form.prefix_constants == 1 && constant_bits_ == 0xFF) waiting_ = form.prefix;
   }
 
-  /// Bytes that must be there before anything is said; more than any window has where the fast path does not apply.
+  /// How many bytes are needed for an answer; more than any window has if the fast path does not apply.
   std::size_t least() const { return least_; }
-  /// The same for frames that are found by their start: what their head needs.
+  /// How many bytes the head of a frame found by its start needs.
   std::size_t least_by_start() const { return least_by_start_; }
 
-  /// Whether so few bytes can only be waited with: fewer than the prefix, whose only constant is their first byte.
+  /// Check whether so few bytes can only wait: fewer than the prefix, whose only constant is their first byte.
   WIREBOND_INLINE bool waits(const std::uint8_t* candidate, std::size_t available) const {
     return available < waiting_ && *candidate == static_cast<std::uint8_t>(constants_);
   }
 
-  /// What the head told of a candidate.
+  /// The decoded head of a candidate.
   struct Head {
     const MessageShape* shape = nullptr;
     std::uint32_t id = 0;
-    std::size_t payload = 0;  ///< its size
-    std::size_t size = 0;     ///< of the whole frame
+    std::size_t payload = 0;  ///< size of the payload
+    std::size_t size = 0;     ///< size of the whole frame
   };
 
-  /// Whether examine_head would say that the head holds; fills `head` then. `available` is at least least(), or
+  /// Check whether examine_head would accept the head, and fill `head` then. `available` is at least least(), or
   /// least_by_start(); `whole`: the frame has `available` bytes.
   template <class Source>
   WIREBOND_INLINE bool head_holds(const Source& source, const std::uint8_t* candidate, std::size_t available,
@@ -76,7 +76,7 @@ class FastPath {
     return true;
   }
 
-  /// Whether examine_rest would say that the frame holds, after head_holds said so; fills `frame` then.
+  /// Check whether examine_rest would accept the frame, after head_holds accepted its head; fills `frame` then.
   WIREBOND_INLINE bool rest_holds(const std::uint8_t* candidate, const Head& head, Frame& frame) const {
     const std::size_t size = head.size;
     if (has_late_constants_) {
@@ -91,8 +91,8 @@ class FastPath {
     return true;
   }
 
-  /// What seal would make of `payload` bytes at buffer + prefix, in the format's first form with default header
-  /// fields; 0: it is for seal to make, or to refuse.
+  /// Finish the frame of `payload` bytes at buffer + prefix as `seal` would, in the format's first form with default
+  /// header fields. Returns 0 if `seal` itself must make or refuse it.
   WIREBOND_INLINE std::size_t seal(std::uint8_t* buffer, std::size_t capacity, std::uint32_t id,
                                    std::size_t payload) const {
     const std::size_t size = payload + outside_;
@@ -114,13 +114,13 @@ class FastPath {
   }
 
  private:
-  /// The first 4 to 7 bytes and zeros behind them, as if they were eight in memory.
+  /// Load the first 4 to 7 bytes, followed by zeros, as if they were eight in memory.
   WIREBOND_INLINE static std::uint64_t short_word(const std::uint8_t* bytes, std::size_t size) {
     const std::size_t behind = size - sizeof(std::uint32_t);
     return load<std::uint32_t>(bytes) | std::uint64_t{load<std::uint32_t>(bytes + behind)} << (8 * behind);
   }
 
-  /// Payloads whose size is not in the length, and messages that must be known.
+  /// For payloads whose size is not in the length, and messages that must be known.
   bool special_size_holds(std::size_t available, Head& head) const {
     if (payload_size_ == PayloadSize::by_id && !head.shape->known()) return false;
     if (payload_size_ == PayloadSize::by_id) head.payload = head.shape->max_payload;
@@ -148,7 +148,7 @@ class FastPath {
     WIREBOND_INLINE std::uint64_t of(std::uint64_t word) const { return (word >> shift) & mask; }
   };
 
-  /// Both numbers are read from the same word: if they have several bytes, their order is the same.
+  /// Both numbers are read from the same word: if they have several bytes, their byte order must be the same.
   bool read_numbers(const Form& form) {
     const Number& id = form.id;
     const Number& length = form.length;
@@ -235,7 +235,7 @@ class FastPath {
            !rule.from.from_end;
   }
 
-  /// Over any range; the empty one is the shortest.
+  /// Compute the residue. It is the same for any range; the empty one is the shortest.
   static std::uint64_t residue_of(const CheckAlgorithm& a, const FastCrc& crc) {
     std::uint8_t check[8];
     const unsigned bytes = a.width_bits / 8u;
@@ -252,7 +252,7 @@ class FastPath {
   PayloadSize payload_size_ = PayloadSize::fixed;
   bool deliver_unknown_ = false;
   bool has_late_constants_ = false;
-  bool is_special_ = false;  ///< special_size_holds has something to say
+  bool is_special_ = false;  ///< special_size_holds must be called
   std::int64_t length_unit_ = 1;
   std::int64_t length_bias_ = 0;  ///< a fixed size, where there is no length
   std::size_t max_payload_ = 0;
@@ -260,11 +260,11 @@ class FastPath {
   std::size_t least_ = SIZE_MAX;
   std::size_t least_by_start_ = SIZE_MAX;
   bool seals_ = false;
-  std::uint64_t behind_prefix_ = 0;  ///< of the first eight bytes, those of the payload
+  std::uint64_t behind_prefix_ = 0;  ///< mask of the payload's bytes among the first eight
   std::uint64_t header_begin_ = 0;
   std::uint64_t header_xor_out_ = 0;
   std::uint64_t frame_xor_out_ = 0;
-  std::size_t waiting_ = 0;                ///< bytes of the prefix, where `waits` may say anything
+  std::size_t waiting_ = 0;                ///< size of the prefix if `waits` may answer true
   const FastCrc* header_check_ = nullptr;  ///< null: there is none
   std::uint64_t header_residue_ = 0;
   unsigned header_shift_ = 0;
@@ -272,7 +272,7 @@ class FastPath {
   std::uint64_t frame_begin_ = 0;
   std::uint64_t frame_residue_ = 0;
   std::size_t frame_from_ = 0;
-  std::size_t frame_outside_ = 0;  ///< bytes of the frame that are not run over
+  std::size_t frame_outside_ = 0;  ///< bytes of the frame that the check does not cover
 };
 
 }  // namespace wirebond

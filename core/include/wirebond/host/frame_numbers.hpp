@@ -1,4 +1,4 @@
-// The sequence numbers that a host gives its frames as they leave: a sealed frame is opened, numbered and closed again.
+// Gives a host's frames their sequence numbers as they leave: a sealed frame is opened, numbered and closed again.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +13,8 @@ namespace wirebond {
 /// Numbers begin with 0 when the link is made. One thread at a time.
 class FrameNumbers {
  public:
-  /// The caller's, and outlives this object. `next` holds one counter, or one for each message of the protocol where
-  /// each has its own. `scratch` has room for `scratch_bytes(format)`.
+  /// Memory of the caller, which outlives this object. `next` holds one counter, or one for each message of the
+  /// protocol if each has its own. `scratch` holds `scratch_bytes(format)` bytes.
   struct Memory {
     std::uint64_t* next = nullptr;
     std::uint8_t* scratch = nullptr;
@@ -24,8 +24,8 @@ class FrameNumbers {
   /// `source`: of the frames that this end sends.
   FrameNumbers(const RuntimeSource& source, const Memory& memory) : source_(source), memory_(memory) {}
 
-  /// Give the sealed frame of `size` bytes its number, checks and stuffing again; it has room for the format's largest
-  /// frame. Returns its size then. The same number is given until `keep`. O(size).
+  /// Write the number of the sealed frame of `size` bytes, and compute its checks and stuffing again; its memory holds
+  /// the format's largest frame. Returns its new size. The same number is given until `keep`. O(size).
   std::size_t give(std::uint8_t* frame, std::size_t size, std::int16_t message) {
     const FrameFormat& format = source_.format();
     const std::uint8_t* const inner = frame + opening_bytes(format);
@@ -36,7 +36,7 @@ class FrameNumbers {
       std::memcpy(opened, inner, inner_size);
     } else {
       const std::ptrdiff_t unstuffed = unstuff(source_, inner, inner_size, opened);
-      if (unstuffed < 0) return size;  // not a frame of this format: it leaves as it is
+      if (unstuffed < 0) return size;  // not a frame of this format: it leaves unchanged
       opened_size = static_cast<std::size_t>(unstuffed);
     }
     is_given_ = false;
@@ -48,7 +48,7 @@ class FrameNumbers {
     return on_wire;
   }
 
-  /// The frame that was given its number last has begun to leave.
+  /// Note that the frame that was numbered last has begun to leave.
   void keep(std::int16_t message) {
     if (is_given_) *counter_of(message) += 1;
     is_given_ = false;

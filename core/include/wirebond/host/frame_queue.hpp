@@ -1,4 +1,4 @@
-// Whole frames that wait their turn, in the caller's memory: no message's meaning, no time.
+// Whole frames that wait for the line, in the caller's memory: no meaning of a message, no time.
 #pragma once
 
 #include <algorithm>
@@ -8,24 +8,23 @@
 
 namespace wirebond {
 
-/// One that waits. `size` 0 stands for a repeated value: its bytes are taken when its turn comes, so that the newest
-/// leaves.
+/// A frame that waits. `size` 0 means a repeated value: its bytes are read when its turn comes, so the newest are sent.
 struct QueuedFrame {
   std::uint32_t size = 0;
   std::int16_t message = -1;
   std::int16_t reply = -1;  ///< index of the message that answers it; -1: none
   std::uint64_t accepted_us = 0;
-  bool takes_number = false;  ///< it gets its sequence number when it leaves
-  std::uint64_t address = 0;  ///< for whom it is, where frames say that
-  std::uint32_t lease = 0;    ///< of a repeated value: which one
+  bool takes_number = false;  ///< gets its sequence number when it leaves
+  std::uint64_t address = 0;  ///< of the receiver, where frames have one
+  std::uint32_t lease = 0;    ///< of a repeated value: index of its lease
 
   constexpr bool is_value() const { return size == 0; }
 };
 
-/// First in, first out, but for `drop`. Bytes lie in a ring, facts in another one. One thread at a time.
+/// First in, first out, except for `drop`. Bytes are in one ring, facts in another. One thread at a time.
 class FrameQueue {
  public:
-  /// Both memories outlive this object; it owns neither.
+  /// Both memories must outlive this object; it owns neither.
   FrameQueue(std::uint8_t* bytes, std::size_t byte_capacity, QueuedFrame* frames, std::size_t frame_capacity)
       : bytes_(bytes), byte_capacity_(byte_capacity), frames_(frames), frame_capacity_(frame_capacity) {}
 
@@ -33,12 +32,12 @@ class FrameQueue {
   bool is_empty() const { return count_ == 0; }
   std::size_t bytes() const { return used_; }
 
-  /// Is there room for a frame of `size` bytes, with `kept` places left over for others?
+  /// Check whether a frame of `size` bytes fits, with `kept` places left for others.
   bool has_room(std::size_t size, std::size_t kept = 0) const {
     return size <= byte_capacity_ - used_ && count_ + kept < frame_capacity_;
   }
 
-  /// False where there is no room: nothing is changed then.
+  /// Append a frame. Returns false if the queue is full; nothing is changed then.
   bool push(const QueuedFrame& frame, const std::uint8_t* bytes) {
     if (!has_room(frame.size)) return false;
     write(wrapped(first_byte_ + used_), bytes, frame.size);
@@ -48,13 +47,13 @@ class FrameQueue {
     return true;
   }
 
-  /// The first one; only where there is one.
+  /// Return the first frame; only if there is one.
   const QueuedFrame& front() const { return frames_[first_]; }
-  /// The one behind `index` others; only where there is one.
+  /// Return the frame after `index` others; only if there is one.
   const QueuedFrame& at(std::size_t index) const { return frames_[(first_ + index) % frame_capacity_]; }
-  /// Copies its bytes to `out`, which holds `front().size`.
+  /// Copy its bytes to `out`, which holds `front().size`.
   void copy_front(std::uint8_t* out) const { copy_front(out, front().size); }
-  /// The same for as many as have `size` bytes together.
+  /// Copy the bytes of the first frames, `size` bytes together.
   void copy_front(std::uint8_t* out, std::size_t size) const { read(first_byte_, out, size); }
   void pop() {
     used_ -= front().size;
@@ -63,7 +62,7 @@ class FrameQueue {
     --count_;
   }
 
-  /// Takes out all that `matches(frame)` and says how many; the others keep their order. O(bytes).
+  /// Remove all frames for which `matches(frame)` is true, and return how many; the others keep their order. O(bytes).
   template <class Matches>
   std::size_t drop(Matches&& matches) {
     std::size_t kept = 0;
@@ -103,7 +102,7 @@ class FrameQueue {
     std::memcpy(out + first, bytes_, size - first);
   }
 
-  /// Towards the front of the ring, so that a byte is read before it is written over.
+  /// Move towards the front of the ring, so that a byte is read before it is overwritten.
   void move(std::size_t from, std::size_t to, std::size_t size) {
     for (std::size_t i = 0; i < size; ++i) bytes_[wrapped(to + i)] = bytes_[wrapped(from + i)];
   }

@@ -1,5 +1,4 @@
-// A host's line that echoes: own frames are kept until they were heard, or given up. Bytes and times: no frame, no
-// port.
+// A host's line that echoes: own frames are kept until they are heard or given up. Bytes and times: no frame, no port.
 #pragma once
 
 #include <cstddef>
@@ -14,12 +13,12 @@ class HostEcho {
  public:
   static constexpr std::uint64_t never = ~std::uint64_t{0};
 
-  /// `memory`: the caller's, a power of two bytes, with room for the largest frame. What is not heard for `timeout_us`,
-  /// while nothing of it was, is given up: longer than a frame takes, and than the port may hold bytes back.
+  /// `memory`: the caller's, a power of two bytes, large enough for the largest frame. A frame is given up when nothing
+  /// of it was heard for `timeout_us`: longer than a frame takes, and longer than the port may hold bytes back.
   HostEcho(std::uint8_t* memory, std::size_t size, std::uint64_t timeout_us)
       : echo_(memory, size), timeout_us_(timeout_us) {}
 
-  /// This frame is about to leave. False: there is no room, give up first.
+  /// Expect a frame that is about to leave. Returns false if the memory is full: give up first.
   bool sent(const std::uint8_t* frame, std::size_t size, std::uint64_t now_us) {
     if (!echo_.waits()) since_us_ = now_us;
     if (!echo_.keep(frame, size)) return false;
@@ -27,7 +26,7 @@ class HostEcho {
     return true;
   }
 
-  /// These bytes came: `pass(bytes, size)` for those of others.
+  /// Take received bytes; calls `pass(bytes, size)` for those of others.
   template <class Pass>
   void hear(const std::uint8_t* bytes, std::size_t size, std::uint64_t now_us, Pass&& pass) {
     const Echo::Count before = echo_.progress();
@@ -36,28 +35,28 @@ class HostEcho {
     count();
   }
 
-  /// When something of what is expected was heard last, or when it was sent.
+  /// When part of an expected frame was last heard, or when it was sent.
   std::uint64_t since_us() const { return since_us_; }
   /// When `give_up` is due; `never`: nothing is expected.
   std::uint64_t due_us() const { return echo_.waits() ? since_us_ + timeout_us_ : never; }
 
-  /// What was not heard is a collision each; what was held back is passed on.
+  /// Give up the frames that were not heard, a collision each, and pass on the bytes held back.
   template <class Pass>
   void give_up(Pass&& pass) {
     echo_.give_up(pass);
     count();
   }
 
-  /// The port is away.
+  /// Expect nothing any more: the port is closed.
   void forget() {
     echo_.forget();
     count();
   }
 
-  /// Are there bytes that were not passed on, because they may be own ones?
+  /// Check whether bytes are held back because they may be own ones.
   bool holds() const { return echo_.held() != 0; }
-  std::uint64_t echoed() const { return echoed_; }          ///< own bytes that were heard
-  std::uint64_t collisions() const { return collisions_; }  ///< frames that were not heard as they were sent
+  std::uint64_t echoed() const { return echoed_; }          ///< own bytes heard
+  std::uint64_t collisions() const { return collisions_; }  ///< frames not heard as they were sent
 
  private:
   void count() {
@@ -69,7 +68,7 @@ class HostEcho {
 
   Echo echo_;
   std::uint64_t timeout_us_;
-  std::uint64_t since_us_ = 0;  ///< since when nothing was heard of what is expected
+  std::uint64_t since_us_ = 0;  ///< since when nothing of an expected frame was heard
   std::uint64_t echoed_ = 0;
   std::uint64_t collisions_ = 0;
   Echo::Count counted_echoed_ = 0;

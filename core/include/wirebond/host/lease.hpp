@@ -11,17 +11,17 @@
 namespace wirebond {
 
 /// One message of the host that may be repeated, or of which only the newest frame waits (`keeps_latest`), to one
-/// address where frames have them. The caller owns the memory. Time is in microseconds and does not wrap. One thread at
-/// a time.
+/// address if frames have them. The caller owns the memory. Time is in microseconds and does not wrap. One thread at a
+/// time.
 class Lease {
  public:
   Lease() = default;
-  /// `every_us`: the message's rhythm; 0: it has none and cannot be repeated. `room`: memory for its largest frame.
-  /// `keeps_latest`: of frames that are sent once, too, only the newest waits.
+  /// `every_us`: the message's rhythm; 0: none, so it cannot be repeated. `room`: memory for its largest frame.
+  /// `keeps_latest`: also of frames sent once only the newest waits.
   Lease(std::uint64_t every_us, std::uint8_t* room, std::size_t capacity, bool keeps_latest = false)
       : every_us_(every_us), room_(room), capacity_(capacity), keeps_latest_(keeps_latest) {}
 
-  /// Whose value it is from now on. Only while it is idle.
+  /// Assign this lease to a message and address. Only while it is idle.
   void assign(std::int16_t message, std::uint64_t address, std::uint64_t every_us) {
     message_ = message;
     address_ = address;
@@ -40,7 +40,7 @@ class Lease {
   std::uint64_t address() const { return address_; }
   std::uint64_t every_us() const { return every_us_; }
 
-  /// From now on, or on: this value, until `end_us`. `takes_number`: each repetition gets its own.
+  /// Begin or continue to repeat this value, until `end_us`. `takes_number`: each repetition gets its own number.
   void renew(const std::uint8_t* frame, std::size_t size, std::int16_t reply, bool takes_number, std::uint64_t end_us,
              std::uint64_t now_us) {
     hold(frame, size, reply, takes_number, now_us);
@@ -50,7 +50,7 @@ class Lease {
   }
   void end() { is_alive_ = false; }
 
-  /// These bytes are the newest.
+  /// Store these bytes as the newest.
   void hold(const std::uint8_t* frame, std::size_t size, std::int16_t reply, bool takes_number, std::uint64_t now_us) {
     std::memcpy(room_, frame, size);
     size_ = size;
@@ -69,7 +69,7 @@ class Lease {
   std::int16_t reply() const { return reply_; }
   bool takes_number() const { return takes_number_; }
 
-  bool waits = false;  ///< its turn is in the queue
+  bool waits = false;  ///< it has a place in the queue
 
  private:
   std::uint64_t every_us_ = 0;
@@ -87,13 +87,13 @@ class Lease {
   bool keeps_latest_ = false;
 };
 
-/// One message of the file's `emergency_stop`, with the values that stop: also the safe value that ends its lease.
-/// Where frames have addresses there is one for each address that the message went to.
+/// One message of the file's `emergency_stop`, with the values that stop; it is also the safe value that ends a lease.
+/// Where frames have addresses there is one for each address that the message was sent to.
 class SafeValue {
  public:
   SafeValue() = default;
-  /// `frame` outlives this object. `every_us`: how often a stop repeats it, not 0. `is_in_stop`: a stop sends it; else
-  /// it only ends leases, because another one of its message reaches every address.
+  /// `frame` must outlive this object. `every_us`: how often a stop repeats it, not 0. `is_in_stop`: a stop sends it;
+  /// otherwise it only ends leases, because another safe value of its message reaches every address.
   SafeValue(std::int16_t message, std::uint64_t address, const std::uint8_t* frame, std::size_t size,
             std::int16_t reply, std::uint64_t every_us, bool is_in_stop)
       : frame_(frame),
@@ -111,12 +111,13 @@ class SafeValue {
   std::size_t size() const { return size_; }
   std::int16_t reply() const { return reply_; }
 
-  /// A stop was sent at `now_us`; the next one is due after `every`.
+  /// Note that a stop was sent at `now_us`; the next one is due after `every`.
   void begin_repeating(std::uint64_t now_us) { rhythm_ = Periodic<std::uint64_t>(every_us_, now_us + every_us_); }
   bool is_due(std::uint64_t now_us) { return rhythm_.due(now_us); }
   std::uint64_t next_us() const { return rhythm_.next_us(); }
 
   bool waits = false;  ///< it leaves before all that is queued
+  bool moved = false;  ///< its message was accepted for this address after this value was last offered
 
  private:
   const std::uint8_t* frame_ = nullptr;

@@ -1,4 +1,4 @@
-// All that a host wants to send, and the order in which it leaves: queue, repeated values, safe values, the stop.
+// All frames that a host wants to send, and their order: queue, repeated values, safe values, the stop.
 #pragma once
 
 #include <algorithm>
@@ -13,11 +13,11 @@
 
 namespace wirebond {
 
-/// What became of a call that wants to send.
+/// Result of a call that wants to send.
 enum class [[nodiscard]] SendResult : std::uint8_t{
     accepted,
-    down,     ///< the port is away, or the link is closed
-    full,     ///< no room in the queue
+    down,     ///< the port or the link is closed
+    full,     ///< the queue is full
     stopped,  ///< an emergency stop holds this message
 };
 
@@ -32,11 +32,11 @@ struct HostSendAccount {
   std::uint64_t refused_stopped = 0;
   std::uint64_t sent = 0;
   std::uint64_t sent_bytes = 0;
-  std::uint64_t queued = 0;     ///< now: waiting, or under way
-  std::uint64_t replaced = 0;   ///< a repeated value, a stop, or one that `keeps_latest`: by the next of its message
-  std::uint64_t expired = 0;    ///< the port went away, or it waited longer than `max_age`
-  std::uint64_t overruled = 0;  ///< waited when a stop, a safe value or the end of repeating took its message over
-  std::uint64_t aborted = 0;    ///< the port went away in its middle
+  std::uint64_t queued = 0;     ///< now: waiting, or being sent
+  std::uint64_t replaced = 0;   ///< a repeated value, a stop or a `keeps_latest` value: by the next of its message
+  std::uint64_t expired = 0;    ///< the port was closed, or it waited longer than `max_age`
+  std::uint64_t overruled = 0;  ///< dropped because a stop, a safe value or the end of repeating took over its message
+  std::uint64_t aborted = 0;    ///< the port was closed while it was being sent
 
   constexpr bool balances() const {
     return offered == accepted + refused_down + refused_full + refused_stopped &&
@@ -44,30 +44,31 @@ struct HostSendAccount {
   }
 };
 
-/// The bytes to hand over next: of one frame, or of several that ask for no reply. `size` 0: none now.
+/// The bytes to give to the port next: of one frame, or of several that ask for no reply. `size` 0: none now.
 struct Outgoing {
   const std::uint8_t* bytes = nullptr;
   std::size_t size = 0;
-  std::int16_t reply = -1;    ///< where a frame begins with these bytes: index of the message that answers it
-  std::uint64_t address = 0;  ///< for whom that frame is, where frames say that
+  std::int16_t reply = -1;    ///< if a frame begins with these bytes: index of the message that answers it
+  std::uint64_t address = 0;  ///< that frame's receiver, where frames have one
 };
 
-/// Order: the frame under way to its end; then safe values, in the file's order; then the queue, in which each
-/// repeated value has one place. A safe value that has left goes behind the others: where stops fall due faster than
-/// the line carries them, each message still gets its turn.
+/// Order: the frame being sent, to its end; then safe values, in the file's order; then the queue, in which each
+/// repeated value has one place. A safe value that was sent moves after the others: if stops fall due faster than the
+/// line carries them, each message still gets its turn.
 ///
-/// A stop drops all that waits of its messages, and the end of a lease with a safe value all that waits of its message
-/// for its address. Neither is ever refused. Two values of one message that go to different addresses are two leases.
+/// A stop drops all waiting frames of its messages; the end of a lease with a safe value drops all waiting frames of
+/// its message for its address. Neither is ever refused. Two values of one message for different addresses are two
+/// leases.
 ///
-/// Where frames have a sequence number they get it here, as they are handed over: so the numbers rise in the order of
-/// the wire, and what was refused, replaced, overruled or has expired leaves no gap. A frame whose sender gave the
-/// number itself keeps it, and the count goes on as if it had not been. Time is in microseconds and does not wrap. One
-/// thread at a time.
+/// Where frames have a sequence number they get it here, as they are given to the port: so numbers rise in the order of
+/// the wire, and refused, replaced, overruled or expired frames leave no gap. A frame whose sender set the number
+/// itself keeps it, and does not change the count. Time is in microseconds and does not wrap. One thread at a time.
 class HostOutbox {
  public:
-  /// The caller's, and outlives this object. `leases` has one entry for each message of the protocol, by index, and
-  /// behind these any number for further addresses. `safe_values` has room for `safe_capacity`; the first `safe_count`
-  /// are those of the file. `leaving` holds the largest frame, and `together` what `to_write` gives at once.
+  /// Memory of the caller, which outlives this object. `leases` has one entry for each message of the protocol, by
+  /// index, and after these any number for further addresses. `safe_values` holds `safe_capacity`; the first
+  /// `safe_count` are those of the file. `leaving` holds the largest frame, `together` the bytes that `to_write` gives
+  /// at once.
   struct Memory {
     std::uint8_t* bytes = nullptr;
     std::size_t byte_capacity = 0;
@@ -84,7 +85,7 @@ class HostOutbox {
     std::uint8_t* together = nullptr;  ///< null: frames leave one by one
     std::size_t together_capacity = 0;
     FrameNumbers* numbers = nullptr;  ///< null: frames have no sequence number
-    /// Counts what left, one for each of `message_count`; null: not counted.
+    /// How many frames were sent of each of `message_count` messages; null: not counted.
     std::uint64_t* sent_by_message = nullptr;
   };
 
@@ -98,11 +99,11 @@ class HostOutbox {
   HostOutbox(const HostOutbox&) = delete;
   HostOutbox& operator=(const HostOutbox&) = delete;
 
-  // ---- what programs want
+  // ---- requests of programs
 
-  /// One frame of `message`, whole, for `address` where frames have one. `takes_number`: it gets a sequence number as
-  /// it leaves, where its format has one. O(size). Where its lease `keeps_latest` and repeats nothing, it takes the
-  /// place of one that waits, and that one is replaced.
+  /// Queue one whole frame of `message`, for `address` if frames have one. `takes_number`: it gets a sequence number as
+  /// it leaves, if its format has one. O(size). If its lease `keeps_latest` and repeats nothing, it takes the place of
+  /// a waiting one, which counts as replaced.
   SendResult send(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
                   bool takes_number, std::uint64_t now_us, std::uint64_t address = 0) {
     account_.offered += 1;
@@ -113,20 +114,22 @@ class HostOutbox {
       Lease* const found = lease_for(message, address);
       if (found != nullptr && found->can_hold(size) && !found->is_alive()) {
         found->hold(frame, size, reply, takes_number, now_us);
+        note_motion(message, address);
         return accept_value(*found, now_us) ? SendResult::accepted : SendResult::full;
       }
     }
-    // One place is kept for the repeated value of each message: these are never refused.
+    // One place is reserved for the repeated value of each message: these are never refused.
     if (size == 0 || size > memory_.leaving_capacity || !queue_.has_room(size, memory_.lease_count) ||
         !queue_.push({static_cast<std::uint32_t>(size), message, reply, now_us, takes_number, address, 0}, frame)) {
       return refuse(account_.refused_full, SendResult::full);
     }
     account_.accepted += 1;
+    note_motion(message, address);
     return SendResult::accepted;
   }
 
   /// Repeat this value at the message's rhythm until `hold_us` from now. `full`: the message has no rhythm, the frame
-  /// is larger than its memory, or there is no lease left for one more address.
+  /// is larger than its memory, or no lease is left for one more address.
   SendResult repeat(std::int16_t message, const std::uint8_t* frame, std::size_t size, std::int16_t reply,
                     bool takes_number, std::uint64_t hold_us, std::uint64_t now_us, std::uint64_t address = 0) {
     if (is_stopped(message)) return SendResult::stopped;
@@ -135,34 +138,35 @@ class HostOutbox {
     if (found == nullptr || !found->can_repeat(size)) return SendResult::full;
     Lease& lease = *found;
     lease.renew(frame, size, reply, takes_number, now_us + hold_us, now_us);
+    note_motion(message, address);
     poll(now_us);
     return SendResult::accepted;
   }
 
-  /// No more of it to any address, without a last value; what waits is dropped.
+  /// Stop repeating it to any address, without a last value; waiting frames are dropped.
   void stop_repeating(std::int16_t message) {
     each_lease(message, [this](Lease& lease) { end_silently(lease); });
   }
-  /// The same for one address.
+  /// Stop repeating it to one address.
   void stop_repeating(std::int16_t message, std::uint64_t address) {
     each_lease(message, [&](Lease& lease) {
       if (lease.address() == address) end_silently(lease);
     });
   }
 
-  /// Has the message a safe value for this address?
+  /// Check whether the message has a safe value for this address.
   bool has_safe(std::int16_t message, std::uint64_t address) const { return safe_of(message, address) != nullptr; }
-  /// One more message for the stop, or to end leases: see SafeValue. False: there is no room, or one of the file has
-  /// this address already.
+  /// Add a message to the stop, or one that ends leases: see SafeValue. Returns false if the memory is full, or one of
+  /// the file has this address already.
   bool add_safe(const SafeValue& safe) {
     if (safe_count_ == memory_.safe_capacity || has_safe(safe.message(), safe.address())) return false;
     memory_.safe_values[safe_count_++] = safe;
     return true;
   }
 
-  /// End the message's lease for this address, drop all that waits of it for that address, and send its safe value
-  /// before all else. Also while the port is down: then it is the first to leave. False: it has none, or the link is
-  /// closed.
+  /// End the message's lease for this address, drop all its waiting frames for that address, and send its safe value
+  /// before all else. Also while the port is closed: then it is the first to leave. Returns false if it has none, or
+  /// the link is closed.
   bool end_safely(std::int16_t message, std::uint64_t address) {
     SafeValue* const safe = is_closed_ ? nullptr : safe_of(message, address);
     if (safe == nullptr) return false;
@@ -173,8 +177,20 @@ class HostOutbox {
     return true;
   }
 
-  /// Drop all that waits of the stop's messages, end their leases, send the stop before all else, and again until
-  /// `release_stop`. Also while the port is down: then it is the first to leave.
+  /// Do the same, unless the safe value was the last of its message for this address. Returns false if it has none, or
+  /// the link is closed.
+  bool end_if_moved(std::int16_t message, std::uint64_t address) {
+    const SafeValue* const safe = is_closed_ ? nullptr : safe_of(message, address);
+    return safe != nullptr && (!safe->moved || end_safely(message, address));
+  }
+
+  /// Let `close` send no safe value for frames accepted so far: another program continues the motion.
+  void hand_over_motion() {
+    for (std::size_t i = 0; i < safe_count_; ++i) memory_.safe_values[i].moved = false;
+  }
+
+  /// Drop all waiting frames of the stop's messages, end their leases, and send the stop before all else, and again
+  /// until `release_stop`. Also while the port is closed: then it is the first to leave.
   void stop(std::uint64_t now_us) {
     is_latched_ = true;
     if (waiting_safe() == nullptr) first_safe_ = 0;
@@ -182,13 +198,14 @@ class HostOutbox {
       SafeValue& safe = memory_.safe_values[i];
       drop([&](const QueuedFrame& frame) { return frame.message == safe.message(); });
       each_lease(safe.message(), [](Lease& lease) { lease.end(); });
+      safe.moved = false;
       if (!safe.is_in_stop()) continue;
       offer_safe(safe);
       safe.begin_repeating(now_us);
     }
   }
 
-  /// The messages may be sent again. Sends nothing; a stop that has not left yet still leaves.
+  /// Allow the messages again. Sends nothing; a stop that has not left yet still leaves.
   void release_stop() { is_latched_ = false; }
 
   bool is_stopped() const { return is_latched_; }
@@ -199,15 +216,23 @@ class HostOutbox {
     return false;
   }
 
-  /// Nothing more is taken. Every lease ends, with its safe value where it has one.
-  void close() {
-    is_closed_ = true;
+  /// End every lease, and send the safe value of everything that moved. More may be sent.
+  void end_motion() {
     for (std::size_t i = 0; i < memory_.lease_count; ++i) {
       if (memory_.leases[i].is_alive()) end_lease(memory_.leases[i]);
     }
+    for (std::size_t i = 0; i < safe_count_; ++i) {
+      if (memory_.safe_values[i].moved) send_safe(memory_.safe_values[i]);
+    }
   }
 
-  /// What still waits will never leave: it expires.
+  /// End motion, and accept nothing more.
+  void close() {
+    is_closed_ = true;
+    end_motion();
+  }
+
+  /// Expire all waiting frames: they will never leave.
   void end() {
     port_down();
     for (std::size_t i = 0; i < safe_count_; ++i) {
@@ -218,7 +243,7 @@ class HostOutbox {
 
   // ---- time and port
 
-  /// Leases end, values fall due, old frames expire.
+  /// End leases, queue values that are due, expire old frames.
   void poll(std::uint64_t now_us) {
     expire(now_us);
     for (std::size_t i = 0; i < memory_.lease_count; ++i) {
@@ -236,8 +261,8 @@ class HostOutbox {
     }
   }
 
-  /// When to call `poll`, or `to_write`, next; `never` if nothing is to be done. While the port takes nothing
-  /// (`is_blocked`) it is the port that says when to write.
+  /// Return when to call `poll` or `to_write` next; `never` if nothing is to be done. While the port takes nothing
+  /// (`is_blocked`), the port decides when to write.
   std::uint64_t next_due(std::uint64_t now_us) const {
     std::uint64_t due = never;
     const auto by = [&](std::uint64_t when) { due = std::min(due, std::max(when, now_us)); };
@@ -273,7 +298,7 @@ class HostOutbox {
     }
   }
 
-  /// What waits expires, but for safe values: those are the first to leave when the port is back.
+  /// Expire waiting frames, except safe values: those are the first to leave when the port is open again.
   void port_down() {
     is_up_ = false;
     is_blocked_ = false;
@@ -288,8 +313,8 @@ class HostOutbox {
 
   // ---- writing
 
-  /// What to hand to the port now. Call `written` before anything else. `together`: frames that may leave now, and that
-  /// nothing else is to be known of, are given at once; else one by one.
+  /// Return the bytes to give to the port now. Call `written` before anything else. `together`: frames that may leave
+  /// now and need no individual treatment are given at once; otherwise one by one.
   Outgoing to_write(std::uint64_t now_us, bool together = false) {
     if (!is_up_) return {};
     if (written_ != 0) return {leaving_ + written_, leaving_size_ - written_, -1, 0};
@@ -307,7 +332,7 @@ class HostOutbox {
     return copy_next();
   }
 
-  /// The port took `size` bytes of what `to_write` gave. 0: it takes nothing until it says so.
+  /// Note that the port took `size` bytes from `to_write`. 0: it takes nothing until it reports that it can.
   void written(std::size_t size, std::uint64_t now_us) {
     is_blocked_ = size == 0;
     if (size == 0) return;
@@ -324,18 +349,18 @@ class HostOutbox {
       leaving_ += leaving_size_;
       end_of_frame();
       if (size == 0) return;
-      leaving_size_ = queue_.front().size;  // it was given with the frame before it
+      leaving_size_ = queue_.front().size;  // it was given together with the frame before it
       leaving_message_ = queue_.front().message;
     }
   }
 
-  /// The port took nothing, and says when it will.
+  /// Check whether the port took nothing, and will report when it can.
   bool is_blocked() const { return is_blocked_; }
 
-  /// Bytes that the driver holds, where it can tell.
+  /// Note how many bytes the driver holds, where it can report that.
   void driver_holds(std::size_t size, std::uint64_t now_us) { pacing_.driver_holds(size, now_us); }
 
-  /// Nothing waits and nothing is under way.
+  /// Check whether nothing waits and nothing is being sent.
   bool is_empty() const { return written_ == 0 && next_size() == 0; }
 
   HostSendAccount account() const {
@@ -352,17 +377,17 @@ class HostOutbox {
   }
 
   bool keeps_latest(std::int16_t message) const {
-    const auto index = static_cast<std::size_t>(message);  // of no message: beyond all
+    const auto index = static_cast<std::size_t>(message);  // without a message: beyond all
     return index < memory_.message_count && memory_.leases[index].keeps_latest();
   }
 
-  /// The lease of this value, or an idle one; null: none is left.
+  /// Return the lease of this value, or an idle one; null: none is left.
   Lease* lease_for(std::int16_t message, std::uint64_t address) {
     Lease* idle = nullptr;
     for (std::size_t i = 0; i < memory_.lease_count; ++i) {
       Lease& lease = memory_.leases[i];
       if (lease.is_of(message, address)) return &lease;
-      // Those of the messages are kept for them.
+      // Leases of messages are reserved for them.
       const bool is_free = lease.is_idle() && (i >= memory_.message_count || i == static_cast<std::size_t>(message));
       if (is_free && idle == nullptr) idle = &lease;
     }
@@ -388,6 +413,10 @@ class HostOutbox {
     return nullptr;
   }
 
+  void note_motion(std::int16_t message, std::uint64_t address) {
+    if (SafeValue* const safe = safe_of(message, address)) safe->moved = true;
+  }
+
   SafeValue* waiting_safe() const {
     for (std::size_t i = 0; i < safe_count_; ++i) {
       SafeValue& safe = memory_.safe_values[(first_safe_ + i) % safe_count_];
@@ -396,7 +425,7 @@ class HostOutbox {
     return nullptr;
   }
 
-  /// What waits and matches is overruled.
+  /// Overrule all waiting frames that match.
   template <class Matches>
   void drop(Matches&& matches) {
     account_.overruled += queue_.drop([&](const QueuedFrame& frame) {
@@ -426,9 +455,10 @@ class HostOutbox {
     send_safe(*safe);
   }
 
-  /// In the place of all that waits of its message for its address.
+  /// Send a safe value in place of all waiting frames of its message for its address.
   void send_safe(SafeValue& safe) {
     drop([&](const QueuedFrame& frame) { return frame.message == safe.message() && frame.address == safe.address(); });
+    safe.moved = false;
     offer_safe(safe);
   }
 
@@ -441,7 +471,7 @@ class HostOutbox {
     static_cast<void>(accept_value(memory_.leases[index], now_us));
   }
 
-  /// False: there is no place for it, which is counted.
+  /// Queue a lease's value. Returns false, and counts it, if there is no place for it.
   bool accept_value(Lease& lease, std::uint64_t now_us) {
     if (lease.waits) {  // it leaves with the newest bytes, in the place that it has
       account_.accepted += 1;
@@ -450,11 +480,11 @@ class HostOutbox {
     }
     const auto place = static_cast<std::uint32_t>(&lease - memory_.leases);
     lease.waits = queue_.push({0, lease.message(), -1, now_us, false, lease.address(), place}, nullptr);
-    (lease.waits ? account_.accepted : account_.refused_full) += 1;  // more places may be taken than `send` leaves
+    (lease.waits ? account_.accepted : account_.refused_full) += 1;  // more places may be taken than `send` leaves free
     return lease.waits;
   }
 
-  /// When the first in the queue was accepted; `never`: it is repeated, and does not grow old.
+  /// Return when the first frame in the queue was accepted; `never`: it is repeated, and does not age.
   std::uint64_t front_since_us() const {
     const QueuedFrame& front = queue_.front();
     if (!front.is_value()) return front.accepted_us;
@@ -480,7 +510,7 @@ class HostOutbox {
     return frame.is_value() ? memory_.leases[frame.lease].size() : frame.size;
   }
 
-  /// How many bytes the first frames of the queue have that may leave at once; 0: the next one leaves alone.
+  /// Return how many bytes the first frames of the queue have that may leave at once; 0: the next one leaves alone.
   std::size_t several(std::uint64_t now_us) const {
     if (memory_.numbers != nullptr || waiting_safe() != nullptr) return 0;
     std::size_t size = 0;
@@ -520,7 +550,7 @@ class HostOutbox {
     return {memory_.leaving, leaving_size_, reply, address};
   }
 
-  /// What `copy_next` gave is under way.
+  /// Note that the frame from `copy_next` is being sent.
   void take_next() {
     if (takes_number_) memory_.numbers->keep(leaving_message_);
     safe_under_way_ = waiting_safe();
@@ -540,12 +570,12 @@ class HostOutbox {
   std::size_t safe_count_;
   HostSendAccount account_;
   const std::uint8_t* leaving_ = nullptr;  ///< the frame that `to_write` gave last, or the first of several
-  std::size_t written_ = 0;                ///< of the frame under way; 0: none has begun
+  std::size_t written_ = 0;                ///< bytes written of the frame being sent; 0: none has begun
   std::size_t leaving_size_ = 0;
   std::int16_t leaving_message_ = -1;
-  bool takes_number_ = false;  ///< what `to_write` gave last
+  bool takes_number_ = false;  ///< for the frame that `to_write` gave last
   SafeValue* safe_under_way_ = nullptr;
-  std::size_t first_safe_ = 0;  ///< the look for one that waits begins here
+  std::size_t first_safe_ = 0;  ///< the search for a waiting one begins here
   bool is_up_ = false;
   bool is_blocked_ = false;
   bool is_latched_ = false;

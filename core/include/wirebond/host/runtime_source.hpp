@@ -13,21 +13,21 @@
 
 namespace wirebond {
 
-/// One row of the message table. It is sorted by id, and of one id those that are `only_expected` come first.
+/// One row of the message table. The table is sorted by id; of one id, rows that are `only_expected` come first.
 struct MessageRow {
   std::uint32_t id = 0;
   MessageShape shape{};
-  bool only_expected = false;  ///< shares its id: it is meant where it is expected, and only there
-  PayloadRules rules{};        ///< points at tables that the caller keeps
-  MatchTests tests{};          ///< the same; none where ids tell all messages
+  bool only_expected = false;  ///< shares its id, and counts only while it is expected
+  PayloadRules rules{};        ///< points to tables that the caller keeps
+  MatchTests tests{};          ///< points to tables that the caller keeps; none if ids identify all messages
 };
 
-/// What is worked out once when a format is known. Points at the format and the rows: the caller keeps them alive.
-/// Immutable after construction: any thread.
+/// Tables computed once for a format. They point to the format and the rows: the caller keeps those alive. Immutable
+/// after construction: any thread.
 class RuntimeTables {
  public:
-  /// `matches`: the rows' tests tell the messages, and not their ids; `matches_late`: also by what does not stand
-  /// before the payload.
+  /// `matches`: the rows' tests identify the messages, not their ids; `matches_late`: also by bytes that are not before
+  /// the payload.
   RuntimeTables(const FrameFormat& format, const MessageRow* rows, std::size_t row_count,
                 CrcMethod method = CrcMethod::automatic, bool matches = false, bool matches_late = false)
       : format_(&format),
@@ -47,7 +47,7 @@ class RuntimeTables {
       has_rules_ = has_rules_ || rows[i].rules.constant_count != 0 || rows[i].rules.count_count != 0;
       if (rows[i].id < low_ids_.size()) low_ids_[rows[i].id] = rows[i].shape;
     }
-    // It asks for messages by their id alone, and looks at no payload.
+    // The fast path identifies messages by their id alone, and reads no payload.
     if (!has_expected_ && !has_rules_ && !matches_) fast_path_ = FastPath(format, crcs_);
   }
 
@@ -58,14 +58,14 @@ class RuntimeTables {
   const FastPath& fast_path() const { return fast_path_; }
   int start() const { return start_; }
 
-  /// What the id means where no id is shared.
+  /// Return the message of this id, where no id is shared.
   const MessageShape& message(std::uint32_t id) const {
     if (id < low_ids_.size()) return low_ids_[id];
     const std::size_t row = first_row(id);
     return row < row_count_ && rows_[row].id == id ? rows_[row].shape : unknown_;
   }
 
-  /// What the id means while the message `expected` is expected (-1: none).
+  /// Return the message of this id while the message `expected` is expected (-1: none).
   const MessageShape& message(std::uint32_t id, std::int16_t expected) const {
     if (!has_expected_) return message(id);
     for (std::size_t row = first_row(id); row < row_count_ && rows_[row].id == id; ++row) {
@@ -77,7 +77,7 @@ class RuntimeTables {
   bool matches() const { return matches_; }
   bool matches_late() const { return matches_late_; }
 
-  /// The message whose tests hold, while the message `expected` is expected. O(rows).
+  /// Return the message whose tests hold, while the message `expected` is expected. O(rows).
   template <class Asked>
   MessageShape match(const Asked& asked, std::int16_t expected) const {
     const auto find = [&](bool is_expected) -> const MessageRow* {
@@ -92,7 +92,7 @@ class RuntimeTables {
     return found == nullptr ? unknown_ : found->shape;
   }
 
-  /// The rules over the payload of the message `index`. O(rows), where any message has some.
+  /// Return the rules over the payload of the message `index`. O(rows), if any message has some.
   PayloadRules payload_rules(std::int16_t index) const {
     for (std::size_t row = 0; has_rules_ && row < row_count_; ++row) {
       if (rows_[row].shape.index == index) return rows_[row].rules;
@@ -144,7 +144,7 @@ class RuntimeTables {
   FastPath fast_path_{};
 };
 
-/// Points at tables; the caller keeps them alive. Copies are cheap.
+/// A source that points to tables; the caller keeps them alive. Copies are cheap.
 class RuntimeSource {
  public:
   static constexpr bool is_constant = false;
@@ -161,7 +161,7 @@ class RuntimeSource {
   const FastPath& fast_path() const { return tables_->fast_path(); }
   int start() const { return tables_->start(); }
   MessageShape message(std::uint32_t id) const { return tables_->message(id, expected_); }
-  /// For the fast path, which does not apply where an id is shared.
+  /// For the fast path, which does not apply if an id is shared.
   const MessageShape& message_of(std::uint32_t id) const { return tables_->message(id); }
   bool matches() const { return matches_; }
   bool matches_late() const { return tables_->matches_late(); }

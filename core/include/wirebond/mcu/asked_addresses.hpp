@@ -1,4 +1,4 @@
-// Whose replies a host's link takes: the addresses that its requests went to. No queue, no time.
+// Decides whose replies a host's link accepts: those from addresses that its requests went to. No queue, no time.
 #pragma once
 
 #include <array>
@@ -14,23 +14,22 @@
 
 namespace wirebond {
 
-/// For a `Receiver` of the MCUs' frames, where these say whose they are. Once a request has gone to an address, its
-/// reply is taken from addresses that were asked for it, and from no other. After a request to the broadcast address
-/// each reply is taken. Without a request nothing is compared.
+/// For a `Receiver` of frames that name their MCU. Once a request has gone to an address, its reply is accepted from
+/// addresses that were asked for it, and from no other. After a request to the broadcast address every reply is
+/// accepted. Without a request nothing is compared.
 ///
-/// It remembers pairs of a reply and an address: the last `remembered / 2` at least. `asks` may be called in any
-/// context, several at once; the other functions in the one that feeds the receiver. A call looks at each pair. No
-/// lock.
+/// Remembers pairs of a reply and an address: at least the last `remembered / 2`. `asks` may be called in any context,
+/// several at once; the other functions in the context that feeds the receiver. Each call reads every pair. No lock.
 template <class Source, class Atomics>
 class AskedAddresses {
  public:
   using Address = typename Source::Address;
   static constexpr std::size_t remembered = 32;
 
-  /// A request to `address` is about to leave; message `reply` answers it.
+  /// Note that a request to `address` is about to leave; message `reply` answers it.
   void asks(std::int16_t reply, Address address) {
     const std::uint32_t next = next_.load(std::memory_order_relaxed);
-    for (std::uint32_t age = 1; age <= remembered / 2; ++age) {  // an older one may soon be forgotten: it comes again
+    for (std::uint32_t age = 1; age <= remembered / 2; ++age) {  // an older pair may soon be forgotten: renew it
       if (pairs_[(next - age) % remembered].has(reply, address)) return;
     }
     std::uint32_t ticket = 0;
@@ -41,13 +40,13 @@ class AskedAddresses {
     pairs_[ticket % remembered].set(reply, address);
   }
 
-  /// From here on each reply is taken, for a gateway or a monitor.
+  /// Accept every reply from now on, for a gateway or a monitor.
   void listen_to_all() { hears_all_ = true; }
 
  protected:
-  /// False for the reply of one that was not asked, which is counted.
+  /// Returns false for a reply from an address that was not asked, and counts it.
   bool is_from_asked(const Frame& frame) {
-    bool is_from_another = false;  // a form without the address concerns everybody
+    bool is_from_another = false;  // a form without the address concerns everyone
     detail::each_header_field<Source>(frame, [&](const HeaderField& field) WIREBOND_INLINE_LAMBDA {
       if (field.place != Source::sender_place) return;
       const std::uint64_t from = detail::read_wide(field.number, frame.bytes, frame.size);
@@ -59,22 +58,22 @@ class AskedAddresses {
   std::uint32_t from_others() const { return from_others_; }
 
  private:
-  /// Readers see a pair that was set, or none: `reply` is taken away before the address changes, and read on both sides
-  /// of it.
+  /// Readers see either a complete pair or none: `reply` is removed before the address changes, and read before and
+  /// after it.
   class Pair {
    public:
     bool has(std::int16_t reply, Address address) const { return of(reply) && holds(address) && is_still(reply); }
-    bool of(std::int16_t reply) const { return reply_.load(std::memory_order_acquire) == reply; }  // with `set`'s end
+    bool of(std::int16_t reply) const { return reply_.load(std::memory_order_acquire) == reply; }  // pairs with `set`
 
     void set(std::int16_t reply, Address address) {
       reply_.store(-1, std::memory_order_relaxed);
-      std::atomic_thread_fence(std::memory_order_release);  // with `is_still`
+      std::atomic_thread_fence(std::memory_order_release);  // pairs with `is_still`
       for (std::size_t i = 0; i < words; ++i) address_[i].store(word(address, i), std::memory_order_relaxed);
-      reply_.store(reply, std::memory_order_release);  // with `of`
+      reply_.store(reply, std::memory_order_release);  // pairs with `of`
     }
 
    private:
-    // Of more than one word, because a small processor changes no 64 bits at once.
+    // Several words, because a small processor cannot change 64 bits at once.
     static constexpr std::size_t words = (sizeof(Address) + 3) / 4;
     static constexpr std::uint32_t word(Address address, std::size_t i) {
       return static_cast<std::uint32_t>(std::uint64_t{address} >> (32 * i));
@@ -87,7 +86,7 @@ class AskedAddresses {
       return true;
     }
     bool is_still(std::int16_t reply) const {
-      std::atomic_thread_fence(std::memory_order_acquire);  // with `set`'s fence
+      std::atomic_thread_fence(std::memory_order_acquire);  // pairs with the fence in `set`
       return reply_.load(std::memory_order_relaxed) == reply;
     }
 
@@ -108,7 +107,7 @@ class AskedAddresses {
         }
         was_asked = true;
       }
-      // A pair that came again while this looked has a new place, and its old one may be gone.
+      // A pair that was stored again during this search has a new place, and its old one may be gone.
       if (next_.load(std::memory_order_acquire) == next) return !was_asked;
     }
   }

@@ -1,4 +1,4 @@
-// How one word of memory is changed by many contexts, for each kind of processor. No queue, no counter.
+// How many contexts change one word of memory, for each kind of processor. No queue, no counter.
 #pragma once
 
 #include <atomic>
@@ -11,22 +11,23 @@
 namespace wirebond {
 
 // An atomics policy is a type with
-//   Position         an unsigned integer; the queues' free-running positions and numbers have this type
+//   Position         an unsigned integer; the type of the queues' free-running positions and numbers
 //   Word             an unsigned integer of twice that size: a position and a number that change together
-//   Atomic<T>        load(order) and store(value, order) as std::atomic has them, for T of at most Word's size
+//   Atomic<T>        load(order) and store(value, order) as in std::atomic, for T of at most Word's size
 //   update(atomic, order, change)
-//                    `change(value)` sees the word's value and may alter it; where it returns true, the altered value
-//                    is stored, provided that no other context stored to the word meanwhile, else it is asked again
-//                    with the new value. False where `change` returned false: nothing was stored then. `order` is that
-//                    of the store.
-//   add(atomic)      one more
-// Loads and stores are single instructions everywhere; only `update` and `add` differ between processors.
-// Any context: a change that was interrupted is done again, and each such repeat means that another context got on.
+//                    `change(value)` gets the word's value and may alter it. If it returns true, the altered value is
+//                    stored with `order`, provided that no other context has stored to the word since it was read;
+//                    otherwise `change` is called again with the new value. Returns false if `change` returned false:
+//                    nothing was stored then.
+//   add(atomic)      increment by one
+// Loads and stores are single instructions everywhere; only `update` and `add` differ between processors. Any context:
+// an interrupted change is repeated, and each repetition means that another context made progress.
 
-/// Compare-and-swap of std::atomic: hosts, and processors without one of the policies below.
-/// A context that is interrupted between its load and its swap for so long that the word takes the same value again
-/// swaps in vain (ABA). With 32-bit positions that needs 2^32 frames meanwhile; with 16-bit ones 65536 frames whose
-/// bytes are a multiple of 65536, so take those only where no context waits so long.
+/// Compare-and-swap of std::atomic: for hosts, and processors without one of the policies below.
+///
+/// Danger: a context that is interrupted between its load and its swap until the word has the same value again swaps
+/// although the word has changed (ABA). With 32-bit positions that takes 2^32 frames in between; with 16-bit ones 65536
+/// frames whose bytes are a multiple of 65536. Use 16 bits only if no context waits that long.
 template <class PositionType>
 struct CompareAndSwap {
   using Position = PositionType;
@@ -52,9 +53,9 @@ struct CompareAndSwap {
   }
 };
 
-/// Interrupts masked for the few instructions of each change: Cortex-M0, M0+ and others without exclusive access.
-/// `Mask` comes from the port: `static Old lock()` masks interrupts and returns what the mask was before,
-/// `static void unlock(Old)` brings that back. One processor core only.
+/// Interrupts masked for the few instructions of each change: for Cortex-M0, M0+ and others without exclusive access.
+/// The port provides `Mask`: `static Old lock()` masks interrupts and returns the previous mask,
+/// `static void unlock(Old)` restores it. One processor core only.
 template <class Mask>
 struct MaskedAtomics {
   using Position = std::uint16_t;
@@ -67,7 +68,7 @@ struct MaskedAtomics {
     const Section section;
     T value = atomic.load(std::memory_order_relaxed);
     if (!change(value)) return false;
-    atomic.store(value, std::memory_order_relaxed);  // what is masked is in order for the one core that there is
+    atomic.store(value, std::memory_order_relaxed);  // masked code is in order for the only core
     return true;
   }
 
@@ -96,9 +97,9 @@ struct MaskedAtomics {
 #if defined(__ARM_FEATURE_LDREX) && defined(__ARM_ARCH_PROFILE) && __ARM_ARCH_PROFILE == 'M'
 #define WIREBOND_HAS_EXCLUSIVE_ACCESS 1
 
-/// Exclusive loads and stores: Cortex-M3 and later. Taking or leaving an interrupt ends exclusive access, so a change
-/// that was interrupted is always done again, whatever value the word has then: no ABA, with 16-bit positions.
-/// `change` may read other words: on these cores loads leave the monitor alone.
+/// Exclusive loads and stores: Cortex-M3 and later. Entering or leaving an interrupt ends exclusive access, so an
+/// interrupted change is always repeated, whatever the word's value is then: no ABA, even with 16-bit positions.
+/// `change` may read other words: on these cores loads do not affect the monitor.
 struct ExclusiveAccess {
   using Position = std::uint16_t;
   using Word = std::uint32_t;
@@ -152,7 +153,7 @@ struct Primask {
 };
 #endif
 
-/// The policy that suits the processor that this is compiled for.
+/// The policy for the processor that is compiled for.
 #if defined(WIREBOND_HAS_EXCLUSIVE_ACCESS)
 using DefaultAtomics = ExclusiveAccess;
 #elif defined(WIREBOND_HAS_PRIMASK)

@@ -40,13 +40,13 @@ static_assert(static_cast<int>(Violation::out_of_range) == WIREBOND_VALUE_OUT_OF
 static_assert(static_cast<int>(Violation::clamped) == WIREBOND_CLAMPED);
 static_assert(static_cast<int>(Violation::wrong_count) == WIREBOND_WRONG_COUNT);
 
-/// The same value in the other language's struct. Every member lies at the same place in both: the generated file
+/// Convert a value to the other language's struct. Every member is at the same place in both: the generated file
 /// asserts that.
 template <class To, class From>
 To same(const From& from) {
   static_assert(sizeof(To) == sizeof(From), "the two languages lay this struct out differently");
   static_assert(std::is_trivially_copyable_v<To> && std::is_trivially_copyable_v<From>);
-  union Room {  // some structs of C++ have no first values but those that are given
+  union Room {  // a union, because some structs of C++ have no default values
     Room() {}
     To to;
   } room;
@@ -73,7 +73,7 @@ inline wirebond_sequence_counts_t to_c(const SequenceCounts<std::uint32_t>& coun
 
 inline wirebond_not_acted_t to_c(const NotActed<std::uint32_t>& counts) { return {counts.late, counts.held_back}; }
 
-/// Where a receiver's bytes went. `Account`: one of C's, of receivers or of links.
+/// Return the byte account of a receiver. `Account`: a struct of C, for receivers or links.
 template <class Account, class Receiver>
 Account bytes_of(const Receiver& receiver) {
   const auto& from = receiver.account();
@@ -98,7 +98,7 @@ wirebond_account_t account_of(const Receiver<Source>& receiver) {
   return account;
 }
 
-/// Make an object in memory that C set aside for it. It needs no destructor, so C may drop or reuse that memory.
+/// Make an object in memory that C provides for it. It needs no destructor, so C may drop or reuse that memory.
 template <class Object, class Storage, class... Arguments>
 void construct(Storage& storage, Arguments&&... arguments) {
   static_assert(sizeof(Object) <= sizeof storage, "enlarge the object's ..._BYTES macro in wirebond/mcu/c_api.h");
@@ -107,7 +107,7 @@ void construct(Storage& storage, Arguments&&... arguments) {
   ::new (static_cast<void*>(&storage)) Object(std::forward<Arguments>(arguments)...);
 }
 
-/// The object that `construct` made there.
+/// Return the object that `construct` made there.
 template <class Object, class Storage>
 Object& object_in(Storage& storage) {
   return *std::launder(reinterpret_cast<Object*>(&storage));
@@ -117,26 +117,30 @@ const Object& object_in(const Storage& storage) {
   return *std::launder(reinterpret_cast<const Object*>(&storage));
 }
 
-/// Asks deadlines about received messages, where C gave it any.
+/// Asks the deadlines about received messages, if C passed any.
 template <class Deadlines>
 struct Watch {
   Deadlines* deadlines = nullptr;
 
-  MayAct may_act(std::int16_t message, std::uint32_t came_us, std::uint32_t now_us) {
-    return deadlines == nullptr ? MayAct::yes : deadlines->may_act(message, came_us, now_us);
+  template <class IsStop>
+  MayAct may_act(std::int16_t message, std::uint32_t came_us, std::uint32_t now_us, IsStop&& is_stop) {
+    return deadlines == nullptr ? MayAct::yes : deadlines->may_act(message, came_us, now_us, is_stop);
   }
   void seen(std::int16_t message, std::uint32_t now_us) {
     if (deadlines != nullptr) deadlines->seen(message, now_us);
   }
 };
 
-/// Stands for the deadlines of an end that has none.
+/// Replaces the deadlines of an end that has none.
 struct NoDeadlines {
-  MayAct may_act(std::int16_t, std::uint32_t, std::uint32_t) { return MayAct::yes; }
+  template <class IsStop>
+  MayAct may_act(std::int16_t, std::uint32_t, std::uint32_t, IsStop&&) {
+    return MayAct::yes;
+  }
   void seen(std::int16_t, std::uint32_t) {}
 };
 
-/// What a receiver of the C API holds. `Calls` hands messages on to the functions that C gave.
+/// State of a receiver of the C API. `Calls` passes messages to the functions from C.
 template <class Source, class Calls, class Deadlines = NoDeadlines>
 struct ReceiverObject {
   explicit ReceiverObject(const Calls& to) : calls(to) {}

@@ -1,5 +1,5 @@
-// Between a generated C API of links and wirebond::Link: C's port and C's parameters as the core asks for them, and the
-// core's counters as C has them. For generated .cpp files only.
+// Between a generated C API of links and wirebond::Link: adapts C's port and parameters to the core, and the core's
+// counters to C. For generated .cpp files only.
 #pragma once
 
 #include <cstddef>
@@ -35,11 +35,12 @@ static_assert(static_cast<int>(Refusal::down) == WIREBOND_REFUSED_DOWN);
 static_assert(static_cast<int>(Refusal::abandoned) == WIREBOND_REFUSED_ABANDONED);
 static_assert(refusal_count == WIREBOND_REFUSAL_COUNT);
 
-/// A port whose functions are C's.
+/// A port whose functions are in C.
 class Port {
  public:
-  /// `table` outlives this object, and is complete.
-  explicit Port(const wirebond_port_t& table) : tells_every_lap(table.tells_every_lap), table_(table) {}
+  /// `table` must outlive this object and be complete.
+  explicit Port(const wirebond_port_t& table)
+      : tells_every_lap(table.tells_every_lap), is_unpaced(table.is_unpaced), table_(table) {}
 
   static bool is_complete(const wirebond_port_t& table) {
     return table.start_receive != nullptr && table.receiving != nullptr && table.receive_position != nullptr &&
@@ -58,6 +59,8 @@ class Port {
   bool reaches(const void* bytes, std::size_t size) const { return table_.reaches(table_.context, bytes, size); }
   bool clock_runs() const { return table_.now_us != nullptr; }
   std::uint32_t now_us() const { return table_.now_us(table_.context); }
+  bool tick_runs() const { return table_.tick_ms != nullptr; }
+  std::uint32_t tick_ms() const { return table_.tick_ms(table_.context); }
   Why check(std::uint32_t baud) const {
     return table_.check == nullptr ? Why::nothing : static_cast<Why>(table_.check(table_.context, baud));
   }
@@ -78,16 +81,17 @@ class Port {
   }
 
   const bool tells_every_lap;
+  const bool is_unpaced;
   bool runs = true;  ///< false: the program has stopped the link
 
  private:
   const wirebond_port_t& table_;
 };
 
-/// Parameters whose memory is C's: what `wirebond::Parameters` is in C++.
+/// Parameters in memory of C: the counterpart of `wirebond::Parameters`.
 class Parameters {
  public:
-  /// What `table` points to outlives this object, and is complete.
+  /// Everything that `table` points to must outlive this object and be complete.
   explicit Parameters(const wirebond_parameters_t& table) : table_(table) {
     for (std::size_t i = 0; i < table_.count; ++i) table_.values[i] = table_.rules[i].initial;
   }
@@ -99,7 +103,7 @@ class Parameters {
   std::size_t size() const { return table_.count; }
   float operator[](std::size_t index) const { return table_.values[index]; }
 
-  /// As wirebond::Parameters::set.
+  /// See wirebond::Parameters::set.
   ParameterResult set(std::size_t index, float value) {
     if (index >= table_.count) return ParameterResult::no_such_index;
     const wirebond_parameter_rule_t& rule = table_.rules[index];
@@ -112,7 +116,7 @@ class Parameters {
   wirebond_parameters_t table_;
 };
 
-/// The first characters of a C string, at most `most`: there it may end without a zero. NULL is empty.
+/// View the first characters of a C string, at most `most`, where it may end without a zero. NULL is empty.
 inline std::string_view text_of(const char* text, std::size_t most) {
   if (text == nullptr) return {};
   std::size_t size = 0;
@@ -125,11 +129,26 @@ inline wirebond_why_t to_c(Why why) { return static_cast<wirebond_why_t>(why); }
 inline wirebond_peer_t to_c(Peer peer) { return static_cast<wirebond_peer_t>(peer); }
 
 inline wirebond_link_counters_t to_c(const LinkCounters& counts) {
-  return {counts.line_errors,   counts.framing_errors,   counts.noise_errors,     counts.overruns,
-          counts.parity_errors, counts.receive_restarts, counts.transmit_retries, counts.transmit_timeouts,
-          counts.slow_polls,    counts.nested_polls,     counts.unserved_pends,   counts.late,
-          counts.held_back,     counts.foreign,          counts.unlisted,         counts.echoed,
-          counts.collisions};
+  return {counts.line_errors,
+          counts.framing_errors,
+          counts.noise_errors,
+          counts.overruns,
+          counts.parity_errors,
+          counts.receive_restarts,
+          counts.reception_stops,
+          counts.transmit_retries,
+          counts.transmit_timeouts,
+          counts.slow_polls,
+          counts.nested_polls,
+          counts.unserved_pends,
+          counts.late,
+          counts.held_back,
+          counts.foreign,
+          counts.unlisted,
+          counts.echoed,
+          counts.collisions,
+          counts.clock_steps,
+          counts.own_frames};
 }
 
 inline wirebond_receive_account_t to_c(const ReceiveAccount& account) {

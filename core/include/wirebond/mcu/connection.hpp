@@ -1,4 +1,5 @@
-// Ports whose other end may be away: what such a port answers, and a port that a program stops and starts. No link.
+// Ports whose other end may be absent: how such a port reports that, and a port that a program stops and starts. No
+// link.
 #pragma once
 
 #include <cstddef>
@@ -9,8 +10,8 @@ namespace wirebond {
 
 namespace detail {
 
-/// Does this port say whether anybody reads? By `bool connected() const`, for `poll`. False: no program has the port
-/// open, a cable is off. Then the link is down, and what waits expires.
+/// Whether this port reports if a program reads, with `bool connected() const`, for `poll`. Returns false if no program
+/// has the port open or a cable is unplugged: then the link is down, and waiting frames expire.
 template <class Port, class = void>
 struct TellsConnection : std::false_type {};
 template <class Port>
@@ -25,7 +26,7 @@ bool connected(const Port& port) {
   }
 }
 
-/// A port may end reception when its link goes down: `void stop_receive()`, by the UART's interrupt.
+/// End reception when the link goes down, if the port has `void stop_receive()`. The UART's interrupt.
 template <class Port>
 auto stop_receive(Port& port, int) -> decltype(port.stop_receive()) {
   port.stop_receive();
@@ -33,15 +34,15 @@ auto stop_receive(Port& port, int) -> decltype(port.stop_receive()) {
 template <class Port>
 void stop_receive(Port&, long) {}
 
-/// May a run take as long as the other end likes? A port says so by a constant `may_wait`; else it is broken off after
-/// twice its time.
+/// Whether a run may take as long as the other end likes. A port declares it with a constant `may_wait`; otherwise a
+/// run is aborted after twice its time.
 template <class Port, class = void>
 struct MayWait : std::false_type {};
 template <class Port>
 struct MayWait<Port, std::enable_if_t<Port::may_wait>> : std::true_type {};
 
-/// A port that can make its sender wait wants to know how much room there is: `void read_to(std::size_t place)` says
-/// after each poll that all before this place of the ring is read.
+/// Report that all bytes before this place of the ring are read, after each poll, if the port has
+/// `void read_to(std::size_t place)`: it can then make its sender wait.
 template <class Port>
 auto read_to(Port& port, std::size_t place, int) -> decltype(port.read_to(place)) {
   port.read_to(place);
@@ -53,9 +54,9 @@ void read_to(Port&, std::size_t, long) {}
 
 /// A port that your program can stop and start again, to set up its UART in another way or to sleep:
 ///     wirebond::Stoppable<wirebond::stm32_hal::Uart> uart(huart3, USART3_IRQn);
-/// After `stop` the next `poll` takes the link down: a run that is under way is broken off, what waits expires, and
-/// `send` answers `link_down`. Deadlines strike as ever. After `start` the next `poll` brings it back. The context of
-/// `poll`. The port's other functions stay as they are.
+/// After `stop` the next `poll` takes the link down: the current run is aborted, waiting frames expire, and `send`
+/// returns `link_down`. Deadlines still strike. After `start` the next `poll` brings it back. Call both in the context
+/// of `poll`. The port's other functions are unchanged.
 template <class Port>
 class Stoppable : public Port {
  public:

@@ -1,4 +1,4 @@
-// RS-485: a port whose transceiver's driver is switched by a pin. It knows no register and no link.
+// RS-485: a port with a pin that switches the transceiver's driver. It knows no register and no link.
 #pragma once
 
 #include <cstddef>
@@ -10,20 +10,20 @@ namespace wirebond {
 
 namespace detail {
 
-/// Does this port want to know when nothing is left to send? By `void line_free()`, in the UART's interrupt: the last
-/// run has left, and none follows it.
+/// Whether this port is notified when nothing is left to send, with `void line_free()`, in the UART's interrupt: the
+/// last run has left, and none follows it.
 template <class Port, class = void>
 struct WantsFreeLine : std::false_type {};
 template <class Port>
 struct WantsFreeLine<Port, std::void_t<decltype(std::declval<Port&>().line_free())>> : std::true_type {};
 
-/// A port says by a constant `completes_early` that it tells of a run's end while the last bytes are still in its UART.
+/// Whether the port reports a run's end while the last bytes are still in its UART: a constant `completes_early`.
 template <class Port, class = void>
 struct CompletesEarly : std::false_type {};
 template <class Port>
 struct CompletesEarly<Port, std::enable_if_t<Port::completes_early>> : std::true_type {};
 
-/// A port that can only wait until its last bit has left: `void wait_until_sent()`.
+/// Wait until the last bit has left, if the port has `void wait_until_sent()` because it has no event for that.
 template <class Port>
 auto wait_until_sent(Port& port, int) -> decltype(port.wait_until_sent()) {
   port.wait_until_sent();
@@ -33,12 +33,11 @@ void wait_until_sent(Port&, long) {}
 
 }  // namespace detail
 
-/// `drive(true)` is called before the first byte of a run, `drive(false)` when the last stop bit has left and no run
-/// follows, both in the UART's interrupt or what stands for it:
+/// Calls `drive(true)` before the first byte of a run, and `drive(false)` when the last stop bit has left and no run
+/// follows, both in the UART's interrupt or its replacement:
 ///     void drive(bool on) { HAL_GPIO_WritePin(RS485_DE_GPIO_Port, RS485_DE_Pin, on ? GPIO_PIN_SET : GPIO_PIN_RESET); }
 ///     wirebond::DriverEnable<wirebond::stm32_hal::Uart, drive> uart(huart3, USART3_IRQn);
-/// Before the link's first poll the pin is your project's: let it begin as low. The port's other functions stay as they
-/// are.
+/// Before the link's first poll your project owns the pin: set it low. The port's other functions are unchanged.
 template <class Port, void (*drive)(bool on)>
 class DriverEnable : public Port {
   static_assert(

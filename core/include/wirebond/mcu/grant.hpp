@@ -1,4 +1,4 @@
-// What a sender holds between reserve and commit, and why it may hold nothing. No queue.
+// A sender's memory between reserve and commit, or the reason why it got none. No queue.
 #pragma once
 
 #include <cstddef>
@@ -11,19 +11,18 @@ namespace wirebond {
 /// Why a frame was not accepted.
 enum class Refusal : std::uint8_t {
   none,
-  full,       ///< no room, because finished frames wait for the line
-  held,       ///< no room, because frames that left lie behind one that its sender has not finished
+  full,       ///< no free memory, because finished frames wait for the line
+  held,       ///< no free memory, because an unfinished frame is before frames that have left
   range,      ///< a field was out of range
   down,       ///< the link is down
   abandoned,  ///< the grant was given back without a commit
 };
-inline constexpr std::size_t refusal_count = 6;  ///< `none` among them
+inline constexpr std::size_t refusal_count = 6;  ///< including `none`
 
-/// Room for one frame, or the reason why there is none. Whoever holds it writes the frame to data()[0 .. size()) and
-/// then calls `commit`; a grant that ends without that is given back, and the frame counts as refused.
-/// A sender holds one grant at a time, for as short a time as it can: frames behind it leave, but the room that they
-/// leave is not used again before this one is finished.
-/// `Owner` is a queue with `Ticket {std::uint8_t* data; … size; …}`, `commit(ticket, used)` and `abandon(ticket, why)`.
+/// Memory for one frame, or the reason why there is none. Its holder writes the frame to data()[0 .. size()) and then
+/// calls `commit`; a grant that ends otherwise is given back, and the frame counts as refused. Hold only one grant at a
+/// time, as briefly as possible: frames after it leave, but their memory is not reused before this one is finished.
+/// `Owner`: a queue with `Ticket {std::uint8_t* data; … size; …}`, `commit(ticket, used)` and `abandon(ticket, why)`.
 template <class Owner>
 class [[nodiscard]] Grant {
  public:
@@ -40,13 +39,13 @@ class [[nodiscard]] Grant {
   WIREBOND_QUICK ~Grant() { give_back(); }
 
   bool ok() const { return owner_ != nullptr; }
-  Refusal refusal() const { return refusal_; }  ///< `none` where it was granted
+  Refusal refusal() const { return refusal_; }  ///< `none` if it was granted
 
-  std::uint8_t* data() const { return ticket_.data; }           ///< contiguous; nothing is known of what lies there
+  std::uint8_t* data() const { return ticket_.data; }           ///< contiguous; its contents are undefined
   std::size_t size() const { return ok() ? ticket_.size : 0; }  ///< bytes
 
-  /// The frame is the first `used` bytes, 1 .. size(). Ends the grant. Where `used` is anything else there is no frame:
-  /// the grant is given back.
+  /// Commit the first `used` bytes, 1 .. size(), as the frame, and end the grant. Any other `used` makes no frame: the
+  /// grant is given back.
   WIREBOND_QUICK void commit(std::size_t used) {
     if (owner_ == nullptr) return;
     if (used == 0 || used > ticket_.size) return give_back();
@@ -54,7 +53,7 @@ class [[nodiscard]] Grant {
     owner_ = nullptr;
   }
 
-  /// End the grant without a frame. Nothing happens where it has ended already.
+  /// End the grant without a frame. Does nothing if it has ended already.
   WIREBOND_QUICK void give_back(Refusal why = Refusal::abandoned) {
     if (owner_ == nullptr) return;
     owner_->abandon(ticket_, why);

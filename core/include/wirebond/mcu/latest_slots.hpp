@@ -1,5 +1,5 @@
-// Messages of which only the newest counts: a slot each, outside the ring. Cells and their states only: no byte of a
-// frame is read or written here, and nothing is counted for good.
+// Messages of which only the newest counts: a slot for each, outside the ring. Cells and their states only: no byte of
+// a frame is read or written here, and nothing is counted permanently.
 #pragma once
 
 #include <array>
@@ -12,32 +12,32 @@
 
 namespace wirebond {
 
-/// Every atomic operation of the slots that is more than relaxed, and the one that it pairs with.
+/// Every atomic operation of the slots that is more than relaxed, and the one it pairs with.
 struct LatestSlotsOrders {
-  /// A writer takes a cell that is not in use. With `frees`, and with `commits` of the frame that was replaced there.
+  /// A writer takes an unused cell. Pairs with `frees`, and with `commits` of the frame that was replaced there.
   static constexpr std::memory_order takes = std::memory_order_acquire;
-  /// A writer publishes its cell: the frame's bytes and size. With `sends`, and with `takes` once it is replaced.
+  /// A writer publishes its cell: the frame's bytes and size. Pairs with `sends`, and with `takes` once it is replaced.
   static constexpr std::memory_order commits = std::memory_order_release;
-  /// A writer gives its cell back, and may have written to it. With `takes`.
+  /// A writer gives its cell back, and may have written to it. Pairs with `takes`.
   static constexpr std::memory_order abandons = std::memory_order_release;
-  /// The consumer takes the newest frame. With `commits`.
+  /// The consumer takes the newest frame. Pairs with `commits`.
   static constexpr std::memory_order sends = std::memory_order_acquire;
-  /// The consumer is done with a cell's bytes. With `takes`.
+  /// The consumer has finished with a cell's bytes. Pairs with `takes`.
   static constexpr std::memory_order frees = std::memory_order_release;
 };
 
-/// One slot for each of `CellBytes...`: the largest frame of its message. A slot has `CellCount` cells of that size:
-/// one that DMA reads, one that waits, and one for each sender that may write this message at the same time, which is
-/// how many contexts of different priority send it. Any number of senders in any context, one consumer. No call blocks
-/// or allocates; each is a constant number of steps, done again for each context that changed the same slot meanwhile.
+/// One slot for each of `CellBytes...`: the size of its message's largest frame. A slot has `CellCount` cells of that
+/// size: one that DMA reads, one that waits, and one for each sender that may write this message at the same time (one
+/// for each priority that sends it). Any number of senders in any context, one consumer. No call blocks or allocates;
+/// each takes a constant number of steps, repeated for each context that changes the same slot at the same time.
 ///
 /// **The newest value is the one whose sender began last.** A sender that was interrupted by another one and commits
-/// behind it is older: its frame is dropped and counts as replaced, also where the newer one has left already. So no
-/// value follows a newer one on the wire.
+/// after it is older: its frame is dropped and counts as replaced, even if the newer one has left already. So no value
+/// follows a newer one on the wire.
 ///
-/// **The newest value is not refused for an older one.** Where no cell is free, a sender takes the one of the frame
-/// that waits, which counts as replaced. It is refused (`held`) only where senders that are not done have all cells but
-/// the one that DMA reads: with `CellCount - 1` of them at the same time, or more.
+/// **The newest value is not refused because of an older one.** If no cell is free, a sender takes the cell of the
+/// waiting frame, which counts as replaced. It is refused (`held`) only if unfinished senders have all cells except the
+/// one that DMA reads: at least `CellCount - 1` at the same time.
 ///
 /// A frame is never changed while DMA may read it.
 template <class Atomics, std::size_t CellCount, class Orders, std::size_t... CellBytes>
@@ -55,17 +55,17 @@ class BasicLatestSlots {
     std::uint16_t stamp;
     std::uint8_t slot;
     std::uint8_t cell;
-    bool replaces;  ///< a frame that waited gave its cell
+    bool replaces;  ///< it took the cell of a waiting frame
   };
 
-  /// `memory`: memory_bytes that DMA can reach; they stay the caller's.
+  /// `memory`: memory_bytes that DMA can reach; owned by the caller.
   explicit BasicLatestSlots(std::uint8_t* memory) : memory_(memory) {}
   BasicLatestSlots(const BasicLatestSlots&) = delete;  // grants point to it
   BasicLatestSlots& operator=(const BasicLatestSlots&) = delete;
 
   // ---- senders: any context -----------------------------------------------------------------------------------------
 
-  /// Room for a frame in this slot. `full`: larger than its cells; `held`: too many senders are at it.
+  /// Take a cell for a frame in this slot. `full`: larger than its cells; `held`: too many senders are writing.
   Refusal take(std::size_t slot, std::size_t size, std::uint16_t stamp, Ticket& ticket) {
     if (size == 0 || size > cell_bytes[slot]) return Refusal::full;
     unsigned cell = 0;
@@ -95,8 +95,8 @@ class BasicLatestSlots {
     return Refusal::none;
   }
 
-  /// The slot's frame is the first `used` bytes. True: a frame was replaced, one that waited or, where a newer one was
-  /// committed since, this one.
+  /// Commit the first `used` bytes as the slot's frame. Returns true if a frame was replaced: one that waited or, if a
+  /// newer one was committed since, this one.
   bool commit(const Ticket& ticket, std::size_t used) {
     Entry& entry = entries_[ticket.slot];
     entry.sizes[ticket.cell] = static_cast<std::uint16_t>(used);
@@ -108,7 +108,7 @@ class BasicLatestSlots {
       const unsigned place = place_in(order, ticket.cell);
       const bool is_newest = place != nowhere;  // of all that were committed
       replaced = !is_newest || waiting_in(control) != nothing;
-      // Whoever began before this one is behind it from here on: it leaves the order.
+      // Senders that began before this one are older from now on: they leave the order.
       control = make(writing, is_newest ? order | ~std::uint32_t{0} << place : order,
                      is_newest ? ticket.cell : waiting_in(control), sending_in(control));
       return true;
@@ -133,8 +133,8 @@ class BasicLatestSlots {
 
   // ---- the consumer: one context ------------------------------------------------------------------------------------
 
-  /// The frame that waits in this slot; it is the consumer's until `end_run`. Of size 0: none waits.
-  /// One frame of a slot is sent at a time.
+  /// Return the frame that waits in this slot; the consumer owns it until `end_run`. Size 0: none waits. One frame of a
+  /// slot is sent at a time.
   Run next(std::size_t slot) {
     Entry& entry = entries_[slot];
     unsigned cell = nothing;
@@ -155,13 +155,13 @@ class BasicLatestSlots {
     });
   }
 
-  /// Drop the frame that waits in this slot if `is_old(stamp)`. True: it was dropped.
+  /// Drop the frame that waits in this slot if `is_old(stamp)`. Returns true if it was dropped.
   template <class IsOld>
   bool expire(std::size_t slot, IsOld&& is_old) {
     Entry& entry = entries_[slot];
     return Atomics::update(entry.control, Orders::frees, [&](std::uint32_t& control) {
       const unsigned cell = waiting_in(control);
-      // If a sender takes this cell meanwhile, its stamp says nothing, and the word has changed.
+      // If a sender takes this cell now, its stamp means nothing, but the word has changed and this is repeated.
       if (cell == nothing || !is_old(entry.stamps[cell].load(std::memory_order_relaxed))) return false;
       control = make(writing_in(control), order_in(control), nothing, sending_in(control));
       return true;
@@ -170,13 +170,13 @@ class BasicLatestSlots {
 
   // ---- any context --------------------------------------------------------------------------------------------------
 
-  /// Frames of this slot that are finished and have not left: 0 to 2, one that is under way among them.
+  /// Return how many frames of this slot are finished and have not left: 0 to 2, including one being sent.
   std::size_t finished(std::size_t slot) const {
     const std::uint32_t control = entries_[slot].control.load(std::memory_order_relaxed);
     return std::size_t{waiting_in(control) != nothing} + std::size_t{sending_in(control) != nothing};
   }
 
-  /// Frames of this slot between reserve and commit.
+  /// Return how many frames of this slot are between reserve and commit.
   std::size_t unfinished(std::size_t slot) const {
     std::size_t count = 0;
     for (std::uint32_t bits = writing_in(entries_[slot].control.load(std::memory_order_relaxed)); bits != 0;
@@ -187,11 +187,10 @@ class BasicLatestSlots {
   }
 
  private:
-  // All that is known of a slot is in one word, so that a change sees all of it: a bit for each cell that is being
-  // written; the cells among them that no newer frame has overtaken, newest first; the cell that waits, and the one
-  // that is sent.
+  // The whole state of a slot is in one word, so that a change sees all of it: a bit for each cell being written; those
+  // of them that no newer frame has overtaken, newest first; the waiting cell, and the one being sent.
   static constexpr unsigned nothing = 7;
-  static constexpr unsigned order_bits = 3;  // of one place in the order; `nothing` behind the last
+  static constexpr unsigned order_bits = 3;  // per place in the order; `nothing` after the last
   static constexpr unsigned all_orders = CellCount * order_bits;
   static constexpr std::uint32_t order_mask = (1u << all_orders) - 1;
   static constexpr unsigned nowhere = all_orders;
@@ -205,7 +204,7 @@ class BasicLatestSlots {
   static constexpr unsigned sending_in(std::uint32_t control) { return control >> 27 & 7u; }
   static constexpr std::uint32_t bit_of(unsigned cell) { return cell == nothing ? 0 : 1u << cell; }
 
-  /// The bit at which this cell begins in the order, or `nowhere`.
+  /// Return the bit at which this cell begins in the order, or `nowhere`.
   static constexpr unsigned place_in(std::uint32_t order, unsigned cell) {
     unsigned place = 0;
     while (place < all_orders && (order >> place & 7u) != cell) place += order_bits;
@@ -214,8 +213,8 @@ class BasicLatestSlots {
 
   struct Entry {
     typename Atomics::template Atomic<std::uint32_t> control{make(0, order_mask, nothing, nothing)};
-    std::array<std::uint16_t, CellCount> sizes{};  // whoever owns the cell owns its size
-    // When each frame was reserved: written by whoever owns the cell, read by the consumer while it waits.
+    std::array<std::uint16_t, CellCount> sizes{};  // written by the cell's owner
+    // When each frame was reserved: written by the cell's owner, read by the consumer while the frame waits.
     std::array<typename Atomics::template Atomic<std::uint16_t>, CellCount> stamps{};
   };
 

@@ -1,5 +1,5 @@
-// What a UART finds wrong with received bytes, by kind, for ports that keep reception going through it. Flags and
-// counts: no register, no link.
+// Errors that a UART finds in received bytes, by kind, for ports that keep reception running. Flags and counts: no
+// register, no link.
 #pragma once
 
 #include <cstdint>
@@ -8,11 +8,11 @@
 
 namespace wirebond {
 
-/// What a port's status register said since somebody last asked. A flag says that there was one such byte or more.
+/// Errors in a port's status register since the last query. A flag means one or more such bytes.
 struct LineErrors {
-  bool framing = false;  ///< no stop bit: another baud rate, a cable that was touched
+  bool framing = false;  ///< no stop bit: another baud rate, or a disturbed cable
   bool noise = false;    ///< samples of one bit disagree
-  bool overrun = false;  ///< DMA did not fetch a byte in time, and it is lost
+  bool overrun = false;  ///< DMA did not fetch a byte in time, so it is lost
   bool parity = false;
 
   constexpr bool any() const { return framing || noise || overrun || parity; }
@@ -20,13 +20,13 @@ struct LineErrors {
 
 namespace detail {
 
-/// Does this port say it? By `LineErrors take_line_errors()`: what its status says, which it forgets.
+/// Whether this port reports them with `LineErrors take_line_errors()`, which returns and clears them.
 template <class Port, class = void>
 struct TellsLineErrors : std::false_type {};
 template <class Port>
 struct TellsLineErrors<Port, std::void_t<decltype(std::declval<Port&>().take_line_errors())>> : std::true_type {};
 
-/// How often a look found each kind, modulo 2^32. By the UART's interrupt.
+/// How often a query found each kind, modulo 2^32. Written by the UART's interrupt.
 template <bool tells>
 class LineErrorCounts {
  public:
@@ -48,7 +48,7 @@ class LineErrorCounts {
   std::uint32_t parity_ = 0;
 };
 
-/// Where the port does not say it: no byte.
+/// For ports that do not report them: takes no byte.
 template <>
 class LineErrorCounts<false> {
  public:

@@ -1,5 +1,4 @@
-// A link on a line that echoes: its runs are kept until they were heard, or given up. Bytes and times: no frame, no
-// port.
+// A link on a line that echoes: its runs are kept until they are heard or given up. Bytes and times: no frame, no port.
 #pragma once
 
 #include <array>
@@ -10,15 +9,14 @@
 
 namespace wirebond::detail {
 
-/// The power of two that holds this many bytes.
+/// Return the smallest power of two that is at least `bytes`.
 constexpr std::size_t power_of_two(std::size_t bytes) {
   std::size_t power = 1;
   while (power < bytes) power *= 2;
   return power;
 }
 
-/// Where the file says `echo: true`. The UART's interrupt keeps runs, `poll` hears. `longest_run`: bytes; there is room
-/// for four of them.
+/// For `echo: true`. The UART's interrupt keeps runs, `poll` hears. `longest_run`: bytes; four such runs fit.
 template <bool echoes, std::size_t longest_run>
 class LinkEcho {
  public:
@@ -31,8 +29,8 @@ class LinkEcho {
     echo_.hear(bytes, size, pass);
   }
 
-  /// `poll` has read all that came by `now_us`. While the line does not send, and nothing of what is expected was heard
-  /// for `timeout_us`, that is given up.
+  /// Note that `poll` has read all bytes that came by `now_us`. While the line does not send, and no part of an
+  /// expected run was heard for `timeout_us`, the run is given up.
   template <class Pass>
   void poll(std::uint32_t now_us, bool sends, std::uint32_t timeout_us, Pass&& pass) {
     const Echo::Count progress = echo_.progress();
@@ -54,12 +52,12 @@ class LinkEcho {
  private:
   std::array<std::uint8_t, power_of_two(4 * (longest_run + Echo::piece_overhead))> memory_;
   Echo echo_{memory_.data(), memory_.size()};
-  std::uint32_t quiet_since_us_ = 0;  ///< the first poll that found a quiet line while something is expected
+  std::uint32_t quiet_since_us_ = 0;  ///< the first poll that found a quiet line while a run is expected
   bool is_quiet_ = false;
   Echo::Count progress_ = 0;
 };
 
-/// Where the line does not echo: no byte, no instruction.
+/// For a line that does not echo: takes no byte, no instruction.
 template <std::size_t longest_run>
 class LinkEcho<false, longest_run> {
  public:

@@ -1,4 +1,4 @@
-// How a link starts, and what becomes of it while no program reads. A part of link.hpp.
+// How a link starts, and what it does while no program reads. A part of link.hpp.
 #pragma once
 
 #include "wirebond/mcu/link.hpp"
@@ -7,7 +7,7 @@ namespace wirebond {
 
 template <class Protocol, class Handler, class Port, class Memory>
 inline void Link<Protocol, Handler, Port, Memory>::start(std::uint32_t now_us) {
-  if (!is_timed_) {  // silence counts from here on, whether or not the port works
+  if (!is_timed_) {  // silence counts from now on, even if the port does not work
     is_timed_ = true;
     deadlines_.start(now_us);
     schedule_.start(now_us);
@@ -18,10 +18,11 @@ inline void Link<Protocol, Handler, Port, Memory>::start(std::uint32_t now_us) {
     ring_.begin_again();
   }
   if constexpr (Protocol::echoes) echo().forget();
-  handshake_.restarted();  // by errors from before; one from now on counts
+  handshake_.restarted();  // for old errors; one from now on counts
   if (!port_.start_receive(memory_.receive.data(), memory_.receive.size())) return;
   heard_us_ = line_moved_us_ = now_us;
   age_.start(now_us);
+  this->start_age(now_us);
   change(LinkState::stale);
   if constexpr (!std::is_same_v<typename Protocol::Hello::Message, NoService>) {
     static_cast<void>(send(detail::hello<Protocol>()));
@@ -38,7 +39,7 @@ inline void Link<Protocol, Handler, Port, Memory>::leave(std::uint32_t now_us) {
   if (state() != LinkState::down) {
     Inbox inbox{*this};
     if constexpr (Protocol::echoes) echo().forget();
-    receiver_.give_up(now_us, inbox, deadlines_);
+    receiver_.give_up(now_us, inbox, inbox);
     peer_ = Peer::unknown;
     change(LinkState::down);
   }

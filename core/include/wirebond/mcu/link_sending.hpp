@@ -1,4 +1,4 @@
-// From the outbox to the port, by the UART's interrupt. A part of link.hpp.
+// Moves frames from the outbox to the port, in the UART's interrupt. A part of link.hpp.
 #pragma once
 
 #include "wirebond/mcu/link.hpp"
@@ -16,16 +16,26 @@ inline void Link<Protocol, Handler, Port, Memory>::abort_run() {
 template <class Protocol, class Handler, class Port, class Memory>
 inline void Link<Protocol, Handler, Port, Memory>::begin_pause() {
   if constexpr (detail::HasClock<Port>::value) {
-    if (detail::clock_runs(port_, 0)) return pause().begin_at(port_.now_us());
+    if (detail::clock_runs(port_, 0)) return pause().begin_at(time_.own(port_.now_us()));
   }
   pause().begin();
 }
 
 template <class Protocol, class Handler, class Port, class Memory>
 inline Run Link<Protocol, Handler, Port, Memory>::next_run() {
-  if constexpr (Protocol::max_age_ms != 0) outbox_.expire_older(stamp(), max_age_units);
+  this->expire(outbox_);
   constexpr std::size_t most = keeps_pause ? 0 : Protocol::max_run_bytes;  // 0: one frame
-  if constexpr (Numbers::has_numbers) {
+  if constexpr (Numbers::has_numbers && remembers_own) {
+    return outbox_.next(most, [this](std::uint8_t* waiting, std::size_t room, std::uint8_t message) {
+      const std::size_t size = this->close(waiting, room, message);
+      note_own(waiting, size, message);
+      return size;
+    });
+  } else if constexpr (remembers_own) {
+    return outbox_.next(most, [this](const std::uint8_t* frame, std::size_t size, std::uint8_t message) {
+      note_own(frame, size, message);
+    });
+  } else if constexpr (Numbers::has_numbers) {
     return outbox_.next(most, [this](std::uint8_t* waiting, std::size_t room, std::uint8_t message) {
       return this->close(waiting, room, message);
     });

@@ -1,4 +1,4 @@
-// Everything that one end wants to send: the queue, the urgent queue, the slots of `latest` messages, and the account
+// All frames that one end wants to send: the queue, the urgent queue, the slots of `latest` messages, and the account
 // of every frame. It chooses what DMA sends next; it starts nothing and knows no frame format.
 #pragma once
 
@@ -17,25 +17,25 @@
 
 namespace wirebond {
 
-/// Frames that may wait in a queue of this size, by default: one for each 32 bytes, and at least 4. An entry takes
-/// 8 bytes on an MCU.
+/// Default number of frames that may wait in a queue of this size: one for each 32 bytes, and at least 4. An entry
+/// takes 8 bytes on an MCU.
 constexpr std::size_t default_frames(std::size_t queue_bytes) { return queue_bytes < 128 ? 4 : queue_bytes / 32; }
 
-/// How large an outbox is. Derive from it and name what differs.
+/// Sizes of an outbox. Derive from it and override the ones that differ.
 struct OutboxConfig {
   using Atomics = DefaultAtomics;
-  static constexpr std::size_t ring_bytes = 512;  ///< a power of two, twice the largest frame or more
+  static constexpr std::size_t ring_bytes = 512;  ///< a power of two, at least twice the largest frame
   static constexpr std::size_t ring_frames = 16;  ///< a power of two
-  static constexpr std::size_t urgent_bytes = 0;  ///< the same for the urgent queue; 0: there is none
+  static constexpr std::size_t urgent_bytes = 0;  ///< as ring_bytes, for the urgent queue; 0: there is none
   static constexpr std::size_t urgent_frames = 0;
   using Latest = MessageList<>;  ///< messages that have a slot
   static constexpr std::size_t latest_cells =
       4;  ///< cells of a slot, 3 to 6: 2, and one for each sender at the same time
-  /// 1: one account for all frames; else the number of messages: one for each, and the sum of them.
+  /// 1: one account for all frames; otherwise the number of messages: one for each, and their sum.
   static constexpr std::size_t accounts = 1;
   /// False: frames leave in the order in which they were reserved, across all senders.
   static constexpr bool passes_unfinished = true;
-  /// True: `next` tells its `finish` the message of each frame, where there is one account for all.
+  /// True: `next` passes the message of each frame to `finish`, even with one account for all.
   static constexpr bool tells_message = false;
 };
 
@@ -54,7 +54,7 @@ struct QueueTable {
   std::array<typename SendQueue<Atomics>::Entry, Frames> entries;
 };
 
-/// A send queue with its table, which comes first because the queue is given it.
+/// A send queue with its table, which comes first because the queue's constructor takes it.
 template <class Atomics, std::size_t Bytes, std::size_t Frames>
 class QueueWithTable : private QueueTable<Atomics, Frames>, public SendQueue<Atomics> {
   using Base = SendQueue<Atomics>;
@@ -66,7 +66,7 @@ class QueueWithTable : private QueueTable<Atomics, Frames>, public SendQueue<Ato
   explicit QueueWithTable(std::uint8_t* ring) : Base(ring, Bytes, this->entries.data(), Frames) {}
 };
 
-/// No queue: nothing is granted, nothing waits. It costs no memory.
+/// No queue: nothing is granted, nothing waits. Takes no memory.
 template <class Atomics>
 class QueueWithTable<Atomics, 0, 0> {
   using Ticket = typename SendQueue<Atomics>::Ticket;
@@ -98,15 +98,15 @@ class QueueWithTable<Atomics, 0, 0> {
 
 }  // namespace detail
 
-/// Senders: any task, interrupt or thread. Consumer: one context, the UART's interrupt, or whoever polls where there is
-/// none. No call blocks or allocates; costs are those of send_queue.hpp and latest_slots.hpp, and an addition for each
-/// counter.
+/// Senders: any task, interrupt or thread. Consumer: one context, the UART's interrupt or, without one, the context
+/// that polls. No call blocks or allocates; costs are those of send_queue.hpp and latest_slots.hpp, and one addition
+/// per counter.
 ///
-/// A frame is granted, written in place and committed:
+/// A frame is reserved, written in place and committed:
 ///     auto grant = outbox.reserve(size, Queue::normal, now);
 ///     if (!grant.ok()) return grant.refusal();
 ///     grant.commit(write_frame(grant.data()));
-/// After a commit, and after a grant that was given back, let the consumer look: its room is waited for.
+/// After a commit, and after a grant was given back, pend the consumer: its memory may be waited for.
 template <class Config = OutboxConfig>
 class Outbox {
   using Atomics = typename Config::Atomics;
@@ -118,7 +118,7 @@ class Outbox {
   static constexpr bool has_accounts = Config::accounts != 1;
 
  public:
-  /// What a grant keeps of its frame.
+  /// Data of a grant about its frame.
   struct Ticket {
     std::uint8_t* data;
     std::size_t size;
@@ -134,7 +134,7 @@ class Outbox {
   static constexpr std::size_t memory_bytes = Config::ring_bytes + Config::urgent_bytes + Latest::memory_bytes;
   static constexpr std::size_t slot_count = Latest::slot_count;
 
-  /// `memory`: memory_bytes; they stay the caller's and outlive the outbox.
+  /// `memory`: memory_bytes; owned by the caller, and must outlive the outbox.
   explicit Outbox(std::uint8_t* memory)
       : ring_(memory),
         urgent_(memory + Config::ring_bytes),
@@ -144,8 +144,8 @@ class Outbox {
 
   // ---- senders: any context -----------------------------------------------------------------------------------------
 
-  /// Room for a frame of at most `size` bytes. `now` modulo 2^16, in any unit: from when its age counts. `message` is
-  /// the account that it belongs to, where each message has one. `Queue::urgent` without an urgent queue is refused as
+  /// Reserve memory for a frame of at most `size` bytes. `now`: the time, modulo 2^16, in any unit, from which its age
+  /// counts. `message`: its account, if each message has one. `Queue::urgent` without an urgent queue is refused as
   /// `full`.
   WIREBOND_QUICK Grant<Outbox> reserve(std::size_t size, Queue queue = Queue::normal, std::uint16_t now = 0,
                                        std::uint8_t message = 0) {
@@ -163,7 +163,7 @@ class Outbox {
     return {*this, ticket};
   }
 
-  /// Room for a frame in a slot: `slot` is the message's place in Config::Latest.
+  /// Reserve memory for a frame in a slot: `slot` is the message's index in Config::Latest.
   Grant<Outbox> reserve_latest(std::size_t slot, std::size_t size, std::uint16_t now = 0) {
     Ticket ticket;
     const std::uint8_t account = account_of_slot(slot);
@@ -178,7 +178,7 @@ class Outbox {
     return {*this, ticket};
   }
 
-  /// Room for a frame of this message, where its file says that it waits.
+  /// Reserve memory for a frame of this message, in the queue that the file gives.
   template <class Message>
   WIREBOND_QUICK Grant<Outbox> reserve_for(std::size_t size, std::uint16_t now = 0) {
     if constexpr (Message::Info::queue == Queue::latest) {
@@ -199,18 +199,25 @@ class Outbox {
     ledgers_[account_of(message)].refuse(cause);
   }
 
+  /// Check whether a frame of this size would leave half of the queue to others. Call it before `reserve` for frames
+  /// that may come in floods. A frame that finds the queue empty may always be sent.
+  bool leaves_half(std::size_t size) const {
+    const std::size_t used = ring_.used_bytes();
+    return used == 0 || (used + size <= Config::ring_bytes / 2 && ring_.used_entries() < Config::ring_frames / 2);
+  }
+
   // ---- the consumer: one context ------------------------------------------------------------------------------------
 
-  /// What to send next: urgent frames first, then the queue and the slots by turns. Contiguous whole frames, no more
-  /// than `max_bytes` unless the first alone is longer; of size 0 where nothing is ready. Ended by `sent` or `aborted`;
-  /// until then every call gives the same run again. `finish(data, size, message)` is called once for each frame, in
-  /// the order of the wire, before the run is given: here a frame gets its sequence number. Where it gives a size, that
-  /// is the frame's from here on. `message`: what `reserve` was given, where Config::tells_message or an account for
-  /// each asks for it; else 0.
+  /// Return the run to send next: urgent frames first, then the queue and the slots by turns. Contiguous whole frames,
+  /// at most `max_bytes` unless the first alone is longer; size 0 if nothing is ready. Ended by `sent` or `aborted`;
+  /// until then every call returns the same run. `finish(data, size, message)` is called once for each frame, in the
+  /// order of the wire, before the run is returned: here a frame gets its sequence number. If it returns a size, that
+  /// is the frame's new one. `message`: the one passed to `reserve`, if Config::tells_message or an account for each
+  /// message requires it; otherwise 0.
   template <class Finish>
   Run next(std::size_t max_bytes, Finish&& finish) {
     if (run_.size != 0) return run_;
-    // By reference: with `finish` itself GCC 12 makes 50 bytes more of it on a Cortex-M4, where there is nothing to do.
+    // By reference: with `finish` itself GCC 12 generates 50 bytes more on a Cortex-M4, even if there is nothing to do.
     const auto finish_each = [&](std::uint8_t* data, std::size_t size, std::uint8_t message) {
       return finish(data, size, message);
     };
@@ -229,42 +236,44 @@ class Outbox {
     return next(max_bytes, [](std::uint8_t*, std::size_t, std::uint8_t) {});
   }
 
-  /// The run has left.
+  /// End the run: it has left.
   void sent() { end_run(true); }
 
-  /// The run was stopped before its end.
+  /// End the run: it was stopped early.
   void aborted() { end_run(false); }
 
-  /// The link is down: whatever is finished expires, but for a run that is under way.
+  /// Expire all finished frames, except a run that is being sent: the link is down.
   void expire_all() {
     expire([](std::uint16_t) { return true; });
   }
 
-  /// Finished frames that were reserved more than `max_age` (at most 32767) before `now` expire, but for a run that is
-  /// under way. Units are those of `reserve`, and must wrap where the clock does. Call it more often than every 32767
-  /// of them: older stamps look new.
+  /// Expire finished frames that were reserved more than `max_age` before `now`, except a run that is being sent. Units
+  /// are those of `reserve`, and must wrap where the clock does. The last `ahead` ages mean stamps that are ahead of
+  /// `now`, because a sender's clock is: call it before a frame is that old. SendAge ensures that.
+  static constexpr std::uint16_t ahead = 1'024;
   void expire_older(std::uint16_t now, std::uint16_t max_age) {
     expire([=](std::uint16_t stamp) {
-      return static_cast<std::int16_t>(static_cast<std::uint16_t>(now - stamp)) > static_cast<std::int32_t>(max_age);
+      const auto age = static_cast<std::uint16_t>(now - stamp);
+      return age > max_age && age < 0x10000 - ahead;
     });
   }
 
   // ---- the account: any context -------------------------------------------------------------------------------------
 
-  /// Of all frames.
+  /// Return the account of all frames.
   SendAccount account() const {
     SendAccount sum;
     for (std::size_t i = 0; i < Config::accounts; ++i) add(sum, account_at(static_cast<std::uint8_t>(i)));
     return sum;
   }
 
-  /// Of one message's frames; only with an account for each.
+  /// Return the account of one message's frames; only with an account for each.
   SendAccount account(std::uint8_t message) const {
     static_assert(has_accounts, "set the config's `accounts` to the number of messages");
     return account_at(message);
   }
 
-  /// Bytes of the ring that are in use now, and the most that ever were.
+  /// Bytes of the ring in use now, and their maximum so far.
   std::size_t used_bytes() const { return ring_.used_bytes(); }
   std::size_t peak_bytes() const { return ring_.peak_bytes(); }
   std::size_t peak_frames() const { return ring_.peak_entries(); }
@@ -320,7 +329,7 @@ class Outbox {
     return Grant<Outbox>(refusal);
   }
 
-  /// One frame from the next slot that has one; the slots take turns.
+  /// Take one frame from the next slot that has one; the slots take turns.
   template <class Finish>
   void take_from_slots(Finish&& finish) {
     for (std::size_t tried = 0; tried < slot_count; ++tried) {
@@ -400,7 +409,7 @@ class Outbox {
   Run run_;
   Source source_ = from_ring;
   std::uint8_t slot_ = 0;    // the last one that was asked
-  bool slots_turn_ = false;  // the run before was the queue's
+  bool slots_turn_ = false;  // the last run came from the queue
 };
 
 }  // namespace wirebond

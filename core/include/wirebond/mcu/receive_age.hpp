@@ -1,4 +1,5 @@
-// How old received bytes are, and whether somebody looked often enough to have counted them. Times and positions only.
+// How old received bytes are, and whether the ring was read often enough to have counted them. Times and positions
+// only.
 #pragma once
 
 #include <array>
@@ -19,7 +20,7 @@ struct HasClock : std::false_type {};
 template <class Port>
 struct HasClock<Port, std::void_t<decltype(std::declval<Port&>().now_us())>> : std::true_type {};
 
-/// Does this port's clock run? That of a port of C is a function that may be missing.
+/// Whether this port's clock runs: a port of C may lack that function.
 template <class Port>
 auto clock_runs(const Port& port, int) -> decltype(port.clock_runs()) {
   return port.clock_runs();
@@ -29,8 +30,8 @@ bool clock_runs(const Port&, long) {
   return true;
 }
 
-/// Does the port move each byte itself, and call `on_received` at least once in each turn of the ring? It says so by a
-/// member of this name, constant or not.
+/// Whether the port moves each byte itself, and calls `on_received` at least once per turn of the ring. It declares
+/// that with a member of this name, constant or not.
 template <class Port>
 auto tells_every_lap(const Port& port, int) -> decltype(static_cast<bool>(port.tells_every_lap)) {
   return port.tells_every_lap;
@@ -47,37 +48,37 @@ struct Aged {
   std::size_t size;
   std::uint32_t came_us;
   std::uint32_t until_us;
-  bool ends_at_event = false;  ///< a receive event came at `until_us`, when DMA was behind the last of them
+  bool ends_at_event = false;  ///< a receive event came at `until_us`, when DMA was just after the last of them
 };
 
-/// Where the port has no clock: bytes are as old as the poll before the one that found them.
+/// For a port without a clock: bytes are as old as the poll before the one that found them.
 template <bool has_clock>
 class ReceiveAge {
  public:
   static constexpr bool is_stamped = false;
 
-  /// Reception begins.
+  /// Note that reception begins.
   void start(std::uint32_t) {}
 
-  /// `poll` begins, at `now_us`; the one before began at `before_us`. True: `limit_us` or more have passed
-  /// without a look.
+  /// Note that `poll` begins, at `now_us`; the one before began at `before_us`. Returns true if the ring was not read
+  /// for `limit_us`.
   bool is_late(std::uint32_t before_us, std::uint32_t now_us, std::uint32_t limit_us) {
     return now_us - before_us >= limit_us;
   }
 
-  /// Of the `size` bytes from `position` on, the first that came at one time.
+  /// Return the first of the `size` bytes from `position` on that came at one time.
   Aged first(std::uint32_t, std::size_t size, std::uint32_t before_us, std::uint32_t now_us) const {
     return {size, before_us, now_us};
   }
 
-  /// When the last byte came of what is handed out now, as exactly as it is known.
+  /// Note when the last byte being delivered came, as exactly as it is known.
   void note_came(std::uint32_t) {}
   std::uint32_t came_us(std::uint32_t now_us) const { return now_us; }
 };
 
-/// Where the port has one, which is that of `poll`: each receive event of the UART's interrupt stamps the position and
-/// the time, and bytes are as old as the stamp before them. The newest four stamps are kept; what came before them is
-/// as old as the poll before. Written by the interrupt, read by `poll`, which never runs inside the interrupt's events.
+/// For a port with a clock, which is that of `poll`: each receive event of the UART's interrupt stamps the position and
+/// the time, and bytes are as old as the stamp before them. The newest four stamps are kept; bytes before them are as
+/// old as the poll before. Written by the interrupt, read by `poll`, which never runs inside the interrupt's events.
 template <>
 class ReceiveAge<true> {
  public:
@@ -88,7 +89,7 @@ class ReceiveAge<true> {
     noted_ = noted_before_ = version_.load(std::memory_order_relaxed);
   }
 
-  /// The UART's interrupt: DMA was at `position` at `now_us`.
+  /// Note in the UART's interrupt: DMA was at `position` at `now_us`.
   void stamp(std::uint32_t position, std::uint32_t now_us, std::uint32_t limit_us) {
     if (has_passed(now_us, limit_us)) is_late_.store(true, std::memory_order_relaxed);
     looked_us_.store(now_us, std::memory_order_relaxed);
@@ -96,7 +97,7 @@ class ReceiveAge<true> {
     version_.store(version + 1, std::memory_order_relaxed);
     std::atomic_thread_fence(std::memory_order_release);  // before the stamps; pairs with `first`
     stamps_[version / 2 % stamps_.size()].set(position, now_us);
-    version_.store(version + 2, std::memory_order_release);  // behind them; pairs with `first`
+    version_.store(version + 2, std::memory_order_release);  // after them; pairs with `first`
   }
 
   bool is_late(std::uint32_t, std::uint32_t now_us, std::uint32_t limit_us) {
@@ -113,7 +114,7 @@ class ReceiveAge<true> {
     for (;;) {
       const std::uint32_t version = version_.load(std::memory_order_acquire);  // pairs with `stamp`
       Aged bytes{size, before_us, now_us};
-      // Older stamps than the poll before say nothing, and their times may have wrapped.
+      // Stamps older than the poll before mean nothing, and their times may have wrapped.
       const std::uint32_t newest = version / 2;
       const std::uint32_t fresh = (version - noted_before_) / 2;
       const std::uint32_t kept = fresh < stamps_.size() ? fresh : static_cast<std::uint32_t>(stamps_.size());
@@ -128,9 +129,9 @@ class ReceiveAge<true> {
         bytes.ends_at_event = ahead <= bytes.size;
         if (bytes.ends_at_event) bytes.size = ahead;
         if (is_later(now_us, stamp.time_us())) bytes.until_us = stamp.time_us();
-        break;  // the next ones are further
+        break;  // the next ones are farther
       }
-      std::atomic_thread_fence(std::memory_order_acquire);  // behind the stamps; pairs with `stamp`
+      std::atomic_thread_fence(std::memory_order_acquire);  // after the stamps; pairs with `stamp`
       if ((version & 1u) == 0 && version_.load(std::memory_order_relaxed) == version) return bytes;
     }
   }
@@ -155,7 +156,7 @@ class ReceiveAge<true> {
 
   static bool is_later(std::uint32_t a, std::uint32_t b) { return static_cast<std::int32_t>(a - b) > 0; }
 
-  /// Have `limit_us` passed since somebody looked? An event between may have looked later than `now_us`.
+  /// Check whether the ring was not read for `limit_us`. An event in between may have been later than `now_us`.
   bool has_passed(std::uint32_t now_us, std::uint32_t limit_us) const {
     const std::uint32_t looked_us = looked_us_.load(std::memory_order_relaxed);
     return is_later(now_us, looked_us) && now_us - looked_us >= limit_us;
@@ -165,8 +166,8 @@ class ReceiveAge<true> {
   LoadStore<bool> is_late_{false};
   LoadStore<std::uint32_t> version_{0};  // odd: the stamps are being written
   std::array<Stamp, 4> stamps_;          // number n at place n modulo 4; a power of two, so that numbers may wrap
-  std::uint32_t came_us_ = 0;            // the poll's own, as the two below
-  std::uint32_t noted_ = 0;              // version_ when `poll` last began; these two are its own
+  std::uint32_t came_us_ = 0;            // poll's own, as the two below
+  std::uint32_t noted_ = 0;              // version_ when `poll` last began
   std::uint32_t noted_before_ = 0;       // and the time before
 };
 

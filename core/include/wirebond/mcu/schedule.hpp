@@ -1,4 +1,4 @@
-// Messages that an end sends by itself: which of them are due. Their values come from the handler.
+// Decides which periodic messages of an end are due. Their values come from the handler.
 #pragma once
 
 #include <array>
@@ -21,20 +21,20 @@ class Schedule;
 template <class... Messages>
 class Schedule<MessageList<Messages...>> {
  public:
-  /// Each is due at `now_us` for the first time.
+  /// Start: each message is due at `now_us` for the first time.
   void start(std::uint32_t now_us) { due_us_.fill(now_us); }
 
-  /// For each message that is due and that the handler has `bool fill(Message&)` for: fill it, and hand it to `send`
-  /// unless the answer is false. What `sender.fill` fills needs no handler; one that is there is asked after it.
-  /// `sender.header()` is what a `bool fill(Message&, Header&)` finds in its header. After a stall the old rhythm goes
-  /// on, without a burst.
+  /// For each message that is due and for which the handler has `bool fill(Message&)`: fill it, and pass it to `send`
+  /// unless `fill` returned false. A message that `sender.fill` fills needs no handler; if there is one, it is called
+  /// afterwards. `sender.header()` is the initial header for `bool fill(Message&, Header&)`. After a stall the old
+  /// rhythm continues, without a burst.
   template <class Handler, class Sender>
   void poll([[maybe_unused]] std::uint32_t now_us, [[maybe_unused]] Handler& handler, [[maybe_unused]] Sender& sender) {
     [[maybe_unused]] std::size_t place = 0;
     (offer<Messages>(due_us_[place++], now_us, handler, sender), ...);
   }
 
-  /// How long until the next of them is due, seen from `now_us`; at most `most_us`.
+  /// Return how long after `now_us` the next of them is due; at most `most_us`.
   template <class Handler, class Sender>
   std::uint32_t time_left([[maybe_unused]] std::uint32_t now_us, std::uint32_t most_us) const {
     std::uint32_t least_us = most_us;
@@ -72,7 +72,7 @@ class Schedule<MessageList<Messages...>> {
       } else if constexpr (detail::HasFill<Handler, Message>::value) {
         if (handler.fill(message)) static_cast<void>(sender.send(message));
       } else {
-        static_cast<void>(sender.send(message));  // what is refused is counted, as any message is
+        static_cast<void>(sender.send(message));  // a refused one is counted, as any message is
       }
     }
   }

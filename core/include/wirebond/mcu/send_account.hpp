@@ -1,4 +1,4 @@
-// What became of every frame that somebody wanted to send: counters, and the sums that must hold.
+// Counts the outcome of every frame offered for sending, and the sums that must hold.
 #pragma once
 
 #include <array>
@@ -10,8 +10,7 @@
 
 namespace wirebond {
 
-/// Frames since start-up, modulo 2^32; `unfinished` and `queued` are those of now. Exact while no sender is inside a
-/// call:
+/// Frames since start-up, modulo 2^32; `unfinished` and `queued` are current. Exact while no sender is inside a call:
 ///     offered  = accepted + unfinished + all refused
 ///     accepted = sent + queued + replaced + expired + aborted
 struct SendAccount {
@@ -22,7 +21,7 @@ struct SendAccount {
   std::uint32_t replaced = 0;    ///< by a newer frame of a `latest` message
   std::uint32_t expired = 0;     ///< the link was down, or older than `max_age`
   std::uint32_t aborted = 0;     ///< in a run that was stopped; some of its frames may have arrived
-  std::uint32_t queued = 0;      ///< finished and not gone, a run that is under way among them; counted in the queues
+  std::uint32_t queued = 0;      ///< finished and not gone, including a run that is being sent; counted in the queues
   std::uint32_t unfinished = 0;  ///< between reserve and commit; counted in the queues
 
   constexpr std::uint32_t refused(Refusal cause) const { return refused_by[static_cast<std::size_t>(cause)]; }
@@ -31,13 +30,13 @@ struct SendAccount {
     for (const std::uint32_t count : refused_by) sum += count;
     return sum;
   }
-  /// Do both sums hold?
+  /// Check whether both sums hold.
   constexpr bool balances() const {
     return offered == accepted + unfinished + refused() && accepted == sent + queued + replaced + expired + aborted;
   }
 };
 
-/// The counters of one account. Senders count from any context, the consumer from its own.
+/// Counters of one account. Senders count from any context, the consumer from its own.
 template <class Atomics>
 class SendLedger {
  public:
@@ -45,15 +44,15 @@ class SendLedger {
   void refuse(Refusal cause) { Atomics::add(refused_[static_cast<std::size_t>(cause) - 1]); }
   void accept() { Atomics::add(accepted_); }
   void replace() { Atomics::add(replaced_); }
-  // The consumer's own counters: no other context writes them, so nothing can come in between.
+  // The consumer's own counters: no other context writes them, so no write can come in between.
   void send() { add_alone(sent_); }
   void expire() { add_alone(expired_); }
   void abort() { add_alone(aborted_); }
 
-  /// What was counted; `queued` and `unfinished` are not known here. Any context.
+  /// Return the counts; `queued` and `unfinished` are not known here. Any context.
   SendAccount read() const {
     SendAccount account;
-    // Ends of a frame's life before its beginning, so that no frame is seen to have left before it came.
+    // The end of a frame's life before its beginning, so that no frame is seen to leave before it came.
     account.sent = load(sent_);
     account.expired = load(expired_);
     account.aborted = load(aborted_);

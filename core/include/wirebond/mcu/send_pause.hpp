@@ -1,4 +1,4 @@
-// The pause between two frames that an end sends, where silence ends a frame. Times only: no queue, no port.
+// The pause between two sent frames, where silence ends a frame. Times only: no queue, no port.
 #pragma once
 
 #include <atomic>
@@ -8,25 +8,27 @@
 
 namespace wirebond {
 
-/// `begin` and `is_over` belong to the UART's interrupt, `poll` to its own context. The interrupt knows when a run has
-/// left, and seldom the time: then the pause is measured between two polls. The first poll after the run may have been
-/// given a time from before its end, so that the second one begins the measure: the pause is up to two polls longer
-/// than `pause_us`, and never shorter.
+/// The problem: the interrupt knows when a run has left, but often not the time; and the time passed to the first poll
+/// after the run may be from before its end.
+///
+/// The answer: without a clock the pause is measured from the second poll after the run. So it is up to two polls
+/// longer than `pause_us`, and never shorter. `begin` and `is_over` belong to the UART's interrupt, `poll` to its own
+/// context.
 template <std::uint32_t pause_us>
 class SendPause {
  public:
-  /// A run has just left.
+  /// Begin the pause: a run has just left.
   void begin() { phase_.store(unknown, std::memory_order_release); }  // pairs with `poll`
 
-  /// The same at `now_us`, by the clock of `poll`.
+  /// Begin it at `now_us`, by the clock of `poll`.
   void begin_at(std::uint32_t now_us) {
     begun_us_.store(now_us, std::memory_order_relaxed);
-    phase_.store(timed, std::memory_order_release);  // behind the time; pairs with `poll`
+    phase_.store(timed, std::memory_order_release);  // after the time; pairs with `poll`
   }
 
   bool is_over() const { return phase_.load(std::memory_order_acquire) == over; }  // pairs with `poll`
 
-  /// No run is under way during a pause, so the interrupt changes nothing between the look and the change.
+  /// Advance the pause. No run is sent during a pause, so the interrupt changes nothing between the load and the store.
   void poll(std::uint32_t now_us) {
     const std::uint8_t phase = phase_.load(std::memory_order_acquire);  // pairs with `begin` and `begin_at`
     if (phase == unknown) {
@@ -50,7 +52,7 @@ class SendPause {
   LoadStore<std::uint32_t> begun_us_{0};
 };
 
-/// Frames follow each other: nothing is measured, and no memory is used.
+/// For frames that follow each other: nothing is measured, and no memory is used.
 template <>
 class SendPause<0> {};
 

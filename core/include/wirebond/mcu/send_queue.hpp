@@ -1,5 +1,5 @@
 // A byte ring and a table of its frames: many senders, one consumer. Positions and states only: no byte of a frame is
-// read or written here, and nothing is counted for good.
+// read or written here, and nothing is counted permanently.
 #pragma once
 
 #include <cstddef>
@@ -13,50 +13,54 @@
 
 namespace wirebond {
 
-/// Bytes for the line: `frames` whole frames that follow each other. `size` 0: there is nothing to send.
+/// Bytes for the line: `frames` whole frames, one after the other. `size` 0: there is nothing to send.
 struct Run {
   std::uint8_t* data = nullptr;
   std::size_t size = 0;
   std::size_t frames = 0;
 };
 
-/// Every atomic operation of the queue that is more than relaxed, and the one that it pairs with. Any of them weakened
-/// breaks the queue; tests/concurrency/relacy_queue.cpp shows how.
+/// Every atomic operation of the queue that is more than relaxed, and the one it pairs with. If any of them is
+/// weakened, the queue breaks; tests/concurrency/relacy_queue.cpp shows how.
 struct SendQueueOrders {
-  /// A sender opens its table entry: where its frame begins. With `looks`, for the end of the frame before it.
+  /// A sender opens its table entry: where its frame begins. Pairs with `looks`, for the end of the frame before it.
   static constexpr std::memory_order opens = std::memory_order_release;
-  /// A sender closes its table entry: the frame's bytes and size. With `looks`, which hands them to DMA; and, as a
-  /// sender closes one frame before it opens the next, whoever sees the next sees this one closed.
+  /// A sender closes its table entry: the frame's bytes and size. Pairs with `looks`, which passes them to DMA. As a
+  /// sender closes one frame before it opens the next, a reader that sees the next also sees this one closed.
   static constexpr std::memory_order closes = std::memory_order_release;
-  /// The consumer looks at an entry. With `opens` and `closes`.
+  /// The consumer reads an entry. Pairs with `opens` and `closes`.
   static constexpr std::memory_order looks = std::memory_order_acquire;
-  /// The consumer frees room: it is done with those bytes and entries. With `finds`.
+  /// The consumer frees bytes and entries that it no longer uses. Pairs with `finds`.
   static constexpr std::memory_order frees = std::memory_order_release;
-  /// A sender finds what is free, and may write there. With `frees`.
+  /// A sender finds free bytes, and may write there. Pairs with `frees`.
   static constexpr std::memory_order finds = std::memory_order_acquire;
-  /// A sender gives back what its frame did not need, and may have written to. With `takes`.
+  /// A sender gives back bytes that its frame did not need, and may have written to. Pairs with `takes`.
   static constexpr std::memory_order gives_back = std::memory_order_release;
-  /// A sender takes room that another one may have given back. With `gives_back`.
+  /// A sender takes bytes that another one may have given back. Pairs with `gives_back`.
   static constexpr std::memory_order takes = std::memory_order_acquire;
 };
 
-/// Frames from any number of senders (tasks, interrupts, threads) to one consumer, which hands them to DMA.
+/// Passes frames from any number of senders (tasks, interrupts, threads) to one consumer, which passes them to DMA.
 ///
-/// **Sender.** `reserve` takes room and a table entry in one atomic change of one word; the frame is written where it
-/// will be sent from; the grant's `commit` closes the entry. No sender ever waits for another one: one that is
-/// interrupted or suspended between reserve and commit delays no frame but its own.
+/// The problem: a sender may be interrupted or suspended at any moment, even for seconds, by another sender. A lock
+/// would let a task block an interrupt; a queue that waits for the oldest frame would let a suspended task silence the
+/// link.
 ///
-/// **Consumer.** `next` gives a run of finished frames, `sent` or `aborted` ends it. Frames of one sender leave in the
-/// order in which it reserved them. Frames of others may pass one that is not finished.
+/// **Sender.** `reserve` takes bytes and a table entry in one atomic change of one word; the frame is written at the
+/// place from which it will be sent; the grant's `commit` closes the entry. No sender ever waits for another one: one
+/// that is interrupted or suspended between reserve and commit delays only its own frame.
 ///
-/// **Room.** A frame is contiguous; where it does not fit before the end of the ring, the rest of the ring is skipped
-/// and belongs to the frame behind it. Room is used again in the order in which it was taken: what lies behind an
-/// unfinished frame leaves, but its room waits until that frame is finished (`Refusal::held`). So let the ring hold,
-/// beside what waits for the line, the bytes that others send while the sender of the lowest priority is pre-empted.
+/// **Consumer.** `next` returns a run of finished frames, `sent` or `aborted` ends it. Frames of one sender leave in
+/// the order in which it reserved them. Frames of others may pass an unfinished one.
+///
+/// **Memory.** A frame is contiguous; if it does not fit before the end of the ring, the rest of the ring is skipped
+/// and belongs to the frame after it. Memory is reused in the order in which it was taken: frames after an unfinished
+/// one leave, but their memory waits until that one is finished (`Refusal::held`). So size the ring for the frames that
+/// wait for the line, and for the bytes that others send while the sender of the lowest priority is pre-empted.
 ///
 /// The consumer's functions belong to one context; all others may be called from any. No call blocks or allocates.
-/// Costs: reserve and commit a constant number of steps, reserve again for each sender that got in between; `next` and
-/// a refusal one look at each entry in use, `next` again for each unfinished frame that closed meanwhile.
+/// Costs: reserve and commit take a constant number of steps, reserve again for each sender that came in between;
+/// `next` and a refusal read each entry in use once, `next` again for each unfinished frame that was closed in between.
 template <class Atomics = DefaultAtomics, class Orders = SendQueueOrders>
 class SendQueue {
  public:
@@ -65,11 +69,11 @@ class SendQueue {
   /// One frame's entry in the table.
   class Entry {
     friend class SendQueue;
-    typename Atomics::template Atomic<typename Atomics::Word> place_{};  // where its bytes begin, how many there are
+    typename Atomics::template Atomic<typename Atomics::Word> place_{};  // start and number of its bytes
     typename Atomics::template Atomic<std::uint32_t> state_{};           // State, tag << 8, stamp << 16
   };
 
-  /// What a grant keeps of its frame.
+  /// Data of a grant about its frame.
   struct Ticket {
     std::uint8_t* data;
     Position size;
@@ -79,7 +83,7 @@ class SendQueue {
   };
 
   /// `capacity` bytes at `ring`, which DMA can reach, and `entry_count` entries: powers of two, at most half of what a
-  /// Position can count. All of it stays the caller's and outlives the queue.
+  /// Position can count. The caller owns both, and they must outlive the queue.
   SendQueue(std::uint8_t* ring, std::size_t capacity, Entry* entries, std::size_t entry_count)
       : ring_(ring),
         entries_(entries),
@@ -93,20 +97,20 @@ class SendQueue {
     return size >= 2 && size <= max_capacity && (size & (size - 1)) == 0;
   }
 
-  /// Larger frames are never granted: half the ring, so that a frame fits into an empty ring wherever that begins.
+  /// Maximum size of a frame: half the ring, so that a frame fits into an empty ring wherever that begins.
   std::size_t largest_frame() const { return (std::size_t{byte_mask_} + 1) / 2; }
 
   // ---- senders: any context -----------------------------------------------------------------------------------------
 
-  /// Room for a frame of at most `size` bytes. `tag` and `stamp` come back with it; a stamp is a time modulo 2^16, for
-  /// `expire`. On refusal nothing has changed.
+  /// Reserve memory for a frame of at most `size` bytes. `tag` and `stamp` are returned with it; a stamp is a time
+  /// modulo 2^16, for `expire`. On refusal nothing has changed.
   Grant<SendQueue> reserve(std::size_t size, std::uint8_t tag = 0, std::uint16_t stamp = 0) {
     Ticket ticket;
     const Refusal refusal = take(size, tag, stamp, ticket);
     return refusal == Refusal::none ? Grant<SendQueue>(*this, ticket) : Grant<SendQueue>(refusal);
   }
 
-  /// `reserve` for owners of grants of their own.
+  /// Do the same as `reserve`, for owners with their own grants.
   WIREBOND_QUICK Refusal take(std::size_t size, std::uint8_t tag, std::uint16_t stamp, Ticket& ticket) {
     if (size == 0 || size > largest_frame()) return Refusal::full;
     for (;;) {
@@ -118,7 +122,8 @@ class SendQueue {
         const Position offset = position_of(head) & byte_mask_;
         const Position to_end = static_cast<Position>(byte_mask_ - offset + 1);
         const Position skipped = size > to_end ? to_end : Position{0};
-        // Where the tail has overtaken the `head` that was read, both differences are huge: no room, and asked again.
+        // If the tail has overtaken the loaded `head`, both differences are huge: this fails, and is repeated with the
+        // new one.
         if (used > byte_mask_ + 1u || skipped + size > byte_mask_ + 1u - used) return false;
         if (distance(number_of(tail), number_of(head)) > entry_mask_) return false;
         ticket.begin = static_cast<Position>(position_of(head) + skipped);
@@ -140,22 +145,21 @@ class SendQueue {
     return Refusal::none;
   }
 
-  /// The frame is the first `used` bytes, 1 .. ticket.size. From here on it is the consumer's.
+  /// Commit the first `used` bytes, 1 .. ticket.size, as the frame. From now on the consumer owns it.
   WIREBOND_QUICK void commit(const Ticket& ticket, std::size_t used) {
     close(ticket, static_cast<Position>(used), ready);
   }
 
-  /// There is no frame. Its room is free as soon as the consumer has looked.
+  /// End without a frame. Its memory is free once the consumer has read the entry.
   void abandon(const Ticket& ticket, Refusal) { close(ticket, 0, gone); }
 
   // ---- the consumer: one context ------------------------------------------------------------------------------------
 
-  /// The next finished frames that lie behind each other: as many as fit `max_bytes`, and the first of them in any
-  /// case. They are the consumer's until `sent` or `aborted`; until then every call gives the same run again, so that a
-  /// port that refused it can be asked once more. `finish(data, size, tag)` is called once for each frame, in the order
-  /// of the wire, before the run is given: here a frame gets its sequence number. Where it gives a size, that is the
-  /// frame's from here on, 1 .. size; the frames behind it in the run move up. `passes` false: no frame passes an
-  /// unfinished one.
+  /// Return the next finished frames that follow each other: as many as fit in `max_bytes`, and in any case the first.
+  /// The consumer owns them until `sent` or `aborted`; until then every call returns the same run, so that it can be
+  /// offered again to a port that refused it. `finish(data, size, tag)` is called once for each frame, in the order of
+  /// the wire, before the run is returned: here a frame gets its sequence number. If it returns a size, 1 .. size, that
+  /// is the frame's new one; later frames of the run move up. `passes` false: no frame passes an unfinished one.
   template <class Finish>
   Run next(std::size_t max_bytes, bool passes, Finish&& finish) {
     if (run_frames_ == 0 && !choose_run(max_bytes, passes)) return {};
@@ -173,7 +177,7 @@ class SendQueue {
     return next(max_bytes, true, [](std::uint8_t*, std::size_t, std::uint8_t) {});
   }
 
-  /// The run has left, or was stopped: its frames are gone. `visit(tag)` is called for each of them.
+  /// End the run, which has left or was stopped: its frames are gone. `visit(tag)` is called for each of them.
   template <class Visit>
   void end_run(Visit&& visit) {
     for (; run_frames_ != 0; --run_frames_, ++run_first_) dismiss(entry_of(run_first_), visit);
@@ -183,8 +187,8 @@ class SendQueue {
     end_run([](std::uint8_t) {});
   }
 
-  /// Take finished frames out of the queue, but for a run that is under way: those for which `is_old(stamp)` holds.
-  /// `visit(tag)` is called for each of them.
+  /// Remove finished frames for which `is_old(stamp)` is true, except a run that is being sent. `visit(tag)` is called
+  /// for each of them.
   template <class IsOld, class Visit>
   void expire(IsOld&& is_old, Visit&& visit) {
     for_each([&](Position number, Entry& entry) {
@@ -195,13 +199,14 @@ class SendQueue {
     free_room();
   }
 
-  /// Is a run under way, from `next` to `end_run`?
+  /// Check whether a run is being sent, from `next` to `end_run`.
   bool is_sending() const { return run_frames_ != 0; }
 
-  // ---- what the table says: any context -----------------------------------------------------------------------------
+  // ---- state of the table: any context ------------------------------------------------------------------------------
   // Exact while no sender is inside a call.
 
-  /// Frames that are finished and have not left; a run that is under way is among them. `is_counted(tag)` chooses.
+  /// Count the frames that are finished and have not left, including a run that is being sent. `is_counted(tag)`
+  /// selects.
   template <class IsCounted>
   std::size_t finished(IsCounted&& is_counted) const {
     return count([&](std::uint32_t state) { return kind_of(state) == ready && is_counted(tag_in(state)); });
@@ -210,7 +215,7 @@ class SendQueue {
     return finished([](std::uint8_t) { return true; });
   }
 
-  /// Frames between reserve and commit.
+  /// Count the frames between reserve and commit.
   template <class IsCounted>
   std::size_t unfinished(IsCounted&& is_counted) const {
     return count([&](std::uint32_t state) { return kind_of(state) == open && is_counted(tag_in(state)); });
@@ -223,7 +228,7 @@ class SendQueue {
   std::size_t used_bytes() const { return distance(position_of(load(tail_)), position_of(load(head_))); }
   std::size_t used_entries() const { return distance(number_of(load(tail_)), number_of(load(head_))); }
 
-  /// The most that these ever were when the consumer looked, or are now.
+  /// Their maximum whenever the consumer freed some, or now.
   std::size_t peak_bytes() const { return larger(position_of(load(peak_)), used_bytes()); }
   std::size_t peak_entries() const { return larger(number_of(load(peak_)), used_entries()); }
 
@@ -234,10 +239,10 @@ class SendQueue {
 
   // A table entry's life. Senders write `open`, then `ready` or `gone`; the consumer the others.
   enum State : std::uint8_t {
-    vacant,  // nobody's; or its sender has taken it and has not yet said where its frame begins
+    vacant,  // free; or its sender has taken it but not yet written where its frame begins
     open,    // the sender writes
-    ready,   // finished, waits for the line or is on it
-    gone,    // has left, or never came: its room is free as soon as all before it are gone
+    ready,   // finished, waits for the line or is being sent
+    gone,    // has left, or never came: its memory is free once all frames before it are gone
   };
 
   static constexpr unsigned position_bits = 8 * sizeof(Position);
@@ -270,7 +275,8 @@ class SendQueue {
     return counted;
   }
 
-  /// There was no room while the head stood at number `end`: has a frame left behind one that is not finished?
+  /// Return why there was no memory while the head was at number `end`: whether a frame has left after an unfinished
+  /// one.
   Refusal why_full(Position end) const {
     bool unfinished = false;
     for (Position number = number_of(load(tail_)); distance(number, end) - 1u <= entry_mask_; ++number) {
@@ -282,7 +288,7 @@ class SendQueue {
   }
 
   WIREBOND_QUICK void close(const Ticket& ticket, Position used, State state) {
-    if (used < ticket.size) {  // the last one to take room gives the rest back; else it stays with this frame
+    if (used < ticket.size) {  // the last one to take memory gives the rest back; otherwise it stays with this frame
       const Word end =
           word_of(static_cast<Position>(ticket.begin + ticket.size), static_cast<Position>(ticket.number + 1));
       Atomics::update(head_, Orders::gives_back, [&](Word& head) {
@@ -298,9 +304,9 @@ class SendQueue {
 
   State look_at(Position number) const { return kind_of(entry_of(number).state_.load(Orders::looks)); }
 
-  /// Sets run_first_ and run_frames_. False: there is nothing to send.
+  /// Set run_first_ and run_frames_. Returns false if there is nothing to send.
   bool choose_run(std::size_t max_bytes, bool passes) {
-    free_room();  // what was abandoned
+    free_room();  // of abandoned frames
     const Position tail = number_of(load(tail_));
     const Position end = number_of(load(head_));
     Position first = tail;
@@ -310,8 +316,8 @@ class SendQueue {
       if (!passes && state != gone) return false;
     }
     if (first == end) return false;
-    // A sender whose unfinished frame was passed may have finished it and then one that is in the run, so whatever was
-    // passed is looked at again, after the run's last frame was. Each time round the run begins earlier.
+    // A sender whose unfinished frame was passed may have finished it and then one that is in the run, so all passed
+    // frames are checked again after the run's last frame was read. Each round, the run begins earlier.
     for (;;) {
       run_first_ = first;
       run_frames_ = ready_frames(first, end, max_bytes);
@@ -324,7 +330,8 @@ class SendQueue {
     return true;
   }
 
-  /// Finish the frame of this entry, which goes to `to`: where it lies, or nearer to the run's begin. Returns its size.
+  /// Finish the frame of this entry, which moves to `to`: its own place, or nearer to the start of the run. Returns its
+  /// size.
   template <class Finish>
   WIREBOND_INLINE std::size_t finish_in(Entry& entry, std::uint8_t* to, std::size_t size, Finish&& finish) {
     const std::uint8_t tag = tag_in(entry.state_.load(std::memory_order_relaxed));
@@ -341,8 +348,7 @@ class SendQueue {
     }
   }
 
-  /// How many frames from `first` on are finished, lie behind each other, and are no more than `max_bytes`: one at
-  /// least.
+  /// Count the frames from `first` on that are finished, follow each other, and fit in `max_bytes`: at least one.
   Position ready_frames(Position first, Position end, std::size_t max_bytes) const {
     Word place = load(entry_of(first).place_);
     std::size_t bytes = size_in(place);
@@ -365,7 +371,7 @@ class SendQueue {
     entry.state_.store((state & ~0xFFu) | gone, std::memory_order_relaxed);
   }
 
-  /// Free what is gone, up to the first frame that is not. A frame's room ends where that of the next one begins.
+  /// Free gone frames, up to the first that is not gone. A frame's memory ends where that of the next one begins.
   void free_room() {
     const Word before = load(tail_);
     Position position = position_of(before);
@@ -373,14 +379,14 @@ class SendQueue {
     Word head = load(head_);
     note_peak(distance(position, position_of(head)), distance(number, number_of(head)));
     while (number != number_of(head) && look_at(number) == gone) {
-      head = load(head_);  // behind look_at: before its sender closed the frame it may have moved the head back
+      head = load(head_);  // after look_at: before its sender closed the frame it may have moved the head back
       const Position following = static_cast<Position>(number + 1);
       if (following == number_of(head)) {
         position = position_of(head);
       } else if (look_at(following) != vacant) {
         position = begin_of(following);
       } else {
-        break;  // its sender is about to say where it begins
+        break;  // its sender has not yet written where it begins
       }
       entry_of(number).state_.store(vacant, std::memory_order_relaxed);
       number = following;
@@ -388,7 +394,7 @@ class SendQueue {
     if (number != number_of(before)) tail_.store(word_of(position, number), Orders::frees);
   }
 
-  /// Only the consumer frees room, so the most that was in use is what it finds before it does.
+  /// Only the consumer frees memory, so the maximum in use is what it finds before it frees.
   void note_peak(Position bytes, Position entries) {
     const Word peak = load(peak_);
     if (bytes <= position_of(peak) && entries <= number_of(peak)) return;
@@ -402,8 +408,8 @@ class SendQueue {
   Position byte_mask_;
   Position entry_mask_;
   Atomic<Word> head_{};  // where the next frame begins, and its number; senders move it
-  Atomic<Word> tail_{};  // where the oldest frame begins whose room is not free, and its number; the consumer moves it
-  Atomic<Word> peak_{};  // most bytes and entries in use; the consumer's to write
+  Atomic<Word> tail_{};  // where the oldest frame not freed begins, and its number; the consumer moves it
+  Atomic<Word> peak_{};  // maximum of bytes and entries in use; written by the consumer
   // The consumer's own:
   Position run_first_ = 0;
   Position run_frames_ = 0;

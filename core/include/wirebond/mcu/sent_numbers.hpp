@@ -10,7 +10,7 @@
 
 namespace wirebond {
 
-/// Of frames without a sequence number: nothing is kept, and frames are sealed whole before they wait.
+/// For frames without a sequence number: nothing is kept, and frames are sealed whole before they wait.
 template <class Sends, bool = detail::has_sequence<Sends>()>
 class SentNumbers {
  public:
@@ -18,7 +18,7 @@ class SentNumbers {
   static constexpr bool has_messages = false;
 };
 
-/// Numbers begin with 0 at start-up. One context: the UART's interrupt. O(bytes of the frame), checks included.
+/// Numbers begin with 0 at start-up. One context: the UART's interrupt. O(bytes of the frame), including checks.
 template <class Sends>
 class SentNumbers<Sends, true> {
  public:
@@ -26,8 +26,8 @@ class SentNumbers<Sends, true> {
   static constexpr bool has_messages = Sends{}.format().sequence_per_message;  ///< each message has its own counter
 
  protected:
-  /// A frame that waited in `room` bytes is about to be handed to DMA: its number, checks and stuffing. Returns its
-  /// size on the wire.
+  /// Close a frame that waited in `room` bytes and is about to be given to DMA: its number, checks and stuffing.
+  /// Returns its size on the wire.
   WIREBOND_NOINLINE std::size_t close(std::uint8_t* waiting, std::size_t room, std::uint8_t message) {
     constexpr Sends source{};
     const std::size_t size = waiting_size(source.format(), waiting, room);

@@ -1,4 +1,4 @@
-// What ports without an interrupt have in common: their work is done where `service` is called. No register, no driver.
+// Common part of ports without an interrupt: their work is done where `service` is called. No register, no driver.
 #pragma once
 
 #include <cstddef>
@@ -9,13 +9,14 @@
 
 namespace wirebond {
 
-/// Call `service` in the context of the link's `poll`, as often as that; it stands for the UART's interrupt of a link.
-/// What finds no room in the receive ring waits with `Port`, which derives from this and has:
-/// - `std::size_t read(std::uint8_t* bytes, std::size_t most)`: takes bytes that came, `most` at most; how many it took
-/// - `std::size_t write(const std::uint8_t* bytes, std::size_t size)`: how many of these it took
+/// Call `service` in the context of the link's `poll`, as often as that; it replaces the UART's interrupt of a link.
+/// Bytes that do not fit into the receive ring wait in `Port`, which derives from this and has:
+/// - `std::size_t read(std::uint8_t* bytes, std::size_t most)`: take at most `most` received bytes; returns how many
+/// - `std::size_t write(const std::uint8_t* bytes, std::size_t size)`: send some of these; returns how many it took
 template <class Port>
 class ServicedPort {
  public:
+  static constexpr bool is_unpaced = true;       ///< bytes wait in `Port`, and it may be USB
   static constexpr bool tells_every_lap = true;  ///< there is no DMA that could lap unseen
 
   bool start_receive(std::uint8_t* ring, std::size_t size) {
@@ -34,12 +35,12 @@ class ServicedPort {
   }
   void stop_transmit() { left_ = 0; }
 
-  /// Any task, any interrupt: the next `service` does it.
+  /// Request the next `service` to do the interrupt's work. Any task, any interrupt.
   void pend() { is_pended_.store(true, std::memory_order_release); }  // pairs with `service`
 
   bool reaches(const void*, std::size_t) const { return true; }
 
-  /// By the link, after each poll.
+  /// Called by the link, after each poll.
   void read_to(std::size_t place) { ring_.read_to(place); }
 
   template <class Link>

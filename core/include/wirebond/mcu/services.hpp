@@ -1,5 +1,5 @@
-// What an MCU answers and says by itself: hello, ping, clock, parameters and counters. The protocol file maps each to
-// messages of its own.
+// An MCU's built-in services: hello, ping, clock, parameters and counters. The protocol file maps each to messages of
+// its own.
 #pragma once
 
 #include <array>
@@ -9,12 +9,13 @@
 #include <utility>
 
 #include "wirebond/message.hpp"
+#include "wirebond/message_list.hpp"
 #include "wirebond/number.hpp"
 #include "wirebond/violation.hpp"
 
 namespace wirebond {
 
-/// Stands where a protocol has not mapped a service.
+/// Marks a service that the protocol has not mapped.
 struct NoService {
   using Message = NoService;
   using Request = NoService;
@@ -24,46 +25,50 @@ struct NoService {
   using Value = NoService;
 };
 
-/// The roles of a protocol's end; generated ends put their own in place of these.
+/// The services of a protocol's end; generated ends override them.
 struct NoServices {
   using Hello = NoService;
   using Ping = NoService;
   using Clock = NoService;
+  static constexpr bool holds_back_strangers = false;  ///< at the MCU: commands of hosts with another protocol hash
   using Log = NoService;
+  using LogLines = MessageList<>;  ///< of the `log` service, and messages with `log`
   using Parameter = NoService;
   using Counters = NoService;
+  using Mistakable = MessageList<>;  ///< own messages that the own receiver would mistake for the other end's
+  static constexpr bool knows_own_ids = false;  ///< an own message that is not among them has an id of its own
 };
 
-/// What is known of the file that the other end was built from.
+/// Knowledge about the protocol file of the other end.
 enum class Peer : std::uint8_t {
   unknown,    ///< it has not said hello
   same,       ///< the same wire
   different,  ///< another protocol hash: its messages may mean something else
 };
 
-/// How severe a log line is, as the log service's `level` has it.
+/// Severity of a log line, as in the log service's `level`.
 enum class Level : std::uint8_t { debug, info, warning, error };
 
 // ---- parameters -------------------------------------------------------------------------------------------------
 
-/// One line of a firmware's table of parameters. An index is its place in the table.
+/// One line of a firmware's table of parameters. An index is its position in the table.
 struct ParameterRule {
   float least;
   float most;
   float initial;
 
-  /// Finite, and within the range?
+  /// Check that the value is finite and within the range.
   bool allows(float value) const { return is_finite(value) && value >= least && value <= most; }
 };
 
-/// As the parameter service's `result` has it.
+/// As in the parameter service's `result`.
 enum class ParameterResult : std::uint8_t { ok, no_such_index, out_of_range };
 
-/// Values with ranges. One context at a time; a value is one word, so that other tasks may read it.
+/// Values with ranges. One context at a time; a value is one word, so other tasks may read it.
 template <std::size_t Size>
 class Parameters {
  public:
-  /// `rules` outlive this object: make them a constant.
+  /// `rules` must outlive this object: make them a constant.
   explicit constexpr Parameters(const std::array<ParameterRule, Size>& rules) : rules_(&rules) {
     for (std::size_t i = 0; i < Size; ++i) values_[i] = rules[i].initial;
   }
@@ -72,7 +77,7 @@ class Parameters {
   static constexpr std::size_t size() { return Size; }
   constexpr float operator[](std::size_t index) const { return values_[index]; }
 
-  /// Takes a finite value within the rule's range; any other answer than `ok` changes nothing.
+  /// Set a value that is finite and within the rule's range; any result other than `ok` changes nothing.
   ParameterResult set(std::size_t index, float value) {
     if (index >= Size) return ParameterResult::no_such_index;
     if (!(*rules_)[index].allows(value)) return ParameterResult::out_of_range;
@@ -98,8 +103,8 @@ template <class Handler>
 struct HasParameterSet<Handler, std::void_t<decltype(std::declval<Handler&>().parameter_set(std::size_t{}, 0.0F))>>
     : std::true_type {};
 
-/// The answer to a request for parameter `index`: the value in force and what became of the request. A handler without
-/// `parameters()` has none.
+/// Return the answer to a request for parameter `index`: the current value and the result of the request. A handler
+/// without `parameters()` has no parameters.
 template <class Value, class Handler>
 Value parameter_value([[maybe_unused]] Handler& handler, std::size_t index, ParameterResult result) {
   Value answer{};
@@ -114,13 +119,13 @@ Value parameter_value([[maybe_unused]] Handler& handler, std::size_t index, Para
   return answer;
 }
 
-/// Is this a request of the parameter service?
+/// Whether this is a request of the parameter service.
 template <class Protocol, class Message>
 inline constexpr bool asks_parameter = std::is_same_v<Message, typename Protocol::Parameter::Read> ||
                                        std::is_same_v<Message, typename Protocol::Parameter::Set>;
 
-/// The answer to such a request whose fields break a rule of the file, so that it does not act: what is wrong is the
-/// index, or the value that was to be set.
+/// Return the answer to such a request whose fields break a rule of the file, so that it does not act: either the index
+/// is wrong, or the value to be set.
 template <class Protocol, class Message, class Handler>
 typename Protocol::Parameter::Value parameter_refusal(const Message& message, Handler& handler) {
   using Value = typename Protocol::Parameter::Value;
@@ -140,6 +145,23 @@ typename Protocol::Parameter::Value parameter_refusal(const Message& message, Ha
   return parameter_value<Value>(handler, static_cast<std::size_t>(message.index), result);
 }
 
+template <class Message>
+constexpr bool is_index(std::int16_t index) {
+  if constexpr (std::is_same_v<Message, NoService>) {
+    return false;
+  } else {
+    return index == Message::Info::index;
+  }
+}
+
+/// Whether this message acts although the host sent another protocol hash: requests that move nothing do, so that a
+/// program can find out what is wrong.
+template <class Protocol>
+constexpr bool acts_for_strangers(std::int16_t index) {
+  return is_index<typename Protocol::Hello::Message>(index) || is_index<typename Protocol::Ping::Request>(index) ||
+         is_index<typename Protocol::Clock::Request>(index) || is_index<typename Protocol::Parameter::Read>(index);
+}
+
 constexpr unsigned hello_version = 1;  ///< of the hello service itself
 
 template <class Protocol>
@@ -150,14 +172,14 @@ typename Protocol::Hello::Message hello() {
   return hello;
 }
 
-/// When the last byte of a request came, and what time it is now. Without a clock at the port both are the poll's.
+/// When the last byte of a request came, and the time now. Without a clock at the port both are poll's time.
 struct ServiceTimes {
   std::uint32_t received_us;
   std::uint32_t now_us;
 };
 
-/// Answer `message` where it is the request of a service. `send` takes the answer; what it does not take is lost and
-/// counted there, as any message is. To a broadcast it sends nothing.
+/// Answer `message` if it is the request of a service. `send` takes the answer; if it refuses, the answer is lost and
+/// counted there, as any message is. Does not answer a broadcast.
 template <class Protocol, class Message, class Handler, class Send>
 void serve(const Message& message, [[maybe_unused]] Handler& handler, [[maybe_unused]] const ServiceTimes& times,
            [[maybe_unused]] Peer& peer, [[maybe_unused]] Send&& send) {

@@ -1,5 +1,5 @@
-// The receive ring of a port without DMA, which can make its sender wait: how much room there is, and the copy. No
-// link, no register.
+// The receive ring of a port without DMA, which can make its sender wait: counts free bytes, and copies. No link, no
+// register.
 #pragma once
 
 #include <atomic>
@@ -10,11 +10,11 @@
 
 namespace wirebond {
 
-/// `put` and `start` in one context, the UART's interrupt or what stands for it; `read_to` by `poll`; the rest
-/// anywhere. Nothing that `poll` has not read is written over.
+/// `put` and `start` in one context, the UART's interrupt or its replacement; `read_to` by `poll`; the rest anywhere.
+/// Bytes that `poll` has not read are never overwritten.
 class SoftwareRing {
  public:
-  /// `size` is a power of two. All of it is free.
+  /// Start with an empty ring. `size` is a power of two.
   void start(std::uint8_t* bytes, std::size_t size) {
     place_.store(0, std::memory_order_relaxed);
     read_.store(0, std::memory_order_relaxed);
@@ -26,14 +26,14 @@ class SoftwareRing {
   bool runs() const { return size_ != 0; }
   std::size_t place() const { return place_.load(std::memory_order_acquire); }  // pairs with `put`
 
-  /// How many bytes may be put; one of the ring stays free.
+  /// Return how many bytes may be put; one of the ring stays free.
   std::size_t room() const {
     if (size_ == 0) return 0;
     const std::size_t read = read_.load(std::memory_order_acquire);  // pairs with `read_to`
     return (read - place_.load(std::memory_order_relaxed) - 1) & (size_ - 1);
   }
 
-  /// The first of `size` bytes that there is room for; how many.
+  /// Copy as many of the `size` bytes as fit, and return how many.
   std::size_t put(const std::uint8_t* bytes, std::size_t size) {
     const std::size_t count = size < room() ? size : room();
     std::size_t place = place_.load(std::memory_order_relaxed);  // only this context writes it
@@ -45,7 +45,7 @@ class SoftwareRing {
     return count;
   }
 
-  /// All before this place is read.
+  /// Note that all bytes before this place are read.
   void read_to(std::size_t place) { read_.store(place, std::memory_order_release); }  // pairs with `room`
 
  private:

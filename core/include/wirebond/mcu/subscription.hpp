@@ -1,22 +1,21 @@
-// Functions that want every message of a kind, from any source file; several for one message. No link, no queue.
+// Functions that receive every message of a kind, from any source file; several for one message. No link, no queue.
 #pragma once
 
 #include "wirebond/header.hpp"
 
 namespace wirebond {
 
-/// A handler derives from it to let subscriptions see its link's messages, after its own `on`.
+/// Base class of a handler whose link's messages subscriptions receive, after its own `on`.
 struct Subscribed {};
 
 /// A variable of this type subscribes a function for as long as it lives:
 ///
 ///     static wirebond::Subscription<diffdrive::Velocity> log_velocity([](const diffdrive::Velocity& v) { ... });
 ///
-/// Where frames have header fields, the function may take the message's `Header` as its second parameter. At namespace
-/// scope of any source file the subscription is there before `main`. The function runs inside `poll`, for the messages
-/// of every link whose handler is `Subscribed`; in which order several run is not told. It takes two words, three where
-/// frames have header fields, and no heap. Make and destroy subscriptions while no link is polled, or in the context
-/// that polls.
+/// If frames have header fields, the function may take the message's `Header` as its second parameter. At namespace
+/// scope of any source file the subscription exists before `main`. The function runs inside `poll`, for the messages of
+/// every link whose handler is `Subscribed`; several run in unspecified order. It takes two words, three if frames have
+/// header fields, and no heap. Make and destroy subscriptions while no link is polled, or in the context that polls.
 template <class Message, class Header = HeaderOf<typename Message::Info>>
 class Subscription {
  public:
@@ -33,7 +32,7 @@ class Subscription {
   Subscription(const Subscription&) = delete;
   Subscription& operator=(const Subscription&) = delete;
 
-  /// Call each function. One of them may end its own subscription.
+  /// Call each function. A function may end its own subscription.
   static void publish(const Message& message, const Header& header) {
     for (Subscription* subscription = first_; subscription != nullptr;) {
       Subscription* const next = subscription->next_;
@@ -47,14 +46,14 @@ class Subscription {
   }
 
  private:
-  static inline Subscription* first_ = nullptr;  // set before any constructor runs, whatever the order of source files
+  static inline Subscription* first_ = nullptr;  // set before any constructor runs, in any order of source files
 
   Function function_ = nullptr;
-  FunctionWithHeader with_header_ = nullptr;  // one of the two
+  FunctionWithHeader with_header_ = nullptr;  // only one of the two is set
   Subscription* next_;
 };
 
-/// The same where frames have no header field.
+/// For frames without header fields.
 template <class Message>
 class Subscription<Message, NoHeader> {
  public:
@@ -69,7 +68,7 @@ class Subscription<Message, NoHeader> {
   Subscription(const Subscription&) = delete;
   Subscription& operator=(const Subscription&) = delete;
 
-  /// Call each function. One of them may end its own subscription.
+  /// Call each function. A function may end its own subscription.
   static void publish(const Message& message) {
     for (Subscription* subscription = first_; subscription != nullptr;) {
       Subscription* const next = subscription->next_;
@@ -79,7 +78,7 @@ class Subscription<Message, NoHeader> {
   }
 
  private:
-  static inline Subscription* first_ = nullptr;  // set before any constructor runs, whatever the order of source files
+  static inline Subscription* first_ = nullptr;  // set before any constructor runs, in any order of source files
 
   Function function_;
   Subscription* next_;

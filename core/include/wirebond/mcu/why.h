@@ -1,5 +1,5 @@
-// What may keep a link at the MCU from working, and a sentence for each. C99, C11 and C++; it asks nothing and knows no
-// link.
+// Reasons why a link at the MCU may not work, and a sentence for each. C99, C11 and C++; it queries nothing and knows
+// no link.
 #ifndef WIREBOND_WHY_H
 #define WIREBOND_WHY_H
 
@@ -7,7 +7,7 @@
 extern "C" {
 #endif
 
-/// Why a link does not work as it should. A link names the first of these that holds, in this order.
+/// Why a link does not work as it should. A link reports the first of these that holds, in this order.
 typedef enum wirebond_why {
   WIREBOND_WHY_NOTHING,                   ///< nothing is known to be wrong
   WIREBOND_WHY_NOT_POLLED,                ///< its poll was never called
@@ -20,20 +20,25 @@ typedef enum wirebond_why {
   WIREBOND_WHY_INTERRUPT_OFF,             ///< by the port: the UART's interrupt is not enabled
   WIREBOND_WHY_NOT_CONNECTED,             ///< the port says that no program reads, or it is stopped
   WIREBOND_WHY_PORT_REFUSES,              ///< the port does not start reception
-  WIREBOND_WHY_PENDS_UNSERVED,            ///< the interrupt was pended, and nobody called `on_pended`
+  WIREBOND_WHY_PENDS_UNSERVED,            ///< the interrupt was pended, but `on_pended` was never called
   WIREBOND_WHY_RECEPTION_STOPS,           ///< reception ends without an error event
   WIREBOND_WHY_RUNS_NOT_COMPLETED,        ///< DMA takes no run, or what it took never ends
-  WIREBOND_WHY_NO_ECHO,                   ///< `echo: true`, and nothing that was sent came back
-  WIREBOND_WHY_NOTHING_UNDERSTOOD,        ///< bytes or line errors came, and never a frame
+  WIREBOND_WHY_NO_ECHO,                   ///< `echo: true`, but nothing that was sent came back
+  WIREBOND_WHY_WRONG_TIME_BASE,           ///< the poll's time passes too slowly: it does not count microseconds
+  WIREBOND_WHY_HEARS_ITSELF,              ///< own frames come back, but the file does not say `echo: true`
+  WIREBOND_WHY_NOTHING_UNDERSTOOD,        ///< bytes or line errors came, but never a frame
   WIREBOND_WHY_NOTHING_HEARD,             ///< no valid frame came for a second, or none yet
-  WIREBOND_WHY_MANY_LINE_ERRORS,          ///< frames come, and more than one error in 1000 bytes
-  WIREBOND_WHY_MANY_COLLISIONS,           ///< `echo: true`, and more than one run in 100 came back otherwise
+  WIREBOND_WHY_PROTOCOL_DIFFERS,          ///< the host has another protocol file, so its commands do not act
+  WIREBOND_WHY_MANY_LINE_ERRORS,          ///< frames come, but more than one error in 1000 bytes
+  WIREBOND_WHY_MANY_COLLISIONS,           ///< `echo: true`, but more than one run in 100 did not come back as sent
+  WIREBOND_WHY_SLOW_WITHOUT_CLOCK,        ///< polls came late, and without a clock at the port commands may act late
   WIREBOND_WHY_POLLED_TOO_SELDOM,         ///< received bytes were lost between two polls
+  WIREBOND_WHY_CLOCK_STEPS_BACK,          ///< the poll's time has stepped back
   WIREBOND_WHY_TICK_BELOW_UART,           ///< by the port: the vendor's tick cannot interrupt the UART's interrupt
   WIREBOND_WHY_COUNT
 } wirebond_why_t;
 
-/// A sentence that says what is wrong and what to do. It takes flash only where it is called.
+/// Return a sentence that says what is wrong and what to do. Takes flash only if it is called.
 static inline const char* wirebond_why_text(wirebond_why_t why) {
   switch (why) {
     case WIREBOND_WHY_NOTHING: return "nothing is known to be wrong";
@@ -66,19 +71,38 @@ static inline const char* wirebond_why_text(wirebond_why_t why) {
     case WIREBOND_WHY_NO_ECHO:
       return "nothing that is sent comes back, and the protocol file says `echo: true`: is the transceiver's driver "
              "enabled while this end sends, and its receiver always? Without an echo, remove that line";
+    case WIREBOND_WHY_WRONG_TIME_BASE:
+      return "the time that the poll is given passes too slowly: the port's clock or tick passes faster, or more bytes "
+             "come than `link: baud` of the protocol file allows in that time. Deadlines strike late, or never. The "
+             "poll takes microseconds: give milliseconds, as of HAL_GetTick(), to poll_ms; and compare the baud rates";
+    case WIREBOND_WHY_HEARS_ITSELF:
+      return "what this end sends comes back to it, as an echo: is TX shorted to RX? On RS-485 or one wire write "
+             "`echo: true` under `link` of the protocol file, or switch the receiver off while this end sends";
     case WIREBOND_WHY_NOTHING_UNDERSTOOD:
       return "bytes come, and no frame is among them: compare baud rate, parity, stop bits and protocol file of both "
-             "ends";
+             "ends; and see that TX is not shorted to RX";
     case WIREBOND_WHY_NOTHING_HEARD:
       return "no valid frame comes: is the other end on, its TX at this RX, with a common ground?";
+    case WIREBOND_WHY_PROTOCOL_DIFFERS:
+      return "the host said hello with another protocol hash, so its commands do not act, but for the emergency stop: "
+             "build both ends from one file (`wirebond diff` compares two), or write `on_mismatch: act` under `link`";
     case WIREBOND_WHY_MANY_LINE_ERRORS:
       return "frames come, and many bytes have errors: the counters say which kind. Framing: baud rate, ground, cable; "
              "noise: use one sample for each bit; overrun: give the receive DMA the highest priority";
     case WIREBOND_WHY_MANY_COLLISIONS:
       return "what is sent often comes back otherwise: two ends send at the same time, or the line is disturbed. Let "
              "only one end begin, and the others answer";
+    case WIREBOND_WHY_SLOW_WITHOUT_CLOCK:
+      return "a poll came later than half the shortest deadline, and the port has no clock: a command that waits for a "
+             "slow handler acts late, and `late` does not count it. Give the port a clock (`now_us`), and keep slow "
+             "work, such as erasing flash, out of handlers";
     case WIREBOND_WHY_POLLED_TOO_SELDOM:
-      return "received bytes were lost between two polls: poll more often, or enlarge the receive ring";
+      return "the receive ring overflows between two polls, and received bytes are lost: poll more often, or enlarge "
+             "the "
+             "ring to twice what the line brings between two polls";
+    case WIREBOND_WHY_CLOCK_STEPS_BACK:
+      return "the time that the poll is given has stepped back: a clock that is put together from a tick and a timer "
+             "reads both again until the tick is the same, and all polls of a link have one clock";
     case WIREBOND_WHY_TICK_BELOW_UART:
       return "the HAL's tick cannot interrupt the UART's interrupt, which may then wait for it for ever: give the tick "
              "a higher priority (a lower number) than the UART";

@@ -13,9 +13,9 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from wirebond.analysis.diagnosis import Diagnosis
 from wirebond.cli.shown import behind_schedule, log_text, sequence_parts, unlisted_text, values_text
 from wirebond.codec import Message
-from wirebond.diagnosis import Diagnosis
 from wirebond.link import Link, LinkStats
 from wirebond.protocol.model import End
 from wirebond.protocol.planning import plan_for

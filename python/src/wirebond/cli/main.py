@@ -18,7 +18,14 @@ import typer
 from wirebond.cli.interrupts import EXIT_INTERRUPTED
 from wirebond.cli.options import files, lines, parameters, recordings, simulation
 from wirebond.cli.output import ReaderGone, console, drop, errors, fail, plain
-from wirebond.errors import HeaderFileError, LinkDownError, PortError, ProtocolFileError, UsageError, WirebondError
+from wirebond.errors import (
+    HeaderFileError,
+    LinkDownError,
+    PortError,
+    ProtocolFileError,
+    UsageError,
+    WirebondError,
+)
 from wirebond.visible import visible
 
 EXIT_INPUT, EXIT_USAGE, EXIT_PORT = 1, 2, 3
@@ -26,7 +33,6 @@ EXIT_INPUT, EXIT_USAGE, EXIT_PORT = 1, 2, 3
 app = typer.Typer(
     help="The serial link between a robot's computer and its microcontroller, from one protocol file.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Exit codes: 0 done, 1 wrong input, 2 wrong usage, 3 port trouble, 130 interrupted.",
@@ -95,7 +101,7 @@ def _run(arguments: list[str] | None) -> int:
             from wirebond.cli.web import with_web_address
 
             given = with_web_address(given)
-        return int(app(args=given, standalone_mode=False) or 0)
+        return int(app(args=given, prog_name="wirebond", standalone_mode=False) or 0)
     except ReaderGone:
         return 0
     except SystemExit:  # of rich, whose reader has gone while it showed --help

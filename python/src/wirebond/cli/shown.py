@@ -9,8 +9,8 @@ from rich.text import Text
 from wirebond.cli.output import write
 from wirebond.cli.values import hex_of, to_json
 from wirebond.codec import Codec, Message, SequenceStats, Stats
-from wirebond.log import LogLine
 from wirebond.protocol.decimals import decimal_text
+from wirebond.protocol.log import LogLine
 from wirebond.visible import visible
 
 if TYPE_CHECKING:  # most commands open no link

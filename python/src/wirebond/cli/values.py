@@ -9,8 +9,8 @@ from functools import partial
 from typing import Any
 
 from wirebond.errors import MessageError, UsageError
-from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import End, Field, FieldKind, Message, Protocol
+from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.planning import plan_for
 from wirebond.visible import visible_json
 

@@ -26,7 +26,7 @@ def web_address(text: str) -> tuple[str, int]:
     """
     host, _, port = text.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
-    if not port.isdecimal() or int(port) > 65535:
+    if not port.isdecimal() or len(port) > 5 or int(port) > 65535:
         raise UsageError(f"--web is {text!r:.80}; give nothing, then it is {DEFAULT}, or give PORT or HOST:PORT")
     return host or "127.0.0.1", int(port)
 

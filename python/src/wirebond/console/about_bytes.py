@@ -11,13 +11,13 @@ from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
 from wirebond.console.answers import RefusedError, body_of, guarded, served_by, worked_by
+from wirebond.console.jobs import Worker
+from wirebond.console.jobs.protocol_files import EDITED
+from wirebond.console.jobs.wire_bytes import decoded_reads, decoded_recording, explained
 from wirebond.console.library import Library
 from wirebond.console.station import Station
-from wirebond.history.source import ENDS
-from wirebond.jobs import Worker
-from wirebond.jobs.protocol_files import EDITED
-from wirebond.jobs.wire_bytes import decoded_reads, decoded_recording, explained
 from wirebond.protocol.model import End
+from wirebond.recording.history.source import ENDS
 
 _MOST_EXPLAINED = 1 << 16  # bytes
 _HEX = re.compile(r"(?:[0-9a-fA-F]{2})*")

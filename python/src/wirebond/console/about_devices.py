@@ -11,18 +11,18 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
+from wirebond.analysis.identify.formats import known_formats
+from wirebond.analysis.identify.lines import Heard, Line, best_of, lines_for, search
 from wirebond.console.about_bytes import bytes_of
 from wirebond.console.answers import RefusedError, answer, body_of, guarded, served_by, worked, worked_by
 from wirebond.console.connector import HeldError
+from wirebond.console.jobs import Worker
+from wirebond.console.jobs.protocol_files import imported
+from wirebond.console.jobs.wire_bytes import candidates_dict, identified
 from wirebond.console.station import Station
-from wirebond.identify.formats import known_formats
-from wirebond.identify.lines import Heard, Line, best_of, lines_for, search
-from wirebond.jobs import Worker
-from wirebond.jobs.protocol_files import imported
-from wirebond.jobs.wire_bytes import candidates_dict, identified
+from wirebond.generate.new.template import TEMPLATES, template_text
+from wirebond.generate.new.write import protocol_name
 from wirebond.link.raw import listen_at
-from wirebond.new.template import TEMPLATES, template_text
-from wirebond.new.write import protocol_name
 from wirebond.protocol.model import End
 
 _MOST_BYTES = 1 << 16  # that are looked at: more makes no format likelier, and takes longer

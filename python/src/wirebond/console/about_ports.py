@@ -12,8 +12,8 @@ from starlette.routing import BaseRoute, Route
 
 from wirebond.console.answers import body_of, guarded, worked
 from wirebond.console.connector import SIMULATORS, Connector
-from wirebond.ports.discovery import serial_ports
-from wirebond.ports.facts import port_facts
+from wirebond.link.devices.discovery import serial_ports
+from wirebond.link.devices.facts import port_facts
 
 
 class _Connect(msgspec.Struct):

@@ -6,21 +6,23 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
-from wirebond import paths
 from wirebond.console.answers import RefusedError, answer, body_of, guarded, served_by, worked, worked_by
 from wirebond.console.connector import Options
+from wirebond.console.jobs import Worker
+from wirebond.console.jobs.protocol_files import checked, document, findings
 from wirebond.console.library import Library
 from wirebond.console.protocol_form import protocol_form
 from wirebond.console.station import Station
-from wirebond.jobs import Worker
-from wirebond.jobs.protocol_files import checked, document, findings
+from wirebond.generate.new.write import protocol_name, write_new
 from wirebond.link.raw import is_raw
-from wirebond.new.write import protocol_name, write_new
 from wirebond.protocol import loads
+from wirebond.protocol.model import Protocol
+from wirebond.protocol.text.schema import schema_text
 from wirebond.whole_file import write_whole
 
 
@@ -74,17 +76,23 @@ class ProtocolRequests:
         model = source.codec.model
         return protocol_form(source.codec, source.history, model.path, "", model.link.baud)
 
-    async def _document(self, _: Request) -> Response:
-        model = served_by(self._station).link.codec.model
+    async def _model(self, request: Request) -> Protocol:
+        """Of the link, or of the recording that is asked for."""
+        name = request.query_params.get("recording")
+        if name is None:
+            return served_by(self._station).link.codec.model
+        return (await run_in_threadpool(self._library.open, name)).source.codec.model
+
+    async def _document(self, request: Request) -> Response:
+        model = await self._model(request)
         return await worked_by(self._worker, document, model.text, model.path)
 
-    async def _lint(self, _: Request) -> Response:
-        model = served_by(self._station).link.codec.model
+    async def _lint(self, request: Request) -> Response:
+        model = await self._model(request)
         return await worked_by(self._worker, findings, model.text, model.path)
 
     async def _schema(self, _: Request) -> Response:
-        schema = (paths.protocols() / "wirebond.schema.json").read_bytes()
-        return Response(schema, media_type="application/schema+json")
+        return Response(schema_text(), media_type="application/schema+json")
 
     async def _save(self, request: Request) -> Response:
         """What is in force stays until the port is connected."""

@@ -10,6 +10,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response, StreamingResponse
 from starlette.routing import BaseRoute, Route
 
+from wirebond.chinese import with_chinese
 from wirebond.console.answers import RefusedError, answer, guarded
 from wirebond.console.library import Library
 from wirebond.recording.export import csv_of
@@ -31,7 +32,8 @@ class RecordingRequests:
 
     async def _list(self, _: Request) -> Response:
         folder, found = await run_in_threadpool(self._library.list)
-        return answer({"folder": None if folder is None else str(folder), "recordings": msgspec.to_builtins(found)})
+        told = [with_chinese(each, "error") for each in msgspec.to_builtins(found)]
+        return answer({"folder": None if folder is None else str(folder), "recordings": told})
 
     async def _file(self, request: Request) -> Response:
         name = request.path_params["name"]

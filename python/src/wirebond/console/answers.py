@@ -11,12 +11,13 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from wirebond.as_json import encode, plain
+from wirebond.chinese import with_chinese
 from wirebond.console.connector import HeldError
+from wirebond.console.jobs import Worker, as_json
+from wirebond.console.jobs.protocol_files import problems_of
 from wirebond.console.library import NoPortError
 from wirebond.console.station import Served, Station
 from wirebond.errors import ProtocolFileError, WirebondError
-from wirebond.jobs import Worker, as_json
-from wirebond.jobs.protocol_files import problems_of
 
 MOST_BODY = 4 << 20  # bytes
 _Body = TypeVar("_Body", bound=msgspec.Struct)
@@ -39,6 +40,11 @@ def answer(value: object, status: int = 200) -> Response:
     return Response(encode(plain(value)), status, media_type="application/json")
 
 
+def refusal(error: str, text: str, status: int, **more: object) -> Response:
+    """Why not, as a word and a sentence."""
+    return answer(with_chinese({"error": error, "text": text, **more}, "text"), status)
+
+
 def served_by(station: Station) -> Served:
     """What is served now.
 
@@ -57,17 +63,17 @@ def guarded(handler: Handler) -> Handler:
         try:
             return await handler(request)
         except RefusedError as error:
-            return answer({"error": error.error, "text": str(error)}, error.status)
+            return refusal(error.error, str(error), error.status)
         except ProtocolFileError as error:
-            return answer({"error": "protocol", "text": str(error), "problems": problems_of(error)}, 422)
+            return refusal("protocol", str(error), 422, problems=problems_of(error))
         except NoPortError as error:
-            return answer({"error": "no_link", "text": str(error)}, 404)
+            return refusal("no_link", str(error), 404)
         except HeldError as error:
-            return answer({"error": "not_in_control", "text": str(error)}, 409)
+            return refusal("not_in_control", str(error), 409)
         except WirebondError as error:
-            return answer({"error": "refused", "text": str(error)}, 422)
+            return refusal("refused", str(error), 422)
         except OSError as error:
-            return answer({"error": "refused", "text": f"{error.strerror or error}: {error.filename}"}, 422)
+            return refusal("refused", f"{error.strerror or error}: {error.filename}", 422)
 
     return wrapped
 

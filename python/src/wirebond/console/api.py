@@ -10,10 +10,11 @@ from wirebond.console.about_devices import DeviceRequests
 from wirebond.console.about_ports import PortRequests
 from wirebond.console.about_protocol import ProtocolRequests
 from wirebond.console.about_recordings import RecordingRequests
+from wirebond.console.about_samples import SampleRequests
 from wirebond.console.connector import Connector
+from wirebond.console.jobs import Worker
 from wirebond.console.library import Library
 from wirebond.console.station import Station
-from wirebond.jobs import Worker
 
 
 def routes(station: Station, library: Library, connector: Connector, worker: Worker) -> list[BaseRoute]:
@@ -23,6 +24,7 @@ def routes(station: Station, library: Library, connector: Connector, worker: Wor
         *ByteRequests(station, library, worker).routes(),
         *DeviceRequests(station, worker).routes(),
         *RecordingRequests(library).routes(),
+        *SampleRequests(station, library).routes(),
         *CommandRequests(station).routes(),
         *PortRequests(connector).routes(),
     ]

@@ -16,11 +16,13 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from wirebond.as_json import encode
+from wirebond.chinese import with_chinese
 from wirebond.console.attach_socket import attach
 from wirebond.console.guard import Guard
 from wirebond.console.library import Library
 from wirebond.console.station import Station
 from wirebond.console.views_socket import views
+from wirebond.console.visitors import Visitors
 
 _NOT_BUILT = """<!doctype html><meta charset="utf-8"><title>Wirebond</title>
 <p>The page was not built: this is a clone of the source, and building it needs Node 20 or newer.
@@ -38,15 +40,15 @@ _HEADERS = (
 
 
 def application(
-    guard: Callable[[], Guard], station: Station, library: Library, page: Path, api: list[BaseRoute]
+    guard: Guard, visitors: Visitors, station: Station, library: Library, page: Path, api: list[BaseRoute]
 ) -> ASGIApp:
-    """``guard``: asked for each request, since the port is known only when the console listens."""
+    """The console's paths, behind its rules of access."""
 
     async def at_attach(socket: WebSocket) -> None:
-        await attach(socket, guard(), station)
+        await attach(socket, visitors, station)
 
     async def at_views(socket: WebSocket) -> None:
-        await views(socket, guard(), station, library)
+        await views(socket, visitors, station, library)
 
     async def not_built(_: Request) -> Response:
         return HTMLResponse(_NOT_BUILT)
@@ -59,26 +61,30 @@ def application(
         *api,
         front,
     ]
-    return Guarded(Starlette(routes=routes), guard)
+    return Guarded(Starlette(routes=routes), guard, visitors)
 
 
 class Guarded:
     """Refuses what the guard refuses before anything else looks at it."""
 
-    def __init__(self, app: ASGIApp, guard: Callable[[], Guard]) -> None:
+    def __init__(self, app: ASGIApp, guard: Guard, visitors: Visitors) -> None:
         self._app = app
         self._guard = guard
+        self._visitors = visitors
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """See ASGI."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        guard = self._guard()
+        with self._visitors.serving(scope):
+            await self._serve(scope, receive, send)
+
+    async def _serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = {name.lower(): value.decode("latin-1") for name, value in scope["headers"]}
         needs_origin = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
         origin = headers.get(b"origin") if needs_origin else None
-        refused = guard.refuses(headers.get(b"host", ""), origin)
+        refused = self._guard.refuses(headers.get(b"host", ""), origin)
         if refused is not None:
             if scope["type"] == "http" and "text/html" in headers.get(b"accept", ""):
                 await HTMLResponse(_NOT_HERE.format(html.escape(refused)), 403)(scope, receive, send)
@@ -87,7 +93,7 @@ class Guarded:
             return
         if scope["type"] == "http" and scope["path"].startswith("/api/"):
             given = headers.get(b"authorization", "").removeprefix("Bearer ")
-            if not guard.is_token(given):
+            if not await self._visitors.shows_token(scope, given):
                 text = "the token is missing or wrong; give it as `Authorization: Bearer TOKEN`"
                 await _refuse(scope, receive, send, 401, "token", text)
                 return
@@ -106,7 +112,8 @@ def _with_headers(send: Send) -> Send:
 async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, error: str, text: str) -> None:
     """Before a WebSocket is accepted, its refusal is an HTTP answer, too."""
     response: Callable[[Scope, Receive, Send], Awaitable[None]]
-    response = Response(encode({"error": error, "text": text}), status, media_type="application/json")
+    told = with_chinese({"error": error, "text": text}, "text")
+    response = Response(encode(told), status, media_type="application/json")
     if scope["type"] == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
         await send({"type": "websocket.close", "code": 1008, "reason": error})
         return

@@ -9,24 +9,31 @@ from typing import Any
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from wirebond.attach import words
-from wirebond.console.guard import Guard
+from wirebond.chinese import with_chinese
 from wirebond.console.station import Station
+from wirebond.console.visitors import Visitors
+from wirebond.link.attached import words
 
 _FIRST_WITHIN = 2.0  # seconds
 _READ_BYTES = 1 << 18
+NO_OBJECT = "the first message is no JSON object; see docs/console-api.md"
 REFUSED, RESTARTED = 1008, 1012  # close codes of RFC 6455: policy; the link was replaced, so attach again
 
 
-async def attach(socket: WebSocket, guard: Guard, station: Station) -> None:
+async def attach(socket: WebSocket, visitors: Visitors, station: Station) -> None:
     """One program, from its first message to its end."""
     await socket.accept()
     first = await first_message(socket)
     if first is None:
         return
     number, token = first.get("id", 1), first.get("token")
-    if not guard.is_token(token if isinstance(token, str) else ""):
+    if not await visitors.shows_token(socket.scope, token if isinstance(token, str) else ""):
         await refuse(socket, "token", "the token is missing or wrong; it is in the address that was printed", number)
+        return
+    try:
+        hello = msgspec.json.encode({**first, "token": ""})
+    except RecursionError:  # decoding it just fitted on the stack
+        await refuse(socket, "not_understood", NO_OBJECT, number)
         return
     served = station.served
     if served is None:
@@ -37,7 +44,7 @@ async def attach(socket: WebSocket, guard: Guard, station: Station) -> None:
     except (OSError, RuntimeError):  # it is closed at this moment
         await refuse(socket, "no_link", "the link is just being replaced; attach again", number)
         return
-    writer.write(words.framed(words.JSON, msgspec.json.encode({**first, "token": ""})))
+    writer.write(words.framed(words.JSON, hello))
     inward = asyncio.create_task(_inward(socket, writer))
     outward = asyncio.create_task(_outward(reader, socket))
     try:
@@ -66,7 +73,7 @@ async def first_message(socket: WebSocket) -> dict[str, Any] | None:
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         first = None
     if not isinstance(first, dict):
-        await refuse(socket, "not_understood", "the first message is no JSON object; see docs/console-api.md")
+        await refuse(socket, "not_understood", NO_OBJECT)
         return None
     return first
 
@@ -74,7 +81,8 @@ async def first_message(socket: WebSocket) -> dict[str, Any] | None:
 async def refuse(socket: WebSocket, error: str, text: str, number: Any = 1) -> None:
     """Say why, and end the connection."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect, OSError):
-        await socket.send_text(msgspec.json.encode({"re": number, "error": error, "text": text}).decode())
+        told = with_chinese({"re": number, "error": error, "text": text}, "text")
+        await socket.send_text(msgspec.json.encode(told).decode())
         await socket.close(REFUSED)
 
 

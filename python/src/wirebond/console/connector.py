@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from wirebond import paths
-from wirebond.attach.address import make_socket_folder, socket_of
 from wirebond.codec import Codec, load
+from wirebond.console.jobs.protocol_files import EDITED
 from wirebond.console.station import Station
 from wirebond.errors import UsageError
-from wirebond.jobs.protocol_files import EDITED
 from wirebond.link import open_link
+from wirebond.link.attached.address import make_socket_folder, socket_of
+from wirebond.link.devices.port_name import port_name
 from wirebond.link.raw import raw_codec
-from wirebond.ports.port_name import port_name
 from wirebond.protocol import loads
 from wirebond.protocol.model import LinkSettings
 from wirebond.recording.recording import Recording

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import re
 import secrets
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -16,12 +18,14 @@ from wirebond.console.api import routes
 from wirebond.console.app import application
 from wirebond.console.connector import Connector, Options
 from wirebond.console.guard import Guard
+from wirebond.console.jobs import Worker
 from wirebond.console.library import Library
 from wirebond.console.station import Station
+from wirebond.console.visitors import Visitors, protocol_for
 from wirebond.errors import UsageError
-from wirebond.jobs import Worker
 from wirebond.paths import PAGE
-from wirebond.server.owner import is_loopback, tcp_socket
+from wirebond.seldom import SeldomFilter, limit_errors_of
+from wirebond.server.owner import tcp_socket
 
 if TYPE_CHECKING:
     from wirebond.link import Link
@@ -29,7 +33,9 @@ if TYPE_CHECKING:
 
 DEFAULT_PORT = 8765
 _MOST_MESSAGE = 1 << 20  # bytes of one message of a client
-_MOST_CONNECTIONS = 512  # more get HTTP's 503
+_MOST_CONNECTIONS = 256  # that show the token, about; more get HTTP's 503. Each takes up to three file descriptors
+_BACKLOG = 32  # connections that wait to be accepted, and are accepted at once
+_NO_NEWS = ("ASGI callable returned without completing handshake.",)  # uvicorn, of each WebSocket that is refused
 _TOKEN = re.compile(r"[A-Za-z0-9._~-]+")
 _PATIENCE = 5.0  # seconds that the thread has to begin and to end
 
@@ -40,7 +46,7 @@ class Console:
 
     :param host: address to listen at.
     :param port: 0: any that is free.
-    :param token: what clients must say. None: needed, and made, where the host is reached by other computers.
+    :param token: what clients must say. None: one is made. Loopback needs it too: every user of a computer reaches it.
     :param page: the folder of the built page.
     :param options: how links are opened that the page asks for; None: it may ask for none.
     :raises PortError: it cannot listen there.
@@ -61,12 +67,10 @@ class Console:
                 "the console's token stands in an address and in a header, and this one cannot; give letters, digits, "
                 "'-', '_', '.' and '~'"
             )
-        if token is None and not is_loopback(host):
-            token = secrets.token_urlsafe(16)
         self._socket = tcp_socket(host, port)
         self._host = host
         self._is_closing = False
-        self._guard = Guard(self._socket.getsockname()[1], token)
+        self._guard = Guard(self._socket.getsockname()[1], token or secrets.token_urlsafe(16))
         self.station = Station()
         self.page_is_built = (page / "index.html").is_file()
         options = options or Options()
@@ -74,12 +78,16 @@ class Console:
         library = Library(self.station, options.recordings)
         self._worker = Worker()
         api = routes(self.station, library, connector, self._worker)
-        app = application(lambda: self._guard, self.station, library, page, api)
+        visitors = Visitors(self._guard)
+        app = application(self._guard, visitors, self.station, library, page, api)
         config = uvicorn.Config(
             app,
             log_config=None,
             access_log=False,
             lifespan="off",
+            backlog=_BACKLOG,
+            proxy_headers=False,  # a client could choose its own address
+            http=protocol_for(visitors),
             ws="websockets-sansio",
             ws_max_size=_MOST_MESSAGE,
             ws_per_message_deflate=False,
@@ -98,8 +106,8 @@ class Console:
         return self._guard.port
 
     @property
-    def token(self) -> str | None:
-        """What clients must say; None: nothing."""
+    def token(self) -> str:
+        """What clients must say."""
         return self._guard.token
 
     @property
@@ -111,8 +119,7 @@ class Console:
         elif host == "::":
             host = "::1"
         shown = f"[{host}]" if ":" in host else host
-        fragment = "" if self.token is None else f"#token={self.token}"
-        return f"http://{shown}:{self.port}/{fragment}"
+        return f"http://{shown}:{self.port}/#token={self.token}"
 
     def show(self, link: Link, server: Server) -> None:
         """Show this link, which the server serves, from now on. Where the page connects another one, both are closed.
@@ -138,10 +145,26 @@ class Console:
 
     def _run(self) -> None:
         with contextlib.suppress(SystemExit):
-            asyncio.run(self._server.serve([self._socket]))
+            asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        limit_errors_of(asyncio.get_running_loop())
+        with _few_records():
+            await self._server.serve([self._socket])
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+@contextlib.contextmanager
+def _few_records() -> Iterator[None]:
+    """Any client can make the web server write to its log, as by bytes that are no HTTP."""
+    logger, limit = logging.getLogger("uvicorn.error"), SeldomFilter(threading.current_thread(), _NO_NEWS)
+    logger.addFilter(limit)
+    try:
+        yield
+    finally:
+        logger.removeFilter(limit)

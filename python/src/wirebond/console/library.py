@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from wirebond.console.station import Station
 from wirebond.errors import UsageError
-from wirebond.history.recorded import recorded_source
-from wirebond.history.source import Source
+from wirebond.recording.history.recorded import recorded_source
+from wirebond.recording.history.source import Source
 from wirebond.recording.recording import Recording
 from wirebond.server.recording_folder import RecordingFolder
 
 if TYPE_CHECKING:
-    from wirebond.attach.words import StoredRecording
+    from wirebond.link.attached.words import StoredRecording
     from wirebond.server.recordings import Recordings
 
 _MOST_OPEN = 3
@@ -28,12 +28,16 @@ class NoPortError(UsageError):
 
 @dataclass(frozen=True)
 class Replay:
-    """A recording that is looked at."""
+    """A recording that is looked at.
+
+    :ivar started: seconds since 1970.
+    """
 
     name: str
     source: Source
     problems: tuple[str, ...]
     duration: float
+    started: float
 
 
 class Library:
@@ -79,7 +83,7 @@ class Library:
             if found is None:
                 recording = Recording(path)
                 source = recorded_source(recording)
-                found = Replay(name, source, tuple(recording.problems), recording.duration)
+                found = Replay(name, source, tuple(recording.problems), recording.duration, recording.wall_ns(0) / 1e9)
                 self._open[key] = found
                 while len(self._open) > _MOST_OPEN:
                     self._open.popitem(last=False)

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from wirebond.as_json import plain
+from wirebond.chinese import with_chinese
 from wirebond.console.station import Served
 from wirebond.link.ends import other
 from wirebond.link.raw import is_raw
@@ -29,7 +30,7 @@ def link_state(served: Served) -> dict[str, Any]:
     now = time.monotonic()
     line, clock, kept = link.line, link.clock, source.history.range()
     recording = server.recordings.current
-    return {
+    told = {
         "t": now,
         "wall": time.time(),
         "connected": True,
@@ -44,7 +45,8 @@ def link_state(served: Served) -> dict[str, Any]:
         "holder": server.holder,
         "clients": server.client_count,
         "stopped": link.stopped,
-        "struck": sorted(link._inbox.struck()),
+        "stopped_by": server.stopped_by,
+        "struck": sorted(link.internals.inbox.struck()),
         "mcu_deadlines": source.mcu_deadlines.states(now),
         "rates": plain(link.rates().as_dict()),
         "receive": plain(stats.receive.as_dict()),
@@ -54,7 +56,7 @@ def link_state(served: Served) -> dict[str, Any]:
         "reconnects": stats.reconnects,
         "echoed_bytes": stats.echoed_bytes,
         "collisions": stats.collisions,
-        "peer": {"state": link.peer.state, "why": link.peer.why},
+        "peer": with_chinese({"state": link.peer.state, "why": link.peer.why}, "why"),
         "clock": None if clock is None else plain(asdict(clock)),
         "round_trip": source.round_trips.figures(now),
         "recording": None if recording is None else msgspec.to_builtins(recording),
@@ -65,8 +67,10 @@ def link_state(served: Served) -> dict[str, Any]:
             "lost": served.keeper.lost,
         },
     }
+    return with_chinese(told, "why", "stopped_by")
 
 
 def no_link(connecting: dict[str, Any] | None) -> dict[str, Any]:
     """The same where there is none."""
-    return {"t": time.monotonic(), "wall": time.time(), "connected": False, "connecting": connecting}
+    tried = None if connecting is None else with_chinese(connecting, "why")
+    return {"t": time.monotonic(), "wall": time.time(), "connected": False, "connecting": tried}

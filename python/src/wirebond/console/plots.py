@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from wirebond.console.wants import Plot
-from wirebond.history.history import History
-from wirebond.history.pixels import Pixels
+from wirebond.recording.history.history import History
+from wirebond.recording.history.pixels import Pixels
 
 _ALIGNED = 8
 _LENGTH = struct.Struct("<I")
@@ -20,10 +20,10 @@ _LENGTH = struct.Struct("<I")
 
 @dataclass
 class _Sent:
-    """Of one field: where the newest pixel begins that the client has, and that pixel's row."""
+    """Of one field: where the first pixel begins that may still change, and the rows from there on."""
 
     begin: float
-    row: tuple[float, float, float]
+    rows: bytes
 
 
 @dataclass
@@ -65,10 +65,10 @@ class PlotFeed:
             sent, pixels = self._sent.get(name), found[name]
             if not len(pixels.t):
                 continue
-            row = float(pixels.t[-1]), float(pixels.low[-1]), float(pixels.high[-1])
-            if sent is not None and len(pixels.t) == 1 and _same(row, sent.row):
+            if sent is not None and _rows_from(pixels, pixels.t[0]) == sent.rows:
                 continue
-            self._sent[name] = _Sent(max(math.floor(row[0] / width) * width, begin), row)
+            open_from = max(math.floor(pixels.open / width) * width, begin)
+            self._sent[name] = _Sent(open_from, _rows_from(pixels, pixels.open))
             columns.append((name, pixels))
         self._is_first = False
         if not columns and not is_first:
@@ -77,8 +77,9 @@ class PlotFeed:
         return packed(head, columns)
 
 
-def _same(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
-    return all(a == b or (a != a and b != b) for a, b in zip(one, other, strict=True))  # noqa: PLR0124 NaN
+def _rows_from(pixels: Pixels, t: float) -> bytes:
+    place = int(np.searchsorted(pixels.t, t))
+    return b"".join(column[place:].tobytes() for column in (pixels.t, pixels.low, pixels.high))
 
 
 def packed(head: dict[str, Any], columns: list[tuple[str, Pixels]]) -> bytes:

@@ -7,10 +7,8 @@ from dataclasses import asdict
 from typing import Any
 
 from wirebond.as_json import plain
-from wirebond.attach.words import is_controlled
 from wirebond.codec import Codec
-from wirebond.history.history import History
-from wirebond.protocol.forms import header_fields
+from wirebond.link.attached.words import is_controlled
 from wirebond.protocol.model import (
     Deadline,
     End,
@@ -22,6 +20,8 @@ from wirebond.protocol.model import (
     Protocol,
     Service,
 )
+from wirebond.protocol.model.forms import header_fields
+from wirebond.recording.history.history import History
 
 _NUMBERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
 
@@ -62,7 +62,7 @@ def _deadline(deadline: Deadline) -> dict[str, Any]:
 
 
 def _given(message: GivenMessage) -> dict[str, Any]:
-    return {"message": message.message, "fields": dict(message.values), "header": dict(message.header)}
+    return {"message": message.message, "fields": message.fields, "header": dict(message.header)}
 
 
 def _message(model: Protocol, history: History, message: Message) -> dict[str, Any]:
@@ -79,22 +79,26 @@ def _message(model: Protocol, history: History, message: Message) -> dict[str, A
         "description": message.description,
         "log": message.log,
         "bytes": model.max_wire_bytes(message.max_payload),
-        "fields": _fields(message.fields, set(history.columns(end, message.name)), prefix, ""),
+        "fields": _fields(message.fields, set(history.columns(end, message.name)), prefix, ("",)),
     }
 
 
-def _fields(fields: tuple[Field, ...], columns: set[str], prefix: str, within: str) -> list[dict[str, Any]]:
-    """``within``: the names of the structs around them. A number whose bits are shared is a struct, too."""
+def _fields(fields: tuple[Field, ...], columns: set[str], prefix: str, within: tuple[str, ...]) -> list[dict[str, Any]]:
+    """``within``: the names of the structs around them, of a group one for each element: ``("joints[0].", …)``. A
+    number whose bits are shared is a struct, too."""
     out = []
     for field in fields:
         if field.kind == FieldKind.PADDING:
             continue
         form = field_form(field)
-        name = f"{within}{field.name}"
-        own = [name, *(f"{name}[{i}]" for i in range(field.count or 0))]
-        form["columns"] = [prefix + column for column in own if column in columns]
+        names = [f"{around}{field.name}" for around in within]
+        count = field.count or field.max_count or 0
+        elements = tuple(f"{name}[{i}]" for name in names for i in range(count))
+        form["columns"] = [prefix + column for column in (*names, *elements) if column in columns]
         if field.fields:
-            form["fields"] = _fields(field.fields, columns, prefix, f"{name}.")
+            is_group = field.count is not None or field.is_list
+            inner = elements if is_group else names
+            form["fields"] = _fields(field.fields, columns, prefix, tuple(f"{name}." for name in inner))
         out.append(form)
     return out
 

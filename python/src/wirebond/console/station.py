@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from wirebond.history.keeper import Keeper
+from wirebond.recording.history.keeper import Keeper
 
 if TYPE_CHECKING:
-    from wirebond.history.source import Source
     from wirebond.link import Link
+    from wirebond.recording.history.source import Source
     from wirebond.server import Server
 
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from wirebond.as_json import plain
 from wirebond.codec import Message
-from wirebond.history.source import Newest, Source
-from wirebond.history.stream import Entry
-from wirebond.history.told import message_dict
 from wirebond.link.raw import is_raw
 from wirebond.protocol.model import End, Field, FieldKind
+from wirebond.recording.history.source import Newest, Source
+from wirebond.recording.history.stream import Entry
+from wirebond.recording.history.told import message_dict
 
 SPARK_SECONDS, SPARK_POINTS = 20.0, 40
 _LEAST_WINDOW = 2.0  # seconds in which a rate is counted

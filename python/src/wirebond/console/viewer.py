@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from wirebond.as_json import encode
+from wirebond.chinese import with_chinese
 from wirebond.console.library import Library, Replay
 from wirebond.console.link_state import link_state, no_link, short_state
 from wirebond.console.plots import PlotFeed
@@ -15,7 +16,7 @@ from wirebond.console.station import Served, Station
 from wirebond.console.tables import frame_entries, message_rows
 from wirebond.console.wants import OfRecording, Plot, Views
 from wirebond.errors import UsageError, WirebondError
-from wirebond.history.source import Source
+from wirebond.recording.history.source import Source
 
 LINK_EVERY = 0.5  # seconds
 FRAMES_EVERY = 0.1
@@ -48,6 +49,8 @@ class Viewer:
             self._shown.pop("frames", None)
         if not views.events:
             self._shown.pop("events", None)
+        if not views.marks:
+            self._shown.pop("marks", None)
         if not views.link:
             self._due.pop("link", None)
         before_plots = {plot.id: plot for plot in before.plots}
@@ -80,6 +83,8 @@ class Viewer:
                 self._tell({"view": "frames", "t": shown, "entries": entries})
         if wants.events:
             self._events(source, at)
+        if wants.marks:
+            self._marks(source)
         for feed in self._plots.values():
             self._plot(feed, source, now)
         return self._taken()
@@ -115,6 +120,16 @@ class Viewer:
             return
         self._shown["events"] = newest
         self._tell({"view": "events", "replace": known is None, "events": source.happenings.since(known or 0, at)})
+
+    def _marks(self, source: Source) -> None:
+        known = self._shown.get("marks")
+        newest = source.happenings.newest, source.marks.newest
+        if known == newest:
+            return
+        self._shown["marks"] = newest
+        events, others = known or (0, 0)
+        found = [*source.happenings.since(events), *source.marks.since(others)]
+        self._tell({"view": "marks", "replace": known is None, "marks": sorted(found, key=lambda mark: mark["t"])})
 
     def _plot(self, feed: PlotFeed, source: Source, now: float) -> None:
         batch = feed.batch(source.history, now)
@@ -154,9 +169,14 @@ class Viewer:
         except (WirebondError, OSError) as error:
             self._tell_error("recording", str(error))
             return
-        self._tell(
-            {"view": "recording", "name": replay.name, "from": 0.0, "to": replay.duration, "problems": replay.problems}
-        )
+        told = {
+            "view": "recording",
+            "name": replay.name,
+            "from": 0.0,
+            "to": replay.duration,
+            "problems": replay.problems,
+        }
+        self._tell(with_chinese(told, "problems"))
 
     def _forget(self) -> None:
         """Another source: all is new."""
@@ -171,7 +191,7 @@ class Viewer:
         return True
 
     def _tell_error(self, error: str, text: str) -> None:
-        self._tell({"view": "error", "error": error, "text": text})
+        self._tell(with_chinese({"view": "error", "error": error, "text": text}, "text"))
 
     def _tell(self, value: dict[str, Any]) -> None:
         self._out.append(encode(value).decode())

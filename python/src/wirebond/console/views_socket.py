@@ -9,19 +9,21 @@ import time
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from wirebond.as_json import encode
-from wirebond.console.attach_socket import first_message, refuse
-from wirebond.console.guard import Guard
+from wirebond.chinese import with_chinese
+from wirebond.console.attach_socket import NO_OBJECT, first_message, refuse
 from wirebond.console.library import Library
 from wirebond.console.station import Station
 from wirebond.console.viewer import ROUND_EVERY, Viewer
+from wirebond.console.visitors import Visitors
 from wirebond.console.wants import Said, Views, read
 from wirebond.errors import UsageError
 
 VERSION = 1
+BEAT_EVERY = 0.25  # seconds: a client that hears nothing for longer knows that its network or this server stalls
 _MOST_UNSEEN = 2  # rounds under way to a client that tells which it has drawn
 
 
-async def views(socket: WebSocket, guard: Guard, station: Station, library: Library) -> None:
+async def views(socket: WebSocket, visitors: Visitors, station: Station, library: Library) -> None:
     """One client, from its first message to its end."""
     await socket.accept()
     first = await first_message(socket)
@@ -32,7 +34,10 @@ async def views(socket: WebSocket, guard: Guard, station: Station, library: Libr
     except UsageError as error:
         await refuse(socket, "not_understood", str(error))
         return
-    if not guard.is_token(said.token):
+    except RecursionError:  # decoding it just fitted on the stack
+        await refuse(socket, "not_understood", NO_OBJECT)
+        return
+    if not await visitors.shows_token(socket.scope, said.token):
         await refuse(socket, "token", "the token is missing or wrong; it is in the address that was printed")
         return
     served = station.served
@@ -57,13 +62,14 @@ class _Views:
         self._acks = False  # the client tells which rounds it has drawn
         self._rounds = 0  # that were sent
         self._seen = 0
+        self._sent = time.monotonic()  # when the client was last sent anything
         self._has_said = asyncio.Event()
         self._wants_else = asyncio.Event()
 
     async def run(self, first: Said) -> None:
         """Until the client goes."""
         self._hear(first)
-        tasks = [asyncio.create_task(self._listen()), asyncio.create_task(self._show())]
+        tasks = [asyncio.create_task(each) for each in (self._listen(), self._show(), self._beat())]
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -93,7 +99,8 @@ class _Views:
             try:
                 self._hear(read(message.get("text") or ""))
             except UsageError as error:
-                await self._send(encode({"view": "error", "error": "not_understood", "text": str(error)}).decode())
+                told = {"view": "error", "error": "not_understood", "text": str(error)}
+                await self._send(encode(with_chinese(told, "text")).decode())
 
     async def _show(self) -> None:
         while True:
@@ -112,12 +119,21 @@ class _Views:
                 self._has_said.clear()
                 await self._has_said.wait()
 
+    async def _beat(self) -> None:
+        """Show that the connection and this server are alive: rounds may be far apart, or take long to make."""
+        while True:
+            now = time.monotonic()
+            if now - self._sent >= BEAT_EVERY:
+                await self._send(encode({"view": "beat", "t": now}).decode())
+            await asyncio.sleep(max(self._sent + BEAT_EVERY - now, 0.0))
+
     def _round(self, wanted: Views | None) -> list[str | bytes]:
         if wanted is not None:
             self._viewer.want(wanted)
         return self._viewer.round()
 
     async def _send(self, message: str | bytes) -> None:
+        self._sent = time.monotonic()
         if isinstance(message, bytes):
             await self._socket.send_bytes(message)
         else:

@@ -53,6 +53,7 @@ class Views(msgspec.Struct):
     messages: Messages | None = None
     frames: Frames | None = None
     events: bool = False
+    marks: bool = False
     plots: tuple[Plot, ...] = ()
     source: Literal["live"] | OfRecording = "live"
     at: _TIME | None = None

@@ -10,6 +10,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar, overload
 
+from wirebond.arguments import real, shown
 from wirebond.codec import Message
 from wirebond.errors import LinkDownError, UsageError
 from wirebond.link.handlers import MAX_WAITING, DeadlineEvent
@@ -62,6 +63,8 @@ class Aio:
         taken: list[Message] = []
         self._listen()
         try:
+            if timeout is not None:
+                timeout = real("timeout", timeout, "seconds, such as 0.5, or None for no limit")
             async with asyncio.timeout(timeout):
                 while not inbox.take_now(taken):
                     waiter = self._loop.create_future()
@@ -72,6 +75,7 @@ class Aio:
                         await waiter
                     finally:
                         self._waiters.discard(waiter)
+            self._link._frames.hear(taken[0])
             return taken[0]
         except BaseException:  # a signal's handler raised
             inbox.give_back(taken)
@@ -178,6 +182,7 @@ class Aio:
             if answer.done() and not answer.cancelled():  # it came in the moment in which the task was cancelled
                 self._nobody_waits_for(answer.result())
             if isinstance(error, TimeoutError):
+                self._link._inbox.requests.withdraw(asked.question)  # it says what came instead
                 raise asked.timeout_error() from None
             raise
         finally:
@@ -258,7 +263,7 @@ class Aio:
 
     def _serve(self, function: Callable[[Any], Awaitable[object]]) -> None:
         if not asyncio.iscoroutinefunction(function):
-            raise UsageError(f"{function!r:.80} is no coroutine function; register it with link.on, or make it async")
+            raise UsageError(f"{shown(function)} is no coroutine function; register it with link.on, or make it async")
         if self._task is None:
             self._task = self._loop.create_task(self._await_calls())
 

@@ -6,17 +6,26 @@ import atexit
 import os
 import threading
 import weakref
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from wirebond import _engine
 from wirebond.errors import LinkDownError
+from wirebond.link.engine import Engine
+from wirebond.link.inbox import Inbox
 
-if TYPE_CHECKING:
-    from wirebond.link.link import Link
+
+class OpenLink(Protocol):
+    """A link as the end of the program sees it."""
+
+    _engine: Engine
+    _inbox: Inbox
+
+    def close(self) -> None: ...
+
 
 HANDLERS_PATIENCE = 1.0  # seconds that `close` waits for handlers
 
-_open_links: weakref.WeakSet[Link] = weakref.WeakSet()
+_open_links: weakref.WeakSet[OpenLink] = weakref.WeakSet()
 _open_links_lock = threading.RLock()  # another thread may open a link while the program ends
 _is_ending = False
 
@@ -26,7 +35,7 @@ def is_ending() -> bool:
     return _is_ending
 
 
-def forget(link: Link) -> None:
+def forget(link: OpenLink) -> None:
     """It is closed."""
     with _open_links_lock:
         _open_links.discard(link)
@@ -37,7 +46,7 @@ def refuse_at_the_end() -> None:
         raise LinkDownError("the program is ending; a link cannot be opened any more")
 
 
-def note_open(link: Link) -> None:
+def note_open(link: OpenLink) -> None:
     with _open_links_lock:
         if not _is_ending:
             _open_links.add(link)

@@ -7,8 +7,8 @@ from typing import Any
 
 from wirebond import _engine
 from wirebond.codec import Codec
-from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import Address, End, HeaderField
+from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.planning import plan_for
 
 
@@ -46,7 +46,7 @@ class Receiver:
     """For whom a frame of this end is, by its header values."""
 
     def __init__(self, codec: Codec, end: End) -> None:
-        self._format = codec._format_for(end)
+        self._format = codec.tables.format_for(end)
         self._place = plan_for(codec.model, end).address
 
     def bits_of(self, header: Mapping[str, Any]) -> int | None:

@@ -28,6 +28,16 @@ class EngineDeadline(NamedTuple):
     after_us: int
     action: int  # its place in `actions_at`
     is_explicit: bool  # only `recover` ends it
+    is_held: bool  # and it has struck from the start
+
+
+class EnginePeerStop(NamedTuple):
+    """How a link at an MCU recognises one message of the emergency stop."""
+
+    message: int
+    payload: bytes
+    mask: bytes  # of the payload's bits that count
+    is_whole: bool  # a payload of another size is not it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,5 +77,6 @@ class EngineSettings:
     pause_seconds: float  # of silence that ends a frame
     addressing: EngineAddressing
     deadlines: tuple[EngineDeadline, ...]
+    peer_stops: tuple[EnginePeerStop, ...]  # the messages of the stop that the peer sends
     hold_back: bool
     recent_bytes: int  # of both directions that are kept for a dump

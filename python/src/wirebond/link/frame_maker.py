@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from functools import partial
+from typing import Any, TypeAlias
 
+from wirebond.arguments import shown
 from wirebond.codec import Codec
+from wirebond.codec import Message as ReceivedMessage
 from wirebond.errors import MessageError, QueueFullError, UsageError
 from wirebond.link.ends import Receiver, other, own_address_field
+from wirebond.link.engine import Engine
 from wirebond.link.settings import MORE_ADDRESSES, reply_index, safe_value
-from wirebond.protocol.forms import header_fields
 from wirebond.protocol.model import Address, End, GivenMessage, Message
+from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.problems import no_message
-
-if TYPE_CHECKING:
-    from wirebond.link.settings import Engine
+from wirebond.protocol.spoken import SpokenVersion
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class FrameMaker:
         self._codec = codec
         self._end = end
         self._engine = engine
-        self._format = codec._format_for(end)
+        self._format = codec.tables.format_for(end)
         self._receiver = Receiver(codec, end)
         header = header_fields(codec.model.format.parts)
         self._numbers = frozenset(field.name for field in header if field.is_sequence)
@@ -58,6 +60,8 @@ class FrameMaker:
             if m.sent_by(end)
         }
         self._has_safe: set[tuple[str, int]] = set()  # addresses of the stop's messages that have a safe value
+        spoken = SpokenVersion(codec.model.format.parts) if end == End.MCU else None
+        self._spoken = spoken if spoken is not None and spoken.is_one_of_several else None
 
     def message(self, name: str) -> OwnMessage:
         """A message that this end sends.
@@ -87,7 +91,19 @@ class FrameMaker:
 
         :raises MessageError: a value is wrong.
         """
-        return self._codec._frame_of(message.index, self._format, values, header)
+        if self._spoken is None:
+            return self._codec.tables.frame_of(message.index, self._format, values, header)
+        return self._spoken.make(partial(self._codec.tables.frame_of, message.index, self._format, values), header)
+
+    @property
+    def follows_host(self) -> bool:
+        """Does this end send in the version that the other end spoke last?"""
+        return self._spoken is not None
+
+    def hear(self, message: ReceivedMessage) -> None:
+        """The program gets this message now: what it sends from here on is in the version of its frame."""
+        if self._spoken is not None:
+            self._spoken.hear(message.header)
 
     def takes_number(self, header: Mapping[str, Any] | None) -> bool:
         """Does the link raise the frame's sequence number? Not where the caller gave it."""
@@ -102,7 +118,7 @@ class FrameMaker:
     @property
     def has_addresses(self) -> bool:
         """Do frames say for whom they are, or is one of this end's own in them?"""
-        return self._address_field is not None or self._codec._address is not None
+        return self._address_field is not None or self._codec.tables.address is not None
 
     @property
     def own_address(self) -> int | str | None:
@@ -123,9 +139,11 @@ class FrameMaker:
         known = dict(field.enum)
         if not (value in known if isinstance(value, str) else isinstance(value, int) and 0 <= value < 1 << field.width):
             limit = ", ".join(known) or f"0 to {(1 << field.width) - 1}"
-            raise UsageError(f"address is {value!r}; {field.name} takes {limit}")
+            raise UsageError(f"address is {shown(value)}; {field.name} takes {limit}")
         if value in header_field.broadcast:
-            raise UsageError(f"address is {value!r}, the broadcast of {field.name}; an end cannot have it as its own")
+            raise UsageError(
+                f"address is {shown(value)}, the broadcast of {field.name}; an end cannot have it as its own"
+            )
         self._own_address = value
         return field.wire_bits(value)
 

@@ -147,6 +147,10 @@ class Handlers:
         self._has_ended = True
         self._recall()
 
+    def is_own_thread(self) -> bool:
+        """Is the caller a handler?"""
+        return self._thread is threading.current_thread()
+
     def leave(self, patience: float) -> None:
         """Wait until the thread has called all that waits and has ended; after ``patience`` seconds it calls nothing
         more, and what is left is dropped. In a handler this returns at once."""

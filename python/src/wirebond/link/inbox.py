@@ -22,18 +22,16 @@ from functools import partial
 from itertools import repeat, takewhile
 from operator import attrgetter, call, is_not
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from wirebond.codec import Codec, Message
 from wirebond.errors import LinkDownError
 from wirebond.link.ends import other
+from wirebond.link.engine import Engine
 from wirebond.link.handlers import Handlers, move
 from wirebond.link.requests import RequestBook
 from wirebond.protocol.model import End
 from wirebond.protocol.planning import plan_for
-
-if TYPE_CHECKING:
-    from wirebond.link.settings import Engine
 
 MAX_WAITING = 65536  # messages that wait to be taken; then the oldest are dropped, counted
 MAX_SENDERS = 4096  # addresses whose newest message is kept, of each message
@@ -93,7 +91,7 @@ class Inbox:
         self._watchers: dict[str, Callable[[Message], None]] = {}
         self._port_watchers: tuple[Callable[[bool, float], None], ...] = ()
         self.ended = threading.Event()  # no message will come any more
-        self.requests = RequestBook(codec, end)
+        self.requests = RequestBook(codec, end, engine.stats)
         self._relay: Callable[[list[Message], list[Message], list[tuple[str, int, int]]], None] | None = None
         self.relayed = 0  # messages that came, since the link was opened, and went where they belong
         self.handlers = Handlers(place, self.struck, self.give, self._attend, self._engine.recall)

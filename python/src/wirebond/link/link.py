@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import math
 import os
 import threading
@@ -11,55 +10,45 @@ import weakref
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
-from wirebond.attach.address import SCHEME, server_address
-from wirebond.attach.words import Control
+from wirebond.arguments import path, real, shown, whole
 from wirebond.codec import Codec, load, refuse_option_for_field, stats_from
-from wirebond.errors import (
-    LinkDownError,
-    PortError,
-    QueueFullError,
-    StoppedError,
-    UsageError,
-    WirebondError,
-)
+from wirebond.errors import LinkDownError, UsageError
 from wirebond.link import ending
 from wirebond.link.accounts import LinkStats, SendStats
-from wirebond.link.attached_link import AttachedLink
-from wirebond.link.attached_recordings import ServerRecordings
-from wirebond.link.attached_requests import AttachedRequests
-from wirebond.link.attached_services import AttachedServices
-from wirebond.link.attaching import codec_of_server
+from wirebond.link.attached.address import SCHEME, server_address
+from wirebond.link.attached.attached_recordings import ServerRecordings
+from wirebond.link.attached.attaching import codec_of_server
+from wirebond.link.attached.servers_port import ServersPort
+from wirebond.link.attached.words import Control
 from wirebond.link.clock_line import HostTime
 from wirebond.link.clock_sync import ClockReading
 from wirebond.link.dump import Dump, Piece
 from wirebond.link.ends import actions_at, other
-from wirebond.link.frame_maker import Frame, FrameMaker, OwnMessage
+from wirebond.link.frame_maker import FrameMaker, OwnMessage
+from wirebond.link.frame_sender import FrameSender
 from wirebond.link.inbox import Inbox
+from wirebond.link.internals import LinkInternals
 from wirebond.link.line import Line, line_from
+from wirebond.link.own_port import OwnPort
+from wirebond.link.owner import Owner
 from wirebond.link.parameters import Parameters
 from wirebond.link.peer import Peer
+from wirebond.link.plugins import plugin
 from wirebond.link.rates import DEFAULT_WINDOW, RateMeter, Rates
 from wirebond.link.receiving import Receiving
 from wirebond.link.requests import Outcome, Question
-from wirebond.link.services import Services, may_ask
-from wirebond.link.settings import engine_settings, latency_of, open_engine
-from wirebond.link.tap import TAP_BYTES, Tap, noted
-from wirebond.ports.permission import no_permission
-from wirebond.ports.port_name import PortName, port_name
+from wirebond.link.services import may_ask
+from wirebond.link.tap import TAP_BYTES, RunningRecorder, Tap, noted
 from wirebond.protocol.model import End
-from wirebond.sim.port import NAME, SimulatedPort
 from wirebond.typed import TypedMessage, name_and_values
 
-if TYPE_CHECKING:
-    from wirebond.link.settings import Engine
-    from wirebond.recording.recorder import Recorder
-
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
+MAX_BAUD = 100_000_000
 MAX_HOLD = 60.0  # seconds: a longer lease would be none
 
-_DOWN, _FULL, _STOPPED = 1, 2, 3  # answers of the engine
+_PROTOCOL = "a protocol file's path, a Codec, or a server's address"
 
 
 class Link(Receiving):
@@ -69,8 +58,10 @@ class Link(Receiving):
     thread take them. A forked child has no link: there ``close`` does nothing and the rest raises ``LinkDownError``.
 
     The end of the program: ``close``, the end of a ``with`` block, an exception that ends it, ``sys.exit``, garbage
-    collection and the normal end of the interpreter all end every lease, with its safe value where it has one. A signal
-    without a handler and a kill end the process at once; then the MCU's own deadlines guard.
+    collection and the normal end of the interpreter all end every lease. Each message of the file's ``emergency_stop``
+    that was sent or repeated gets its safe value, once, to each address that it went to; ``hand_over`` prevents that
+    for what was sent before. A signal without a handler and a kill end the process at once; then the MCU's own
+    deadlines guard.
     """
 
     def __init__(
@@ -88,64 +79,50 @@ class Link(Receiving):
         clock_sync: bool = True,
         role: str = "host",
     ) -> None:
+        text = os.fsdecode(path("port", port, "a port, such as /dev/ttyUSB0"))
         if role not in (End.HOST, End.MCU):
-            raise UsageError(f"role is {role!r}; expected 'host' or 'mcu'")
-        self._end = End(role)
-        model = codec.model
-        settings = model.link
-        server = server_address(os.fsdecode(port)) if os.fsdecode(port).startswith(SCHEME) else None
-        speed = settings.baud if baud is None else baud
-        if not 1 <= speed <= 100_000_000:
-            raise UsageError(f"baud is {speed}; expected 1 to 100000000 bits per second")
-        if settings.stop_bits not in (1, 2):
-            raise UsageError(f"a Linux tty has 1 or 2 stop bits, and {model.name} asks for {settings.stop_bits:g}")
-        ending.refuse_at_the_end()
-        self.codec = codec
-        self._simulated = simulated = self._simulate(port)
-        if server is not None:
-            name = PortName(server.text)
-        else:
-            name = port_name(port) if simulated is None else PortName(simulated.path)
-        self.port = NAME if simulated is not None else name.text
-        self.baud = speed
-        self.paced = paced
-        self.adapter_latency = 0.0 if server is not None else latency_of(codec, name, speed, adapter_latency)
-        self._actions = actions_at(codec, self._end)
-        engine_options = engine_settings(codec, speed, paced, hold_back, self.adapter_latency, self._end)
-        self._engine: Engine
-        try:
-            if server is not None:
-                self._engine = AttachedLink(codec, self._end, server, wait_for_port)
-            else:
-                self._engine = open_engine(codec, self._end, name, engine_options, wait_for_port)
-        except PortError as error:
-            if error.errno != errno.EACCES:
-                raise
-            raise PortError(no_permission(name.path()), error.errno, name.text) from None
-        self._frames = FrameMaker(codec, self._end, self._engine)
+            raise UsageError(f"role is {shown(role)}; expected 'host' or 'mcu'")
         if listen not in ("own", "all"):
-            self._engine.close()
-            raise UsageError(f"listen is {listen!r}; expected 'own' or 'all'")
+            raise UsageError(f"listen is {shown(listen)}; expected 'own' or 'all'")
+        self._end = End(role)
+        settings = codec.model.link
+        self.codec = codec
+        self.baud = settings.baud if baud is None else whole("baud", baud, 1, MAX_BAUD, "bits per second")
+        self.paced = paced
+        if settings.stop_bits not in (1, 2):
+            raise UsageError(f"a Linux tty has 1 or 2 stop bits, and {codec.name} asks for {settings.stop_bits:g}")
+        ending.refuse_at_the_end()
+        self._owner: Owner
+        if text.startswith(SCHEME):
+            self._owner = ServersPort(codec, self._end, server_address(text), wait_for_port)
+        else:
+            self._owner = OwnPort(
+                codec,
+                self._end,
+                text,
+                self.baud,
+                paced=paced,
+                hold_back=hold_back,
+                adapter_latency=adapter_latency,
+                waits=wait_for_port,
+            )
+        self._engine = self._owner.engine
+        self.port = self._owner.port
+        self.adapter_latency = self._owner.adapter_latency
+        self._actions = actions_at(codec, self._end)
+        self._frames = FrameMaker(codec, self._end, self._engine)
+        self._sender = FrameSender(codec, self.port, self._engine, self._frames)
         if listen == "all":
             self._engine.listen_to_all(True)
         self._inbox = Inbox(codec, self._end, self._engine, self.port, self._actions)
         weakref.finalize(self, self._engine.close).atexit = False  # a thread of the inbox may keep the engine
         asks = may_ask(codec, listen == "all")
-        self._services: Services | AttachedServices
-        if isinstance(self._engine, AttachedLink):
-            self._inbox.requests = AttachedRequests(codec, self._end, self._engine)
-            self._services = AttachedServices(codec, self._engine, self._inbox, self.port)
-        else:
-            self._services = Services(
-                self,
-                codec,
-                self._end,
-                self._engine,
-                self._inbox,
-                says_hello=hello and asks,
-                syncs_clock=clock_sync and asks and self._end == End.HOST and not name.recording,
-            )
-        self._meter = RateMeter(model, speed, self.stats, time.monotonic(), other(self._end))
+        self._services = self._owner.begin_services(self, self._inbox, hello and asks, clock_sync and asks)
+        #: The parts, for this package's own modules.
+        self.internals = LinkInternals(
+            self._engine, self._frames, self._sender, self._inbox, self._services, self._actions
+        )
+        self._meter = RateMeter(codec.model, self.baud, self.stats, time.monotonic(), other(self._end))
         self._meter_lock = threading.Lock()
         ending.note_open(self)
 
@@ -177,7 +154,7 @@ class Link(Receiving):
         if header is not None:
             refuse_option_for_field("send", own.model, {"header": header}, given)
         if own.reply < 0:
-            self._leave(name, self._frames.make(own, given, header))
+            self._sender.leave(name, self._frames.make(own, given, header))
             return
         self._engine.is_closed()  # in a forked child it raises
         self._inbox.requests.submit(self._question(own, given, header, None))
@@ -214,10 +191,10 @@ class Link(Receiving):
         :raises LinkDownError: the link is closed. A port that is away for a while raises nothing: the value goes on
             when it is back, within its lease.
         """
+        expected = f"more than 0 and at most {MAX_HOLD:g} s: call repeat() again in time"
+        hold = real("hold", hold, expected)
         if not 0 < hold <= MAX_HOLD:
-            raise UsageError(
-                f"hold is {hold:g} s; expected more than 0 and at most {MAX_HOLD:g} s: call repeat() again in time"
-            )
+            raise UsageError(f"hold is {hold:g} s; expected {expected}")
         name, given = name_and_values(message, values, fields)
         own = self._frames.message(name)
         options = {"hold": None if hold == DEFAULT_HOLD else hold, "header": header}
@@ -225,7 +202,7 @@ class Link(Receiving):
         if own.model.every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; use send()")
         index, data, reply, takes_number, address = self._frames.make(own, given, header)
-        self._raise_for(name, self._engine.repeat(index, data, hold, reply, takes_number, address))
+        self._sender.raise_for(name, self._engine.repeat(index, data, hold, reply, takes_number, address))
 
     def stop_repeating(self, message: str, *, header: Mapping[str, Any] | None = None) -> None:
         """End the message's lease at once, without a last value. Any thread.
@@ -238,6 +215,18 @@ class Link(Receiving):
         address = None if header is None else self._frames.bits_of(header)
         self._engine.stop_repeating(own.index, address)
 
+    def hand_over(self) -> None:
+        """Leave the robot as it is now when this link ends, for a program that takes over while the robot moves. Any
+        thread.
+
+        Without this call the end of the link sends the safe value of everything that ``send`` and ``repeat`` moved.
+        What is sent after this call is stopped at the end again. A lease that is still alive ends with its safe value
+        all the same.
+
+        :raises LinkDownError: the server that owns the link is away.
+        """
+        self._engine.hand_over()
+
     def emergency_stop(self) -> None:
         """Send the file's ``emergency_stop``, before all that waits, and go on until ``release_stop()``. Any thread.
 
@@ -249,7 +238,8 @@ class Link(Receiving):
         Where frames have addresses, each message also goes to every address that this link has sent it to, unless the
         file's stop goes to all of them (``broadcast``).
 
-        The latch lives in this object: another program, and the MCU, do not see it. While ``close`` waits in another
+        The latch lives in this object: another program, and the MCU, do not see it. The latch of an attached link lives
+        in the server and outlives a restart of it. While ``close`` waits in another
         thread, a stop still goes before all that is queued.
 
         :raises UsageError: the protocol has none.
@@ -261,10 +251,16 @@ class Link(Receiving):
         if not self._engine.stop():
             raise LinkDownError(f"the link to {self.port} is closed; the emergency stop was not sent")
 
-    def release_stop(self) -> None:
+    def release_stop(self, *, over: bool | str = False) -> None:
         """Let the stopped messages be sent again. Sends nothing itself: the robot stays as it is until the program
-        sends. Without a stop nothing happens. Any thread."""
-        self._engine.release_stop()
+        sends. Without a stop nothing happens. Any thread.
+
+        :param over: on an attached link. True: also if another program stopped the robot, or if the server was
+            restarted since. A name: only if the program of this name did. The server logs who did it.
+        :raises StoppedByOtherError: another program stopped the robot.
+        :raises LateCommandError: on an attached link: the network, or the server, delayed the call for too long.
+        """
+        self._owner.release_stop(over)
 
     @property
     def stopped(self) -> bool:
@@ -277,26 +273,29 @@ class Link(Receiving):
     def control(self) -> Control:
         """Who may send what moves the robot: messages with ``every``, with a deadline at the MCU, or of the emergency
         stop. A link of one's own is always in control. Any thread."""
-        return self._engine.control() if isinstance(self._engine, AttachedLink) else Control("this program", True)
+        return self._owner.control()
 
-    def take_control(self, *, over: bool = False) -> None:
+    def take_control(self, *, over: bool | str = False) -> None:
         """Become the program in control, until ``release_control``, ``close``, an emergency stop, or 0.3 s in which the
         server does not hear of it. A link of one's own has nothing to take.
 
         Without this call, the first command takes control where no program has it; a program that has lost control
         must call it.
 
-        :param over: also where another program is in control. Its leases end with their safe values first.
-        :raises NotInControlError: another program is in control.
+        :param over: True: also where another program is in control; its leases end with their safe values first. A
+            name: only from the program of this name, so that a person takes over from the one that was shown. After
+            another program released an emergency stop, and before any is in control, ``over`` is needed, too.
+        :raises NotInControlError: another program is in control, or goes first.
+        :raises LateCommandError: the network, or the server, delayed the call for too long.
         :raises LinkDownError: the server is away, or the link closed.
         """
-        if isinstance(self._engine, AttachedLink):
-            self._engine.take_control(over)
+        self._owner.take_control(over)
 
     def release_control(self) -> None:
-        """Let another program take control; what this one repeats ends with its safe value. Any thread."""
-        if isinstance(self._engine, AttachedLink):
-            self._engine.release_control()
+        """Let another program take control. All leases end first, and what this one moved gets its safe value, except
+        for what it sent before ``hand_over``. A link of one's own stays in control, and stops the robot all the same.
+        Any thread."""
+        self._owner.release_control()
 
     # ---- addresses
 
@@ -312,14 +311,6 @@ class Link(Receiving):
     @address.setter
     def address(self, value: int | str) -> None:
         self._engine.set_address(self._frames.set_own_address(value))
-
-    def _end_safely(self, name: str, header: Mapping[str, Any]) -> bool:
-        """Send the message's safe value to the address of this header, before all that waits, which is dropped; as the
-        end of a lease does. While the port is away it waits, and is the first to leave. False: it has none, or the link
-        is closed."""
-        own = self._frames.message(name)
-        address = self._frames.address_of(own, self._frames.with_own_address(header))
-        return self._engine.end_safely(own.index, address)
 
     # ---- supervision
 
@@ -337,6 +328,17 @@ class Link(Receiving):
     def why(self) -> str:
         """Why the port is away, as a sentence with what to do; empty while it is there. Any thread."""
         return self._engine.why()
+
+    @property
+    def is_attached(self) -> bool:
+        """Does a server own the port? Any thread."""
+        return self._owner.is_attached
+
+    @property
+    def device(self) -> str:
+        """The port at the end of the line: the server's port of an attached link, the tty behind a stable name, else
+        ``port``. Any thread."""
+        return self._owner.device()
 
     @property
     def line(self) -> Line | None:
@@ -375,7 +377,9 @@ class Link(Receiving):
         :returns: the time on ``time.monotonic()``, with its bound.
         :raises UsageError: the MCU's clock is not known: the file maps no ``clock``, or the MCU has not answered yet.
         """
-        return self._services.host_time(mcu_us, time.monotonic() if near is None else near)
+        real("mcu_us", mcu_us, "microseconds of the MCU's clock")
+        now = time.monotonic() if near is None else real("near", near, "seconds of time.monotonic()")
+        return self._services.host_time(mcu_us, now)
 
     @property
     def deadlines(self) -> dict[str, bool]:
@@ -412,8 +416,10 @@ class Link(Receiving):
         :returns: the rates, with the time that they are of.
         :raises UsageError: ``window`` is no such number.
         """
+        expected = "seconds, more than 0, such as 2"
+        window = real("window", window, expected)
         if not 0 < window < math.inf:
-            raise UsageError(f"window is {window}; expected seconds, more than 0, such as 2")
+            raise UsageError(f"window is {window}; expected {expected}")
         with self._meter_lock:
             return self._meter.rates(self.stats, time.monotonic(), window)
 
@@ -438,7 +444,7 @@ class Link(Receiving):
         """
         return Tap(self._engine, capacity, self._actions, [m.name for m in self.codec.model.messages])
 
-    def record(self, path: str | os.PathLike[str]) -> Recorder:
+    def record(self, path: str | os.PathLike[str]) -> RunningRecorder:
         """Record everything that is read, written and happens, from now to the end of a ``with`` block or ``close``.
         Any thread; several recordings may run at once.
 
@@ -447,9 +453,8 @@ class Link(Receiving):
         :raises UsageError: the file exists, or the link's protocol was not read from a file.
         :raises OSError: the file cannot be written.
         """
-        from wirebond.recording.recorder import Recorder  # noqa: PLC0415 most programs do not record
-
-        return Recorder(self, path)
+        recorder: RunningRecorder = plugin("recorder")(self, path)
+        return recorder
 
     @property
     def recordings(self) -> ServerRecordings:
@@ -457,9 +462,7 @@ class Link(Receiving):
 
         :raises UsageError: the link has a port of its own.
         """
-        if not isinstance(self._engine, AttachedLink):
-            raise UsageError("this link has a port of its own, and no server; record(path) records it")
-        return ServerRecordings(self._engine)
+        return self._owner.recordings()
 
     def note(self, kind: str, **facts: Any) -> None:
         """Let an event of the program stand in the recordings of this link, at this moment. Any thread.
@@ -471,8 +474,9 @@ class Link(Receiving):
         self._engine.note(noted(kind, facts))
 
     def close(self) -> None:
-        """End every lease, with its safe value where it has one; send what is queued (a second at most); give the port
-        back. What had come can still be taken. A second call waits for the end of the first one. Any thread.
+        """End every lease, send the safe value of everything that moved (see ``hand_over``) and what is queued (a
+        second at most), and give the port back. What had come can still be taken. A second call waits for the end of
+        the first one. Any thread.
 
         Handlers get what had come before ``close`` returns, and are not called after that. One that takes more than a
         second is not waited for: what waited for it is counted as dropped. In a handler ``close`` does not wait for
@@ -484,18 +488,7 @@ class Link(Receiving):
         else:
             self._inbox.leave(ending.HANDLERS_PATIENCE)
         ending.forget(self)
-        if self._simulated is not None:
-            self._simulated.close()
-
-    def _simulate(self, port: str | os.PathLike[str]) -> SimulatedPort | None:
-        """The virtual MCU behind ``sim:``."""
-        if os.fsdecode(port) != NAME:
-            return None
-        if self._end == End.MCU:
-            raise UsageError("sim: is a virtual MCU, and role 'mcu' is one as well; open it as the host")
-        simulated = SimulatedPort(self.codec)
-        weakref.finalize(self, simulated.close).atexit = False  # at the end of the program `close` does it
-        return simulated
+        self._owner.end()
 
     def __repr__(self) -> str:
         return (
@@ -513,11 +506,6 @@ class Link(Receiving):
     ) -> None:
         self.close()
 
-    def _leave(self, message: str, frame: Frame) -> None:
-        answer = self._engine.send(*frame)
-        if answer:
-            raise self._refusal(message, answer)  # a name for it would hold this call, and so the link
-
     def _question(
         self,
         own: OwnMessage,
@@ -528,40 +516,8 @@ class Link(Receiving):
         name, frame = own.model.name, self._frames.make(own, values, header)
         whole = self._frames.with_own_address(header) or {}
         question = self._inbox.requests.question(name, frame[1], whole, finish)
-        question.leave = partial(self._leave, name, frame)
+        question.leave = partial(self._sender.leave, name, frame)
         return question
-
-    def _sends_plain(self, name: str) -> bool:
-        """Are the frames of this message all that `send` needs: no reply is awaited, and there are no addresses?"""
-        return self._frames.message(name).reply < 0 and not self._frames.has_addresses
-
-    def _send_all(self, frames: list[tuple[int, bytes]]) -> list[WirebondError | None]:
-        """As `send` for each of these frames, with the index of its message, for which `_sends_plain` holds; what
-        refused it, or None. It costs a fraction for each. Any thread."""
-        answers = self._engine.send_all(frames)
-        if not any(answers):
-            return [None] * len(answers)
-        names = [self.codec.model.messages[index].name for index, _ in frames]
-        return [
-            answer if isinstance(answer, WirebondError) else self._refusal(name, answer) if answer else None
-            for name, answer in zip(names, answers, strict=True)
-        ]
-
-    def _raise_for(self, message: str, answer: int) -> None:
-        if answer:
-            raise self._refusal(message, answer)
-
-    def _refusal(self, message: str, answer: int) -> WirebondError:
-        """What the engine's answer means, which is not 0."""
-        if answer == _STOPPED:
-            return StoppedError(message, (stop.message for stop in self.codec.model.emergency_stop))
-        if answer == _DOWN and self._engine.is_closed():
-            return LinkDownError(f"the link to {self.port} is closed; {message} was not sent")
-        if answer == _DOWN:
-            why = self.why or f"{self.port} was not connected a moment ago; try again"
-            return LinkDownError(f"{message} was not sent: {why}")
-        assert answer == _FULL
-        return QueueFullError(f"the send queue of {self.port} is full; {message} was not sent. Send less often")
 
 
 def open_link(
@@ -582,7 +538,7 @@ def open_link(
 
     :param protocol: a protocol file's path, or a ``Codec``; or the address of a server, which knows its protocol.
     :param port: a tty's path; ``sim:``, a virtual MCU of this protocol in a thread of this process; a USB device by a
-        name that stays, such as ``usb:1a86:55d3`` (see `wirebond.ports`); or
+        name that stays, such as ``usb:1a86:55d3`` (see `wirebond.link.devices`); or
         ``tcp://host:port``, a server that gives a serial line as raw bytes, such as ser2net; or
         ``rfc2217://host:port``, one whose baud rate, parity and stop bits the link sets; or ``replay:run.mcap``, a
         recording, also with options such as ``replay:run.mcap?speed=max&from=12.5&to=20&loop=1``; or
@@ -612,7 +568,7 @@ def open_link(
     :raises UsageError: an option or the port has a value that cannot be; or a server owns a link of another protocol.
     """
     if port is None:
-        if isinstance(protocol, Codec) or not os.fsdecode(protocol).startswith(SCHEME):
+        if isinstance(protocol, Codec) or not os.fsdecode(path("protocol", protocol, _PROTOCOL)).startswith(SCHEME):
             raise UsageError(
                 "open() needs a port behind the protocol file, such as /dev/ttyUSB0; or a server's address"
             )

@@ -64,7 +64,7 @@ class Listener:
         shared = links.get(_LINE)
         self._shared = None if shared is None else _SharedPort(shared)
         for link in links.values():
-            link._inbox.listen(self._came.set)
+            link.internals.inbox.listen(self._came.set)
             link._start_reading()
 
     @property
@@ -144,7 +144,7 @@ class _SharedPort:
         until = time.monotonic() + timeout
         while True:
             now = time.monotonic()
-            is_closed = self._link._engine.is_closed()
+            is_closed = self._link.internals.engine.is_closed()
             found: list[tuple[Sender, Message]] = []
             pieces = [piece for piece in self._tap.take().pieces if isinstance(piece, Chunk)]
             for piece in pieces:
@@ -152,7 +152,7 @@ class _SharedPort:
             if not pieces:
                 found += self.line.finish() if is_closed else self.line.idle(self._looked)
             self._looked = max(self._looked, now - _HELD_BACK)  # what came until then has been read at the next look
-            self._link._inbox.take_rest([])  # what the link itself makes of the bytes is half of it
+            self._link.internals.inbox.take_rest([])  # what the link itself makes of the bytes is half of it
             left = until - time.monotonic()
             if found or left <= 0:
                 return [Heard(str(sender), message) for sender, message in found]

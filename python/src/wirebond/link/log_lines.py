@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
+from wirebond.arguments import shown
 from wirebond.codec import Codec, Message
 from wirebond.errors import UsageError
-from wirebond.log import LEVELS, LogLine
+from wirebond.protocol.log import LEVELS, LogLine
 from wirebond.visible import visible
 
 MOST_A_SECOND = 100  # lines that are given to `logging`; the rest is counted
@@ -44,7 +45,7 @@ def least_number(level: str) -> int:
     :raises UsageError: there is no such level.
     """
     if level not in _NUMBERS:
-        raise UsageError(f"level is {level!r:.80}; expected {', '.join(LEVELS)}")
+        raise UsageError(f"level is {shown(level)}; expected {', '.join(LEVELS)}")
     return _NUMBERS[level]
 
 

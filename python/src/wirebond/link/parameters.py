@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+from wirebond.arguments import shown
 from wirebond.codec import Message
-from wirebond.errors import MessageError, ParameterError, RequestTimeoutError, UsageError
+from wirebond.errors import LinkDownError, MessageError, ParameterError, RequestTimeoutError, UsageError
 from wirebond.link.service_values import filled
 from wirebond.protocol.model import FieldKind
 from wirebond.whole_file import write_whole
@@ -131,6 +132,46 @@ class Parameters:
         reply = self._link.request(self._set.name, values, timeout=timeout, header=self._header)
         return self._in_force(parameter, index, reply, value)
 
+    def set_all(
+        self, values: Mapping[str, float], progress: Progress | None = None, *, timeout: float = DEFAULT_TIMEOUT
+    ) -> dict[str, float]:
+        """Set all of them, or none. Names, types, the file's ranges, and that the MCU has each parameter are checked
+        before the first one is set. If the MCU then refuses a value or does not answer, those that were set get their
+        previous values back.
+
+        :param values: by name or index.
+        :param progress: called as ``progress(done, all)`` after each that was set.
+        :param timeout: as for ``get`` and ``set``.
+        :returns: the values in force, as the MCU acknowledged them.
+        :raises ParameterError: a value is refused. ``refused`` has a sentence for each, and the text names those that
+            could not get their previous values back.
+        :raises RequestTimeoutError: the MCU does not answer.
+        """
+        before, refused = self._values_before(values, timeout)
+        if refused:
+            raise ParameterError(_refusal("nothing was set", refused), refused=refused)
+        done: dict[str, float] = {}
+        for number, (name, value) in enumerate(values.items()):
+            try:
+                done[name] = self.set(name, value, timeout=timeout)
+            except ParameterError as error:
+                left = self._set_back(before, done, timeout)
+                refused[name] = str(error)
+                raise ParameterError(
+                    _refusal(f"nothing was set{left}", refused),
+                    parameter=name,
+                    reason=error.reason,
+                    value=error.value,
+                    refused=refused,
+                ) from None
+            except RequestTimeoutError as error:
+                left = self._set_back(before, [*done, name], timeout)  # it may be set: only the answer may be lost
+                error.args = (f"{error}\nnothing was set{left}",)
+                raise
+            if progress is not None:
+                progress(number + 1, len(values))
+        return done
+
     def save(
         self, path: str | Path, progress: Progress | None = None, *, timeout: float = DEFAULT_TIMEOUT
     ) -> dict[str, float]:
@@ -155,44 +196,59 @@ class Parameters:
     def load(
         self, path: str | Path, progress: Progress | None = None, *, timeout: float = DEFAULT_TIMEOUT
     ) -> dict[str, float]:
-        """Set what a file has. First all of it is looked at: every name, type and range of the file, and that the MCU
-        has every parameter. Only then the first one is set.
+        """Set everything that a file has, or nothing, as ``set_all`` does.
 
         :param path: of a file that ``save`` wrote, or one like it, with some of the parameters.
         :param progress: called as ``progress(done, all)`` after each that was set.
         :param timeout: as for ``list`` and ``set``.
         :returns: the values in force, as the MCU acknowledged them.
-        :raises ParameterError: the file cannot be used, and nothing was set; or the MCU refuses values, and the others
-            are set. ``refused`` has a sentence for each.
+        :raises ParameterError: the file cannot be used, or a value is refused; as for ``set_all``.
         :raises RequestTimeoutError: the MCU does not answer.
         """
-        wanted = _read_file(Path(path))
-        refused: dict[str, str] = {}
-        for name, value in wanted.items():
-            try:
-                self._link.codec.encode(self._set.name, self._set_values(self._index_of(name), value))
-                self.get(name, timeout=timeout)
-            except (ParameterError, MessageError) as error:
-                refused[name] = str(error)
-        if refused:
-            raise ParameterError(_refusal(f"{path}: nothing was set", refused), refused=refused)
-        done: dict[str, float] = {}
-        for number, (name, value) in enumerate(wanted.items()):
-            try:
-                done[name] = self.set(name, value, timeout=timeout)
-            except ParameterError as error:
-                refused[name] = str(error)
-            if progress is not None:
-                progress(number + 1, len(wanted))
-        if refused:
-            head = f"{path}: {len(done)} of {len(wanted)} were set"
-            raise ParameterError(_refusal(head, refused), reason="out_of_range", refused=refused)
-        return done
+        try:
+            return self.set_all(_read_file(Path(path)), progress, timeout=timeout)
+        except ParameterError as error:
+            if error.refused:
+                error.args = (f"{path}: {error}",)
+            raise
 
     # ---- names and values
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.list())
+
+    def _values_before(self, values: Mapping[str, float], timeout: float) -> tuple[dict[str, float], dict[str, str]]:
+        """The values in force, and a sentence for each that cannot be set. Nothing is set."""
+        before: dict[str, float] = {}
+        refused: dict[str, str] = {}
+        named: dict[int, str] = {}
+        for name, value in values.items():
+            try:
+                index = self._index_of(name)
+                if index in named:
+                    raise ParameterError(f"it is the same parameter as {named[index]}; give one of them")
+                named[index] = name
+                self._link.codec.encode(self._set.name, self._set_values(index, value))
+                before[name] = self.get(name, timeout=timeout)
+            except (ParameterError, MessageError) as error:
+                refused[name] = str(error)
+        return before, refused
+
+    def _set_back(self, before: Mapping[str, float], names: Iterable[str], timeout: float) -> str:
+        """Give them their previous values.
+
+        :returns: for the sentence that tells of it: those for which this failed.
+        """
+        failed: dict[str, str] = {}
+        for name in names:
+            try:
+                self.set(name, before[name], timeout=timeout)
+            except (ParameterError, MessageError, RequestTimeoutError, LinkDownError) as error:
+                failed[name] = str(error)
+        if not failed:
+            return ""
+        several = "; ".join(f"{name} could not be set back to {before[name]}: {why}" for name, why in failed.items())
+        return f", except that {several}"
 
     def _index_of(self, parameter: str | int) -> int:
         if isinstance(parameter, str) and parameter in self._names:
@@ -202,7 +258,7 @@ class Parameters:
             known = ", ".join(self._names)
             advice = f"it has {known}" if known else "its parameters have no names; give an index, such as 0"
             raise ParameterError(
-                f"{self._link.codec.name} has no parameter {parameter!r:.80}; {advice}",
+                f"{self._link.codec.name} has no parameter {shown(parameter)}; {advice}",
                 parameter=str(parameter),
                 reason="no_such_name",
             )
@@ -216,7 +272,7 @@ class Parameters:
 
     def _set_values(self, index: int, value: object) -> dict[str, Any]:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise MessageError(f"{self._set.name}.value is {value!r:.80}; expected a number")
+            raise MessageError(f"{self._set.name}.value is {shown(value)}; expected a number")
         return filled(self._set, {"index": self._written(self._index, index), "value": value})
 
     @staticmethod

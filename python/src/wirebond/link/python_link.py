@@ -13,21 +13,19 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wirebond import _engine
 from wirebond.codec import Message
 from wirebond.errors import LinkDownError, PortError
 from wirebond.link.attention import Attention
 from wirebond.link.engine_settings import EngineSettings, SafeValue
-from wirebond.link.python_ports import PythonOpener, PythonPort
-
-if TYPE_CHECKING:
-    from wirebond.recording.replay_port import ReplayOpener
+from wirebond.link.python_ports import PortOpener, PythonPort
 
 # As those of the engine's link: how long after a port went away, or could not be opened, it is tried again.
 _FIRST_OPEN_WAIT = 0.02
 _LAST_OPEN_WAIT = 1.0
+_LAST_WATCHED_WAIT = 0.2  # a look at a file costs little, should its appearance be missed
 _LEAST_OPEN_WAIT = 0.005  # however much appears
 _SETTLED_AFTER = 1.0  # a port that lasted so long is no port that fails at once
 _DRAIN_ON_CLOSE = 1.0
@@ -54,7 +52,7 @@ class PythonLink:
         self,
         protocol: _engine.ProtocolTable,
         receive: _engine.FormatTable,
-        opener: PythonOpener | ReplayOpener,
+        opener: PortOpener,
         settings: EngineSettings,
         waits: bool,
         clock: Callable[[], int] = _now,
@@ -79,11 +77,12 @@ class PythonLink:
         self._up_since = 0.0
         self._next_open = 0.0
         self._open_wait = _FIRST_OPEN_WAIT
-        self._seen: object = None  # the appearance of the port
+        self._seen: object = None  # the appearance of the port, from before it was last opened or tried
         self._planned = 0  # when the supervisor wakes by itself
         self._is_closing = False
         self._close_by = 0.0
         self._is_done = False
+        self._seen = opener.appearance()
         try:
             self._come_up(opener.open())
         except PortError as error:
@@ -128,6 +127,21 @@ class PythonLink:
             has_one = self._core.end_safely(message, address)
             self._wake_if_late()
             return has_one
+
+    def end_if_moved(self, message: int, address: int) -> bool:
+        with self._owned():
+            has_one = self._core.end_if_moved(message, address)
+            self._wake_if_late()
+            return has_one
+
+    def hand_over(self) -> None:
+        with self._owned():
+            self._core.hand_over_motion()
+
+    def end_motion(self) -> None:
+        with self._owned():
+            self._core.end_motion()
+            self._wake_if_late()
 
     def set_address(self, address: int) -> None:
         with self._owned():
@@ -307,8 +321,7 @@ class PythonLink:
     def _look_again(self, now: float) -> None:
         """The next try, and what may bring it forward."""
         self._next_open = now + self._open_wait
-        self._open_wait = min(2 * self._open_wait, _LAST_OPEN_WAIT)
-        self._seen = self._opener.appearance()
+        self._open_wait = min(2 * self._open_wait, _LAST_OPEN_WAIT if self._seen is None else _LAST_WATCHED_WAIT)
 
     # ---- the reader
 
@@ -428,6 +441,7 @@ class PythonLink:
             self._next_open = min(self._next_open, now + _LEAST_OPEN_WAIT)
         if now < self._next_open:
             return
+        self._seen = self._opener.appearance()  # before the look: what appears during it is seen by the next one
         self._opening = threading.Thread(target=self._open, name="opener of a link", daemon=True)
         self._opening.start()
 

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from wirebond.errors import PortError
-from wirebond.ports import pty_number, sysfs
-from wirebond.ports.permission import no_permission
-from wirebond.ports.port_name import PortName
-from wirebond.ports.pty_number import PtyNumber
+from wirebond.link.devices import pty_number, sysfs
+from wirebond.link.devices.permission import no_permission
+from wirebond.link.devices.port_name import PortName
+from wirebond.link.devices.pty_number import PtyNumber
 
 try:
     import termios
@@ -159,6 +159,27 @@ class TcpPort:
     def leave_to_parent(self) -> None:
         """See ``PythonPort``."""
         self._connection.close()
+
+
+class PortOpener(Protocol):
+    """Opens one port, again and again. One thread at a time.
+
+    :ivar line: settings of the port that was opened last, for `line_from`; None: it has none.
+    """
+
+    line: dict[str, Any] | None
+
+    def open(self) -> PythonPort:
+        """Open the port; may wait for seconds.
+
+        :raises PortError: the port cannot be opened.
+        """
+
+    def why_gone(self, error: OSError | None, /) -> str:
+        """Return a sentence about a port that has just failed; None: it ended."""
+
+    def appearance(self) -> object:
+        """Return a value that changes when the port's device appears again."""
 
 
 class PythonOpener:

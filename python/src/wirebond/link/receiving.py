@@ -9,6 +9,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from wirebond import _engine
+from wirebond.arguments import real, shown
 from wirebond.codec import Codec, Message, refuse_option_for_field
 from wirebond.errors import LinkDownError, RequestTimeoutError, UsageError
 from wirebond.link.ends import other
@@ -23,8 +24,8 @@ from wirebond.typed import TypedMessage, TypedRequest, from_message_of, maker_of
 
 if TYPE_CHECKING:
     from wirebond.link.aio import Aio
+    from wirebond.link.engine import Engine
     from wirebond.link.frame_maker import FrameMaker, OwnMessage
-    from wirebond.link.settings import Engine
 
 _T = TypeVar("_T", bound=TypedMessage)
 _Reply = TypeVar("_Reply")
@@ -33,6 +34,7 @@ _LogHandler = TypeVar("_LogHandler", bound=Callable[[LogEvent], object])
 _DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], object])
 _REPLAY_WAIT = 0.05  # seconds between two looks whether a replay has ended
 _ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are heard meanwhile
+_NO_LIMIT = 1e9  # seconds: longer times mean the same, and threads cannot wait for them
 _PATIENCE = 1.0  # seconds that the end of a link waits for handlers
 
 
@@ -80,13 +82,16 @@ class Receiving:
         :param timeout: seconds; 0 does not wait.
         :returns: the messages in the order in which they came; none when the time is over.
         :raises LinkDownError: the link is closed, and all that had come was taken.
+        :raises UsageError: ``timeout`` is no number.
         """
-        wait = timeout if 0 <= timeout < 1e9 else 0.0 if not timeout > 0 else 1e9
+        timeout = real("timeout", timeout, "seconds, such as 0.5; for no limit write `for message in link`")
+        wait = timeout if 0 <= timeout < _NO_LIMIT else 0.0 if not timeout > 0 else _NO_LIMIT
         messages: list[Message] = []
         try:
             self._inbox.look()
             if self._inbox.take(wait, messages):
                 self._inbox.take_rest(messages)
+                self._frames.hear(messages[-1])
             return messages
         except BaseException:  # a signal's handler raised
             self._inbox.give_back(messages)
@@ -101,6 +106,8 @@ class Receiving:
             has_ended = self._has_ended()
             try:
                 self._inbox.take(wait, taken)
+                if taken:
+                    self._frames.hear(taken[0])
             except LinkDownError:
                 if not self._engine.is_closed():
                     raise
@@ -220,7 +227,7 @@ class Receiving:
         :raises UsageError: it is no handler of this link.
         """
         if not self._inbox.handlers.remove(function):
-            raise UsageError(f"{function!r:.80} is no handler of this link")
+            raise UsageError(f"{shown(function)} is no handler of this link")
 
     def run(self, timeout: float | None = None) -> bool:
         """Wait while handlers work, until the link is closed. A program with nothing but handlers calls it last.
@@ -229,7 +236,15 @@ class Receiving:
 
         :param timeout: seconds; None: no limit.
         :returns: True: the link was closed, and handlers have had what came. False: the time is over.
+        :raises UsageError: it is called in a handler, which would wait for itself; or ``timeout`` is no number.
         """
+        if self._inbox.handlers.is_own_thread():
+            raise UsageError(
+                "run() was called in a handler, and no handler is called until it returns; call it where the program "
+                "waits, or link.close() to end"
+            )
+        if timeout is not None:
+            timeout = min(real("timeout", timeout, "seconds, such as 0.5, or None for no limit"), _NO_LIMIT)
         self._start_reading()
         if not self._inbox.ended.wait(timeout):
             return False
@@ -333,6 +348,25 @@ class Receiving:
         self._inbox.requests.submit(question)
         return Asked(self, question, header or {}, timeout, typed)
 
+    def ask(
+        self,
+        message: str,
+        values: Mapping[str, Any],
+        timeout: float,
+        finish: Callable[[Outcome], None],
+        header: Mapping[str, Any] | None = None,
+    ) -> Asked:
+        """Send a request without waiting. Any thread.
+
+        :param message: a message of this end with a ``reply``, by its name.
+        :param values: its fields by name, in SI units.
+        :param timeout: seconds, for the sentence that no reply came.
+        :param finish: gets the reply, or the exception, in the thread that receives. It must not wait.
+        :param header: the frame's own named fields, as for ``send``.
+        :returns: the request; withdraw its ``question`` from ``internals.inbox.requests`` to give it up.
+        """
+        return self._ask(message, values, timeout, header, {}, finish)
+
     def _answer_to(self, asked: Asked, answer: SimpleQueue[Outcome]) -> Any:
         """Wait for what ``answer`` gets of this request, and withdraw it."""
         outcome: Outcome | None = None
@@ -351,8 +385,14 @@ class Receiving:
             if outcome is None and not answer.empty() and isinstance(left := answer.get_nowait(), Message):
                 self._inbox.give_reply_back(left)  # a signal ended the wait
 
-    def _start_request(self, message: str, values: Mapping[str, Any], timeout: float) -> Callable[[], Message]:
-        """As ``request`` in two steps: send it, and by the function that this gives, which must be called, wait."""
+    def begin_request(self, message: str, values: Mapping[str, Any], timeout: float) -> Callable[[], Message]:
+        """Send a request now, and wait for its reply later. Any thread.
+
+        :param message: a message of this end with a ``reply``, by its name.
+        :param values: its fields by name, in SI units.
+        :param timeout: seconds to wait, from the call of the result on.
+        :returns: a function that waits for the reply, returns it, and raises as ``request`` does. Call it once.
+        """
         answer: SimpleQueue[Outcome] = SimpleQueue()
         asked = self._ask(message, values, timeout, None, {}, answer.put)
         return lambda: self._answer_to(asked, answer)
@@ -370,6 +410,9 @@ class Receiving:
         if isinstance(message, type):
             typed, plain = maker_of(message), call
             call = lambda received: plain(typed(received))  # noqa: E731
+        if self._frames.follows_host:
+            heard, hear = call, self._frames.hear
+            call = lambda received: (hear(received), heard(received))  # noqa: E731
         self._inbox.handlers.add(function, name, call)
         self._start_reading()
         self._inbox.handlers.start()
@@ -400,7 +443,7 @@ class Receiving:
     def _check_kind(self, message: object) -> None:
         """Of what handlers are called with: all, a name, a class."""
         if message is not None and not isinstance(message, str | type):
-            raise UsageError(f"on() takes a message's name or class, not {message!r:.80}; write @link.on() for all")
+            raise UsageError(f"on() takes a message's name or class, not {shown(message)}; write @link.on() for all")
         if message is not None:
             self._received_name(message)
 
@@ -431,8 +474,8 @@ class Receiving:
         sender = None if plan.peer is None else plan.header[plan.peer].name
         if plan.peer is None or sender not in header:
             advice = "leave out header=" if sender is None else f"give {sender}"
-            raise UsageError(f"header is {dict(header)!r:.80}, which does not say who sent the message; {advice}")
-        return _engine.header_bits(self.codec._format_for(other(self._end)), dict(header))[plan.peer]
+            raise UsageError(f"header is {shown(dict(header))}, which does not say who sent the message; {advice}")
+        return _engine.header_bits(self.codec.tables.format_for(other(self._end)), dict(header))[plan.peer]
 
     def _question(
         self,
@@ -458,7 +501,7 @@ class Receiving:
 
 def _refuse_coroutine(function: object, where: str) -> None:
     if inspect.iscoroutinefunction(function):
-        raise UsageError(f"{function!r:.80} is a coroutine function; register it with link.aio.{where}")
+        raise UsageError(f"{shown(function)} is a coroutine function; register it with link.aio.{where}")
 
 
 def _no_action(codec: Codec, end: End, wanted: object, actions: list[str], nothing: str) -> str:
@@ -468,8 +511,8 @@ def _no_action(codec: Codec, end: End, wanted: object, actions: list[str], nothi
         return f"{name} has no deadline at the {end}, so that there is nothing {nothing}; see `deadlines` in its file"
     listing = f"it has {', '.join(actions)}"
     if not isinstance(wanted, str):
-        return f"{wanted!r:.80} is no action of a deadline; {listing}"
+        return f"{shown(wanted)} is no action of a deadline; {listing}"
     own = [d.then for d in codec.model.deadlines if d.at == end and d.message == wanted]
     near = own[0] if own else nearest(wanted, actions)
     hint = f"did you mean {near}? " if near else ""
-    return f"{name} has no deadline {wanted!r:.80} at the {end}; {hint}{listing}"
+    return f"{name} has no deadline {shown(wanted)} at the {end}; {hint}{listing}"

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
+from wirebond.arguments import real
 from wirebond.codec import Codec, Message
 from wirebond.errors import RequestTimeoutError, UsageError
+from wirebond.link.arrivals import Arrivals
 from wirebond.link.ends import Receiver, other
 from wirebond.protocol.model import End
 from wirebond.protocol.planning import plan_for, told_by_request
@@ -51,6 +53,8 @@ class Question:
     number: int = 0  # of an attached link: of the call that asked
     carried: Mapping[str, Any] | None = None  # fields that the reply carries back; None: not looked at yet
     others: Mapping[str, Any] | None = None  # what a reply that answers another request carried last
+    before: Mapping[str, Any] | None = None  # the receive account when it was sent, where a caller waits
+    arrived: Arrivals | None = None  # since then, of a request that was withdrawn without its reply
 
 
 class RequestBook:
@@ -58,10 +62,14 @@ class RequestBook:
 
     :param codec: the protocol.
     :param end: the one that asks.
+    :param account: gives the receive account, for sentences about requests without a reply.
     """
 
-    def __init__(self, codec: Codec, end: End = End.HOST) -> None:
+    def __init__(
+        self, codec: Codec, end: End = End.HOST, account: Callable[[], Mapping[str, Any]] | None = None
+    ) -> None:
         self._codec = codec
+        self._account = account
         self._end = end
         self._receiver = Receiver(codec, end)
         self._lock = threading.RLock()  # a garbage collection within may send
@@ -83,11 +91,11 @@ class RequestBook:
 
         :raises UsageError: the message has no reply.
         """
-        reply = self._codec._reply_to(message)
+        reply = self._codec.tables.reply_to(message)
         address = None
         if self._peer is not None:
             asked = self._receiver.bits_of(header)
-            address = None if asked in self._codec._broadcasts else asked
+            address = None if asked in self._codec.tables.broadcasts else asked
         return Question(message, reply, address, frame, finish)
 
     def submit(self, question: Question) -> None:
@@ -101,6 +109,8 @@ class RequestBook:
     def withdraw(self, question: Question) -> None:
         """End the request without a reply; a reply that still comes belongs to no request. The next one leaves."""
         with self._lock:
+            if question.finish is not None:
+                question.arrived = self.arrived(question)
             question.finish = None
             question.is_over = True
             question.until = time.monotonic() + _LATE
@@ -110,6 +120,17 @@ class RequestBook:
             if question in asked and not self._carried_names(question):  # a late reply could be any
                 self._asked[question.reply].remove(question)
             self._next()
+
+    def arrived(self, question: Question) -> Arrivals | None:
+        """What came since the request was sent; None: it was not sent."""
+        if question.before is None or self._account is None:
+            return None
+        return Arrivals.between(question.before, self._account())
+
+    def settle(self) -> None:
+        """Return when no request is just leaving in another thread."""
+        with self._lock:
+            return
 
     def may_take(self, messages: Sequence[Message]) -> bool:
         """False: ``take`` refuses each of these, which came before now."""
@@ -189,6 +210,8 @@ class RequestBook:
         asked = self._asked.setdefault(question.reply, deque())
         while len(asked) >= _MOST and (old := next((q for q in asked if q.finish is None), None)) is not None:
             asked.remove(old)
+        if question.finish is not None and self._account is not None:
+            question.before = self._account()
         question.since = time.monotonic()
         question.until = question.since + _OWN_SEND
         asked.append(question)
@@ -244,8 +267,9 @@ def _left() -> None:
 
 def check_timeout(timeout: float) -> None:
     """:raises UsageError: no time that a request may wait."""
-    if not 0 < timeout <= MAX_TIMEOUT:
-        raise UsageError(f"timeout is {timeout:g} s; expected more than 0 and at most {MAX_TIMEOUT:g} s")
+    expected = f"more than 0 and at most {MAX_TIMEOUT:g} s"
+    if not 0 < real("timeout", timeout, expected) <= MAX_TIMEOUT:
+        raise UsageError(f"timeout is {timeout:g} s; expected {expected}")
 
 
 def timeout_error(
@@ -258,15 +282,22 @@ def timeout_error(
     if plan.address is not None:
         asked = plan.header[plan.address]
         whom = f" from {asked.name} {header.get(asked.name, asked.default(end))}"
+    arrived = question.arrived
+    meanwhile = "" if arrived is None or not arrived.text else f"; meanwhile {arrived.text}"
     if question.since == 0.0:
         advice = "It was not sent, because other requests were not answered before it; give it more time"
+    elif state == "down":
+        advice = f"{port} is not connected at the moment; plug it in"
+    elif arrived is not None and arrived.has_frames:
+        advice = f"Check that the {peer} answers {question.message}" + (", and the address" if whom else "")
+    elif arrived is not None and arrived.discarded:
+        advice = "Check the baud rate, and that both ends use the same protocol file"
+    elif state == "stale":
+        advice = f"Nothing at all comes; check the cable, the baud rate, and that the {peer} runs"
     else:
-        advice = {
-            "down": f"{port} is not connected at the moment; plug it in",
-            "stale": f"Nothing at all comes; check the cable, the baud rate, and that the {peer} runs",
-            "up": f"Other frames come; check that the {peer} answers {question.message}"
-            + (", and the address" if whom else ""),
-        }[state]
+        meanwhile = "; nothing arrived meanwhile"
+        advice = f"Give it more time, or check that the {peer} answers {question.message}"
+        advice += ", and the address" if whom else ""
     if question.others and question.carried is not None:
         came = ", ".join(f"{name} {value}" for name, value in question.others.items())
         asked_for = ", ".join(f"{name} {question.carried.get(name)}" for name in question.others)
@@ -275,7 +306,7 @@ def timeout_error(
             "what it was asked"
         )
     return RequestTimeoutError(
-        f"no {question.reply}{whom} within {timeout:g} s of {question.message}. {advice}",
+        f"no {question.reply}{whom} within {timeout:g} s of {question.message}{meanwhile}. {advice}",
         question.message,
         question.reply,
         timeout,

@@ -17,12 +17,14 @@ def filled(message: Message, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _needs_a_value(f: Field) -> bool:
-    if f.kind in (FieldKind.PADDING, FieldKind.TEXT, FieldKind.BYTES) or f.is_count or f.is_list:
+    if f.kind in (FieldKind.PADDING, FieldKind.TEXT, FieldKind.BYTES) or f.is_count:
         return False
     return f.default is None
 
 
 def _least(f: Field) -> Any:
+    if f.is_list:
+        return []
     one = _element(f)
     return one if f.count is None else [one] * f.count
 

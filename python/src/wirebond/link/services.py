@@ -16,26 +16,43 @@ import threading
 import time
 import weakref
 from collections import deque
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
 from wirebond.codec import Codec, Message
 from wirebond.errors import PortError, UsageError, WirebondError
 from wirebond.link.clock_line import ClockLine, HostTime
 from wirebond.link.clock_sync import ClockReading, ClockSync
+from wirebond.link.devices.port_name import PortName
+from wirebond.link.engine import Engine
 from wirebond.link.inbox import Inbox
+from wirebond.link.line import Line
 from wirebond.link.log_lines import LineLimit, log_names, say_line, say_missed
 from wirebond.link.peer import HELLO_VERSION, Peer, PeerBook
-from wirebond.link.requests import Question
+from wirebond.link.receiving import Asked
+from wirebond.link.requests import Outcome, Question
 from wirebond.link.service_values import filled
 from wirebond.link.stamps import LiveClock, Stamper, has_stamps
-from wirebond.ports.port_name import PortName
 from wirebond.protocol.model import End, Service
 from wirebond.protocol.planning import plan_for
+from wirebond.seldom import Seldom, and_more
 
-if TYPE_CHECKING:
-    from wirebond.link.link import Link
-    from wirebond.link.settings import Engine
+
+class AskingLink(Protocol):
+    """What the services use of their link."""
+
+    codec: Codec
+    port: str
+
+    @property
+    def state(self) -> str: ...
+    @property
+    def line(self) -> Line | None: ...
+    def send(self, message: str, values: Mapping[str, Any] | None = None, /) -> None: ...
+    def ask(
+        self, message: str, values: Mapping[str, Any], timeout: float, finish: Callable[[Outcome], None]
+    ) -> Asked: ...
+
 
 _CLOCK_EVERY = 1.0  # seconds between two exchanges of the clock
 _CLOCK_SOON = 5  # exchanges at the beginning that follow each other at once
@@ -58,7 +75,7 @@ class Services:
 
     def __init__(
         self,
-        link: Link,
+        link: AskingLink,
         codec: Codec,
         end: End,
         engine: Engine,
@@ -84,6 +101,7 @@ class Services:
         if self._clock is not None and self._clock.sync is not None and has_stamps(codec):
             engine.set_stamper(Stamper(codec, LiveClock(self._clock.sync, self._lock)))
         self._limit = LineLimit()
+        self._reports = Seldom()  # of hellos: a device may change its own all the time
         names = log_names(codec)
         for name in names:
             inbox.watch(name, self._note_line)
@@ -169,7 +187,7 @@ class Services:
             self._opened.append(t)
         self._wake.set()
 
-    def _look(self, link: Link, now: float) -> float:
+    def _look(self, link: AskingLink, now: float) -> float:
         """Do what is due.
 
         :returns: when to look again where nothing wakes before: inf: never.
@@ -215,12 +233,14 @@ class Services:
             is_new = self._book.heard(fields["protocol_hash"], fields["version"], message.t)
             peer = self._book.peer
         if is_new and peer.state == "different":
-            _log.warning("%s: %s", self._place, peer.why)
+            left_out = self._reports.passes(message.t)
+            if left_out is not None:
+                _log.warning("%s: %s%s", self._place, peer.why, and_more(left_out))
         link = self._link() if self._answers else None
         if link is not None:
             self._say_hello(link)
 
-    def _say_hello(self, link: Link) -> None:
+    def _say_hello(self, link: AskingLink) -> None:
         name = self._book.message
         assert name is not None
         values = filled(self._codec.model.message(name), {"protocol_hash": self._codec.hash, "version": HELLO_VERSION})
@@ -256,7 +276,7 @@ class _ClockExchanges:
         except UsageError as error:
             self.why = str(error)
 
-    def look(self, link: Link, now: float, wake: Callable[[], None]) -> None:
+    def look(self, link: AskingLink, now: float, wake: Callable[[], None]) -> None:
         """Begin an exchange where one is due."""
         if self.sync is None or self._service is None or self._answers:
             return
@@ -283,7 +303,7 @@ class _ClockExchanges:
         self._soon -= 1
         self._asked_at = now
         try:
-            self._asked = link._ask(request, values, _CLOCK_TIMEOUT, None, {}, answered).question
+            self._asked = link.ask(request, values, _CLOCK_TIMEOUT, answered).question
         except WirebondError:  # the port is away, the queue full: it is asked again
             self._next = max(self._next, now + _CLOCK_RETRY)
 
@@ -325,14 +345,14 @@ def may_ask(codec: Codec, listens_to_all: bool) -> bool:
     return model.fixed != End.BOTH and not (listens_to_all and has_addresses)
 
 
-def byte_seconds(link: Link) -> float:
+def byte_seconds(link: AskingLink) -> float:
     """What a byte takes on the link's line; 0 where the port has none, or none that runs at its baud rate."""
     line = link.line
     if line is None:
         return 0.0
     try:
         device = os.path.realpath(PortName(link.port).path())
-    except PortError:  # it went away
+    except (PortError, OSError):  # it went away, maybe while its links were followed
         return 0.0
     is_without = any(name in device for name in _WITHOUT_LINE)
     return 0.0 if is_without else link.codec.model.link.bits_per_byte / line.baud

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 from wirebond import _engine
+from wirebond.arguments import real
 from wirebond.codec import Codec
 from wirebond.errors import UsageError
+from wirebond.link.devices.port_name import ADAPTER_LATENCY, PortName
 from wirebond.link.ends import actions_at, other, own_address_field
-from wirebond.link.engine_settings import EngineAddressing, EngineDeadline, EngineSettings, SafeValue
+from wirebond.link.engine_settings import (
+    EngineAddressing,
+    EngineDeadline,
+    EnginePeerStop,
+    EngineSettings,
+    SafeValue,
+)
+from wirebond.link.plugins import plugin
 from wirebond.link.python_link import PythonLink
 from wirebond.link.python_ports import LineSettings, PythonOpener
-from wirebond.ports.port_name import ADAPTER_LATENCY, PortName
-from wirebond.protocol.forms import header_fields
-from wirebond.protocol.model import MAX_LATENCY, Address, End, GivenMessage, Queue, Recover
+from wirebond.protocol.model import MAX_LATENCY, Address, End, FieldKind, GivenMessage, Queue, Recover, Start
+from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.planning import plan_for, told_by_request
-
-if TYPE_CHECKING:
-    from wirebond.link.attached_link import AttachedLink
-    from wirebond.recording.replay_port import ReplayOpener
-
-    Engine: TypeAlias = _engine.Link | PythonLink | AttachedLink  # what a link drives: they have the same methods
 
 STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
 _SHORTEST_READ, _LONGEST_READ = 0.001, 0.01  # seconds that a link in Python waits for bytes before it looks around
@@ -43,9 +45,9 @@ def open_engine(
 
     :raises PortError: it cannot be opened; with ``waits`` that is no error.
     """
-    protocol, receive = codec._table, codec._format_for(other(end))
+    protocol, receive = codec.tables.protocol, codec.tables.format_for(other(end))
     if port.recording:
-        opener = replay_opener(port, end)
+        opener = plugin("replay")(port, end)
         link = PythonLink(protocol, receive, opener, settings, waits, opener.clock.now_us, opener.waits_for_reader)
         if (stamper := opener.stamper(codec)) is not None:
             link.set_stamper(stamper)
@@ -58,14 +60,6 @@ def open_engine(
     return PythonLink(protocol, receive, PythonOpener(port, line, wait, ROOT), settings, waits)
 
 
-def replay_opener(port: PortName, end: End) -> ReplayOpener:
-    """:raises PortError: the file is no recording."""
-    from wirebond.recording.replay import Section  # noqa: PLC0415 most programs replay nothing
-    from wirebond.recording.replay_port import ReplayOpener  # noqa: PLC0415
-
-    return ReplayOpener(port.text, port.recording, Section(port.speed, port.start, port.stop, port.loop), end)
-
-
 def engine_port(port: PortName, waits: bool) -> dict[str, Any]:
     found: dict[str, Any] = {"name": port.text, "waits": waits}
     if port.is_tcp:
@@ -76,8 +70,10 @@ def engine_port(port: PortName, waits: bool) -> dict[str, Any]:
 def latency_of(codec: Codec, port: PortName, baud: int, given: float | None) -> float:
     """Seconds that this port may hold bytes back."""
     if given is not None:
+        expected = f"0 to {MAX_LATENCY:g} s, such as 0.016"
+        given = real("adapter_latency", given, expected)
         if not 0 <= given <= MAX_LATENCY:
-            raise UsageError(f"adapter_latency is {given:g} s; expected 0 to {MAX_LATENCY:g} s, such as 0.016")
+            raise UsageError(f"adapter_latency is {given:g} s; expected {expected}")
         return given
     settings = codec.model.link
     if settings.adapter_latency is not None:
@@ -107,11 +103,11 @@ def engine_settings(
         stop_bits=round(model.link.stop_bits),
         paced=paced,
         bits_per_byte=math.ceil(model.link.bits_per_byte),
-        send=codec._format_for(end),
+        send=codec.tables.format_for(end),
         send_pause_seconds=model.pause_seconds,
         max_age_seconds=model.link.max_age or 0.0,
         echo=model.link.echo,
-        largest_frame=model.max_wire_bytes(),
+        largest_frame=model.max_wire_bytes(sender=end),
         every=tuple(m.every if m.sent_by(end) and m.every is not None else 0.0 for m in model.messages),
         latest=tuple(m.queue == Queue.LATEST and m.reply is None and m.sent_by(end) for m in model.messages),
         stop=tuple(safe_value(codec, stop, None) for stop in model.emergency_stop if end == End.HOST),
@@ -120,14 +116,37 @@ def engine_settings(
         addressing=_addressing(codec, end),
         deadlines=tuple(
             EngineDeadline(
-                codec._index_of(d.message), round(d.after * 1e6), actions.index(d.then), d.recover == Recover.EXPLICIT
+                codec.tables.indices[d.message],
+                round(d.after * 1e6),
+                actions.index(d.then),
+                d.recover == Recover.EXPLICIT,
+                d.start == Start.HELD,
             )
             for d in model.deadlines
             if d.at == end
         ),
+        peer_stops=tuple(_peer_stops(codec)) if end == End.MCU else (),
         hold_back=hold_back,
         recent_bytes=recent_bytes(baud, model.link.bits_per_byte),
     )
+
+
+def _peer_stops(codec: Codec) -> Iterator[EnginePeerStop]:
+    """The messages of the stop. The fields that the file gives count; all do where it gives none, or where they have no
+    places of their own."""
+    for stop in codec.model.emergency_stop:
+        frame = codec.encode(stop.message, stop.fields, header=dict(stop.header), sender=End.HOST)
+        decoder = codec.decoder("host")
+        for sent in (*decoder.feed(frame, 0.0), *decoder.finish()):
+            if sent.name != stop.message:  # its own bytes cut its frame: the lint says so
+                continue
+            fields = codec.model.message(stop.message).fields
+            given = dict(stop.values) or {field.name for field in fields if field.kind != FieldKind.PADDING}
+            mask = b"".join((b"\xff" if field.name in given else b"\0") * field.min_wire_bytes for field in fields)
+            is_whole = any(field.is_variable for field in fields)
+            payload = sent.payload if is_whole else sent.payload.ljust(len(mask), b"\0")
+            mask = b"\xff" * len(payload) if is_whole else mask
+            yield EnginePeerStop(codec.tables.indices[sent.name], payload, mask, is_whole)
 
 
 def recent_bytes(baud: int, bits_per_byte: float) -> int:
@@ -142,16 +161,16 @@ def safe_value(codec: Codec, stop: GivenMessage, header: Mapping[str, Any] | Non
     it would be no stop."""
     addresses = {f.name for f in header_fields(codec.model.format.parts) if f.address is not None}
     given = {**dict(stop.header), **{n: v for n, v in (header or {}).items() if n in addresses}}
-    if header is not None and codec._address is not None:
-        receiver = plan_for(codec.model, End.HOST).header[codec._address]
+    if header is not None and codec.tables.address is not None:
+        receiver = plan_for(codec.model, End.HOST).header[codec.tables.address]
         given[receiver.name] = header.get(receiver.name, receiver.default(End.HOST))
-    covered = codec._address_of(dict(stop.header)) in codec._broadcasts
+    covered = codec.tables.address_of(dict(stop.header)) in codec.tables.broadcasts
     return SafeValue(
-        codec._index_of(stop.message),
-        codec.encode(stop.message, dict(stop.values), header=given),
+        codec.tables.indices[stop.message],
+        codec.encode(stop.message, stop.fields, header=given),
         reply_index(codec, stop.message),
         codec.model.message(stop.message).every or STOP_EVERY,
-        codec._address_of(given) or 0,
+        codec.tables.address_of(given) or 0,
         header is None or not covered,
     )
 
@@ -171,5 +190,5 @@ def _addressing(codec: Codec, end: End) -> EngineAddressing:
 
 
 def reply_index(codec: Codec, message: str) -> int:
-    reply = codec.model.messages[codec._index_of(message)].reply
-    return -1 if reply is None else codec._index_of(reply)
+    reply = codec.model.messages[codec.tables.indices[message]].reply
+    return -1 if reply is None else codec.tables.indices[reply]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -10,7 +11,7 @@ from wirebond.codec import Codec, Message
 from wirebond.errors import MessageError
 from wirebond.protocol.model import Address, End, HeaderField
 from wirebond.protocol.planning import plan_for, told_by_request
-from wirebond.sim.virtual_mcu import VirtualMcu
+from wirebond.protocol.sample_values import sample_values
 
 _UNKNOWN = "unknown"
 
@@ -99,13 +100,12 @@ class SharedLine:
     @cached_property
     def untold(self) -> list[str]:
         """What the protocol does not tell apart, a sentence for each pair of messages."""
-        made_up = VirtualMcu(self._codec, 0.0)._made_up
         sentences = []
         for message in self._codec.model.messages:
             if not message.sent_by(End.HOST):
                 continue
             try:
-                frame = self._codec.encode(message.name, made_up(message, 0.0), sender=End.HOST)
+                frame = self._codec.encode(message.name, sample_values(message, math.sin), sender=End.HOST)
             except MessageError:  # its fields have a rule together; nothing is known of it
                 continue
             line = SharedLine(self._codec)

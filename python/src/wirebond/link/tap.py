@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
+from wirebond.arguments import whole
 from wirebond.errors import UsageError
 
 if TYPE_CHECKING:
@@ -71,6 +73,24 @@ class Taken:
     lost_sent_bytes: int
 
 
+class RunningRecorder(Protocol):
+    """A recorder at work, as ``link.record`` returns it: see ``wirebond.Recorder``."""
+
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def size(self) -> int: ...
+    @property
+    def safe_size(self) -> int: ...
+    @property
+    def messages(self) -> int: ...
+    def close(self, *, compact: bool = True) -> None: ...
+    def __enter__(self) -> Self: ...
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
 class TapSource(Protocol):
     """Whatever can be recorded: a link, and who speaks for one."""
 
@@ -91,8 +111,7 @@ class Tap:
     thread at a time. After the link has ended, ``take`` still gives what had come."""
 
     def __init__(self, engine: Any, capacity: int, actions: Sequence[str], messages: Sequence[str]) -> None:
-        if not 1024 <= capacity <= 1 << 30:
-            raise UsageError(f"the tap's capacity is {capacity}; expected 1024 to {1 << 30} bytes")
+        capacity = whole("the tap's capacity", capacity, 1024, 1 << 30, "bytes")
         self._engine = engine
         self._actions = actions
         self._messages = messages

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import combinations, product
 
-from wirebond.protocol.forms import Intervals, meet, some_value
 from wirebond.protocol.model import End, Part, PayloadRule
+from wirebond.protocol.model.forms import Intervals, meet, some_value
 from wirebond.protocol.plan import Form
 from wirebond.protocol.planning import forms
 

@@ -38,6 +38,7 @@ COUNTERS: dict[str, tuple[Counted, str]] = {
     "line_errors": (Counted.LINE, "framing, noise, overrun and DMA errors"),
     "collisions": (Counted.LINE, "runs of frames that were not heard back as they were sent"),
     "receive_restarts": (Counted.LINE, "times that reception began again"),
+    "reception_stops": (Counted.LINE, "times that it had ended without an error, as with a DMA in normal mode"),
     "sent": (Counted.SENT, "frames that left"),
     "send_refused": (Counted.UNSENT, "frames that `send` refused"),
     "send_expired": (Counted.UNSENT, "frames that waited for too long"),

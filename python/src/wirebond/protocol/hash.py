@@ -18,7 +18,6 @@ import hashlib
 import json
 from typing import Any
 
-from wirebond.protocol.forms import header_of
 from wirebond.protocol.model import (
     Bits,
     Comparison,
@@ -32,6 +31,7 @@ from wirebond.protocol.model import (
     Protocol,
     Subject,
 )
+from wirebond.protocol.model.forms import header_of
 from wirebond.protocol.planning import mixes_ids
 
 _CANONICAL_TEXT = 1  # its version: raised when it changes, so that old and new hashes do not meet by chance

@@ -6,13 +6,21 @@ import os
 from dataclasses import replace
 
 from wirebond.protocol.meaning import references
-from wirebond.protocol.meaning.draft import delivers_unknown, finish, skips_failed, validate_first_bytes, validate_sizes
+from wirebond.protocol.meaning.delimiters import with_excluded
+from wirebond.protocol.meaning.draft import (
+    delivers_unknown,
+    finish,
+    longest_sent,
+    skips_failed,
+    validate_first_bytes,
+    validate_sizes,
+)
 from wirebond.protocol.meaning.examples import read_examples
 from wirebond.protocol.meaning.frames import read_frame
 from wirebond.protocol.meaning.matching import read_matches
 from wirebond.protocol.meaning.messages import read_messages, validate_ids
 from wirebond.protocol.meaning.structs import Types
-from wirebond.protocol.model import ByteOrder, End, LinkSettings, Parity, Protocol
+from wirebond.protocol.model import ByteOrder, End, LinkSettings, Mismatch, Parity, Protocol
 from wirebond.protocol.problems import Problems
 from wirebond.protocol.text import yaml_tree
 from wirebond.protocol.text.grammar import File, Link
@@ -66,10 +74,13 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     deliver_unknown = delivers_unknown(draft, file.unknown, problems, root.value_place("unknown"))
     validate_first_bytes(draft, messages, problems)
     is_strict = skips_failed(draft, file.resync, problems, root.value_place("resync"))
+    longest = longest_sent(draft, messages) if file.max_payload is None else ()
+    frame_format = finish(draft, max_payload, deliver_unknown, is_strict, longest)
+    read = tuple(entry.message for entry in messages.values() if entry.message is not None)
     return Protocol(
         name=file.protocol,
-        format=finish(draft, max_payload, deliver_unknown, is_strict),
-        messages=tuple(entry.message for entry in messages.values() if entry.message is not None),
+        format=frame_format,
+        messages=with_excluded(read, frame_format),
         link=_link(file.link),
         deadlines=deadlines,
         emergency_stop=emergency_stop,
@@ -98,4 +109,5 @@ def _link(syntax: Link) -> LinkSettings:
         syntax.max_age,
         syntax.echo,
         syntax.adapter_latency,
+        Mismatch(syntax.on_mismatch),
     )

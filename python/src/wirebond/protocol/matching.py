@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from wirebond.protocol.forms import Choice, complement, some_value
-from wirebond.protocol.model import ByteOrder, Field, FieldKind, Match, MatchOf, Message, PayloadPlace, Subject
+from wirebond.protocol.model import ByteOrder, Field, Match, MatchOf, Message, PayloadPlace, Subject
+from wirebond.protocol.model.forms import Choice, complement, some_value
 
 ID_BITS = 32
 _Key = tuple[MatchOf, str, PayloadPlace | None]
@@ -90,9 +90,10 @@ class Told:
     def is_of(self, message: Message) -> bool:
         if message.has_id != (self.id is not None):
             return False
-        return all((number := self._number(match)) is not None and match.holds(number) for match in told_by(message))
+        return all((number := self.number_of(match)) is not None and match.holds(number) for match in told_by(message))
 
-    def _number(self, match: Match) -> int | None:
+    def number_of(self, match: Match) -> int | None:
+        """What the frame has where this looks; None: nothing is there."""
         if match.of == MatchOf.PAYLOAD:
             place = match.place
             assert place is not None
@@ -113,20 +114,23 @@ def fitted_values(message: Message, values: dict[str, Any], pick: Callable[[int,
     fitted = values
     for match in message.match:
         if match.of == MatchOf.PAYLOAD:
-            fitted = _with_number(message.fields, fitted, match, pick)
+            fitted = _with_number(message.fields, fitted, match, match.name, pick)
         elif match.of == MatchOf.SIZE:
             fitted = _with_size(message.fields, fitted, match, pick)
     return fitted
 
 
 def _with_number(
-    fields: tuple[Field, ...], values: dict[str, Any], match: Match, pick: Callable[[int, int], int]
+    fields: tuple[Field, ...], values: dict[str, Any], match: Match, path: str, pick: Callable[[int, int], int]
 ) -> dict[str, Any]:
     fitted = dict(values)
+    name, _, rest = path.partition(".")
     for one in fields:
-        if one.kind == FieldKind.BITS:
-            fitted[one.name] = _with_number(one.fields, values[one.name], match, pick)
-        elif one.name == match.name and one.name in values:  # else it is a constant
+        if one.name != name or name not in values:  # that is a constant
+            continue
+        if rest:
+            fitted[name] = _with_number(one.fields, values[name], match, rest, pick)
+        else:
             number = pick(*match.ranges[pick(0, len(match.ranges) - 1)])
             fitted[one.name] = {value: name for name, value in one.enum}.get(number, number)
     return fitted

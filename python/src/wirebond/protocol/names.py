@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable
 
 PATTERN = r"^[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*$"
+PATH_PATTERN = r"^[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*(\.[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*)*$"
 PROTOCOL_PATTERN = r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$"  # becomes a namespace and names of files
 MAX_LENGTH = 64
 
@@ -23,10 +24,14 @@ _CPP_KEYWORDS = frozenset(
         "nullptr operator or or_eq private protected public register reinterpret_cast requires return "
         "short signed sizeof static static_assert static_cast struct switch template this thread_local "
         "throw true try typedef typeid typename union unsigned using virtual void volatile wchar_t while "
-        "xor xor_eq"
+        "xor xor_eq "
+        "typeof typeof_unqual"  # of GNU C and C++, in which compilers read unless they are given -std=c++17
     ).split()
 )
-_MACROS = frozenset({"assert", "errno", "linux", "unix", "stdin", "stdout", "stderr"})  # of usual headers, lower case
+# In lower case: those of usual headers, then those that GNU compilers define by themselves for one system or processor.
+_MACROS = frozenset({"assert", "errno", "stdin", "stdout", "stderr"}) | {
+    "linux", "unix", "i386", "mips", "sparc", "sun", "m68k", "mc68000", "hppa", "hpux", "vax",
+}  # fmt: skip
 _NAMESPACES = frozenset({"std", "wirebond"})
 
 
@@ -37,6 +42,11 @@ def fault(name: str) -> str:
     if len(name) > MAX_LENGTH:
         return f"is longer than {MAX_LENGTH} characters; take a shorter name"
     return ""
+
+
+def path_fault(path: str) -> str:
+    """As `fault`, for names joined by dots: a field within a struct, or among bits."""
+    return next((found for name in path.split(".") if (found := fault(name))), "")
 
 
 def protocol_fault(name: str) -> str:

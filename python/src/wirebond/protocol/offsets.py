@@ -4,11 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wirebond.protocol.forms import (
-    Choice,
-    FormParts,
-    complement,
-)
 from wirebond.protocol.model import (
     Algorithm,
     BitRole,
@@ -21,7 +16,17 @@ from wirebond.protocol.model import (
     PayloadRule,
     Subject,
 )
-from wirebond.protocol.plan import CheckRule, Constant, Exclusion, Form, FormChoice, HeaderNumber, Number, Position
+from wirebond.protocol.model.forms import Choice, FormParts, complement
+from wirebond.protocol.plan import (
+    CheckRule,
+    Constant,
+    Exclusion,
+    Form,
+    FormChoice,
+    HeaderNumber,
+    Number,
+    Position,
+)
 
 _CONSTANT_KINDS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 

@@ -8,7 +8,7 @@ behind.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Message, PayloadPlace
 
@@ -54,6 +54,7 @@ class PayloadRules:
     counts: tuple[PayloadCount, ...] = ()
     tells_size: bool = True  # do the counts alone tell how many bytes the payload has?
     faults: tuple[tuple[str, str], ...] = ()  # field of the message, and why a rule about it cannot be applied
+    most_beside: int = 0  # not 0: a payload with more bytes than this beside what the counts tell is refused
 
     @property
     def needed_counts(self) -> int:
@@ -71,23 +72,42 @@ def payload_rules(message: Message) -> PayloadRules:
     )
 
 
+def bounded(message: Message, rules: PayloadRules) -> PayloadRules:
+    """The rules with a bound on the payload: what the first counts tell, and the most that everything else takes."""
+    kept = len(rules.counts)
+    if kept > MAX_COUNTS:
+        kept = MAX_COUNTS - (rules.counts[MAX_COUNTS].agrees_with is not None)
+    counts = rules.counts[:kept]
+    counted = sum(count.unit * count.most for count in counts if count.agrees_with is None)
+    return replace(rules, counts=counts, most_beside=message.max_payload - counted if counts else 0)
+
+
 def named_numbers(fields: tuple[Field, ...]) -> Iterator[tuple[str, tuple[Field, PayloadPlace]]]:
-    """The unsigned numbers of a message at places that are always the same: its own, and those among their bits."""
-    lowering = _Lowering()
+    """The unsigned numbers of a message at places that are always the same, by their paths: its own, those among their
+    bits, and those of its structs."""
+    return _numbers_of(_Lowering(), fields, "")
+
+
+def _numbers_of(
+    lowering: _Lowering, fields: tuple[Field, ...], path: str
+) -> Iterator[tuple[str, tuple[Field, PayloadPlace]]]:
     for one in fields:
-        lowering.name = one.name
+        if one.kind == FieldKind.STRUCT and one.count is None and not one.is_list:
+            yield from _numbers_of(lowering, one.fields, f"{path}{one.name}.")
+            continue
         is_lost = lowering.is_lost or bool(lowering.counts)
         before = lowering.at
         lowering.read(one)
         if is_lost or one.is_list or one.count is not None or one.packed is not None:
             continue
         if one.kind == FieldKind.UNSIGNED and not one.is_scaled:
-            yield one.name, (one, PayloadPlace(before, one.size, one.order, 0, (1 << one.width) - 1))
+            yield f"{path}{one.name}", (one, PayloadPlace(before, one.size, one.order, 0, (1 << one.width) - 1))
         if one.kind == FieldKind.BITS:
             for member, shift in bit_places(one):
                 if member.kind == FieldKind.UNSIGNED and not member.is_scaled:
                     mask = (1 << member.width) - 1
-                    yield member.name, (member, PayloadPlace(before, one.size, one.order, shift, mask))
+                    place = PayloadPlace(before, one.size, one.order, shift, mask)
+                    yield f"{path}{one.name}.{member.name}", (member, place)
 
 
 def bit_places(container: Field) -> Iterator[tuple[Field, int]]:
@@ -130,7 +150,7 @@ class _Lowering:
         else:
             if one.constant is not None:
                 self._add(one.constant_bytes, b"\xff" * one.size)
-            if one.kind == FieldKind.UNSIGNED:
+            if one.kind == FieldKind.UNSIGNED and not self.is_lost:
                 mask = (1 << one.width) - 1
                 self._numbers[-1][one.name] = CountingNumber(self.at, len(self.counts), one.size, one.order, 0, mask)
             self.at += one.min_wire_bytes
@@ -142,7 +162,7 @@ class _Lowering:
             if member.constant is not None:
                 mask |= ones << shift
                 value |= member.constant << shift
-            if member.kind == FieldKind.UNSIGNED:
+            if member.kind == FieldKind.UNSIGNED and not self.is_lost:
                 number = CountingNumber(self.at, len(self.counts), container.size, container.order, shift, ones)
                 self._numbers[-1][f"{container.name}.{member.name}"] = number
         if mask:

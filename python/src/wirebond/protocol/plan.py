@@ -8,9 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from wirebond.protocol.forms import (
-    Choice,
-)
 from wirebond.protocol.model import (
     Algorithm,
     ByteOrder,
@@ -22,6 +19,7 @@ from wirebond.protocol.model import (
     Stuffing,
     Subject,
 )
+from wirebond.protocol.model.forms import Choice
 from wirebond.protocol.payload_rules import PayloadRules
 
 MAX_CONSTANTS = 16

@@ -6,11 +6,6 @@ import itertools
 from collections import Counter
 from dataclasses import replace
 
-from wirebond.protocol.forms import (
-    header_fields,
-    own_forms,
-    parts_of_forms,
-)
 from wirebond.protocol.matching import are_matched, id_key, one_id, overlap, told_by
 from wirebond.protocol.model import (
     Address,
@@ -27,8 +22,9 @@ from wirebond.protocol.model import (
     PayloadRule,
     Protocol,
 )
+from wirebond.protocol.model.forms import header_fields, own_forms, parts_of_forms
 from wirebond.protocol.offsets import offsets_of
-from wirebond.protocol.payload_rules import PayloadRules, payload_rules
+from wirebond.protocol.payload_rules import PayloadRules, bounded, payload_rules
 from wirebond.protocol.plan import NO_ID, Form, Framing, MatchTest, MessageRow, Plan
 
 
@@ -52,7 +48,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
             m.max_payload,
             m.seed or 0,
             m.name in dependent,
-            _applied_rules(m, frame_format.parts),
+            _applied_rules(m, frame_format),
             _match_tests(m, header, no_id) if matches or id_place is not None else (),
         )
         for index, m in enumerate(protocol.messages)
@@ -74,7 +70,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         plain_back=sum(
             part.size for part in itertools.takewhile(lambda part: part.is_plain, reversed(frame_format.parts))
         ),
-        max_payload=frame_format.max_payload,
+        max_payload=frame_format.max_payload_from(sender),
         no_id=no_id,
         own_forms=own_forms(frame_format.parts, sender),
         forms=forms(frame_format.parts, sender),
@@ -144,12 +140,15 @@ def _tests_of(match: Match, places: dict[str, int]) -> list[MatchTest]:
     ]
 
 
-def _applied_rules(message: Message, parts: tuple[Part, ...]) -> PayloadRules:
-    """Constants, with the counts that say where they lie; and all counts where nothing else tells the size."""
+def _applied_rules(message: Message, frame_format: FrameFormat) -> PayloadRules:
+    """Constants, with the counts that say where they lie; and all counts where nothing else tells the size, or where a
+    payload that is longer than they tell is refused."""
     rules = payload_rules(message)
-    by_itself = any(part.kind == PartKind.PAYLOAD and part.payload == PayloadRule.BY_ID for part in parts)
-    if by_itself and message.min_payload != message.max_payload:
+    size = next(part.payload for part in frame_format.parts if part.kind == PartKind.PAYLOAD)
+    if size == PayloadRule.BY_ID and message.min_payload != message.max_payload:
         return PayloadRules(rules.constants, rules.counts)
+    if size in (PayloadRule.BY_LENGTH, PayloadRule.REST) and not frame_format.deliver_unknown:
+        return bounded(message, PayloadRules(rules.constants, rules.counts))
     return PayloadRules(rules.constants, rules.counts[: rules.needed_counts])
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NoReturn
 
+from wirebond.arguments import shown
 from wirebond.errors import Problem, ProtocolFileError
 
 _QUOTED_LENGTH = 40
@@ -77,10 +78,10 @@ def no_message(protocol: str, wanted: object, messages: Iterable[str]) -> str:
     """That the protocol has no message of this name; the nearest, and all that there are."""
     names = list(messages)
     if not isinstance(wanted, str):
-        return f"{wanted!r:.80} is no message's name; {protocol} has {', '.join(names)}"
+        return f"{shown(wanted)} is no message's name; {protocol} has {', '.join(names)}"
     near = nearest(wanted, names)
     hint = f"did you mean {near}? " if near else ""
-    return f"{protocol} has no message {wanted!r}; {hint}it has {', '.join(names)}"
+    return f"{protocol} has no message {shown(wanted)}; {hint}it has {', '.join(names)}"
 
 
 def suggestion(name: str, allowed: Iterable[str]) -> str:

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 
-from wirebond.protocol.forms import Choice
 from wirebond.protocol.model import (
     SENDER_NUMBERS,
     BitRole,
@@ -29,6 +28,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Subject,
 )
+from wirebond.protocol.model.forms import Choice
 
 _LETTERS = {FieldKind.UNSIGNED: "u", FieldKind.SIGNED: "i", FieldKind.FLOAT: "f"}
 

@@ -1,4 +1,4 @@
-"""Closing a recording: chunks of 1 MiB, compressed, with the decoded messages, in the place of the file.
+"""Closing a recording: chunks of a second, compressed, with the decoded messages, in the place of the file.
 
 The new file is written beside the old one and takes its name at the end: whoever stops this finds the old one whole.
 A recording has no index of its chunks. Readers in other languages find no message in a chunk whose messages are not
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from wirebond import _engine
 from wirebond.codec import Message
 from wirebond.errors import WirebondError
-from wirebond.protocol.forms import header_fields
+from wirebond.protocol.model.forms import header_fields
 from wirebond.recording import layout
 from wirebond.recording.locking import lock
 from wirebond.recording.mcap_file import McapWriter, Packed
@@ -30,7 +30,8 @@ from wirebond.recording.writer import LIBRARY
 
 _Columns = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
 Progress = Callable[[int, int], object]
-CHUNK = 1 << 20  # bytes before compression
+CHUNK = 1 << 20  # bytes before compression, at most
+SPAN_NS = 10**9  # of one chunk: so much is lost where a bit of it flips
 
 
 def close_recording(path: Path, *, progress: Progress | None = None) -> None:
@@ -46,14 +47,21 @@ def close_recording(path: Path, *, progress: Progress | None = None) -> None:
 
 
 def write_mcap(
-    recording: Recording, out: Path, *, raw: bool = True, message: str | None = None, progress: Progress | None = None
+    recording: Recording,
+    out: Path,
+    *,
+    raw: bool = True,
+    message: str | None = None,
+    new: bool = False,
+    progress: Progress | None = None,
 ) -> None:
     """A whole MCAP file of a recording at ``out``, or nothing.
 
     :param raw: with the raw bytes, events and the protocol file; False: decoded messages alone.
     :param message: only this one, of decoded messages; None: all.
+    :param new: nothing may exist at ``out``.
     """
-    with whole_file(out) as file:
+    with whole_file(out, new=new) as file:
         _Rewriting(recording, file, raw, message).run(progress)
 
 
@@ -64,14 +72,12 @@ class _Rewriting:
         self._raw = raw
         self._has_header = bool(header_fields(recording.codec.model.format.parts))
         self._topics: tuple[dict[str, int], ...] = tuple({} for _ in SENDERS)  # channels of messages by their names
-        self._writer = writer = McapWriter(file, layout.PROFILE, LIBRARY, chunk=CHUNK, index=not raw)
+        self._writer = writer = McapWriter(file, layout.PROFILE, LIBRARY, chunk=CHUNK, span_ns=SPAN_NS, index=not raw)
         about = dict(recording._about) or {"version": layout.VERSION}
         if recording.problems:
             about["repaired"] = "; ".join(recording.problems)[:4096]
-        writer.add_metadata(layout.METADATA, about)
-        if recording.protocol_text:
-            text = recording.protocol_text.encode()
-            writer.add_attachment(recording._start_ns, layout.PROTOCOL_FILE, layout.MEDIA_TYPE, text)
+        self._about = layout.with_checksum(about)
+        self._add_about()
         if raw:
             schema = writer.add_schema("wirebond.Event", "jsonschema", layout.event_schema())
             received, sent = (writer.add_channel(topic, layout.RAW, 0) for topic in (layout.RECEIVED, layout.SENT))
@@ -86,7 +92,15 @@ class _Rewriting:
             self._add(pieces, reading.take(pieces))
         last = self._recording._ns(np.array([self._recording.duration]))
         self._add_decoded(Found.of((0, end, message) for end, message in reading.finish()), last)
+        if self._raw:
+            self._add_about()  # again: without it nothing could be read, wherever a bit flips
         self._writer.finish()
+
+    def _add_about(self) -> None:
+        self._writer.add_metadata(layout.METADATA, self._about)
+        if self._recording.protocol_text:
+            text = self._recording.protocol_text.encode()
+            self._writer.add_attachment(self._recording._start_ns, layout.PROTOCOL_FILE, layout.MEDIA_TYPE, text)
 
     def _add(self, pieces: Pieces, found: Found) -> None:
         at = self._recording._ns(pieces.times)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -24,16 +25,24 @@ Progress = Callable[[int, int], object]
 
 
 def export(
-    recording: Recording, to: str, folder: Path, message: str | None = None, *, progress: Progress | None = None
+    recording: Recording,
+    to: str,
+    folder: Path,
+    message: str | None = None,
+    *,
+    force: bool = False,
+    progress: Progress | None = None,
 ) -> list[Path]:
     """Write a file for each message that occurred; for MCAP one file with a channel for each.
 
     :param to: one of ``FORMATS``.
     :param folder: is made if need be.
     :param message: only this one; None: all.
+    :param force: replace files that exist.
     :param progress: called as ``progress(done, size)``.
     :returns: what was written.
-    :raises UsageError: another format, or the protocol has no such message.
+    :raises UsageError: another format; the protocol has no such message; or without ``force`` a file exists. Then
+        nothing is written.
     :raises WirebondError: pyarrow is missing.
     :raises OSError: a file cannot be written; those that were written before are whole.
     """
@@ -47,20 +56,32 @@ def export(
     folder.mkdir(parents=True, exist_ok=True)
     if to == "mcap":
         out = folder / f"{recording.path.stem}-decoded.mcap"
-        write_mcap(recording, out, raw=False, message=message, progress=progress)
+        _refuse_existing([out], force)
+        write_mcap(recording, out, raw=False, message=message, new=not force, progress=progress)
         return [out]
     tables = dict(_tables(recording, message))
+    _refuse_existing([folder / f"{name}.{to}" for name in tables], force)
     total, done = sum(len(table) for table in tables.values()), 0
     written = []
     for name, table in tables.items():
         out = folder / f"{name}.{to}"
-        with whole_file(out) as file:
+        with whole_file(out, new=not force) as file:
             for rows in (_write_csv if to == "csv" else _write_parquet)(file, table):
                 done += rows
                 if progress is not None:
                     progress(done, total)
         written.append(out)
     return written
+
+
+def _refuse_existing(files: list[Path], force: bool) -> None:
+    existing = [] if force else [str(file) for file in files if os.path.lexists(file)]
+    if existing:
+        more = f" and {len(existing) - 3} more" if len(existing) > 3 else ""
+        raise UsageError(
+            f"{', '.join(existing[:3])}{more} exist{'s' if len(existing) == 1 else ''} already; nothing was written. "
+            "Name another folder with -o, or replace with --force"
+        )
 
 
 def _tables(recording: Recording, message: str | None) -> Iterator[tuple[str, Table]]:
@@ -146,7 +167,7 @@ def _pyarrow() -> tuple[Any, Any]:
     except ImportError:
         raise WirebondError(
             "Parquet needs the package pyarrow, which is not installed; install it with "
-            "`pip install 'wirebond[parquet]'`, or choose `--to csv`"
+            "`pip install 'pyarrow>=17'`, or choose `--to csv`"
         ) from None
     return pyarrow, pyarrow.parquet
 

@@ -10,7 +10,8 @@ from pathlib import Path
 from wirebond.errors import WirebondError
 from wirebond.recording import layout
 from wirebond.recording.notes import Note, notes_from
-from wirebond.recording.scan import DamagedError, Run, Scan, Source
+from wirebond.recording.scan import DamagedError, Run, Scan
+from wirebond.recording.searching import Source
 
 
 @dataclass(frozen=True)

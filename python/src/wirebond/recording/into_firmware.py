@@ -149,7 +149,7 @@ def replay_into_firmware(
     :raises OSError: it cannot be run, or ``out`` cannot be written.
     """
     section = section or Section()
-    host, mcu = recording._direction_of(End.HOST), recording._direction_of(End.MCU)
+    host, mcu = recording.direction_of(End.HOST), recording.direction_of(End.MCU)
     length = section.length(recording)
     if length > _LONGEST:
         raise UsageError(

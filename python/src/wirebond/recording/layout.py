@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+import zlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,6 +22,7 @@ from wirebond.protocol.model import Field, FieldKind
 VERSION = "1"
 PROFILE = "wirebond"
 METADATA = "wirebond"
+CHECKSUM = "crc32"  #: key in the metadata of a closed recording
 NOTE = "note"  #: name of the metadata that hold a person's text about the recording
 PROTOCOL_FILE = "protocol.yaml"
 MEDIA_TYPE = "application/yaml"
@@ -42,6 +44,22 @@ _JSON_TYPES = {
     FieldKind.SIGNED: "integer",
     FieldKind.FLOAT: "number",
 }
+
+
+def with_checksum(values: Mapping[str, str]) -> dict[str, str]:
+    """The metadata of a recording with a checksum: MCAP has none for metadata."""
+    plain = {key: value for key, value in values.items() if key != CHECKSUM}
+    return {**plain, CHECKSUM: _checksum(plain)}
+
+
+def is_intact(values: Mapping[str, str]) -> bool:
+    """Whether the checksum fits; metadata of a file that was not closed have none."""
+    plain = {key: value for key, value in values.items() if key != CHECKSUM}
+    return values.get(CHECKSUM, "") in ("", _checksum(plain))
+
+
+def _checksum(values: Mapping[str, str]) -> str:
+    return f"{zlib.crc32(_encode(sorted(values.items()))):08x}"
 
 
 def event_schema() -> bytes:

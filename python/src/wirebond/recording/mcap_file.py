@@ -20,6 +20,7 @@ FOOTER_SIZE = HEAD.size + 20
 METADATA_COUNT_AT = 18  # in the statistics
 _MESSAGE = struct.Struct("<BQHIQQ")
 _COMPRESSION = "zstd"
+_SMALL = 1 << 17  # bytes of a chunk that is compressed with more effort, since it has less to repeat
 
 
 class Output(Protocol):
@@ -49,12 +50,23 @@ class McapWriter:
     """One file, from its beginning to ``finish``. Messages go either one by one, or in chunks.
 
     :param chunk: bytes of a chunk before compression; 0: no chunks.
+    :param span_ns: a chunk has only messages that were logged within so long after its first one; None: any.
     :param index: with an index of every message, for readers that jump; it takes 16 bytes for each.
     """
 
-    def __init__(self, file: Output, profile: str, library: str, *, chunk: int = 0, index: bool = False) -> None:
+    def __init__(
+        self,
+        file: Output,
+        profile: str,
+        library: str,
+        *,
+        chunk: int = 0,
+        span_ns: int | None = None,
+        index: bool = False,
+    ) -> None:
         self._file = file
         self._chunk = chunk
+        self._span_ns = span_ns
         self._index = index
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
@@ -67,6 +79,7 @@ class McapWriter:
         self._open_size = 0
         self._new: list[bytes] = []  # schemas and channels that it begins with
         self._compress = zstandard.ZstdCompressor(level=3).compress
+        self._compress_small = zstandard.ZstdCompressor(level=12).compress
         file.write(MAGIC + record(HEADER, string(profile) + string(library)))
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
@@ -130,6 +143,10 @@ class McapWriter:
             room = max(self._chunk - self._open_size, 0)
             start = int(packed.places[begin])
             end = int(np.searchsorted(packed.places, start + room, "right"))  # the record that crosses the bound, too
+            end = min(end, begin + self._within(packed.logged[begin:end]))
+            if end == begin:
+                self._write_chunk()
+                continue
             stop = len(packed.data) if end >= len(packed.places) else int(packed.places[end])
             piece = packed.data[start:stop]
             places = packed.places[begin:end] - np.uint64(start)
@@ -138,6 +155,14 @@ class McapWriter:
             begin = end
             if self._open_size >= self._chunk:
                 self._write_chunk()
+
+    def _within(self, logged: NDArray[np.uint64]) -> int:
+        """How many of them belong to the open chunk by their time, which begins with its first one."""
+        if self._span_ns is None:
+            return len(logged)
+        first = self._open[0].logged[0] if self._open else logged[0]
+        is_far = np.maximum(logged, first) - np.minimum(logged, first) >= np.uint64(self._span_ns)
+        return int(is_far.argmax()) if is_far.any() else len(logged)
 
     def finish(self) -> None:
         """The end of the file."""
@@ -168,7 +193,7 @@ class McapWriter:
         parts, self._open, self._open_size = self._open, [], 0
         head, self._new = b"".join(self._new), []
         data = head + b"".join(part.data for part in parts)
-        packed = self._compress(data)
+        packed = self._compress_small(data) if len(data) < _SMALL else self._compress(data)
         logged = np.concatenate([part.logged for part in parts]) if parts else np.zeros(0, np.uint64)
         first, last = (int(logged.min()), int(logged.max())) if len(logged) else (0, 0)
         at = self._file.tell()

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from wirebond import _engine
 from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.recording import layout
-from wirebond.recording.scan import Contents, Run, Scan, Source
+from wirebond.recording.scan import Contents, Run, Scan
+from wirebond.recording.searching import Source
 
 Progress = Callable[[int, int], object]
 KINDS = ("received", "sent", "event")

@@ -101,7 +101,7 @@ class Reading:
                 continue
             rows, run = pieces.rows[mine], pieces.run
             places, sizes = run.places[rows], run.sizes[rows]
-            messages, reads = decoder._engine.feed_reads(run.data, places, sizes, pieces.before[mine], self._keep)
+            messages, reads = decoder.engine.feed_reads(run.data, places, sizes, pieces.before[mine], self._keep)
             behind = (mine[np.frombuffer(reads, np.uint32)] + begin).astype(np.uint32)
             yield Found(behind, np.full(len(messages), SENDERS.index(end), np.uint8), messages)
 

@@ -16,7 +16,7 @@ from typing import Self
 from wirebond.errors import WirebondError
 from wirebond.link.tap import Chunk, LinkEvent, Taken, TapSource
 from wirebond.recording.closing import close_recording
-from wirebond.recording.writer import RecordingWriter, facts_of, full_disk_sentence
+from wirebond.recording.writer import RecordingWriter, facts_of, full_disk_sentence, unsafe_sentence
 
 BATCH = 0.05  # seconds between two writes at most
 _SYNC = 1.0  # seconds between two waits for the disk
@@ -36,7 +36,7 @@ class Recorder:
     :ivar bytes: recorded of both directions.
     :ivar chunks: reads and writes that were recorded.
     :ivar lost_bytes: of both directions; there was no room for them, because this thread came too late.
-    :ivar error: why the file ended early, as a sentence; empty while it did not.
+    :ivar error: why the file ended early, and what of it is not safe on the disk, in words; empty while it did not.
     :raises UsageError: the file exists, or the protocol was not read from a file.
     :raises OSError: the file cannot be written.
     """
@@ -58,6 +58,7 @@ class Recorder:
         self._stats: int | None = None
         self._frames_before = self._frames = 0
         self._is_gone = False
+        self._has_disk_failed = False
         self._frames_before = self._messages_now()
         self._ends = threading.Event()
         self._is_closed = False
@@ -76,6 +77,11 @@ class Recorder:
     def size(self) -> int:
         """Bytes of the file so far."""
         return self._writer.size
+
+    @property
+    def safe_size(self) -> int:
+        """Bytes of the file that are safe on the disk: a power failure does not cost them."""
+        return self._writer.safe_size
 
     @property
     def messages(self) -> int:
@@ -106,7 +112,8 @@ class Recorder:
                 self._tap.close()
             if not self.error:
                 self._try(self._writer.finish)
-                self._writer.sync()
+            if not self._has_disk_failed:
+                self._wait_for_disk()
             self._writer.close()
             self._seconds = time.monotonic() - self.started
             self._stats = self._messages_now()
@@ -177,8 +184,20 @@ class Recorder:
             _logger.error("%s", self.error)
 
     def _sync(self) -> None:
-        while not self._ends.wait(_SYNC):
+        while not self.error and not self._ends.wait(_SYNC):
+            self._wait_for_disk()
+
+    def _wait_for_disk(self) -> None:
+        """An error here is reported at once, and once by the system: what it names is never safe any more."""
+        try:
             self._writer.sync()
+        except OSError as error:
+            self._has_disk_failed = True
+            if self.error:  # it ended because the disk was full, and has been reported
+                self.error += f". {self._writer.unsafe}"
+                return
+            self.error = unsafe_sentence(error, self.path, self._writer.unsafe)
+            _logger.error("%s", self.error)
 
     def __enter__(self) -> Self:
         return self

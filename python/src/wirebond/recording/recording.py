@@ -94,7 +94,9 @@ class Recording:
             )
         self.protocol_text = contents.attachments.get(layout.PROTOCOL_FILE, b"").decode(errors="replace")
         self.codec = self._codec(protocol)
-        self._clock = RecordedClock(self.codec, self._decoded) if has_stamps(self.codec) else None
+        self._clock = (
+            RecordedClock(self.codec, lambda end: self._decoded(end).tables) if has_stamps(self.codec) else None
+        )
         self._start_ns = self._pieces.start_ns or self._pieces._start(0)
         self.events: tuple[LinkEvent, ...] = self._pieces.events
 
@@ -227,7 +229,7 @@ class Recording:
         :raises UsageError: another sender.
         """
         if sender is not None:
-            self._direction_of(sender)
+            self.direction_of(sender)
         reading = Reading(self, sender)
         for pieces in self._pieces.passes():
             found = reading.take(pieces)
@@ -266,8 +268,8 @@ class Recording:
             "expected": of.expected,
         }
         codec = self.codec
-        form = codec._format_for(End(sender))
-        result = _engine.decode_timed_columns(codec._table, form, of.data, reads, progress)
+        form = codec.tables.format_for(End(sender))
+        result = _engine.decode_timed_columns(codec.tables.protocol, form, of.data, reads, progress)
         tables = {name: Table(**table) for name, table in result["messages"].items()}
         return Columns(tables, stats_from(result["stats"]))
 
@@ -278,7 +280,7 @@ class Recording:
         :returns: what ``columns`` decodes.
         :raises UsageError: another sender.
         """
-        found = self._pieces.direction(self._kind(self._direction_of(sender)))
+        found = self._pieces.direction(self._kind(self.direction_of(sender)))
         return Reads(found.data, found.ends, found.before, found.breaks, self._expected(sender, found.before))
 
     def stats(self, sender: str = "mcu", *, progress: Progress | None = None) -> Stats:
@@ -289,7 +291,7 @@ class Recording:
         :returns: the account at the end of the recording.
         :raises UsageError: another sender.
         """
-        self._direction_of(sender)
+        self.direction_of(sender)
         reading = Reading(self, sender, keep=False)
         for pieces in self._pieces.passes(progress):
             reading.take(pieces)
@@ -340,7 +342,18 @@ class Recording:
     def _sender_of(self, direction: str) -> End:
         return End(self.role) if direction == "sent" else other(End(self.role))
 
-    def _direction_of(self, sender: str) -> str:
+    @property
+    def byte_counts(self) -> dict[str, int]:
+        """Bytes of each direction, ``"received"`` and ``"sent"``."""
+        return dict(self._pieces.sizes)
+
+    def direction_of(self, sender: str) -> str:
+        """Find the direction in which an end sent, as the recorded link saw it.
+
+        :param sender: ``"mcu"`` or ``"host"``.
+        :returns: ``"received"`` or ``"sent"``.
+        :raises UsageError: no such end.
+        """
         if sender not in (End.HOST, End.MCU):
             raise UsageError(f"sender is {sender!r}; expected 'mcu' or 'host'")
         return "sent" if sender == self.role else "received"
@@ -353,16 +366,16 @@ class Recording:
         replies = {m.name: m.reply for m in codec.model.messages if m.reply is not None}
         found = []
         decoder = self._decoder(other(End(sender)))
-        for chunk in self.chunks(self._direction_of(other(End(sender)))):
+        for chunk in self.chunks(self.direction_of(other(End(sender)))):
             for message in decoder.feed(chunk.bytes, chunk.before):
                 if (reply := replies.get(message.name)) is not None:
                     place = int(np.searchsorted(reads, chunk.before))
-                    found.append((place, codec._index_of(reply)))
+                    found.append((place, codec.tables.indices[reply]))
         return found
 
     def _decoder(self, sender: End) -> Decoder:
         codec = self.codec
-        engine = _engine.Decoder(codec._table, codec._format_for(sender), self.idle)
+        engine = _engine.Decoder(codec.tables.protocol, codec.tables.format_for(sender), self.idle)
         if self._clock is not None and sender == End.MCU:
             engine.set_stamper(Stamper(codec, self._clock))
         return Decoder(engine, codec, sender)

@@ -115,13 +115,13 @@ def _sending(recording: Recording, link: Link) -> Callable[[Chunk], object]:
     """Sends again what that end sent, message by message: its numbers are the link's own."""
     end = End(link.role)
     decoder = recording._decoder(end)
-    own = recording._direction_of(end)
+    own = recording.direction_of(end)
 
     def take(chunk: Chunk) -> None:
         if chunk.direction != own:
             return
         for message in decoder.idle(chunk.before) + decoder.feed(chunk.bytes, chunk.before):
-            header = link._frames.without_number(message.header)
+            header = link.internals.frames.without_number(message.header)
             if message.name != "unknown":
                 link.send(message.name, message.fields, header=header or None)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from wirebond.codec import Codec
 from wirebond.errors import PortError, WirebondError
 from wirebond.link.clock_line import HostTime
+from wirebond.link.devices.port_name import PortName
 from wirebond.link.stamps import Stamper, has_stamps
 from wirebond.link.tap import Chunk
 from wirebond.recording.recording import Recording
@@ -53,7 +54,7 @@ class ReplayedClock:
     """
 
     def __init__(self, recording: Recording, section: Section, clock: ReplayClock) -> None:
-        self._known = RecordedClock(recording.codec, recording._decoded)
+        self._known = RecordedClock(recording.codec, lambda end: recording._decoded(end).tables)
         self._length = section.length(recording) if section.loop else math.inf
         self._start = section.start
         self._clock = clock
@@ -166,3 +167,12 @@ class ReplayOpener:
 
     def appearance(self) -> object:
         return None
+
+
+def open_replay(port: PortName, role: str) -> ReplayOpener:
+    """Make the opener of a ``replay:`` port, for a link.
+
+    :param role: the end that the link plays.
+    :raises PortError: the file is no recording.
+    """
+    return ReplayOpener(port.text, port.recording, Section(port.speed, port.start, port.stop, port.loop), role)

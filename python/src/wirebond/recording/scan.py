@@ -3,14 +3,11 @@ is believed; what cannot be read is said, and what can be read is given."""
 
 from __future__ import annotations
 
-import os
+import contextlib
 import struct
-import threading
-import weakref
 import zlib
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import lz4.frame
@@ -21,10 +18,22 @@ from numpy.typing import NDArray
 from wirebond import _engine
 from wirebond.errors import WirebondError
 from wirebond.recording import layout
-from wirebond.recording.mcap_file import ATTACHMENT, CHANNEL, CHUNK, DATA_END, HEAD, HEADER, MAGIC, MESSAGE, METADATA
+from wirebond.recording.mcap_file import (
+    ATTACHMENT,
+    CHANNEL,
+    CHUNK,
+    DATA_END,
+    HEAD,
+    HEADER,
+    MAGIC,
+    MESSAGE,
+    METADATA,
+)
+from wirebond.recording.searching import MOST_RECORD as _MOST_RECORD
+from wirebond.recording.searching import Search, Source, Summary, read_summary
 
 _MOST_CHUNK = 1 << 28  # bytes of a chunk without compression; files of others have some MiB
-_MOST_RECORD = 1 << 28  # bytes of any record
+_KNOWN = (HEADER, CHANNEL, METADATA, ATTACHMENT)  # what is in these records says how long they are
 _WINDOW = 1 << 18  # bytes that are read at once
 
 
@@ -77,32 +86,6 @@ class DamagedError(Exception):
     """A record that is not what its length says."""
 
 
-class Source:
-    """A file that passes read, as large as it was when it was opened. It stays the same one when another file takes its
-    name. Any thread.
-
-    :raises OSError: it cannot be read.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        with path.open("rb") as file:  # which says in words that a folder is none
-            self._file = os.dup(file.fileno())
-        self.close = weakref.finalize(self, os.close, self._file)
-        self._lock = threading.Lock()
-        self.size = os.lseek(self._file, 0, os.SEEK_END)
-
-    def read(self, at: int, size: int) -> bytes:
-        """Fewer bytes where the file has become shorter."""
-        parts = []
-        with self._lock:
-            os.lseek(self._file, at, os.SEEK_SET)
-            while size > 0 and (part := os.read(self._file, size)):
-                parts.append(part)
-                size -= len(part)
-        return parts[0] if len(parts) == 1 else b"".join(parts)
-
-
 class _Window:
     """The bytes of a source around the place that is looked at."""
 
@@ -135,10 +118,28 @@ class Scan:
     def __init__(self, source: Source) -> None:
         self.contents = Contents()
         self.size = source.size
+        self._source = source
         self._window = _Window(source)
+        self._search = Search(source)
+        self._chunks = 0  # that were seen, damaged ones too
         if source.read(0, len(MAGIC)) != MAGIC:
-            what = "is no MCAP file, and a recording is one" if self.size else "is empty"
-            raise WirebondError(f"{source.path} {what}; name a file that `wirebond record` has written")
+            if not self._search.leads_on(len(MAGIC)):
+                what = "is no MCAP file, and a recording is one" if self.size else "is empty"
+                raise WirebondError(f"{source.path} {what}; name a file that `wirebond record` has written")
+            self._problem("its first bytes are damaged")
+        self._summary = read_summary(source)
+        if self._summary is not None:
+            self._take_summary(self._summary)
+
+    def _take_summary(self, summary: Summary) -> None:
+        """What the file says at its end helps where its beginning is damaged."""
+        for opcode, body in summary.channels:
+            self._record(opcode, body, 0, len(body))
+        for at, length in summary.abouts:
+            if HEAD.size < length <= _MOST_RECORD and at + length <= self.size:
+                body = self._source.read(at, length)[HEAD.size :]
+                with contextlib.suppress(DamagedError, struct.error, UnicodeDecodeError):  # the pass reports it
+                    self._record(METADATA, body, 0, len(body))
 
     def runs(self, progress: Callable[[int, int], object] | None = None) -> Iterator[Run]:
         at = len(MAGIC)
@@ -155,42 +156,58 @@ class Scan:
 
     def _next(self, at: int) -> Generator[Run, None, int | None]:
         """The messages of a record, or of many that are messages; where the next one begins. None: the end."""
-        size, window = self.size, self._window
-        if at + HEAD.size > size:
-            self._cut(at)
-            return None
+        window = self._window
+        if not self._search.is_head(at):
+            return self._resume(at, at)
         place = window.load(at, HEAD.size)
         opcode, length = HEAD.unpack_from(window.data, place)
         behind: int = at + HEAD.size + length
-        if opcode == 0 or DATA_END < opcode < 0x80 or behind > size:
-            self._cut(at)
-            return None
-        if opcode == DATA_END:
-            end = window.load(size - len(MAGIC), len(MAGIC))
-            self.contents.is_finished = window.data[end : end + len(MAGIC)] == MAGIC and size > behind
-            if not self.contents.is_finished:
-                self._problem("its index is cut short")
+        if opcode == DATA_END and length == 4:
+            self._end(behind)
             return None
         if length > _MOST_RECORD:
+            if not self._search.is_next(behind):
+                return self._resume(at, at + 1)
             self._problem(f"the record at byte {at} has {length} bytes, which no recording has, and was left out")
             return behind
         place = window.load(at, behind - at)
         if opcode == MESSAGE:
             stop, run = _messages(window.data, place, len(window.data))
             if run is None:
-                self._cut(at)
-                return None
+                return self._resume(at, at + 1)
             yield run
             return window.begin + stop
         begin, end = place + HEAD.size, place + behind - at
         try:
             if opcode == CHUNK:
+                self._chunks += 1
                 yield from self._chunk(window.data, begin, end)
-            else:
+            elif opcode in _KNOWN:
                 self._record(opcode, window.data, begin, end)
+            elif not self._search.is_next(behind):
+                raise DamagedError("its length is wrong")
         except (DamagedError, struct.error, UnicodeDecodeError, IndexError) as error:
+            if not self._search.is_next(behind):  # its length is what is damaged
+                return self._resume(at, at + 1)
             self._problem(f"the record at byte {at} is damaged ({error}), and was left out")
         return behind
+
+    def _end(self, behind: int) -> None:
+        size = self.size
+        self.contents.is_finished = self._source.read(size - len(MAGIC), len(MAGIC)) == MAGIC and size > behind
+        if not self.contents.is_finished:
+            self._problem("its index is cut short")
+        elif self._summary is not None and self._summary.chunk_count > self._chunks and not self.contents.problems:
+            self._problem(f"{self._summary.chunk_count - self._chunks} of its chunks cannot be found")
+
+    def _resume(self, at: int, begin: int) -> int | None:
+        """Where the next record lies that is whole, from ``begin`` on; None: there is none."""
+        found = self._search.next_from(begin)
+        if found is None:
+            self._cut(at)
+        else:
+            self._problem(f"the {found - at} bytes from byte {at} on are damaged, and were left out")
+        return found
 
     def _cut(self, at: int) -> None:
         behind = self.size - at
@@ -207,23 +224,32 @@ class Scan:
         if opcode == HEADER:
             reader.text()
             contents.library = reader.text()
+            reader.end()
         elif opcode == CHANNEL:
             number, _schema = reader.number("<H"), reader.number("<H")
-            contents.channels[number] = Channel(reader.text(), reader.text())
+            channel = Channel(reader.text(), reader.text())
+            reader.block(reader.number("<I"))
+            reader.end()
+            contents.channels[number] = channel
         elif opcode == METADATA:
             name = reader.text()
             values = _Reader(reader.block(reader.number("<I")), 0).texts()
+            reader.end()
             if name == layout.NOTE:
                 contents.notes.append(values)
-            else:
+            elif not layout.is_intact(values):
+                raise DamagedError(f"the checksum of {name!r} is wrong")
+            elif layout.CHECKSUM in values or layout.CHECKSUM not in contents.metadata.get(name, {}):
                 contents.metadata[name] = values
         elif opcode == ATTACHMENT:
             reader.number("<Q"), reader.number("<Q")
             name, _media = reader.text(), reader.text()
-            contents.attachments[name] = reader.block(reader.number("<Q"))
+            attached = reader.block(reader.number("<Q"))
             crc = reader.number("<I")
+            reader.end()
             if crc and zlib.crc32(data[begin : end - 4]) != crc:
                 raise DamagedError(f"the checksum of {name!r} is wrong")
+            contents.attachments[name] = attached
 
     def _chunk(self, found: bytes, begin: int, end: int) -> Iterator[Run]:
         self.contents.is_chunked = True
@@ -232,6 +258,7 @@ class Scan:
         size, crc = reader.number("<Q"), reader.number("<I")
         compression = reader.text()
         packed = reader.block(reader.number("<Q"))
+        reader.end()
         if size > _MOST_CHUNK:
             raise DamagedError(f"a chunk of {size} bytes")
         data = _unpacked(compression, packed, size)
@@ -270,6 +297,11 @@ class _Reader:
         found = bytes(self._data[self._at : self._at + size])
         self._at += size
         return found
+
+    def end(self) -> None:
+        """The record ends here."""
+        if self._at != self._end:
+            raise DamagedError("it is longer than it says")
 
     def text(self) -> str:
         return self.block(self.number("<I")).decode()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -21,12 +21,12 @@ from wirebond.protocol.stamps import count_us, stamp_of
 class RecordedClock:
     """What was known of the MCU's clock at each time of a recording: by the exchanges up to then, as a link knows it.
 
-    :param columns: all messages of one end.
+    :param tables: all messages of one end, those of the clock service at least.
     """
 
-    def __init__(self, codec: Codec, columns: Callable[[End], Columns]) -> None:
+    def __init__(self, codec: Codec, tables: Callable[[End], Mapping[str, Table]]) -> None:
         self._codec = codec
-        self._columns = columns
+        self._tables = tables
         self._known: tuple[NDArray[np.float64], list[ClockLine]] | None = None
 
     def __call__(self, mcu_us: int, near: float, wrap_us: int) -> HostTime | None:
@@ -41,11 +41,12 @@ class RecordedClock:
         for name, table in tables.items():
             if name == "unknown" or (stamp := stamp_of(self._codec.model.message(name))) is None:
                 continue
-            stamps, errors = self._stamps(table, stamp)
+            stamps, errors = self.stamps(table, stamp)
             tables[name] = replace(table, stamp=stamps, stamp_error=errors)
         return replace(columns, tables=tables)
 
-    def _stamps(self, table: Table, stamp: Field) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def stamps(self, table: Table, stamp: Field) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """When the values of each row were measured, and by how much that is wrong at most; NaN: it is not known."""
         assert table.t is not None
         step = count_us(stamp)
         column = np.asarray(table[stamp.name])
@@ -79,7 +80,7 @@ class RecordedClock:
         if service is None:
             return []
         names = dict(service.messages)
-        asked, answered = (self._columns(end).tables.get(names[role]) for end, role in _ROLES)
+        asked, answered = (self._tables(end).get(names[role]) for end, role in _ROLES)
         if asked is None or answered is None or asked.t is None or answered.t is None:
             return []
         widths = {f.name: f.width for f in self._codec.model.message(names["reply"]).fields}

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
+from wirebond.whole_file import name_new
+
 
 @contextlib.contextmanager
-def whole_file(out: Path) -> Iterator[IO[bytes]]:
+def whole_file(out: Path, *, new: bool = False) -> Iterator[IO[bytes]]:
     """A file beside ``out``, which takes that name when the block ends without an exception.
 
+    :param new: nothing may exist at ``out``.
+    :raises FileExistsError: ``new``, and something exists there; it is left as it is.
     :raises OSError: with ``out`` as its ``filename``; nothing was changed, and nothing is left behind.
     """
-    target = Path(os.path.realpath(out))
+    target = out if new else Path(os.path.realpath(out))
     unfinished = target.parent / f".wirebond-{secrets.token_hex(6)}.tmp"
     try:
+        if new and os.path.lexists(target):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
         if target.is_dir():
             raise IsADirectoryError(21, "a folder")
         descriptor = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
@@ -28,7 +35,10 @@ def whole_file(out: Path) -> Iterator[IO[bytes]]:
             yield file
             file.flush()
             os.fsync(file.fileno())
-        unfinished.replace(target)
+        if new:
+            name_new(unfinished, target)
+        else:
+            unfinished.replace(target)
     except OSError as error:
         if error.filename in (None, str(unfinished), unfinished):
             error.filename, error.filename2 = str(out), None

@@ -19,6 +19,8 @@ from wirebond.recording.locking import lock
 from wirebond.recording.mcap_file import HEAD, McapWriter
 
 _NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+# A pipe or a special file system has nothing that could be synced; a folder may be one that cannot be read.
+_CANNOT_SYNC = (errno.EINVAL, errno.EROFS, errno.ENOSYS, errno.ENOTSUP, errno.EACCES, errno.EPERM)
 LIBRARY = f"wirebond {__version__}"
 
 
@@ -62,6 +64,8 @@ class RecordingWriter:
             raise UsageError("a recording keeps the protocol file, and this protocol was not read from one")
         self.path = path
         self.size = 0  # bytes of the file
+        self.safe_size = 0  # bytes of them that the disk has
+        self._last_us = self._flushed_us = self._safe_us = 0  # times of pieces, since the start
         self._origin_us = round(started * 1e6)
         self._wall_ns = wall_ns
         try:
@@ -99,6 +103,7 @@ class RecordingWriter:
     def add(self, piece: Chunk | LinkEvent) -> None:
         """Nothing reaches the file before ``flush``."""
         at = self._ns(piece.t)
+        self._last_us = round(piece.t * 1e6) - self._origin_us
         if isinstance(piece, Chunk):
             self._mcap.add_message(self._channels[piece.direction], at, piece.bytes, self._ns(piece.before))
             return
@@ -115,6 +120,7 @@ class RecordingWriter:
         try:
             while written < len(data):
                 written += os.write(self._file, data[written:])
+            self._flushed_us = self._last_us  # before the size, which `sync` reads first
             self.size += written
         except OSError as error:
             self.size += _whole_records(data[:written])
@@ -124,9 +130,29 @@ class RecordingWriter:
             raise
 
     def sync(self) -> None:
-        """Wait until the disk has what was flushed. Any thread."""
-        with contextlib.suppress(OSError):  # of a pipe or a special file system; a full disk shows in `flush`
+        """Wait until the disk has what was flushed. Any thread, one at a time.
+
+        :raises OSError: the disk does not have it. The system forgets such an error: later calls say nothing of it.
+        """
+        size, last_us = self.size, self._flushed_us
+        try:
             getattr(os, "fdatasync", os.fsync)(self._file)
+            if self.safe_size == 0:
+                _sync_folder(self.path.parent)  # in which the file is new
+        except OSError as error:
+            if error.errno not in _CANNOT_SYNC:
+                raise
+        self.safe_size, self._safe_us = size, last_us
+
+    @property
+    def unsafe(self) -> str:
+        """A sentence: how much the disk has, and how much may be lost."""
+        if self.safe_size == 0:
+            return f"None of its {self.size} bytes are safe on the disk"
+        return (
+            f"Its first {self.safe_size} bytes, up to {self._safe_us / 1e6:.1f} s, are safe on the disk; the "
+            f"{self.size - self.safe_size} bytes after them are not"
+        )
 
     def finish(self) -> None:
         """Write the end of the file.
@@ -153,6 +179,22 @@ def _whole_records(data: memoryview) -> int:
             break
         at += HEAD.size + length
     return at
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def unsafe_sentence(error: OSError, path: Path, unsafe: str) -> str:
+    """Why a recording ended when the disk did not keep what was written. ``unsafe``: of the writer."""
+    return (
+        f"the recording {path} ended early: the disk did not keep what was written ({error.strerror or error}); check "
+        f"the disk, or record to another one. {unsafe}"
+    )
 
 
 def full_disk_sentence(error: OSError, path: Path) -> str:

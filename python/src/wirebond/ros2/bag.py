@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import shutil
 from collections import Counter
@@ -37,19 +38,26 @@ def write_bag(
     mapping: BridgeMapping,
     message: str | None = None,
     *,
+    force: bool = False,
     progress: Progress | None = None,
 ) -> list[str]:
     """A bag at ``folder``, or nothing. It has the topics of the mapping, and a topic of its own type for each message:
     ``/<node>/<message>`` for the MCU's, ``/<node>/<message>/sent`` for the host's.
 
     :param message: only this one; None: all.
+    :param force: replace a bag that exists.
     :param progress: called as ``progress(done, size)``.
     :returns: sentences about what is not in it.
     :raises UsageError: what ROS 2 needs is not installed; there is such a folder; the recording has no message.
     :raises OSError: it cannot be written.
     """
-    if folder.exists():
-        raise UsageError(f"{folder} exists already, and is left as it is; remove it, or name another folder with -o")
+    if os.path.lexists(folder):
+        if not force:
+            raise UsageError(
+                f"{folder} exists already; nothing was written. Name another folder with -o, or replace with --force"
+            )
+        if not (folder / "metadata.yaml").is_file():
+            raise UsageError(f"{folder} is not a bag, and is left as it is; remove it, or name another folder with -o")
     own = OwnTypes(recording.codec.model)
     with _unfinished(folder) as path, _Bag(path) as bag:
         faces = {End.MCU: _of_mcu(recording, bag, mapping, own), End.HOST: _of_host(recording, bag, mapping, own)}
@@ -173,12 +181,15 @@ def _bag_qos(qos: Qos) -> BagQos:
 
 @contextmanager
 def _unfinished(folder: Path) -> Iterator[Path]:
-    """A folder that does not exist yet; it becomes ``folder`` when the block ends without an exception."""
+    """A folder that does not exist yet; it becomes ``folder``, in place of one that exists, when the block ends without
+    an exception."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     room = folder.parent / f".wirebond-{secrets.token_hex(6)}.tmp"
     room.mkdir()
     try:
         yield room / folder.name  # the files in it are named after it
+        if folder.exists():
+            folder.rename(room / "replaced")
         (room / folder.name).rename(folder)
     finally:
         shutil.rmtree(room, ignore_errors=True)

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from wirebond import _engine
-from wirebond.errors import LinkDownError, WirebondError
+from wirebond.errors import LinkDownError, StoppedByOtherError, WirebondError
+from wirebond.link.stop_file import StopFile
 from wirebond.protocol.model import End
 from wirebond.ros2.commands import Commands
 from wirebond.ros2.diagnostics import Diagnostics, deadline_words
+from wirebond.ros2.held_back import HeldBack, can_hold_back
 from wirebond.ros2.json_text import from_json
 from wirebond.ros2.mapping.model import BridgeMapping, Incoming, OdometryMapping
 from wirebond.ros2.mcu_parameters import McuParameters
 from wirebond.ros2.node import LATCHED, Node, Parameter, Publisher, Qos, whole_topic
 from wirebond.ros2.pace import Pace
+from wirebond.ros2.ros_words import RosWords
 from wirebond.ros2.serial_topics import SerialTopics
 from wirebond.ros2.services import Services
 from wirebond.ros2.throttle import Throttle
@@ -35,20 +39,31 @@ _GATHER = 0.001  # seconds that messages may wait for others at a high rate
 _DIAGNOSE_EVERY = 1.0
 _POLL_HOLD = 3.0  # seconds that a request goes on after the bridge last wanted it
 _POLL_AGAIN = 1.0
+_TAKE_CONTROL = "~/take_control"
+_ACTS = 5  # lines a second about what persons do, or what does not happen often
+_DECISION = 3.0  # seconds without a message to take control; then the next one is a person's decision
 
 
 class Bridge:
-    """Runs from ``run`` to ``close``; it owns neither the link nor the node."""
+    """Runs from ``run`` to ``close``; it owns neither the link nor the node.
 
-    def __init__(self, link: Link, node: Node, mapping: BridgeMapping) -> None:
+    :param kept_stop: where a stop is kept for the next bridge, if this one is killed. None: the link's server does.
+    """
+
+    def __init__(self, link: Link, node: Node, mapping: BridgeMapping, kept_stop: StopFile | None = None) -> None:
         self.link = link
+        self._kept_stop = kept_stop or StopFile(None)
         self.node = node
         self.mapping = mapping
-        self.commands = Commands(link, node.log)
+        self._words = RosWords(
+            link, self._whole(mapping.emergency_stop) if mapping.emergency_stop else "", self._whole(_TAKE_CONTROL)
+        )
+        self.commands = Commands(link, node.log, self._words, lambda: node.stalls.why_old)
         self._throttle = Throttle(node.log)
         self._closed = threading.Event()
         self._model = link.codec.model
         self._deadlines = {d.then: d for d in self._model.deadlines if d.at == End.HOST}
+        self._deadline_handler = node.failure.handler(self._on_deadline)
         self._topics = Topics(
             link.codec,
             mapping,
@@ -73,8 +88,21 @@ class Bridge:
         self._navigation_ok: bool | None = None
         if mapping.emergency_stop is not None:
             self._subscribe(mapping.emergency_stop, "std_msgs/Bool", Qos(), self._emergency_stop)
+            self._release_over_topic = f"{mapping.emergency_stop}/release_over"
+            self._subscribe(self._release_over_topic, "std_msgs/Empty", Qos(), lambda _: self._release_stop(over=True))
+            self._hold_kept_stop(mapping.emergency_stop)
+        if link.is_attached:  # else no other program can be in control
+            self._subscribe(_TAKE_CONTROL, "std_msgs/Empty", Qos(), self._take_control)
+        self._held_back = None
+        self._asked = -math.inf  # when a message to take control came last
+        self._has_recovered = threading.Event()
+        if can_hold_back(self._model):
+            self._held_back = HeldBack(link, self.commands, node.log, self._whole(mapping.recover))
+            if self._held_back.topic:
+                self._subscribe(mapping.recover, "std_msgs/Empty", Qos(), self._recover)
         self._serial = SerialTopics(link, self.commands, self._publisher, self._subscribe) if mapping.serial else None
         self._was_down = False
+        self._stop_waits = False  # an emergency stop that the server has not taken yet
         self._oldest = 0.0  # seconds: the age of a message when it became a topic, since the latency was last published
         self._latency = None
         if mapping.latency is not None:
@@ -82,13 +110,16 @@ class Bridge:
         self._parameters = None
         if self._model.service("parameter") is not None:
             self._parameters = McuParameters(link, node, self._throttle.say, self._take)
-        self._diagnostics = Diagnostics(link, self.commands, mapping, node, self._serial)
+        self._diagnostics = Diagnostics(link, self.commands, mapping, node, self._serial, self._held_back)
         self._diagnostics_out = self._publisher("/diagnostics", "diagnostic_msgs/DiagnosticArray", Qos())
 
     def run(self) -> None:
-        """Until ``close``, or until the link is closed. One thread."""
+        """Run until ``close``. One thread.
+
+        :raises LinkDownError: the link was closed before.
+        """
         if self._deadlines:
-            self.link.on_deadline()(self._on_deadline)
+            self.link.on_deadline()(self._deadline_handler)
         self._set_navigation()
         self.node.start()
         if self._parameters is not None:
@@ -101,27 +132,39 @@ class Bridge:
                 if now >= next_poll:
                     next_poll = now + _POLL_AGAIN
                     self._poll()
-                if now >= next_diagnosis:
+                if now >= next_diagnosis or self._has_recovered.is_set():
+                    self._has_recovered.clear()
                     next_diagnosis = now + _DIAGNOSE_EVERY
                     self._set_navigation()
                     self._tell_state()
+                    if self._held_back is not None:
+                        self._held_back.look()
                     self._diagnostics_out.publish(self._diagnostics.message(stamp_of(self.node.now_ns())))
                     self._tell_latency()
+                if self._stop_waits:
+                    self._stop()
                 pace.wait()
                 self._take(self.link.receive(_WAIT if self._serial is None else _SERIAL_WAIT))
                 if self._serial is not None:
                     self._serial.take_sent()
         except LinkDownError:
-            self.node.log("info", "the link is closed; the bridge ends")
+            if not self._closed.is_set():
+                raise
         finally:
             if self._parameters is not None:
                 self._parameters.close()
             if self._deadlines:
-                self.link.off(self._on_deadline)
+                self.link.off(self._deadline_handler)
 
     def close(self) -> None:
         """Let ``run`` return. Any thread."""
         self._closed.set()
+
+    def start(self) -> threading.Thread:
+        """``run`` in a thread of its own. If it ends by a fault, the node's ``failure`` says so."""
+        thread = self.node.failure.thread(f"bridge of {self.mapping.node}", self.run)
+        thread.start()
+        return thread
 
     # ---- from the MCU
 
@@ -142,7 +185,7 @@ class Bridge:
         if is_down and not self._was_down:
             self.node.log("error", self.link.why)
         elif self._was_down and not is_down:
-            self.node.log("info", f"the link is back: {self.link.port}")
+            self.node.log("info", f"the link is back: {self.link.device}")
         self._was_down = is_down
 
     def _tell_latency(self) -> None:
@@ -167,7 +210,7 @@ class Bridge:
         if incoming.plan is not None and incoming.stale is None:
             framer = self.commands.framer(incoming.plan)
             if framer is not None:
-                quick = _QuickCommand(self.commands, self.link.codec._index_of(incoming.message), framer)
+                quick = _QuickCommand(self.commands, self.link.codec.tables.indices[incoming.message], framer)
         self.node.subscribe(self._whole(incoming.topic), incoming.type, incoming.qos, take, quick)
 
     def _add_json(self, message: MessageModel) -> None:
@@ -202,29 +245,103 @@ class Bridge:
         self.node.serve(self._whole(service), type_, answer)
 
     def _emergency_stop(self, values: dict[str, Any]) -> None:
+        if values["data"]:
+            self._stop_waits = True
+            self._stop()
+        else:
+            self._release_stop(over=False)
+
+    def _stop(self) -> None:
+        """Send the emergency stop. A server that is away cannot take it: it gets the stop as soon as it is back."""
         try:
-            if values["data"]:
-                self.link.emergency_stop()
-                self.node.log("error", "emergency stop: what moves the robot is held until false comes")
-            else:
-                self.link.release_stop()
-                self.link.take_control()
-                self.node.log("warning", "the emergency stop is released")
+            self.link.emergency_stop()
         except WirebondError as error:
-            self.node.log("error", str(error))
+            text = f"emergency stop: NOT confirmed, trying again until false comes; {self._words.why(error)}"
+            self._throttle.say("error", "stop", text)
+            return
+        self._stop_waits = False
+        self._kept_stop.write(self._whole(self.mapping.emergency_stop or ""))
+        held = "emergency stop: what moves the robot is held until false comes"
+        self._throttle.say("error", "emergency stop", held, _ACTS)  # a button may publish it all the time
+
+    def _hold_kept_stop(self, topic: str) -> None:
+        """A stop that a bridge before this one left: commands may be coming already."""
+        if self._kept_stop.read() is None:
+            return
+        self.link.emergency_stop()
+        self.node.log(
+            "error",
+            "an emergency stop still holds, as before this node was started; look at the robot, then publish false to "
+            f"{self._whole(topic)}",
+        )
+
+    def _release_stop(self, *, over: bool) -> None:
+        """A button may publish its state all the time: without a stop, nothing is released and no control taken."""
+        if self._is_old("the emergency stop was not released"):
+            return
+        self._stop_waits = False
+        try:
+            was_stopped = self.link.stopped
+            self.link.release_stop(over=over)
+            if not was_stopped:
+                return
+            self._kept_stop.remove()
+            self.link.take_control()
+            self._throttle.say("warning", "released", "the emergency stop is released", _ACTS)
+        except StoppedByOtherError as error:
+            topic = self._whole(self._release_over_topic)
+            self._throttle.say(
+                "error",
+                "release",
+                f"the emergency stop still holds: {error.by} stopped the robot; look at the robot, then publish to "
+                f"{topic}",
+            )
+        except WirebondError as error:
+            self._throttle.say("error", "release", self._words.why(error))
+
+    def _take_control(self, _: dict[str, Any]) -> None:
+        """One message is a person's decision. A topic that is published all the time decides nothing: after another
+        program released the emergency stop, it takes no control."""
+        if self._is_old("control was not taken"):
+            return
+        now = time.monotonic()
+        is_decision = now - self._asked > _DECISION
+        self._asked = now
+        try:
+            self.link.take_control(over=(self.link.control.released_by or False) if is_decision else False)
+        except WirebondError as error:
+            self._throttle.say("error", "take control", self._words.why(error), _ACTS)
+        else:
+            self._throttle.say("info", "in control", "this node is in control of the robot", _ACTS)
+
+    def _recover(self, _: dict[str, Any]) -> None:
+        assert self._held_back is not None, "only then there is this topic"
+        if self._is_old("nothing was recovered"):
+            return
+        self._held_back.recover()
+        self._has_recovered.set()
+
+    def _is_old(self, outcome: str) -> bool:
+        """Check whether a message that lets the robot move again may be from before a stall, and log it with its
+        outcome."""
+        why = self.node.stalls.why_old
+        if why:
+            self._throttle.say("warning", outcome, f"{outcome}: {why}")
+        return bool(why)
 
     def _poll(self) -> None:
         for name in self.mapping.poll:
             try:
                 self.link.repeat(name, hold=_POLL_HOLD)
             except WirebondError as error:
-                self._throttle.say("warning", f"poll {name}", f"{name} is not asked: {error}")
+                self._throttle.say("warning", f"poll {name}", f"{name} is not asked: {self._words.why(error, name)}")
 
     # ---- deadlines
 
     def _on_deadline(self, event: DeadlineEvent) -> None:
         words = deadline_words(self._deadlines[event.action])
-        self.node.log("warning" if event.struck else "info", f"{event.action}: {words if event.struck else 'over'}")
+        level, text = ("warning", words) if event.struck else ("info", "over")
+        self._throttle.say(level, f"{event.action} {event.struck}", f"{event.action}: {text}", _ACTS)
         self._set_navigation()
 
     def _set_navigation(self) -> None:

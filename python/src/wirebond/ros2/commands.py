@@ -12,7 +12,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from wirebond import _engine
 from wirebond.errors import WirebondError
+from wirebond.protocol.given import is_given
 from wirebond.protocol.model import End, Field, FieldKind, OnRange
+from wirebond.protocol.model.forms import header_fields
+from wirebond.ros2.ros_words import RosWords
 from wirebond.ros2.throttle import Log, Throttle
 
 if TYPE_CHECKING:
@@ -37,11 +40,16 @@ class RefusedError(Exception):
 class Commands:
     """The way to the link for everything that comes from ROS. Any thread.
 
+    :ivar why_old: says why messages that come from ROS now may be old; empty: they are not.
     :ivar why_stopped: why what moves the robot is refused at the moment; empty: it is sent.
     """
 
-    def __init__(self, link: Link, log: Log) -> None:
+    def __init__(
+        self, link: Link, log: Log, words: RosWords | None = None, why_old: Callable[[], str] = lambda: ""
+    ) -> None:
         self.why_stopped = ""
+        self._words = words or RosWords(link, "", "")
+        self.why_old = why_old
         self.counts: Counter[str] = Counter(sent=0, clamped=0, refused=0)
         self._link = link
         self._throttle = Throttle(log)
@@ -49,7 +57,9 @@ class Commands:
         self._names = [m.name for m in model.messages]
         self._fields = {m.name: {f.name: f for f in m.fields} for m in model.messages}
         self._bounds = {name: _bounds(fields.values()) for name, fields in self._fields.items()}
-        self._safe = {stop.message: dict(stop.values) for stop in model.emergency_stop}
+        self._safe = {stop.message: stop for stop in model.emergency_stop}
+        self._addresses = {f.name for f in header_fields(model.format.parts) if f.address is not None}
+        self._moved: dict[str, list[dict[str, Any]]] = {name: [] for name in self._safe}  # addresses, by message
         self._lock = threading.Lock()
         self._leaving = threading.Lock()  # whether a message is stopped is true until it has left
         self._ready: list[tuple[int, bytes]] = []  # frames that leave with the next flush
@@ -70,17 +80,17 @@ class Commands:
                 self._link.repeat(message, fitting, hold=hold, header=header)
 
         try:
-            self._pass(message, values, leave)
+            self._pass(message, values, leave, header)
         except RefusedError:
             return False
         return True
 
-    def tell(self, message: str, values: Mapping[str, Any]) -> None:
+    def tell(self, message: str, values: Mapping[str, Any], header: Mapping[str, Any] | None = None) -> None:
         """Send a message.
 
         :raises RefusedError: as ``send`` refuses, and counts, and logs.
         """
-        self._pass(message, values, lambda fitting: self._link.send(message, fitting))
+        self._pass(message, values, lambda fitting: self._link.send(message, fitting, header=header), header)
 
     def ask(self, message: str, values: Mapping[str, Any], timeout: float) -> Message:
         """Send a request, and wait for its reply.
@@ -88,7 +98,7 @@ class Commands:
         :param timeout: seconds.
         :raises RefusedError: as ``tell``; or no reply came in time, which is counted and logged, too.
         """
-        wait = self._pass(message, values, lambda fitting: self._link._start_request(message, fitting, timeout))
+        wait = self._pass(message, values, lambda fitting: self._link.begin_request(message, fitting, timeout))
         try:
             return wait()
         except WirebondError as error:
@@ -97,7 +107,13 @@ class Commands:
             self._throttle.say("warning", f"no answer {message}", str(error))
             raise RefusedError("no answer", str(error)) from None
 
-    def _pass(self, message: str, values: Mapping[str, Any], leave: Callable[[Mapping[str, Any]], _Sent]) -> _Sent:
+    def _pass(
+        self,
+        message: str,
+        values: Mapping[str, Any],
+        leave: Callable[[Mapping[str, Any]], _Sent],
+        header: Mapping[str, Any] | None = None,
+    ) -> _Sent:
         """Let values leave that fit, now that nothing stops them; what ``leave`` gave.
 
         :raises RefusedError: they do not; that was counted, and logged.
@@ -106,13 +122,15 @@ class Commands:
         try:
             fitting, clamped = self._fitting(message, values)
             with self._leaving:
-                if self.why_stopped and message in self._safe:
-                    raise RefusedError(self.why_stopped, self.why_stopped)
+                if why := self._why_not(message, fitting):
+                    raise RefusedError(why, why)
                 sent = leave(fitting)
+                self._note_address(message, header or {})
         except (RefusedError, WirebondError, TypeError) as error:
             kind = getattr(error, "kind", type(error).__name__)
-            self.refuse(message, str(error), kind)
-            raise RefusedError(kind, str(error)) from None
+            why = self._words.why(error, message)
+            self.refuse(message, why, kind)
+            raise RefusedError(kind, why) from None
         with self._lock:
             self.counts["sent"] += 1
             self.counts["clamped"] += bool(clamped)
@@ -120,10 +138,23 @@ class Commands:
             self._throttle.say("warning", f"clamp {message}", f"{message} was clamped: {', '.join(clamped)}")
         return sent
 
+    def _why_not(self, message: str, values: Mapping[str, Any]) -> str:
+        """Say why a message must not leave now; empty: it may. A stop is never too late."""
+        stop = self._safe.get(message)
+        if self.why_stopped and stop is not None:
+            return self.why_stopped
+        is_stop = stop is not None and is_given(self._link.codec.model, stop, message, values)
+        return "" if is_stop else self.why_old()
+
+    def _why_no_frame(self, index: int, frame: bytes) -> str:
+        decoder = self._link.codec.decoder("host")
+        fields = {n: v for message in (*decoder.feed(frame), *decoder.finish()) for n, v in message.fields.items()}
+        return self._why_not(self._names[index], fields)
+
     def framer(self, plan: UnpackPlan) -> _engine.CdrCommand | None:
         """What makes the frames of a topic's bytes, for ``send_frame``; None where these must be looked at one by one:
         a reply is awaited, frames have addresses, or a constant is out of its range."""
-        if not self._link._sends_plain(plan.message):
+        if not self._link.internals.sender.sends_plain(plan.message):
             return None
         try:
             _, clamped = self._fitting(plan.message, plan.constants)
@@ -132,7 +163,9 @@ class Commands:
         if clamped:
             return None
         codec = self._link.codec
-        return _engine.CdrCommand.make(codec._table, codec._format_for(End.HOST), plan, self._bounds[plan.message])
+        return _engine.CdrCommand.make(
+            codec.tables.protocol, codec.tables.format_for(End.HOST), plan, self._bounds[plan.message]
+        )
 
     def send_frames(self, index: int, frames: Iterable[bytes]) -> None:
         """Send frames of a framer, of the message with this index, with the next ``flush`` or ``send``."""
@@ -149,17 +182,18 @@ class Commands:
         with self._leaving:
             with self._lock:
                 frames, self._ready = self._ready, []
-            if self.why_stopped:
-                why = RefusedError(self.why_stopped, self.why_stopped)
-                refused = [(index, why) for index, _ in frames if self._names[index] in self._safe]
-                frames = [one for one in frames if self._names[one[0]] not in self._safe]
-            answers = self._link._send_all(frames)
+            if self.why_stopped or self.why_old():
+                whys = [self._why_no_frame(*one) for one in frames]
+                refused = [(index, RefusedError(why, why)) for (index, _), why in zip(frames, whys, strict=True) if why]
+                frames = [one for one, why in zip(frames, whys, strict=True) if not why]
+            answers = self._link.internals.sender.send_all(frames)
         with self._lock:
             self.counts["sent"] += answers.count(None)
         if len(answers) != answers.count(None):
             refused += [(index, e) for (index, _), e in zip(frames, answers, strict=True) if e is not None]
         for index, error in refused:
-            self.refuse(self._names[index], str(error), getattr(error, "kind", type(error).__name__))
+            name = self._names[index]
+            self.refuse(name, self._words.why(error, name), getattr(error, "kind", type(error).__name__))
 
     def refuse(self, what: str, why: str, kind: str = "") -> None:
         """Count something that is not sent, and say why. ``kind``: what counts as the same reason."""
@@ -168,15 +202,23 @@ class Commands:
         self._throttle.say("warning", f"refuse {what} {kind}", f"{what} was not sent: {why}")
 
     def stop(self, why: str) -> None:
-        """Send the safe values of the protocol's emergency stop once, and refuse these messages until ``resume``."""
+        """Send the safe values of the protocol's emergency stop once, to every address that was commanded, and refuse
+        these messages until ``resume``."""
         with self._leaving:
             self.why_stopped = why
-        for message, values in self._safe.items():
-            try:
-                self._link.stop_repeating(message)
-                self._link.send(message, values)
-            except WirebondError as error:
-                self.refuse(message, str(error))
+        for message, stop in self._safe.items():
+            self._note_address(message, dict(stop.header))
+            for address in list(self._moved[message]):
+                try:
+                    self._link.internals.sender.end_safely(message, address)
+                except WirebondError as error:
+                    self.refuse(message, self._words.why(error, message))
+
+    def _note_address(self, message: str, header: Mapping[str, Any]) -> None:
+        if message in self._safe:
+            address = {name: value for name, value in header.items() if name in self._addresses}
+            if address not in self._moved[message]:
+                self._moved[message].append(address)
 
     def resume(self) -> None:
         """Send again what ``stop`` refuses."""

@@ -35,12 +35,15 @@ from wirebond.ros2 import dds_services
 from wirebond.ros2.cdr import encode
 from wirebond.ros2.dds_services import Calls, any_bytes, numbered
 from wirebond.ros2.dds_types import TypeWatch
+from wirebond.ros2.failure import Failure
 from wirebond.ros2.idl import idl_type
 from wirebond.ros2.node import LATCHED, LEVELS, Answer, Parameter, Qos, Quick, mismatch
 from wirebond.ros2.pace import Pace
+from wirebond.ros2.stalls import Stalls
 from wirebond.ros2.subscriber import Subscriber
 from wirebond.ros2.throttle import Throttle
 from wirebond.ros2.types import RosType, ServiceType, ros_type, service_type
+from wirebond.seldom import Seldom, and_more
 
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 _AT_ONCE = 256  # messages that one call takes
@@ -113,6 +116,7 @@ class DdsPublisher:
         self.entity = writer
         self.topic = topic
         self.type = type_
+        self._reports = Seldom()
 
     def publish(self, values: Mapping[str, Any]) -> None:
         """Send one message. Any thread.
@@ -126,8 +130,10 @@ class DdsPublisher:
         for data in messages:
             padding = -len(data) % 4
             answer = ddspy_write(self.entity._ref, data + bytes(padding) if padding else data)
-            if answer < 0:
-                _logger.warning("%s was not published: DDS says %s", self.topic, DDSException(answer, "").msg)
+            left_out = self._reports.passes(time.monotonic()) if answer < 0 else None
+            if left_out is not None:
+                why = DDSException(answer, "").msg
+                _logger.warning("%s was not published: DDS says %s%s", self.topic, why, and_more(left_out))
         self.entity.send()
 
 
@@ -145,6 +151,8 @@ class DdsNode:
         self._publishers: list[DdsPublisher] = []
         self._told: dict[int, int] = {}  # mismatches by endpoint that were told
         self.undecodable: Counter[str] = Counter()
+        self.failure = Failure()
+        self.stalls = Stalls()
         self._throttle = Throttle(self.log)
         self._types = TypeWatch(self._participant, lambda text: self.log("warning", text))
         self._calls = Calls(lambda text: self.log("error", text))
@@ -155,14 +163,14 @@ class DdsNode:
                 self._topic(
                     "ros_discovery_info", idl_type(_known("rmw_dds_common/ParticipantEntitiesInfo")), prefix=""
                 ),
-                _dds_qos(LATCHED),
+                _dds_qos(LATCHED, _known("rmw_dds_common/ParticipantEntitiesInfo")),
             ),
             _known("rmw_dds_common/ParticipantEntitiesInfo"),
             "ros_discovery_info",
         )
         self._log = self.publisher("/rosout", _known("rcl_interfaces/Log"), Qos(latched=True, depth=1000))
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="ROS 2 topics", daemon=True)
+        self._thread = self.failure.thread("ROS 2 topics", self._run)
 
     def publisher(self, topic: str, type_: RosType, qos: Qos) -> DdsPublisher:
         """See ``node.Node``."""
@@ -251,6 +259,7 @@ class DdsNode:
     def start(self) -> None:
         """See ``node.Node``."""
         self._announce()
+        self.stalls.begin()
         self._thread.start()
         if self._not_offered:
             self.log("warning", _NO_SERVICES.format(", ".join(self._not_offered)))
@@ -297,6 +306,7 @@ class DdsNode:
             pace.wait()
             if not has_come:  # else more of it has come in the meantime, most likely
                 waits.wait(_WAKE)
+            self.stalls.look()
             has_come = False
             for reader in self._readers:
                 has_come |= self._take(reader)

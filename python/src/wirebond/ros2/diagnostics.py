@@ -15,6 +15,7 @@ from wirebond.ros2.node import Node
 if TYPE_CHECKING:
     from wirebond.link import Link
     from wirebond.ros2.commands import Commands
+    from wirebond.ros2.held_back import HeldBack
     from wirebond.ros2.serial_topics import SerialTopics
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
@@ -25,7 +26,13 @@ class Diagnostics:
     """What to say of one link. One thread at a time."""
 
     def __init__(
-        self, link: Link, commands: Commands, mapping: BridgeMapping, node: Node, serial: SerialTopics | None
+        self,
+        link: Link,
+        commands: Commands,
+        mapping: BridgeMapping,
+        node: Node,
+        serial: SerialTopics | None,
+        held_back: HeldBack | None,
     ) -> None:
         self._link = link
         self._commands = commands
@@ -33,6 +40,7 @@ class Diagnostics:
         self._flags = mapping.diagnostics
         self._unreadable = node.undecodable
         self._serial = serial
+        self._held_back = held_back
         self._deadlines = [d for d in link.codec.model.deadlines if d.at == End.HOST]
         self._before: Counter[str] = Counter()  # counts at the message before
 
@@ -41,14 +49,14 @@ class Diagnostics:
         statuses = [self._of_link(), self._of_commands(), self._of_topics(), *map(self._of_flags, self._flags)]
         if self._serial is not None:
             statuses.append(self._of_serial(self._serial))
-        if self._deadlines:
+        if self._deadlines or self._held_back is not None:
             statuses.append(self._of_deadlines())
         return {"header": {"stamp": stamp}, "status": statuses}
 
     def _of_link(self) -> dict[str, Any]:
         state = self._link.state
         words = {"up": "messages come", "stale": "the port is open, and no message came for a second"}
-        facts: dict[str, Any] = {"port": self._link.port}
+        facts: dict[str, Any] = {"port": self._link.port, "tty": self._link.device}
         with contextlib.suppress(LinkDownError):  # the server is away, which has the counts
             stats = self._link.stats
             facts |= {
@@ -63,8 +71,12 @@ class Diagnostics:
     def _of_commands(self) -> dict[str, Any]:
         counts = dict(self._commands.counts)
         new = self._new("refused", counts["refused"])
-        level = WARN if new or self._commands.why_stopped else OK
-        text = self._commands.why_stopped or (f"{new} refused in the last second" if new else "none refused")
+        why = [self._commands.why_stopped] if self._commands.why_stopped else []
+        if self._held_back is not None:
+            why += self._held_back.texts()
+            counts["held back by the MCU"] = self._held_back.frames
+        level = WARN if new or why else OK
+        text = "; ".join(why) or (f"{new} refused in the last second" if new else "none refused")
         return self._status("commands", level, text, counts)
 
     def _of_topics(self) -> dict[str, Any]:
@@ -101,6 +113,9 @@ class Diagnostics:
         struck = self._link.deadlines
         late = [deadline_words(d) for d in self._deadlines if struck[d.then]]
         facts = {d.then: "struck" if struck[d.then] else "waits" for d in self._deadlines}
+        if self._held_back is not None:
+            late += self._held_back.texts()
+            facts |= self._held_back.facts()
         return self._status("deadlines", WARN if late else OK, "; ".join(late) or "all messages come in time", facts)
 
     def _status(self, what: str, level: int, text: str, facts: Mapping[str, Any]) -> dict[str, Any]:
@@ -108,7 +123,7 @@ class Diagnostics:
             "level": level,
             "name": f"{self._node}: {what}",
             "message": text,
-            "hardware_id": self._link.port,
+            "hardware_id": self._link.device,
             "values": [{"key": key, "value": str(value)} for key, value in facts.items()],
         }
 

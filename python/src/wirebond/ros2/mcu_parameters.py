@@ -47,16 +47,17 @@ class McuParameters:
         self._known: dict[str, float] = {}
         self._lock = threading.Lock()
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._read, name="parameters of the MCU", daemon=True)
+        self._thread = node.failure.thread("parameters of the MCU", self._read)
+        self._handler = node.failure.handler(self._take)
 
     def start(self) -> None:
         """Begin to ask."""
-        self._link.on(self._value)(self._take)
+        self._link.on(self._value)(self._handler)
         self._thread.start()
 
     def close(self) -> None:
         """Ask no more."""
-        self._link.off(self._take)
+        self._link.off(self._handler)
         self._closed.set()
         if self._thread.is_alive():
             self._thread.join(_PATIENCE)

@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from wirebond.ros2.failure import Failure
+from wirebond.ros2.stalls import Stalls
 from wirebond.ros2.types import RosType, ServiceType
 
 TOPIC = re.compile(r"(/|~/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
@@ -83,9 +85,14 @@ class Node(Protocol):
     """A node of ROS 2. Functions that it calls run in one thread of its own; only those of services do not.
 
     :ivar undecodable: received messages that were no message of their type, by topic.
+    :ivar failure: makes the threads of the node and of its bridge, and knows whether one of them has ended by a fault.
+        Then the program that runs the bridge must end, with an error.
+    :ivar stalls: whether messages that are taken now may be old.
     """
 
     undecodable: Counter[str]
+    failure: Failure
+    stalls: Stalls
 
     def publisher(self, topic: str, type_: RosType, qos: Qos) -> Publisher:
         """Publish this topic, whose name is whole."""

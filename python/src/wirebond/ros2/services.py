@@ -54,6 +54,8 @@ class Services:
             return given | {"success": False}
 
     def _recover(self, mapping: ServiceMapping, _request: dict[str, Any]) -> dict[str, Any]:
+        if why := self._commands.why_old():
+            raise RefusedError("old", why)
         has_struck = self._link.deadlines[mapping.recover]
         self._link.recover(mapping.recover)
         return {"success": True, "message": f"{mapping.recover} {'is over' if has_struck else 'had not struck'}"}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,8 +9,10 @@ from pathlib import Path
 from wirebond.codec import Codec
 from wirebond.errors import UsageError
 from wirebond.link import open_link
+from wirebond.link.attached.attaching import attached_as
 from wirebond.ros2.bridge import Bridge
 from wirebond.ros2.mapping import BridgeMapping, default_mapping, load_mapping
+from wirebond.ros2.node import whole_topic
 from wirebond.ros2.types import MISSING
 
 _PATIENCE = 5.0  # seconds that the bridge has to end
@@ -39,11 +40,12 @@ def bridge_to(address: str, mapping: BridgeMapping) -> Iterator[Bridge]:
         from wirebond.ros2.dds import DdsNode  # noqa: PLC0415 an extra: most installations lack it
     except ImportError:
         raise UsageError(MISSING) from None
-    with open_link(address) as link:
+    with attached_as(f"ROS node {whole_topic(mapping.node, mapping.namespace, '')}"):
+        link = open_link(address)
+    with link:
         node = DdsNode(mapping.node, mapping.namespace)
         bridge = Bridge(link, node, mapping)
-        thread = threading.Thread(target=bridge.run, name="ROS 2 bridge", daemon=True)
-        thread.start()
+        thread = bridge.start()
         try:
             yield bridge
         finally:

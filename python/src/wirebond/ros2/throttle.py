@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 
 Log = Callable[[str, str], None]  # level and text
@@ -18,17 +17,20 @@ class Throttle:
     def __init__(self, log: Log, clock: Callable[[], float] = time.monotonic) -> None:
         self._log = log
         self._clock = clock
-        self._said: dict[str, float] = {}
+        self._said: dict[str, deque[float]] = {}
         self._more: Counter[str] = Counter()
         self._lock = threading.Lock()
 
-    def say(self, level: str, about: str, text: str) -> None:
-        """``about`` is what counts as the same thing."""
+    def say(self, level: str, about: str, text: str, most: int = 1) -> None:
+        """``about`` is what counts as the same thing. ``most``: lines about it in a second, for what persons do."""
         now = self._clock()
         with self._lock:
-            if now - self._said.get(about, -math.inf) < _SAY_EVERY:
+            said = self._said.setdefault(about, deque())
+            while said and now - said[0] >= _SAY_EVERY:
+                said.popleft()
+            if len(said) >= most:
                 self._more[about] += 1
                 return
-            self._said[about] = now
+            said.append(now)
             more = self._more.pop(about, 0)
         self._log(level, f"{text} ({more} more since the last line)" if more else text)

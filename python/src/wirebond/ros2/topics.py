@@ -67,7 +67,7 @@ class Topics:
 
     def _add_outgoing(self, outgoing: Outgoing) -> None:
         publisher = self._publisher(outgoing.topic, outgoing.type, outgoing.qos)
-        packer = None if outgoing.plan is None else _engine.CdrPacker.make(self._codec._table, outgoing.plan)
+        packer = None if outgoing.plan is None else _engine.CdrPacker.make(self._codec.tables.protocol, outgoing.plan)
         next_t = 0.0
 
         def is_due(message: Message) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache, cached_property
@@ -14,7 +15,10 @@ from wirebond.errors import UsageError
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-MISSING = "ROS 2 needs the packages rosbags and cyclonedds; install them with: pip install 'wirebond[ros2]'"
+MISSING = (
+    "ROS 2 needs the packages rosbags and cyclonedds; install them with: "
+    "pip install cyclonedds==11.0.1 'rosbags>=0.11.9,<0.12'"
+)
 
 
 class Kind(StrEnum):
@@ -82,8 +86,13 @@ class RosType:
 
     @cached_property
     def hash(self) -> str:
-        """Its RIHS01 hash, by which ROS 2 compares types."""
-        return self.store.hash_rihs01(self.name)
+        """Its RIHS01 hash, by which ROS 2 compares types. ROS 2 hashes ``char`` as ``uint8``, and rosbags does not."""
+        hashed = copy(self.store)
+        hashed.fielddefs = {
+            name: (constants, [(field, _without_char(described)) for field, described in fields])
+            for name, (constants, fields) in self.store.fielddefs.items()
+        }
+        return hashed.hash_rihs01(self.name)
 
     @property
     def is_generated(self) -> bool:
@@ -215,6 +224,13 @@ def _made(name: str, store: Typestore, own: dict[str, RosType]) -> RosType:
     )
     own[name] = made
     return made
+
+
+def _without_char(described: Any) -> Any:
+    """The description of a field by rosbags, with ``uint8`` in the place of ``char``."""
+    if isinstance(described, tuple):
+        return tuple(_without_char(part) for part in described)
+    return "uint8" if described == "char" else described
 
 
 def _field(name: str, described: Any, store: Typestore, own: dict[str, RosType]) -> RosField:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from wirebond.attach import words
+from wirebond.chinese import with_chinese
 from wirebond.codec import Message
 from wirebond.errors import WirebondError
+from wirebond.link.attached import words
+from wirebond.server.strangers import Strangers
 
 if TYPE_CHECKING:
     from wirebond.server.owner import Owner
@@ -25,7 +28,7 @@ class Client(asyncio.Protocol):
 
     def __init__(self, server: Owner) -> None:
         self._server = server
-        self._splitter = words.Splitter(words.MOST_TO_SERVER)
+        self._splitter = words.Splitter(words.MOST_FIRST)  # a stranger cannot make the server keep much
         self._transport: asyncio.Transport | None = None
         self.number = 0  # 0: it has not said who it is
         self.name = ""
@@ -37,14 +40,20 @@ class Client(asyncio.Protocol):
         self.lost = 0  # messages that it did not get, and was not told of
         self.replies: set[int] = set()  # offsets of messages that answer its requests, and are on their way to it
         self.leases: dict[tuple[int, int], float] = {}  # until when, by message and address
-        self.sent: set[tuple[int, int]] = set()  # what moves, that it sent by message and address
+        self.moved: set[tuple[int, int]] = set()  # what its commands moved, by message and address
         self.questions: dict[int, Any] = {}  # by the number of the request
         self.taps: dict[int, int] = {}  # by number, how many bytes may wait in each
         self.waiting_for_disk = 0  # requests
+        self._address = ""  # of the computer at the other end, with TCP
+        self._strangers: Strangers[Client] | None = None  # among which it is until it says who it is
+        self._later: list[bytes] | None = None  # requests that wait until its token is compared
 
     def welcome(self, number: int, request: words.Attach) -> None:
         """It is who it says it is."""
+        if self._strangers is not None:
+            self._strangers.leave(self)
         self.number = number
+        self._splitter.most = words.MOST_TO_SERVER
         name = "".join(c if c.isprintable() else "?" for c in request.name[:_NAME_CHARACTERS]).strip()
         self.name = name or f"client {number}"
         self.wants = request.messages
@@ -85,8 +94,9 @@ class Client(asyncio.Protocol):
             self.lost = 0
 
     def answer(self, number: int, value: dict[str, Any]) -> None:
-        """To its request with this number."""
-        self.write(words.json_message({"re": number, **value}))
+        """To its request with this number. A refusal is told in Chinese, too."""
+        told = with_chinese(value, "text") if "error" in value else value
+        self.write(words.json_message({"re": number, **told}))
 
     def refuse(self, error: str, text: str) -> None:
         """Say why, and end the connection."""
@@ -104,25 +114,49 @@ class Client(asyncio.Protocol):
         """See ``asyncio.Protocol``."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
-        self.is_remote = not isinstance(transport.get_extra_info("sockname"), str)
+        place = transport.get_extra_info("sockname")
+        self.is_remote = not isinstance(place, str)
         if self.is_too_many:
             self.refuse("too_many", "the server has as many clients as it takes; end some of them")
+            return
+        if self.is_remote:
+            self._address = (transport.get_extra_info("peername") or ("",))[0]
+        if place != "":  # that of a client within this process
+            self._strangers = self._server.strangers["tcp" if self.is_remote else "unix"]
+            goes = self._strangers.enter(self)
+            if goes is not None:
+                goes.make_way()
+
+    def make_way(self) -> None:
+        """Too many connections have not said who they are, and this is the oldest."""
+        self.refuse("too_many", "too many connections have not said who they are; attach again")
+        if self._transport is not None:
+            self._transport.abort()  # also where it does not read
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002
         """See ``asyncio.Protocol``."""
-        self._server.detach(self, in_order=self.is_gone)
+        if self._strangers is not None:
+            self._strangers.leave(self)
+        self._server.detach(self)
         self._server.commands.close_taps(self)
 
     def data_received(self, data: bytes) -> None:
         """See ``asyncio.Protocol``."""
+        self._take_all(self._splitter.feed(data))
+
+    def _take_all(self, messages: Iterable[tuple[int, bytes]]) -> None:
         try:
-            for kind, body in self._splitter.feed(data):
+            for kind, body in messages:
+                self._server.catch_up()
                 if self._transport is None or self._transport.is_closing():
                     return
                 if kind != words.JSON:
                     raise words.WrongStreamError("records of frames, which only a server sends")
-                self._take(words.read_request(body))
-        except msgspec.MsgspecError as error:
+                if self._later is not None:
+                    self._later.append(body)
+                else:
+                    self._take(words.read_request(body))
+        except (msgspec.MsgspecError, RecursionError) as error:
             self.refuse("not_understood", f"this is no request that the server knows: {error}; see docs/server.md")
         except (words.WrongStreamError, UnicodeDecodeError) as error:
             self.refuse("not_understood", f"this is no client of a Wirebond server: it sent {error}")
@@ -132,10 +166,11 @@ class Client(asyncio.Protocol):
             if not isinstance(request, words.Attach):
                 self.refuse("attach_first", 'the first message must be {"do": "attach"}')
                 return
-            answer = self._server.attach(self, request)
-            self.answer(request.id, answer)
-            if "error" in answer:
-                self.end()
+            delay = self._delay(request)
+            if delay:
+                self._wait_to_attach(request, delay)
+            else:
+                self._attach(request)
             return
         if self.is_gone and not isinstance(request, words.Ask | words.TakeTap):
             return
@@ -144,7 +179,7 @@ class Client(asyncio.Protocol):
             return
         if isinstance(request, words.Leave):
             self.is_gone = True
-            self._server.detach(self, in_order=True)
+            self._server.detach(self)
             self.answer(request.id, {"ok": "left"})
             return
         if isinstance(request, words.Ask) and request.what == "stats":
@@ -159,3 +194,36 @@ class Client(asyncio.Protocol):
             answer = {"error": "refused", "text": str(error)}
         self._server.log.note(self.number, self.name, request, answer.get("error", ""), time.monotonic())
         self.answer(request.id, answer)
+
+    def _delay(self, request: words.Attach) -> float:
+        """Seconds that its token waits for the answer."""
+        if not self.is_remote:
+            return 0.0
+        is_right = self._server.is_token(request.token)
+        return self._server.wrong_tokens.delay(self._address, time.monotonic(), is_right=is_right)
+
+    def _wait_to_attach(self, request: words.Attach, delay: float) -> None:
+        assert self._transport is not None
+        assert self._strangers is not None
+        self._strangers.wait(self, makes_way=not self._server.wrong_tokens.is_short)
+        self._transport.pause_reading()
+        self._later = []
+        self.since = time.monotonic()
+        self._server.loop.call_later(delay, self._attach_now, request)
+
+    def _attach_now(self, request: words.Attach) -> None:
+        transport, later = self._transport, self._later or []
+        self._later = None
+        if transport is None or transport.is_closing():
+            return
+        self._attach(request)
+        transport.resume_reading()
+        self._take_all((words.JSON, body) for body in later)
+
+    def _attach(self, request: words.Attach) -> None:
+        answer = self._server.attach(self, request)
+        self.answer(request.id, answer)
+        if "error" in answer:
+            if answer["error"] == "token":
+                self._server.wrong_tokens.note(self._address, time.monotonic())
+            self.end()

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from wirebond.attach import words
+from wirebond.link.attached import words
 
 MOST_KEPT = 10_000
 _MOVES = words.Send | words.Repeat

@@ -13,7 +13,7 @@ import msgspec
 
 from wirebond import _engine
 from wirebond.as_json import plain
-from wirebond.attach import words
+from wirebond.chinese import with_chinese
 from wirebond.codec import Message
 from wirebond.errors import (
     LateCommandError,
@@ -21,16 +21,19 @@ from wirebond.errors import (
     MessageError,
     NotInControlError,
     QueueFullError,
+    StoppedByOtherError,
     StoppedError,
     UsageError,
     WirebondError,
 )
-from wirebond.link.services import Services
+from wirebond.link.attached import words
+from wirebond.link.receiving import Asked
+from wirebond.link.requests import MAX_TIMEOUT
 from wirebond.link.tap import TAP_BYTES
+from wirebond.protocol.json_values import from_json_values
 from wirebond.protocol.model import End
 
 if TYPE_CHECKING:
-    from wirebond.link.requests import Question
     from wirebond.server.client import Client
     from wirebond.server.owner import Owner
 
@@ -44,6 +47,7 @@ _ERRORS: list[tuple[type[WirebondError], str]] = [
     (QueueFullError, "full"),
     (LinkDownError, "down"),
     (NotInControlError, "not_in_control"),
+    (StoppedByOtherError, "stopped_by_other"),
     (LateCommandError, "late"),
     (MessageError, "message"),
 ]
@@ -68,10 +72,11 @@ class Commands:
                 case words.Send() | words.Repeat():
                     return self._command(client, request)
                 case words.Take():
+                    self._must_be_new(request)
                     return self._take(client, request.over)
                 case words.Release():
                     if self._server.book.holder == client.number:
-                        self._server.end_control("released", safely=False)
+                        self._server.end_control("released")
                         self._server.book.may_take_by_command(client.number)
                     return _OK
                 case words.Withdraw():
@@ -81,7 +86,8 @@ class Commands:
                     return {"ok": self._ask(client, request)}
         except WirebondError as error:
             word = next((word for kind, word in _ERRORS if isinstance(error, kind)), "refused")
-            return {"error": word, "text": str(error)}
+            by = {"by": error.by} if isinstance(error, StoppedByOtherError) else {}
+            return {"error": word, "text": str(error), **by}
         except (TypeError, ValueError, OverflowError):  # a number that the engine cannot hold
             return {"error": "refused", "text": f"a value of this request is out of its range: {request!r:.200}"}
 
@@ -102,13 +108,14 @@ class Commands:
                 return {"error": refused[0], "text": refused[1]}
             if book.holder != before:
                 self._server.tell_control("taken")
-            own = link._frames.message(name)
-            key = (own.index, link._frames.address_of(own, header))
+            own = link.internals.frames.message(name)
+            key = (own.index, link.internals.frames.address_of(own, header))
         if isinstance(request, words.Repeat):
             self._repeat(client, request, frame, header)
-            return _OK
         if key is not None:
-            client.sent.add(key)
+            client.moved.add(key)
+        if isinstance(request, words.Repeat):
+            return _OK
         if link.codec.model.message(name).reply is None:
             self._send(request, frame, header)
             return _OK
@@ -119,10 +126,14 @@ class Commands:
         """The frame to be sent, and its header. A frame that came as bytes must be one of the message that it is said
         to be: what moves the robot is told apart by that."""
         codec, link = self._link.codec, self._link
-        own = link._frames.message(request.message)
+        own = link.internals.frames.message(request.message)
         if request.frame is None:
-            header = link._frames.with_own_address(request.header)
-            return link._frames.encode(own, request.fields or {}, header), header or {}
+            header = link.internals.frames.with_own_address(request.header)
+            try:
+                values = from_json_values(own.model.fields, request.fields or {})
+            except ValueError as error:
+                raise MessageError(f"{own.model.name}: {error}") from None
+            return link.internals.frames.encode(own, values, header), header or {}
         decoder = codec.decoder(self._end)
         found = [*decoder.feed(request.frame), *decoder.finish()]
         if len(found) != 1 or found[0].name != own.model.name or len(found[0].raw) != len(request.frame):
@@ -131,47 +142,52 @@ class Commands:
 
     def _send(self, request: words.Send, frame: bytes, header: Mapping[str, Any]) -> None:
         link = self._link
-        own = link._frames.message(request.message)
-        address = link._frames.address_of(own, header)
-        link._leave(request.message, (own.index, frame, own.reply, self._takes_number(request), address))
+        own = link.internals.frames.message(request.message)
+        address = link.internals.frames.address_of(own, header)
+        link.internals.sender.leave(
+            request.message, (own.index, frame, own.reply, self._takes_number(request), address)
+        )
 
     def _takes_number(self, request: words.Send | words.Repeat) -> bool:
-        return request.takes_number if request.frame is not None else self._link._frames.takes_number(request.header)
+        return (
+            request.takes_number
+            if request.frame is not None
+            else self._link.internals.frames.takes_number(request.header)
+        )
 
     def _repeat(self, client: Client, request: words.Repeat, frame: bytes, header: Mapping[str, Any]) -> None:
         from wirebond.link.link import MAX_HOLD  # noqa: PLC0415
 
         link, name = self._link, request.message
-        own = link._frames.message(name)
+        own = link.internals.frames.message(name)
         if not 0 < request.hold <= MAX_HOLD:
             raise UsageError(f"hold is {request.hold:g} s; expected more than 0 and at most {MAX_HOLD:g} s")
         if own.model.every is None:
             raise UsageError(f"{name} has no `every` in the protocol file; send it")
-        address = link._frames.address_of(own, header)
+        address = link.internals.frames.address_of(own, header)
         takes_number = self._takes_number(request)
-        answer = link._engine.repeat(own.index, frame, request.hold, own.reply, takes_number, address)
-        link._raise_for(name, answer)
+        answer = link.internals.engine.repeat(own.index, frame, request.hold, own.reply, takes_number, address)
+        link.internals.sender.raise_for(name, answer)
         client.leases[own.index, address] = time.monotonic() + request.hold
 
-    def end_leases(self, client: Client, *, also_sent: bool) -> None:
-        """What it repeats ends with its safe value; with ``also_sent``, so does all that moves and that it sent."""
+    def end_motion(self, client: Client) -> None:
+        """End its leases, and send the safe values of what it moved and did not hand over. Where a stop has sent them
+        already, only leases of other messages are left to end."""
         now = time.monotonic()
         alive = {key for key, until in client.leases.items() if until > now}
-        if also_sent:
-            alive |= client.sent
+        moved = alive | client.moved
         client.leases.clear()
-        client.sent.clear()
-        if self._link.stopped:
-            return  # the stop itself is on the line
-        for message, address in sorted(alive):
-            if not self._link._engine.end_safely(message, address):
-                self._link._engine.stop_repeating(message, address)
+        client.moved.clear()
+        self._link.internals.inbox.requests.settle()  # a command of this client would leave behind its safe value
+        for key in sorted(moved):
+            if not self._link.internals.engine.end_if_moved(*key) and key in alive:
+                self._link.internals.engine.stop_repeating(*key)
 
-    def _take(self, client: Client, over: bool) -> dict[str, Any]:
+    def _take(self, client: Client, over: bool | str) -> dict[str, Any]:
         server, now = self._server, time.monotonic()
         if server.book.holder == client.number:
             return _OK
-        if server.book.holder is not None and over:
+        if server.book.holder is not None and over in (True, server.book.name):
             server.end_control("taken over")
         refused = server.book.take(client.number, over, now)
         if refused is not None:
@@ -179,10 +195,20 @@ class Commands:
         server.tell_control("taken")
         return _OK
 
+    def _must_be_new(self, request: words.Take | words.ReleaseStop) -> None:
+        """What lets the robot move again must not come from before a stall: its program may have given up, or have
+        ended, and somebody may have stopped the robot since.
+
+        :raises LateCommandError: it was under way for too long.
+        """
+        late = None if request.tick is None else self._server.book.late(request.tick, time.monotonic())
+        if late is not None:
+            raise LateCommandError(late)
+
     # ---- requests
 
     def _request(self, client: Client, request: words.Send, frame: bytes, header: Mapping[str, Any]) -> None:
-        requests = self._link._inbox.requests
+        requests = self._link.internals.inbox.requests
         waits = request.reply is not None
         if waits and len(client.questions) >= _MOST_QUESTIONS:
             raise QueueFullError(f"{_MOST_QUESTIONS} requests of this client wait for replies; wait for some of them")
@@ -193,7 +219,14 @@ class Commands:
             self._server.note_answer(client, number, outcome)
 
         question = requests.question(request.message, frame, header, finish if waits else None)
-        question.leave = lambda: self._send(request, frame, header)
+        submitted = time.monotonic()
+
+        def leave() -> None:
+            if request.message in self._controlled:
+                self._may_still_leave(client, submitted)
+            self._send(request, frame, header)
+
+        question.leave = leave
         if waits:
             client.questions[number] = question
         try:
@@ -202,7 +235,23 @@ class Commands:
             client.questions.pop(number, None)
             raise
         if request.reply is not None and math.isfinite(request.reply):
-            loop.call_later(min(max(request.reply, 0.0), 3600.0), self._too_late, client, number, question)
+            timeout = min(max(request.reply, 0.0), MAX_TIMEOUT)
+            asked = Asked(self._link, question, header, timeout, None)
+            loop.call_later(timeout, self._too_late, client, number, asked)
+
+    def _may_still_leave(self, client: Client, asked: float) -> None:
+        """A command that asks for a reply may have waited for the replies to others.
+
+        :raises NotInControlError: its program is not in control any more.
+        :raises LateCommandError: it is too old by now.
+        """
+        if self._server.book.holder != client.number:
+            raise NotInControlError("the command waited for the replies to others, and its program has lost control")
+        if time.monotonic() - asked > words.OLDEST_COMMAND:
+            raise LateCommandError(
+                f"the command waited for more than {words.OLDEST_COMMAND:g} s for the replies to others; send it again "
+                "if it is still meant"
+            )
 
     def answered(self, client: Client, number: int, outcome: Message | Exception) -> None:
         """What came of a client's request. The message itself follows."""
@@ -214,18 +263,21 @@ class Commands:
             if client.wants == "none":
                 client.write(self.packed([outcome], "json"))
         else:
-            client.write(words.json_message({"event": "no_reply", "request": number, "text": str(outcome)}))
+            self._tell_no_reply(client, number, str(outcome))
 
-    def _too_late(self, client: Client, number: int, question: Question) -> None:
-        if client.questions.get(number) is question:
+    def _too_late(self, client: Client, number: int, asked: Asked) -> None:
+        if client.questions.get(number) is asked.question:
             self._withdraw(client, number)
-            text = f"no reply to {question.message} came in time; check that the other end answers it"
-            client.write(words.json_message({"event": "no_reply", "request": number, "text": text}))
+            self._tell_no_reply(client, number, str(asked.timeout_error()))
+
+    def _tell_no_reply(self, client: Client, number: int, text: str) -> None:
+        event = {"event": "no_reply", "request": number, "text": text}
+        client.write(words.json_message(with_chinese(event, "text")))
 
     def _withdraw(self, client: Client, number: int) -> None:
         question = client.questions.pop(number, None)
         if question is not None:
-            self._link._inbox.requests.withdraw(question)
+            self._link.internals.inbox.requests.withdraw(question)
 
     def withdraw_all(self, client: Client) -> None:
         """It is gone."""
@@ -235,36 +287,42 @@ class Commands:
     # ---- how the link is
 
     def _ask(self, client: Client, request: words.Request) -> Any:
-        link, engine = self._link, self._link._engine
+        link, engine = self._link, self._link.internals.engine
         match request:
             case words.Ask():
                 return self._look(request.what)
             case words.Stop():
-                self._server.end_control("emergency stop", safely=False)
-                link.emergency_stop()
+                self._server.stop.stop(client)  # first: it is what ends the motion
+                self._server.stopped()
             case words.ReleaseStop():
-                link.release_stop()
-                self._server.book.may_take_by_command(client.number)
+                self._must_be_new(request)
+                if self._server.stop.release(client, request.over):
+                    link.note("stop released", by=client.name, over=request.over)
+                    self._server.stop_released(client.name, client.number)
             case words.StopRepeating():
                 self._must_hold(client, request.message)
-                index = link._frames.message(request.message).index
+                index = link.internals.frames.message(request.message).index
                 engine.stop_repeating(index, request.address)
                 for key in [k for k in client.leases if k[0] == index and request.address in (None, k[1])]:
                     del client.leases[key]
+            case words.HandOver():
+                client.moved.clear()
             case words.EndSafely():
                 self._must_hold(client, request.message)
-                return engine.end_safely(link._frames.message(request.message).index, request.address)
+                return engine.end_safely(link.internals.frames.message(request.message).index, request.address)
             case words.About():
                 question = client.questions.get(request.request)
                 if question is None:
                     return None
+                arrived = link.internals.inbox.requests.arrived(question)
                 return {
+                    "arrived": None if arrived is None else vars(arrived),
                     "carried": None if question.carried is None else plain(question.carried),
                     "others": None if question.others is None else plain(question.others),
                     "was_sent": question.since != 0.0,
                 }
             case words.Recover():
-                if not 0 <= request.action < len(link._actions):
+                if not 0 <= request.action < len(link.internals.actions):
                     raise UsageError(f"there is no deadline with the number {request.action}")
                 engine.recover_deadline(request.action)
             case words.SetAddress():
@@ -308,26 +366,26 @@ class Commands:
             case "stopped":
                 return link.stopped
             case "struck":
-                return link._engine.struck_deadlines()
+                return link.internals.engine.struck_deadlines()
             case "recent":
-                return link._engine.recent()
+                return link.internals.engine.recent()
             case "line":
-                return link._engine.line()
+                return link.internals.engine.line()
             case "peer":
                 return asdict(link.peer)
             case "recording":
                 return self._server.recordings.current
             case "clock_line":
-                return link._services.clock_line if isinstance(link._services, Services) else None
+                return link.internals.services.clock_line
             case _:
                 reading = link.clock
                 return None if reading is None else asdict(reading)
 
     def answer_stats(self, client: Client, number: int, tries: int = _STATS_TRIES) -> None:
         """The account, behind every message that it counts: who reads that a message came can take it."""
-        raw = self._link._engine.stats()
+        raw = self._link.internals.engine.stats()
         counted = raw["frames"] - raw["foreign_frames"] - raw["late"] - raw["held_back"] - raw["dropped_messages"]
-        if self._link._inbox.relayed < counted and tries > 0:
+        if self._link.internals.inbox.relayed < counted and tries > 0:
             self._server.loop.call_later(_STATS_WAIT, self.answer_stats, client, number, tries - 1)
             return
         self._server.give()
@@ -347,7 +405,7 @@ class Commands:
     def close_taps(self, client: Client) -> None:
         """It is gone."""
         for tap in client.taps:
-            self._link._engine.close_tap(tap)
+            self._link.internals.engine.close_tap(tap)
         client.taps.clear()
 
     # ---- recordings of the server

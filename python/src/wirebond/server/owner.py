@@ -19,23 +19,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wirebond import _engine
-from wirebond.attach import words
-from wirebond.attach.words import StoredRecording
 from wirebond.codec import Message
 from wirebond.errors import PortError, UsageError, WirebondError
+from wirebond.link.attached import words
+from wirebond.link.attached.words import StoredRecording
+from wirebond.seldom import limit_errors_of
 from wirebond.server.client import Client
 from wirebond.server.command_log import CommandLog
 from wirebond.server.commands import Commands
 from wirebond.server.control import ControlBook, Why
 from wirebond.server.recordings import Recordings
+from wirebond.server.stop import OWNER, StopBook
+from wirebond.server.strangers import Strangers, WrongTokens
 
 if TYPE_CHECKING:
     from wirebond.link import Link
 
 _LOOK_EVERY = 0.01  # seconds between two looks whether the holder of control is silent
+_STALL = 5 * _LOOK_EVERY  # seconds without a look: what sockets bring then may be old
 _GATHER = 0.001  # seconds that received messages may wait for others, so that a client gets them in one piece
 MOST_CLIENTS = 256
-_BACKLOG = 512  # connections that wait to be accepted
+_BACKLOG = 32  # connections that wait to be accepted, and are accepted at once
 _ATTACH_WITHIN = 2.0  # seconds after which a connection that said nothing is closed
 _PATIENCE = 5.0  # seconds that the thread has to begin and to end
 
@@ -61,15 +65,16 @@ class Owner:
         self.recordings = Recordings(link, recordings, self._tell_recording)
         self.disk = ThreadPoolExecutor(1, "recordings of a server")  # what waits for the disk
         self.path = None if path is None else os.fspath(path)
-        self.token = token
-        if tcp is not None and token is None and not is_loopback(tcp[0]):
-            self.token = secrets.token_urlsafe(16)
+        self.token = secrets.token_urlsafe(16) if tcp is not None and token is None else token
         self.book = ControlBook()
         self.commands = Commands(self)
         self.log = CommandLog()
         self.clients: dict[int, Client] = {}
         self.waiting: set[Client] = set()  # connected, and have not said who they are
+        self.strangers = {kind: Strangers[Client]() for kind in ("tcp", "unix")}  # those of them who came from outside
+        self.wrong_tokens = WrongTokens(self.token)
         self._number = 0
+        self._judged = self._next_tick = 0.0  # times of the loop
         self._holder: str | None = None
         self._came: list[Message] = []
         self._answers: list[tuple[Client, int, Message | Exception]] = []
@@ -78,13 +83,14 @@ class Owner:
         self._changes: list[tuple[str, int, int]] = []  # of the port and of deadlines
         self._came_lock = threading.Lock()  # of these five: an answer is there before its message
         self._sockets = self._listen(tcp)
+        self.stop = StopBook(link, self.path)  # the path is this server's from here on
         self.loop = asyncio.new_event_loop()
         self._flush: asyncio.TimerHandle | None = None
         self._began = threading.Event()
         self._thread = threading.Thread(target=self._run, name="server of a link", daemon=True)
         self._thread.start()
         self._began.wait(_PATIENCE)
-        link._inbox.relay(self._relay)
+        link.internals.inbox.relay(self._relay)
 
     @property
     def port(self) -> int | None:
@@ -96,6 +102,11 @@ class Owner:
     def holder(self) -> str | None:
         """The name of the client in control, or None. Any thread."""
         return self._holder
+
+    @property
+    def stopped_by(self) -> str | None:
+        """The name of the program whose emergency stop holds, or None. Any thread."""
+        return self.stop.name
 
     @property
     def client_count(self) -> int:
@@ -167,20 +178,44 @@ class Owner:
         for client in list(self.clients.values()):
             client.write(data)
 
-    def end_control(self, why: Why, safely: bool = True) -> None:
-        """The holder is in control no more. ``safely``: its leases end, and what it sent is followed by safe values."""
+    def end_control(self, why: Why) -> None:
+        """End the holder's control: its leases end, and what it moved gets its safe values."""
         was = self.book.give_up(against_its_will=why != "released")
         if was is not None:
             client = self.clients.get(was)  # type: ignore[call-overload]
             if client is not None:
-                self.commands.end_leases(client, also_sent=safely)
+                self.commands.end_motion(client)
             self.tell_control(why)
+
+    def stopped(self) -> None:
+        """The robot was stopped: nobody is in control, and no command takes it by itself."""
+        self.end_control("emergency stop")
+        was_free = self.book.released_by is not None
+        self.book.all_must_ask()
+        if was_free:
+            self.tell_control("emergency stop")
+
+    def stop_released(self, name: str, by: int | None = None) -> None:
+        """The stop was released, by the client with this number. A program that took control while the stop held has
+        not earned it by that, so a release ends it, too."""
+        self.end_control("stop released")
+        self.book.released(name, by)
+        self.tell_control("stop released")
+
+    def follow_stop(self) -> None:
+        """Note what the owner of the link stopped or released without the server."""
+        if self.stop.look():
+            if self.stop.name is None:
+                self.stop_released(OWNER)
+            else:
+                self.stopped()
 
     def tell_control(self, why: Why) -> None:
         """Who is in control now."""
-        self._holder = self.book.name
-        with contextlib.suppress(WirebondError):  # the link is closed, and with it its recordings
-            self.link.note("control", holder=self.book.name, why=why)
+        was, self._holder = self._holder, self.book.name
+        if self._holder != was:
+            with contextlib.suppress(WirebondError):  # the link is closed, and with it its recordings
+                self.link.note("control", holder=self.book.name, why=why)
         for client in list(self.clients.values()):
             client.write(
                 words.json_message(
@@ -188,6 +223,7 @@ class Owner:
                         "event": "control",
                         "holder": self.book.name,
                         "yours": self.book.holder == client.number,
+                        "released_by": self.book.released_by,
                         "why": why,
                     }
                 )
@@ -201,7 +237,7 @@ class Owner:
                 f"the server speaks version {words.VERSION} of its protocol, and this client {request.version}; use "
                 "the same Wirebond at both",
             )
-        if client.is_remote and self.token is not None and not _same(request.token, self.token):
+        if client.is_remote and not self.is_token(request.token):
             return _refusal(
                 "token", "the token is missing or wrong; give the one that `wirebond serve` printed, as ?token=TOKEN"
             )
@@ -210,7 +246,7 @@ class Owner:
         client.welcome(self._number, request)
         self.clients[client.number] = client
         now = time.monotonic()
-        self.book.add(client.number, client.name, request.asks, now)
+        self.book.add(client.number, client.name, request.asks or self.stop.name is not None, now)
         link = self.link
         welcome = words.Welcome(
             version=words.VERSION,
@@ -222,17 +258,21 @@ class Owner:
             port=link.port,
             baud=link.baud,
             role=link.role,
-            control=words.Control(self.book.name, False),
+            control=words.Control(self.book.name, False, self.book.released_by),
         )
         return {"ok": welcome, "t": now, "tick": self.book.ticks.newest}
 
-    def detach(self, client: Client, in_order: bool) -> None:
-        """It says that it goes, or its connection has ended."""
+    def is_token(self, given: str) -> bool:
+        """Compare in a time that does not depend on where they differ. Without a token each is right."""
+        return self.token is None or hmac.compare_digest(given.encode(), self.token.encode())
+
+    def detach(self, client: Client) -> None:
+        """It says that it goes, or its connection has ended: what it moved gets its safe values."""
         self.waiting.discard(client)
         if self.clients.get(client.number) is not client:
             return
         self.commands.withdraw_all(client)
-        self.commands.end_leases(client, also_sent=not in_order)
+        self.commands.end_motion(client)
         was_in_control = self.book.remove(client.number)
         del self.clients[client.number]
         if was_in_control:
@@ -273,14 +313,12 @@ class Owner:
                 client.give(self.commands.as_json(messages), messages)
 
     async def _look(self) -> None:
-        next_tick = 0.0
         while True:
             now = time.monotonic()
-            if self.book.silent(now):
-                self.end_control("silent")
-            if now >= next_tick:
-                next_tick = now + words.TICK_EVERY
-                self.tell_all({"event": "tick", "tick": self.book.ticks.next(now)})
+            self._judge(now)
+            if now >= self._next_tick:
+                self._tick(now)
+                self.follow_stop()
                 for client in self.clients.values():
                     client.tell_lost()
                 if self.recordings.has_failed:
@@ -289,9 +327,28 @@ class Owner:
                     client.refuse("silent", f"the first message did not come within {_ATTACH_WITHIN:g} s")
             await asyncio.sleep(_LOOK_EVERY)
 
+    def catch_up(self) -> None:
+        """Call this before anything that a socket brought is acted on. After a stall of this thread or of the whole
+        process, the silence of the program in control is judged first: what waits in its socket may be from before the
+        stall, and its program may be dead. A release of the stop by the owner of the link is noted first, too: noted
+        later, it would end a control that was taken after it."""
+        now = time.monotonic()
+        if now - self._judged > _STALL:
+            self._judge(now)
+        self.follow_stop()
+
+    def _judge(self, now: float) -> None:
+        self._judged = now
+        if self.book.silent(now):
+            self.end_control("silent")
+
+    def _tick(self, now: float) -> None:
+        self._next_tick = now + words.TICK_EVERY
+        self.tell_all({"event": "tick", "tick": self.book.ticks.next(now)})
+
     def _connected(self) -> Client:
         client = Client(self)
-        if len(self.clients) + len(self.waiting) >= MOST_CLIENTS:
+        if len(self.clients) >= MOST_CLIENTS:
             client.is_too_many = True
         else:
             self.waiting.add(client)
@@ -314,6 +371,7 @@ class Owner:
 
     def _run(self) -> None:
         asyncio.set_event_loop(self.loop)
+        limit_errors_of(self.loop)
         try:
             self.loop.run_until_complete(self._serve())
         finally:
@@ -334,7 +392,7 @@ class Owner:
         for server in servers:
             server.close()
         for client in [*self.clients.values(), *self.waiting]:
-            self.detach(client, in_order=False)
+            self.detach(client)
             client.end()
         await asyncio.sleep(0)
 
@@ -344,10 +402,6 @@ class Owner:
 
 def _refusal(error: str, text: str) -> dict[str, Any]:
     return {"error": error, "text": text}
-
-
-def _same(given: str, token: str) -> bool:
-    return hmac.compare_digest(given.encode(), token.encode())
 
 
 def is_loopback(host: str) -> bool:

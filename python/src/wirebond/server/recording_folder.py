@@ -7,8 +7,8 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from wirebond.attach.words import RecordingNote, StoredRecording
 from wirebond.errors import UsageError, WirebondError
+from wirebond.link.attached.words import RecordingNote, StoredRecording
 from wirebond.recording.glance import glance
 
 MOST_LISTED = 1000  # the newest ones

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from wirebond.attach.words import StoredRecording
 from wirebond.errors import UsageError, WirebondError
+from wirebond.link.attached.words import StoredRecording
 from wirebond.recording.apart import begin_closing
 from wirebond.recording.notes import annotate
 from wirebond.recording.recorder import Recorder

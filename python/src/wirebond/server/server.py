@@ -22,7 +22,8 @@ class Server:
     :param link: the link that is served; the server takes all its messages.
     :param path: of a Unix socket to listen at. Only this user may attach there.
     :param tcp: host and port to listen at; the port may be 0: any.
-    :param token: what clients at TCP must say. None: needed, and made, where the host is reached by other computers.
+    :param token: what clients at TCP must say. None: one is made. Loopback needs it too: every user of a computer
+        reaches it.
     :param recordings: a folder for recordings that clients ask for; it is made if need be. None: clients can only
         record at their own computers.
     :raises PortError: it cannot listen there.
@@ -57,7 +58,7 @@ class Server:
 
     @property
     def token(self) -> str | None:
-        """What clients at TCP must say; None: nothing."""
+        """What clients at TCP must say; None: the server does not listen at TCP, and needs none."""
         return self._owner.token
 
     @property
@@ -75,6 +76,12 @@ class Server:
     def holder(self) -> str | None:
         """The name of the client in control, or None. Any thread."""
         return self._owner.holder
+
+    @property
+    def stopped_by(self) -> str | None:
+        """The name of the program whose emergency stop holds, or None. It outlives the server: it is kept in a file
+        beside ``path``, and the next server there holds it from its start. Any thread."""
+        return self._owner.stopped_by
 
     @property
     def client_count(self) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from wirebond import paths
 from wirebond.codec import load
-from wirebond.gen import generate_cpp
+from wirebond.generate.code import generate_cpp
 from wirebond.sim.build import cache, compile_once
 from wirebond.sim.process import FirmwareProcess
 

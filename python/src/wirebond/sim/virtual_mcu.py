@@ -1,10 +1,10 @@
 """The behaviour of a virtual MCU for any protocol: bytes and times in, bytes and events out. Opens nothing.
 
-It sends every MCU message that has ``every`` with moving values, answers requests (a field of the reply that has the
-request's name and kind carries its value back, and a list has as many elements as the request asks for with the field
-that ``asked_by`` names) from the address that was asked, serves hello, clock and parameters, says its own counters,
-stamps messages with a clock of its own, applies the rules of the fields, and keeps the deadlines at ``mcu``, of each
-address by itself.
+It sends every MCU message that has ``every``. Its values rest until the host commands motion. It answers requests (a
+field of the reply that has the request's name and kind carries its value back, and a list has as many elements as the
+request asks for with the field that ``asked_by`` names) from the address that was asked, serves hello, clock and
+parameters, says its own counters, stamps messages with a clock of its own, applies the rules of the fields, and keeps
+the deadlines at ``mcu``, of each address by itself.
 """
 
 from __future__ import annotations
@@ -19,18 +19,20 @@ from wirebond.codec import Codec, Message, Stats
 from wirebond.errors import MessageError
 from wirebond.protocol.counters import COUNTERS
 from wirebond.protocol.decimals import decimal_text
-from wirebond.protocol.matching import fitted_values
-from wirebond.protocol.model import Address, Deadline, End, Field, FieldKind, Recover, Service
+from wirebond.protocol.given import is_emergency_stop, is_given
+from wirebond.protocol.model import Address, Deadline, End, Mismatch, Recover, Service, Start
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.planning import plan_for
 from wirebond.protocol.replies import carried_back
+from wirebond.protocol.sample_values import sample_values
+from wirebond.protocol.spoken import SpokenVersion
 from wirebond.protocol.stamps import count_us, stamp_of
 from wirebond.sim.field_rules import clamped, refusing
+from wirebond.sim.motion import Motion
 from wirebond.sim.script import Behaviour
 
 _WAVE_HZ = 0.2  # of the made-up values
 _PARAMETERS = 8  # of a table without names
-_FEW = 3  # elements of made-up lists
 
 
 @dataclass
@@ -39,6 +41,9 @@ class _Watch:
     since: float
     struck: bool = False
     came: bool = False  # its message, ever
+
+    def __post_init__(self) -> None:
+        self.struck = self.came = self.rule.start == Start.HELD
 
     @property
     def holds_back(self) -> bool:
@@ -71,13 +76,16 @@ class VirtualMcu:
     clock_drift: float = 0.0  # parts per million by which its clock is fast
     events: list[str] = field(default_factory=list)  # sentences for the operator; the caller empties it
     foreign: int = 0  # frames for an address that it does not play
-    held_back: int = 0  # messages that did not act, because a deadline with `recover: explicit` had struck
+    held_back: int = 0  # that did not act: a deadline with `recover: explicit` had struck, or the host's file differs
     rejected: int = 0  # messages that did not act, because a value breaks its field's rule
 
     def __post_init__(self) -> None:
         model = self.codec.model
         self._decoder = refusing(self.codec).decoder("host")
         self._addressing = _Addressing(self.codec, self.addresses)
+        self._spoken = SpokenVersion(model.format.parts)
+        self._motion = Motion(model)
+        self._is_at_rest = False  # while values are made up
         self._due = {m.name: self.start for m in model.messages if m.sent_by(End.MCU) and m.every is not None}
         self._devices = {bits: self._device(one, self.start) for bits, one in self._addressing.devices.items()}
         self._parameters: dict[int, float] = {}
@@ -89,6 +97,7 @@ class VirtualMcu:
         self._silent_until = self.start
         self._told_rejected: set[str] = set()  # messages of which it was told, and none came since that acted
         self._told_held_back: set[str] = set()
+        self._host_differs = False  # by its hello
         self._numbers: Counter[str] = Counter()  # the next sequence number, by message, or of all
 
     @property
@@ -98,6 +107,7 @@ class VirtualMcu:
 
     def feed(self, data: bytes, t: float) -> bytes:
         for message in self._decoder.feed(data, t) if data else self._decoder.idle(t):
+            self._spoken.hear(message.header)
             if message.name == "unknown":
                 self.events.append(f"frame with unknown id 0x{message.id:02X}")
                 continue
@@ -106,10 +116,16 @@ class VirtualMcu:
                 self.foreign += 1
                 continue
             heard_by = self._heard_by(message, t)
-            acting = [device for device in heard_by if not device.holds_back(message.name)]
+            is_stop = is_emergency_stop(self.codec.model, message.name, message.fields)
+            strange = self._host_differs and not self._acts_for_strangers(message.name)
+            acting = [d for d in heard_by if is_stop or not (strange or d.holds_back(message.name))]
             self.held_back += len(heard_by) - len(acting)
             if not acting:
-                self._tell_held_back(message.name, heard_by[0])
+                if not strange:
+                    self._tell_held_back(message.name, heard_by[0])
+                elif message.name not in self._told_held_back:
+                    self._told_held_back.add(message.name)
+                    self.events.append(f"{message.name} is held back, because the host has another protocol file")
                 continue
             if message.violations:
                 self._reject(message, len(acting))
@@ -119,9 +135,12 @@ class VirtualMcu:
             self._told_rejected.discard(message.name)
             self._told_held_back.discard(message.name)
             for device in acting:
-                self._seen(device, message.name, t)
+                if not (strange or device.holds_back(message.name)):  # else a stop, which puts off no deadline
+                    self._seen(device, message.name, t)
             self._recover_by(message, t)
+            self._motion.act(message.name, message.fields)
             said = {} if self.behaviour is None else self.behaviour.heard(message)
+            self._is_at_rest = self._motion.is_at_rest
             for header in asked:
                 self._waiting += self._answer(message, header, t, said)
         self._do_scripted(t)
@@ -132,6 +151,14 @@ class VirtualMcu:
             self._hello_due = False
             for header in self._addressing.own:
                 self._waiting += self._hello(header)
+        for device in self._devices.values():
+            for watch in device.watches:
+                if not watch.struck and t - watch.since >= watch.rule.after:
+                    watch.struck = True
+                    self._motion.stop(watch.rule.message)
+                    which = f"{watch.rule.message}{self._whose(device)}"
+                    self.events.append(f"no {which} for {watch.rule.after:g} s: {watch.rule.then}")
+        self._is_at_rest = self._motion.is_at_rest
         for name, due in self._due.items():
             if t < due:
                 continue
@@ -145,12 +172,6 @@ class VirtualMcu:
                 values |= self.behaviour.filled(name, t - self.start)
             for header in self._addressing.own:
                 self._waiting.append(self._encoded(name, values, header))
-        for device in self._devices.values():
-            for watch in device.watches:
-                if not watch.struck and t - watch.since >= watch.rule.after:
-                    watch.struck = True
-                    which = f"{watch.rule.message}{self._whose(device)}"
-                    self.events.append(f"no {which} for {watch.rule.after:g} s: {watch.rule.then}")
         if self.behaviour is not None:
             self.behaviour.tick(t - self.start)
             self._do_scripted(t)
@@ -195,8 +216,9 @@ class VirtualMcu:
 
     def _recover_by(self, message: Message, t: float) -> None:
         """The file says which message ends a deadline: this one may be it."""
-        for rule in self.codec.model.deadlines:
-            if rule.recover_by is not None and rule.recover_by.is_it(message.name, message.fields):
+        model = self.codec.model
+        for rule in model.deadlines:
+            if rule.recover_by is not None and is_given(model, rule.recover_by, message.name, message.fields):
                 if any(w.holds_back for device in self._devices.values() for w in device.watches if w.rule == rule):
                     self.events.append(f"{message.name} ends {rule.then}")
                 self.recover(rule.then, t)
@@ -228,6 +250,14 @@ class VirtualMcu:
                 watch.struck = False
                 self.events.append(f"{message}{self._whose(device)} is back: {watch.rule.then} ends")
 
+    def _acts_for_strangers(self, message: str) -> bool:
+        """Does it act although the host has another protocol file? What asks and moves nothing does."""
+        model = self.codec.model
+        if model.link.on_mismatch == Mismatch.ACT:
+            return True
+        roles = (("hello", "message"), ("ping", "request"), ("clock", "request"), ("parameter", "read"))
+        return any((s := model.service(name)) is not None and s.message(role) == message for name, role in roles)
+
     def _tell_held_back(self, message: str, device: _Device) -> None:
         if message in self._told_held_back:
             return
@@ -235,7 +265,7 @@ class VirtualMcu:
         rule = next(w.rule for w in device.watches if w.rule.message == message and w.holds_back)
         whose, until = f"{message}{self._whose(device)}", f"a script calls mcu.recover({rule.then!r})"
         if (by := rule.recover_by) is not None:
-            values = ", ".join(f"{name} = {_short(value)}" for name, value in by.values)
+            values = ", ".join(f"{name} = {_short(value)}" for name, value in by.fields.items())
             until = f"{by.message} comes{' with ' + values if values else ''}"
         self.events.append(f"{whose} is held back by {rule.then} until {until}")
 
@@ -264,7 +294,8 @@ class VirtualMcu:
         hello = self.codec.model.service("hello")
         if hello is not None and message.name == hello.message("message"):
             theirs = message.fields.get("protocol_hash")
-            if theirs != self.codec.hash:
+            self._host_differs = theirs != self.codec.hash
+            if self._host_differs:
                 self.events.append(
                     f"the host has another protocol file: its hash is {theirs:016x}, and the one here "
                     f"{self.codec.hash:016x}. Compare the two files with `wirebond diff`"
@@ -357,60 +388,31 @@ class VirtualMcu:
     def _frame(self, name: str, values: dict[str, Any], header: dict[str, Any]) -> bytes:
         """A frame, which leaves behind all that were encoded before; with the next sequence number, if it has one.
         Each address has numbers of its own."""
-        sequence = self.codec._sequence_of(End.MCU)
+        sequence = self.codec.tables.sequence_of(End.MCU)
+
+        def made(whole: Mapping[str, Any] | None) -> bytes:
+            return self.codec.encode(name, values, header=whole, sender=End.MCU)
+
         if sequence is None:
-            return self.codec.encode(name, values, header=header, sender=End.MCU)
+            return self._spoken.make(made, header)
         counter = repr((header, name if sequence.per_message else ""))
         number = self._numbers[counter]
         self._numbers[counter] = (number + 1) % (1 << sequence.value.width)
-        return self.codec.encode(name, values, header={**header, sequence.name: number}, sender=End.MCU)
+        return self._spoken.make(made, {**header, sequence.name: number})
 
     # ---- made-up values
 
     def _made_up(self, message: MessageModel, t: float, amounts: Mapping[str, int] | None = None) -> dict[str, Any]:
         """``amounts``: how many elements a request asked for, of lists that have no more than their ``max``."""
-        values = self._struct(message.fields, 0, t, amounts or {})
+
+        def wave(phase: int) -> float | None:
+            return None if self._is_at_rest else math.sin(2 * math.pi * _WAVE_HZ * (t - self.start) + phase)
+
+        values = sample_values(message, wave, amounts)
         if (stamp := stamp_of(message)) is not None:
             count = self._clock_us(t) // count_us(stamp) & ((1 << stamp.width) - 1)
             values[stamp.name] = float(count * stamp.scale) if stamp.is_scaled else count
-        return fitted_values(message, values)
-
-    def _struct(
-        self, fields: tuple[Field, ...], phase: int, t: float, amounts: Mapping[str, int] | None = None
-    ) -> dict[str, Any]:
-        """Values of fields that stand beside each other. Those that count are left out: they are counted."""
-        asked = amounts or {}
-        counting = {f.counted_by for f in fields if f.counted_by}
-        least = {c: min(f.max_count or f.max_size for f in fields if f.counted_by == c) for c in counting}
-        sizes = {counter: min(most, _FEW) for counter, most in least.items()}
-        sizes |= {f.counted_by: min(asked[f.name], least[f.counted_by]) for f in fields if f.name in asked}
-        return {
-            f.name: self._value(f, sizes.get(f.counted_by, _FEW), phase + number, t)
-            for number, f in enumerate(fields)
-            if f.kind != FieldKind.PADDING and not f.is_count
-        }
-
-    def _value(self, described: Field, size: int, phase: int, t: float) -> Any:
-        """``size``: elements or bytes that it has where what counts it tells so."""
-        if described.kind == FieldKind.TEXT:
-            made_up = "virtual"[: size if described.counted_by else described.room]
-            return made_up if described.ends_with is None else made_up.replace(chr(described.ends_with), "")
-        if described.kind == FieldKind.BYTES:
-            return bytes(size) if described.counted_by else b""
-        if not described.is_list and described.count is None:
-            return self._element(described, phase, t)
-        count = described.count or min(size, described.max_count)
-        return [self._element(described, phase + element, t) for element in range(count)]
-
-    def _element(self, described: Field, phase: int, t: float) -> Any:
-        wave = math.sin(2 * math.pi * _WAVE_HZ * (t - self.start) + phase)
-        if described.fields:
-            return self._struct(described.fields, phase, t)
-        if described.kind == FieldKind.BOOL:
-            return wave > 0
-        if described.enum:
-            return described.enum[0][0]
-        return [] if described.flags else _number(described, wave)
+        return values
 
 
 class _Addressing:
@@ -471,22 +473,11 @@ class _Addressing:
         return header
 
 
-def _number(described: Field, wave: float) -> float | int:
-    """A value between the field's limits, for ``wave`` between -1 and 1."""
-    if described.kind == FieldKind.FLOAT:
-        low, high = -1.0, 1.0
-    else:
-        bits = described.width - (described.kind == FieldKind.SIGNED)
-        high = 2.0**bits - 1
-        low = -high if described.kind == FieldKind.SIGNED else 0.0
-        low, high = max(low, -100.0), min(high, 100.0)  # wire units: a lively but modest value
-        low, high = sorted(float(v * described.scale + described.offset) for v in (int(low), int(high)))
-    if described.minimum is not None and described.maximum is not None:
-        low, high = described.minimum, described.maximum
-    value = low + (high - low) * (0.5 + 0.45 * wave)
-    whole = described.kind != FieldKind.FLOAT and not described.is_scaled
-    return round(value) if whole else value
-
-
-def _short(value: float | str) -> str:
+def _short(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{name} = {_short(one)}" for name, one in value.items()) + "}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_short, value))}]"
+    if isinstance(value, bytes):
+        return value.hex(" ").upper()
     return f"{value:g}" if isinstance(value, float) else str(value)

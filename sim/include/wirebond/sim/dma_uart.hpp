@@ -1,4 +1,4 @@
-// A UART with DMA on a simulated wire, without mishaps: a port for links under virtual time.
+// A UART with DMA on a simulated wire, without faults: a port for links under virtual time.
 #pragma once
 
 #include <algorithm>
@@ -10,14 +10,14 @@
 
 namespace wirebond::sim {
 
-/// Satisfies what Link asks of a port. Time passes in `run`, by whole runs and not byte by byte: that is what makes
+/// Provides the functions that Link needs from a port. Time passes in `run`, by whole runs and not byte by byte, so
 /// hours of traffic take seconds. For interrupts in any order, errors and DMA that hangs see ports/fake. One thread.
 ///
-/// The bytes of a run are taken when it starts. What comes is put into the ring when `run` looks, and each half of the
-/// ring raises an event, as the half and full events of a DMA do; a reader that is too late is lapped.
+/// The bytes of a run are taken when it starts. Received bytes are put into the ring when `run` reads them, and each
+/// half of the ring raises an event, like the half and full events of a DMA; a reader that is too late is lapped.
 class DmaUart {
  public:
-  /// It listens to `in` and sends on `out`, whose restart gap each run costs. Both outlive it.
+  /// Receives from `in` and sends on `out`, whose restart gap each run costs. Both must outlive it.
   DmaUart(Wire& in, Wire& out) : in_(in), out_(out) {}
 
   // ---- the port
@@ -45,11 +45,11 @@ class DmaUart {
 
   // ---- time
 
-  /// When a run ends; `never`: none is under way.
+  /// Return when a run ends; `never`: none is being sent.
   Time next() const { return pended_ ? now_ : completes_at_; }
 
-  /// It is `now`: what has happened since is reported to the link, as by its interrupts. `left(bytes, size, end)` is
-  /// called for each run that is handed over, with the time at which its last bit will have left.
+  /// Set the time, and report all that happened since to the link, as its interrupts would. `left(bytes, size, end)` is
+  /// called for each run given to the wire, with the time at which its last bit will have left.
   template <class Link, class Left>
   void run(Time now, Link& link, Left&& left) {
     now_ = now;
@@ -73,7 +73,7 @@ class DmaUart {
  private:
   template <class Link>
   void receive(Link& link) {
-    if (ring_ == nullptr) {  // nobody listens
+    if (ring_ == nullptr) {  // reception has not started
       in_.read(now_, [](const std::uint8_t*, std::size_t) {});
       return;
     }

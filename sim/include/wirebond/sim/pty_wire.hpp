@@ -38,49 +38,49 @@ struct PtyWireAccount {
   std::uint64_t overrun = 0;
 };
 
-/// What a program writes into one pty comes out of the other at the line's pace. A pty's buffer of 4 KB stands for the
-/// driver's: who writes faster than the line waits for it. Nothing makes the sender wait for a reader: what the reader
-/// has no room for is lost and counted, as on a UART.
+/// Bytes that a program writes into one pty come out of the other at the line's pace. A pty's buffer of 4 KB plays the
+/// driver's: a program that writes faster than the line waits for it. Nothing makes the sender wait for a reader: bytes
+/// that do not fit into the reader's buffer are lost and counted, as on a UART.
 ///
-/// A simulation of both ends on one machine may want that its own lateness loses nothing: see `wait_for_readers`.
+/// A simulation of both ends on one machine may not want to lose bytes by its own lateness: see `wait_for_readers`.
 ///
-/// Bytes come out at most some 100 us late, as long as the machine gives the thread its turn.
+/// Bytes come out at most some 100 us late, as long as the machine schedules the thread.
 class PtyWire {
  public:
-  /// Names of the two ends, and of the directions that begin there.
+  /// The two ends; a direction is named by the end where it begins.
   enum End : std::size_t { a, b };
 
   PtyWire(const WireSettings& a_to_b, const WireSettings& b_to_a)
       : wires_{Wire(a_to_b), Wire(b_to_a)}, start_(monotonic_ns()) {}
 
-  /// False (errno set): the system has no pty left.
+  /// Open the ptys. Returns false (errno set) if the system has no pty left.
   bool open() { return posix::open_pty(ptys_[a]) && posix::open_pty(ptys_[b]); }
   const char* path(End end) const { return ptys_[end].path.c_str(); }
 
-  /// Before `run`: what a reader has no room for waits, as in the buffers of a large computer.
+  /// Before `run`: let bytes that do not fit into the reader's buffer wait, as in the buffers of a large computer.
   void wait_for_readers() { waits_ = true; }
 
-  /// Before `run`: both directions are one line, as on two wires of RS-485. What an end sends comes out at that end,
-  /// too, and where both send at the same time the bytes of both change. An echo that its sender has no room for is
-  /// lost.
+  /// Before `run`: join both directions to one line, as on two wires of RS-485. Bytes that an end sends come out at
+  /// that end, too, and if both send at the same time the bytes of both change. An echo that does not fit into its
+  /// sender's buffer is lost.
   void join_directions() { is_joined_ = true; }
 
-  /// Before `run`: the two ends are set up in different ways, and hear each other so.
+  /// Before `run`: give the two ends different settings, with which they receive each other.
   void set_shapes(const UartShape& of_a, const UartShape& of_b) {
     if (!of_b.understands(of_a)) receivers_[a].emplace(of_a, of_b);
     if (!of_a.understands(of_b)) receivers_[b].emplace(of_b, of_a);
   }
 
-  /// Before `run`, as often as wanted: pull the cable between the ptys at this time after the start, for so long.
+  /// Before `run`, any number of times: pull the cable between the ptys at this time after the start, for so long.
   void script_unplug(Time at, Time length) { unplugs_.push_back({at, at + length}); }
 
-  /// Before `run`, as often as wanted: this happens to the first byte that is put onto the line after this time, or to
-  /// this many. Up to 5 ms of line, or one write of a program, may have been put before.
+  /// Before `run`, any number of times: script a fault of the first byte put onto the line after this time, or of this
+  /// many. Up to 5 ms of line time, or one write of a program, may have been put before.
   void script_fault(Time at, End from, ScriptedFault::Kind kind, std::uint8_t value, std::uint64_t count) {
     scripted_.push_back({at, from, kind, value, count});
   }
 
-  /// Carries bytes until `ends` is true, or `length` is over. 0, or an errno: a pty does not work any more.
+  /// Carry bytes until `ends` is true, or `length` is over. Returns 0, or an errno: a pty has failed.
   int run(const std::atomic<bool>& ends, Time length) {
     ::prctl(PR_SET_TIMERSLACK, 1UL);  // else each wait takes 50 us more
     {
@@ -104,14 +104,14 @@ class PtyWire {
     return 0;
   }
 
-  // ---- also while it runs, from any thread
+  // ---- any thread, even while it runs
 
   /// See Wire::was_touched.
   bool was_touched(End from, std::uint64_t begin, std::uint64_t end) {
     const std::lock_guard<std::mutex> lock(mutex_);
     return wires_[from].was_touched(begin, end);
   }
-  /// See Wire::follow; before it runs.
+  /// See Wire::follow; before `run`.
   void follow() {
     for (Wire& wire : wires_) wire.follow();
   }
@@ -120,7 +120,7 @@ class PtyWire {
     const std::lock_guard<std::mutex> lock(mutex_);
     return wires_[from].origin_of(handed_over);
   }
-  /// Bytes that came out, of both directions.
+  /// Return the number of bytes that came out, in both directions.
   std::uint64_t handed_over() {
     const std::lock_guard<std::mutex> lock(mutex_);
     return wires_[a].counts().handed_over + wires_[b].counts().handed_over;
@@ -138,8 +138,7 @@ class PtyWire {
     const std::lock_guard<std::mutex> lock(mutex_);
     return ended_ != 0 ? ended_ : elapsed();
   }
-  /// Return the share of the time in which this direction carried bits, from its first byte until now, or until the
-  /// end.
+  /// Return the share of time in which this direction carried bits, from its first byte until now, or until the end.
   double line_use(End from) {
     const std::lock_guard<std::mutex> lock(mutex_);
     return line_use_of(from);
@@ -148,13 +147,10 @@ class PtyWire {
   // ---- after `run`
 
   const Wire& wire(End from) const { return wires_[from]; }
-  /// Bytes that came out, and that the reader had no room for.
-  std::uint64_t overrun(End from) const { return overrun_[from]; }
-  Time ended() const { return ended_; }
 
  private:
-  static constexpr Time most_ahead = 5'000'000;     ///< of the line that is taken off a pty before its turn
-  static constexpr Time step = 100'000;             ///< between two looks at what comes out
+  static constexpr Time most_ahead = 5'000'000;     ///< line time of bytes that are taken off a pty early
+  static constexpr Time step = 100'000;             ///< between two checks of what comes out
   static constexpr Time longest_wait = 50'000'000;  ///< so that `ends` is seen
 
   Time elapsed() const { return monotonic_ns() - start_; }
@@ -168,7 +164,7 @@ class PtyWire {
     return static_cast<double>(busy > ahead ? busy - ahead : 0) / static_cast<double>(now - first_[from]);
   }
 
-  /// All that is due now; what to wait for, and until when.
+  /// Do all that is due now; set what to wait for, and until when.
   int carry(Time now, pollfd (&waiting)[2], Time& next) {
     const std::lock_guard<std::mutex> lock(mutex_);
     move_cable(now);
@@ -183,7 +179,7 @@ class PtyWire {
       const bool has_room = wire.free_at() < now + most_ahead;
       waiting[from] = {has_room ? ptys_[from].controller.get() : -1, POLLIN, 0};
       if (!has_room) next = std::min(next, wire.free_at() - most_ahead / 2);
-      // The last byte of what is on the line comes out when it is due: it may be the end of a frame.
+      // The last byte on the line comes out when it is due: it may be the end of a frame.
       if (wire.next_handover() != never) next = std::min(next, std::max(wire.next_handover(), now + step));
       if (wire.settings().batch == 0 && wire.free_at() > now) next = std::min(next, wire.free_at());
       if (!kept_[from].empty()) next = std::min(next, now + step);
@@ -200,7 +196,7 @@ class PtyWire {
     }
   }
 
-  /// Hand to the wires what is due, and forget it.
+  /// Pass due faults to the wires, and forget them.
   void script_due(Time now, Time& next) {
     for (std::size_t i = 0; i < scripted_.size();) {
       const Scripted& fault = scripted_[i];
@@ -278,8 +274,8 @@ class PtyWire {
   Time ended_ = 0;
   bool waits_ = false;
   bool is_joined_ = false;
-  std::mutex mutex_;                               ///< of the wires while it runs
-  std::array<std::vector<std::uint8_t>, 2> kept_;  ///< came out, and is not read
+  std::mutex mutex_;                               ///< guards the wires while it runs
+  std::array<std::vector<std::uint8_t>, 2> kept_;  ///< came out, but is not read
   struct Unplug {
     Time from;
     Time to;
@@ -292,10 +288,10 @@ class PtyWire {
     std::uint64_t count;
   };
   std::vector<Unplug> unplugs_;
-  std::vector<Scripted> scripted_;  ///< what is still to come
+  std::vector<Scripted> scripted_;  ///< not passed yet
   std::array<Time, 2> first_{};
   std::array<std::uint64_t, 2> overrun_{};
-  std::array<std::optional<UartReceiver>, 2> receivers_;  ///< by the end that sends
+  std::array<std::optional<UartReceiver>, 2> receivers_;  ///< by the sending end
   std::array<std::uint64_t, 2> heard_{};
 };
 

@@ -1,4 +1,4 @@
-// Random numbers, and how far apart random faults lie: the same on every machine, because no step uses a floating-point
+// Random numbers, and distances between random faults: the same on every machine, because no step uses a floating-point
 // number or the standard library's distributions.
 #pragma once
 
@@ -19,7 +19,7 @@ class Random {
     return mixed ^ (mixed >> 31);
   }
 
-  /// 0 .. limit - 1; 0 for a limit of 0.
+  /// Return a number in 0 .. limit - 1; 0 for a limit of 0.
   std::uint64_t below(std::uint64_t limit) { return limit == 0 ? 0 : next() % limit; }
 
  private:
@@ -33,8 +33,8 @@ inline constexpr std::uint64_t no_place = ~std::uint64_t{0};
 
 namespace detail {
 
-/// -ln of a random number between 0 and 1, times 2^32. The logarithm is found bit by bit: square the mantissa, and see
-/// whether it reaches 2 (Knuth, The Art of Computer Programming 1, 1.2.2, exercise 25).
+/// Return -ln of a random number between 0 and 1, times 2^32. Computes the logarithm bit by bit: square the mantissa,
+/// and check whether it reaches 2 (Knuth, The Art of Computer Programming 1, 1.2.2, exercise 25).
 inline std::uint64_t exponential_q32(std::uint64_t random) {
   if (random == 0) random = 1;
   unsigned whole = 63;
@@ -55,7 +55,7 @@ inline std::uint64_t exponential_q32(std::uint64_t random) {
   return (minus_log2 >> 32) * ln2_q32 + (((minus_log2 & 0xFFFF'FFFFu) * ln2_q32) >> 32);
 }
 
-/// -ln(1 - chance), in 10^-12: the sum of chance^n / n.
+/// Return -ln(1 - chance), in 10^-12: the sum of chance^n / n.
 inline std::uint64_t hazard(std::uint64_t chance) {
   const std::uint64_t millionths = chance / 1'000'000;
   std::uint64_t sum = chance;
@@ -71,8 +71,8 @@ inline std::uint64_t hazard(std::uint64_t chance) {
 
 }  // namespace detail
 
-/// How many places stay intact before the next fault, where each place is hit with the same chance by itself: a
-/// geometric distribution. So a place that is not hit costs nothing.
+/// Draws how many places stay intact before the next fault, if each place is hit independently with the same chance: a
+/// geometric distribution. So places without a fault cost nothing.
 class Gaps {
  public:
   Gaps() = default;
@@ -80,7 +80,7 @@ class Gaps {
       : is_certain_(chance >= certain),
         mean_q16_(chance == 0 || is_certain_ ? 0 : (certain << 16) / detail::hazard(chance)) {}
 
-  /// `no_place`: there are no faults.
+  /// Return that number; `no_place`: there are no faults.
   std::uint64_t next(Random& random) const {
     if (is_certain_) return 0;
     if (mean_q16_ == 0) return no_place;

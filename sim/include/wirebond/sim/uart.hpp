@@ -1,4 +1,4 @@
-// What a UART hears of bytes that were sent at another rate or in another shape. No clock: bits in, bytes out.
+// Bytes that a UART receives from a sender with another rate or shape. No clock: bits in, bytes out.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@ namespace wirebond::sim {
 
 enum class Parity : std::uint8_t { none, even, odd };
 
-/// How one end of a line sends and hears.
+/// Settings with which an end of a line sends and receives.
 struct UartShape {
   std::uint32_t baud = 115'200;
   unsigned data_bits = 8;
@@ -17,26 +17,26 @@ struct UartShape {
   unsigned stop_bits = 1;
 
   unsigned bits_per_byte() const { return 1 + data_bits + (parity != Parity::none ? 1 : 0) + stop_bits; }
-  /// Does an end of this shape read what one of the other shape sends? A receiver looks at one stop bit only.
+  /// Check whether an end of this shape can read a sender of the other shape. A receiver checks only one stop bit.
   bool understands(const UartShape& sender) const {
     return baud == sender.baud && data_bits == sender.data_bits && parity == sender.parity;
   }
 };
 
-/// A start bit is a fall of the line after it was high; each bit is sampled once, in its middle. A wrong stop or parity
-/// bit loses nothing: a tty in raw mode gives the byte as it was sampled. Rates within a factor of 1000. One thread.
+/// A start bit is a falling edge of the line; each bit is sampled once, in its middle. A wrong stop or parity bit loses
+/// nothing: a tty in raw mode gives the byte as it was sampled. Rates within a factor of 1000. One thread.
 class UartReceiver {
  public:
   UartReceiver(const UartShape& sender, const UartShape& receiver) : sender_(sender), receiver_(receiver) { rest(); }
 
-  /// These bytes follow what came before without a pause. `sink(byte)` for each that is heard by now.
+  /// Take bytes that follow the earlier ones without a pause. Calls `sink(byte)` for each byte received by now.
   template <class Sink>
   void take(const std::uint8_t* bytes, std::size_t size, Sink&& sink) {
     for (std::size_t i = 0; i < size; ++i) send(bytes[i]);
     hear(sink);
   }
 
-  /// The line rests behind them, so that the last byte can be heard.
+  /// Let the line rest, so that the last byte can be received.
   template <class Sink>
   void rest(Sink&& sink) {
     rest();
@@ -44,7 +44,7 @@ class UartReceiver {
   }
 
  private:
-  /// High for longer than the receiver takes for a byte.
+  /// Keep the line high for longer than the receiver takes for a byte.
   void rest() {
     const std::uint64_t bits = (receiver_.bits_per_byte() + 2) * std::uint64_t{sender_.baud} / receiver_.baud + 2;
     levels_.insert(levels_.end(), static_cast<std::size_t>(bits), 1);
@@ -62,7 +62,7 @@ class UartReceiver {
     levels_.insert(levels_.end(), sender_.stop_bits, 1);
   }
 
-  /// Bits of the sender from the start bit's edge to the middle of this bit of the receiver, 0 the start bit.
+  /// Return the sender's bits from the start bit's edge to the middle of this bit of the receiver; 0 is the start bit.
   std::size_t middle_of(unsigned bit) const {
     return static_cast<std::size_t>((2 * bit + 1) * std::uint64_t{sender_.baud} / (2 * std::uint64_t{receiver_.baud}));
   }
@@ -76,7 +76,7 @@ class UartReceiver {
       while (begin < levels_.size() && levels_[begin] == 0) ++begin;
       while (begin < levels_.size() && levels_[begin] != 0) ++begin;
       if (begin == levels_.size()) {
-        at = levels_.size() - 1;  // its last level: a fall may follow
+        at = levels_.size() - 1;  // its last level: an edge may follow
         break;
       }
       if (begin + middle_of(stop) >= levels_.size()) break;
@@ -92,7 +92,7 @@ class UartReceiver {
 
   UartShape sender_;
   UartShape receiver_;
-  std::vector<std::uint8_t> levels_;  ///< of the line, one for each bit of the sender; never empty
+  std::vector<std::uint8_t> levels_;  ///< levels of the line, one for each bit of the sender; never empty
 };
 
 }  // namespace wirebond::sim

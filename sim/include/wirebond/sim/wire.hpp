@@ -12,44 +12,44 @@
 
 namespace wirebond::sim {
 
-/// Nanoseconds on the one time line that all parts of a simulation share.
+/// Nanoseconds on the time line that all parts of a simulation share.
 using Time = std::uint64_t;
 inline constexpr Time never = ~Time{0};
 
-/// How often the wire does harm, by itself and at random. Chances are in 10^12; see `certain`.
+/// Random faults of the wire. Chances are in 10^12; see `certain`.
 struct Faults {
-  std::uint64_t bit_errors = 0;    ///< of each bit on the line. A wrong start or stop bit makes the byte any byte
-  std::uint64_t bursts = 0;        ///< of each byte: from it on, `burst_bytes` become any bytes
-  std::uint32_t burst_bytes = 16;  ///< how long a burst is
-  std::uint64_t drops = 0;         ///< of each byte: it does not come out
-  std::uint64_t inserts = 0;       ///< of each byte: one that nobody sent comes out before it
-  std::uint64_t splits = 0;        ///< of each byte: the line pauses behind it
-  Time split_pause = 2'000'000;    ///< how long
+  std::uint64_t bit_errors = 0;    ///< of each bit on the line. A wrong start or stop bit makes the byte random
+  std::uint64_t bursts = 0;        ///< of each byte: from it on, `burst_bytes` become random
+  std::uint32_t burst_bytes = 16;  ///< length of a burst
+  std::uint64_t drops = 0;         ///< of each byte: it is lost
+  std::uint64_t inserts = 0;       ///< of each byte: one that nobody sent comes before it
+  std::uint64_t splits = 0;        ///< of each byte: the line pauses after it
+  Time split_pause = 2'000'000;    ///< length of the pause
 };
 
 struct WireSettings {
   std::uint32_t baud = 115'200;
   unsigned bits_per_byte = 10;  ///< start, data, parity and stop bits: 10 for 8N1, 11 for 8N2
-  Time restart_gap = 0;         ///< before the first start bit of each `put`: what a run of DMA costs
-  Time batch = 0;               ///< an adapter hands bytes over at multiples of this time; 0: each byte at once
-  Time jitter = 0;              ///< at most this much later; needs a `batch`, and is no longer than it
+  Time restart_gap = 0;         ///< before the first start bit of each `put`: the cost of a run of DMA
+  Time batch = 0;               ///< an adapter delivers bytes at multiples of this time; 0: each byte at once
+  Time jitter = 0;              ///< maximum additional delay; needs a `batch`, and is no longer than it
   Faults faults;
-  std::uint64_t seed = 1;  ///< the same seed and the same calls bring the same faults, on every machine
+  std::uint64_t seed = 1;  ///< the same seed and the same calls give the same faults, on every machine
 };
 
-/// A fault at a place that is written down. Bytes are counted as they are put, from 0.
+/// A fault at a given place. Bytes are counted as they are put, from 0.
 struct ScriptedFault {
   enum class Kind : std::uint8_t { flip, drop, insert, split };
   std::uint64_t at = 0;
   Kind kind = Kind::flip;
-  std::uint8_t value = 1;  ///< flip: the bits that change. insert: the byte that comes
+  std::uint8_t value = 1;  ///< flip: the bits that change. insert: the inserted byte
 };
 
 /// Exact after every call: put + inserted = handed_over + travelling + dropped + unplugged.
 struct WireCounts {
   std::uint64_t put = 0;
   std::uint64_t handed_over = 0;
-  std::uint64_t travelling = 0;  ///< now: put, and not read
+  std::uint64_t travelling = 0;  ///< now: put, but not read
   std::uint64_t dropped = 0;
   std::uint64_t inserted = 0;
   std::uint64_t unplugged = 0;  ///< did not get through the cable
@@ -63,7 +63,7 @@ struct WireCounts {
 };
 
 /// Bytes leave at the pace of the baud rate, whenever they are put: as from a driver with a buffer that never fills.
-/// What is put costs O(1) and one copy, and each fault O(1); memory grows with what travels. One thread.
+/// `put` costs O(1) and one copy, and each fault O(1); memory grows with the bytes travelling. One thread.
 class Wire {
  public:
   explicit Wire(const WireSettings& settings)
@@ -76,16 +76,16 @@ class Wire {
   }
 
   const WireSettings& settings() const { return settings_; }
-  /// The time of this many bytes on the line, in whole nanoseconds, rounded up.
+  /// Return the time of this many bytes on the line, in whole nanoseconds, rounded up.
   Time line_time(std::uint64_t bytes) const {
     return (bytes * settings_.bits_per_byte * 1'000'000'000 + settings_.baud - 1) / settings_.baud;
   }
-  /// When the line can take the next byte.
+  /// Return when the line can take the next byte.
   Time free_at() const { return start_ + line_time(slots_); }
 
   // ---- the sender's end
 
-  /// This fault happens when its byte is put. In any order, before that.
+  /// Let this fault happen when its byte is put. In any order, before that.
   void script(const ScriptedFault& fault) {
     const auto behind = std::upper_bound(script_.begin(), script_.end(), fault.at,
                                          [](std::uint64_t at, const ScriptedFault& other) { return at < other.at; });
@@ -93,8 +93,8 @@ class Wire {
     find_next();
   }
 
-  /// One run: the bytes go onto the line at `now`, or as soon as it is free, behind the restart gap. The end of its
-  /// last stop bit. `now` never falls from call to call.
+  /// Send one run: the bytes go onto the line at `now`, or as soon as it is free, after the restart gap. Returns the
+  /// end of its last stop bit. `now` must not fall from call to call.
   Time put(const std::uint8_t* bytes, std::size_t size, Time now) {
     if (size == 0) return free_at();
     // Runs that follow each other without a gap share one start, so that no rounding adds up.
@@ -110,8 +110,8 @@ class Wire {
     return free_at();
   }
 
-  /// Another end sends from `now` until `until`: what travels in that time becomes other bytes. What was put later than
-  /// this call is not touched.
+  /// Let another end send from `now` until `until`: bytes travelling in that time change. Bytes put after this call are
+  /// unaffected.
   void collide(Time now, Time until) {
     const std::uint64_t fresh = collided_until_;  // a byte that meets two runs of the other end changes once
     std::size_t end = bytes_.size();
@@ -132,8 +132,8 @@ class Wire {
     }
   }
 
-  /// The cable is pulled: what is on the line and what is put from now on does not come out. What an adapter has taken
-  /// off the line before stays in it.
+  /// Pull the cable: bytes on the line, and bytes put from now on, are lost. Bytes that an adapter has taken off the
+  /// line stay in it.
   void unplug(Time now) {
     is_plugged_ = false;
     while (!segments_.empty()) {
@@ -152,7 +152,7 @@ class Wire {
     }
   }
   void plug() { is_plugged_ = true; }
-  /// The adapter is pulled out of its computer, and the cable with it: nothing that travels comes out.
+  /// Pull the adapter out of its computer, together with the cable: all travelling bytes are lost.
   void unplug_adapter(Time now) {
     unplug(now);
     for (const Segment& segment : segments_) {
@@ -168,7 +168,7 @@ class Wire {
 
   // ---- the receiver's end
 
-  /// When `read` has something next; `never`: nothing travels.
+  /// Return when `read` has bytes next; `never`: nothing travels.
   Time next_handover() const {
     if (segments_.empty()) return never;
     const Segment& first = segments_.front();
@@ -176,8 +176,8 @@ class Wire {
     return settings_.batch == 0 ? end : handed_over_at((end + settings_.batch - 1) / settings_.batch);
   }
 
-  /// All that has come out until `now`: `sink(bytes, size)`, once or more often, in order. The bytes live during the
-  /// call. `most`: no more than this at once.
+  /// Pass all bytes that have come out until `now` to `sink(bytes, size)`, in one or more calls, in order. The bytes
+  /// live during the call. `most`: maximum number of bytes.
   template <class Sink>
   std::size_t read(Time now, Sink&& sink, std::size_t most = ~std::size_t{0}) {
     const Time until = settings_.batch == 0 ? now : taken_until(now);
@@ -211,8 +211,9 @@ class Wire {
 
   const WireCounts& counts() const { return counts_; }
 
-  /// Did a fault touch one of the bytes from number `from` to before number `to`, or come between two of them? A split
-  /// changes no byte, and touches none. Ask in order, each byte at most once: what lies before `from` is forgotten.
+  /// Check whether a fault touched one of the bytes from number `from` to before number `to`, or came between two of
+  /// them. A split changes no byte, and touches none. Ask in order, each byte at most once: bytes before `from` are
+  /// forgotten.
   bool was_touched(std::uint64_t from, std::uint64_t to) {
     while (!touched_.empty() && touched_.front().to <= from) touched_.pop_front();
     for (const Touch& touch : touched_) {
@@ -222,10 +223,10 @@ class Wire {
     return false;
   }
 
-  /// Note from now on which byte each one that is handed over was, for `origin_of`. Memory grows with faults.
+  /// Record for `origin_of`, from now on, which byte each delivered one was. Memory grows with faults.
   void follow() { follows_ = true; }
-  /// Which of the bytes that were put the one with this number, of all that were handed over, was; of an inserted one,
-  /// the byte before it. Ask in order: what lies before is forgotten.
+  /// Return the number, when it was put, of the byte with this number among all delivered ones; of an inserted one,
+  /// that of the byte before it. Ask in order: earlier ones are forgotten.
   std::uint64_t origin_of(std::uint64_t handed_over) {
     while (origins_.size() > 1 && origins_[1].handed_over <= handed_over) origins_.pop_front();
     if (origins_.empty()) return handed_over;
@@ -237,13 +238,13 @@ class Wire {
  private:
   enum Source : std::uint8_t { bit, burst, drop, insert, split, sources };
 
-  /// Bytes that come out one after the other: byte i of it ends with slot `slot + i` behind `start`.
+  /// Bytes that come out one after the other: byte i ends with slot `slot + i` after `start`.
   struct Segment {
     Time start;
     std::uint64_t slot;
     std::uint64_t count;
-    std::uint64_t sent;  ///< number of its first byte; of an inserted one, the number of the byte that it precedes
-    bool at_once;        ///< it takes no time of the line, and comes at `start`
+    std::uint64_t sent;  ///< number of its first byte; of an inserted one, of the byte that it precedes
+    bool at_once;        ///< it takes no line time, and comes at `start`
   };
   struct Touch {
     std::uint64_t from;
@@ -269,7 +270,7 @@ class Wire {
 
   static constexpr std::uint64_t most_slots = std::uint64_t{1} << 26;  ///< of one start: products stay below 2^63
   static constexpr std::size_t compact_at = 65'536;
-  static constexpr std::uint8_t collision = 0x5A;  ///< the bits that change where two ends send
+  static constexpr std::uint8_t collision = 0x5A;  ///< the bits that change if two ends send
 
   void begin_at(Time start) {
     start_ = start;
@@ -284,25 +285,25 @@ class Wire {
     return slots <= segment.slot ? 0 : std::min(slots - segment.slot, segment.count);
   }
 
-  /// How many of its bytes begin before `until`.
+  /// Return how many of its bytes begin before `until`.
   std::uint64_t begun_of(const Segment& segment, Time until) const {
     std::uint64_t begun = arrived_of(segment, until);
     if (begun != segment.count && segment.start + line_time(segment.slot + begun) < until) ++begun;
     return begun;
   }
 
-  /// When the batch with this number is handed over.
+  /// Return when the batch with this number is delivered.
   Time handed_over_at(std::uint64_t batch) const {
     if (settings_.jitter == 0) return batch * settings_.batch;
     return batch * settings_.batch + Random(hands_over_ + batch).below(settings_.jitter + 1);
   }
-  /// What had left the line by this time is handed over by `now`.
+  /// Return the time until which bytes that left the line are delivered by `now`.
   Time taken_until(Time now) const {
     const std::uint64_t batch = now / settings_.batch;
     return (batch == 0 || handed_over_at(batch) <= now ? batch : batch - 1) * settings_.batch;
   }
 
-  /// Bytes as they were put.
+  /// Carry bytes unchanged.
   void carry(const std::uint8_t* bytes, std::size_t size) {
     if (size == 0) return;
     const std::uint64_t number = counts_.put;
@@ -324,7 +325,7 @@ class Wire {
     }
   }
 
-  /// The next byte, to which something happens.
+  /// Carry the next byte, with its faults.
   void damage(std::uint8_t byte) {
     const std::uint64_t number = counts_.put;
     bool is_touched = false;
@@ -332,7 +333,7 @@ class Wire {
     bool pauses = false;
     while (at_[bit] / settings_.bits_per_byte == number) {
       const std::uint64_t place = at_[bit] % settings_.bits_per_byte;
-      // Start bit first, then eight data bits; behind them parity and stop bits.
+      // Start bit first, then eight data bits; after them parity and stop bits.
       byte = place >= 1 && place <= 8 ? static_cast<std::uint8_t>(byte ^ (1u << (place - 1)))
                                       : static_cast<std::uint8_t>(random_.next());
       ++counts_.bit_errors;
@@ -363,7 +364,7 @@ class Wire {
     }
     for (; !script_.empty() && script_.front().at <= number; script_.erase(script_.begin())) {
       const ScriptedFault fault = script_.front();
-      if (fault.at < number) continue;  // written down too late
+      if (fault.at < number) continue;  // scripted too late
       switch (fault.kind) {
         case ScriptedFault::Kind::flip:
           byte = static_cast<std::uint8_t>(byte ^ fault.value);
@@ -391,7 +392,7 @@ class Wire {
     find_next();
   }
 
-  /// A byte that nobody sent, before the next one.
+  /// Insert a byte that nobody sent before the next one.
   void put_in(std::uint8_t byte) {
     if (!is_plugged_) return;
     touched_.push_back({counts_.put, counts_.put + 1, true});
@@ -406,7 +407,7 @@ class Wire {
       touched_.back().to = to;
     } else if (touched_.empty() || touched_.back().from <= from) {
       touched_.push_back({from, to, false});
-    } else {  // of bytes that were put before others that are touched already: the cable was pulled
+    } else {  // of bytes put before others that are touched already: the cable was pulled
       const auto behind = std::upper_bound(touched_.begin(), touched_.end(), from,
                                            [](std::uint64_t at, const Touch& other) { return at < other.from; });
       touched_.insert(behind, {from, to, false});
@@ -421,7 +422,7 @@ class Wire {
     has_begun_[source] = true;
   }
 
-  /// The number of the next byte to which something happens.
+  /// Find the number of the next byte with a fault.
   void find_next() {
     next_ = at_[bit] == no_place ? no_place : at_[bit] / settings_.bits_per_byte;
     for (Source source : {burst, drop, insert, split}) next_ = std::min(next_, at_[source]);
@@ -433,7 +434,7 @@ class Wire {
   Random random_;
   std::uint64_t hands_over_;  ///< seed of the batches' jitter
   std::array<Gaps, sources> gaps_{};
-  std::array<std::uint64_t, sources> at_{};  ///< where each strikes next: a byte's number; of `bit`, a bit's
+  std::array<std::uint64_t, sources> at_{};  ///< where each strikes next: a byte's number; for `bit`, a bit's
   std::array<bool, sources> has_begun_{};
   std::uint64_t burst_until_ = 0;
   std::uint64_t next_ = no_place;
@@ -442,7 +443,7 @@ class Wire {
   Time start_ = 0;  ///< of the bytes that follow each other without a gap; `slots_` of them were put
   std::uint64_t slots_ = 0;
   bool is_plugged_ = true;
-  std::vector<std::uint8_t> bytes_;  ///< from `head_` on: what travels
+  std::vector<std::uint8_t> bytes_;  ///< from `head_` on: travelling bytes
   std::size_t head_ = 0;
   std::uint64_t collided_until_ = 0;  ///< no other end has changed a byte from this number on
   std::deque<Segment> segments_;

@@ -1,4 +1,4 @@
-// A port: any Stream of Arduino, such as Serial1. It knows the class and no register.
+// A port: any Stream of Arduino, such as Serial1. It uses the class and no register.
 #pragma once
 
 #include <Arduino.h>
@@ -10,20 +10,23 @@
 
 namespace wirebond::arduino {
 
-/// Call in `loop`, as often as you can, and in one context with the link's `poll`:
+/// Call it in `loop`, as often as you can, and in one context with the link's `poll`:
 ///     port.service(link);
 ///     link.poll(micros());
-/// This stands for the UART's interrupt of a link. `setup` begins the stream with the file's baud rate.
+/// This replaces the UART's interrupt of a link. `setup` begins the stream with the file's baud rate.
 ///
-/// What finds no room in the receive ring waits in the stream. The stream's own buffer must hold what comes while
-/// `loop` does something else; it loses what comes beyond that, and does not count it.
+/// Bytes that do not fit into the receive ring wait in the stream. The stream's own buffer must hold the bytes that
+/// come while `loop` does other work; it loses any more, and does not count them.
 class StreamPort : public ServicedPort<StreamPort> {
  public:
   /// `may_block`: for streams whose `availableForWrite` is always 0. A run is then written in one call, which waits
   /// until the stream has taken it.
   explicit StreamPort(Stream& stream, bool may_block = false) : stream_(stream), may_block_(may_block) {}
 
-  /// For DriverEnable: until the last bit has left, which takes as long as what is in the stream's buffer.
+  /// For Link::why, which detects with it that `poll` gets another clock than micros().
+  std::uint32_t tick_ms() const { return static_cast<std::uint32_t>(millis()); }
+
+  /// For DriverEnable: wait until the last bit has left, which takes as long as sending the stream's buffer.
   void wait_until_sent() { stream_.flush(); }
 
  private:

@@ -1,4 +1,4 @@
-// A port: a UART without DMA, one interrupt for each byte. Knows no register: a small class of yours does.
+// A port: a UART without DMA, one interrupt for each byte. It uses no register: a small class of yours does.
 #pragma once
 
 #include <atomic>
@@ -8,16 +8,16 @@
 namespace wirebond::bare_metal {
 
 /// `Registers` is a class of yours with
-///   void write(std::uint8_t byte)          the data register takes this byte
-///   void enable_receive_interrupt()        from now on, one for each byte that came
-///   void enable_transmit_interrupt(bool)   while it is on, one whenever the data register can take a byte (TXE)
-///   void pend()                            the UART's interrupt runs soon: NVIC_SetPendingIRQ; any context
+///   void write(std::uint8_t byte)          write this byte to the data register
+///   void enable_receive_interrupt()        enable the interrupt for each received byte
+///   void enable_transmit_interrupt(bool)   while enabled, one whenever the data register can take a byte (TXE)
+///   void pend()                            let the UART's interrupt run soon: NVIC_SetPendingIRQ; any context
 /// Its functions are called by the UART's interrupt, and once by the first `poll`.
 ///
-/// The UART's handler calls, as its status says:
+/// The UART's handler calls, depending on its status:
 ///   uart.received(byte, link)        a byte came
-///   uart.transmit_ready(link)        the data register can take a byte, and the transmit interrupt is on
-///   link.on_error()                  framing, noise or overrun; leave out the byte that has it, or give it
+///   uart.transmit_ready(link)        the data register can take a byte, and the transmit interrupt is enabled
+///   link.on_error()                  framing, noise or overrun; its byte may be passed or skipped
 ///   link.on_pended()                 always, at its end
 template <class Registers>
 class Uart {
@@ -35,7 +35,7 @@ class Uart {
     return true;
   }
 
-  /// No error stops it.
+  /// True once started: no error stops it.
   bool receiving() const { return size_ != 0; }
 
   /// Any context.
@@ -57,7 +57,7 @@ class Uart {
 
   void pend() { registers_.pend(); }
 
-  /// The core reaches all of its memory.
+  /// Always true: the core reaches all of its memory.
   bool reaches(const void*, std::size_t) const { return true; }
 
   // ---- the UART's handler
@@ -69,10 +69,11 @@ class Uart {
     ring_[place] = byte;
     place = place + 1 == size_ ? 0 : place + 1;
     place_.store(place, std::memory_order_release);            // pairs with `receive_position`
-    if (place == 0 || place == size_ / 2) link.on_received();  // so that no turn of the ring goes unnoticed
+    if (place == 0 || place == size_ / 2) link.on_received();  // so that every turn of the ring is noticed
   }
 
-  /// The run is complete when its last byte has moved on from the data register: the next run follows it without a gap.
+  /// Send the next byte. The run is complete when its last byte has left the data register: the next run follows it
+  /// without a gap.
   template <class Link>
   void transmit_ready(Link& link) {
     if (!is_sending_) return registers_.enable_transmit_interrupt(false);

@@ -5,7 +5,8 @@
 
 namespace wirebond::fake {
 
-/// splitmix64 (Steele, Lea, Flood 2014). The standard library's distributions differ between its makers; this does not.
+/// splitmix64 (Steele, Lea, Flood 2014). The standard library's distributions differ between vendors; this one does
+/// not.
 class Draw {
  public:
   explicit Draw(std::uint64_t seed) : state_(seed) {}
@@ -18,10 +19,10 @@ class Draw {
     return mixed ^ (mixed >> 31);
   }
 
-  /// 0 .. limit - 1; 0 for a limit of 0.
+  /// Return a number in 0 .. limit - 1; 0 for a limit of 0.
   std::uint64_t below(std::uint64_t limit) { return limit == 0 ? 0 : next() % limit; }
 
-  /// True this many times in a million.
+  /// Return true this many times in a million.
   bool chance(std::uint32_t per_million) { return per_million != 0 && below(1'000'000) < per_million; }
 
  private:

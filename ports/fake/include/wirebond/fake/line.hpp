@@ -1,4 +1,4 @@
-// One direction of a simulated serial line: a byte clock, faults, a cable, and the truth about every byte put on it.
+// One direction of a simulated serial line: a byte clock, faults, a cable, and the truth about every byte sent on it.
 #pragma once
 
 #include <array>
@@ -12,24 +12,24 @@
 
 namespace wirebond::fake {
 
-/// Nanoseconds on the one time line that all parts of a simulation share.
+/// Nanoseconds on the time line that all parts of a simulation share.
 using Time = std::uint64_t;
 inline constexpr Time never = ~Time{0};
 
-/// What the receiving UART finds wrong with a byte.
+/// Fault that the receiving UART finds in a byte.
 enum class Fault : std::uint8_t {
   none,
   framing,  ///< no stop bit
   noise,    ///< samples of one bit disagree
-  overrun,  ///< DMA did not fetch the byte in time, and it is gone
+  overrun,  ///< DMA did not fetch the byte in time, so it is lost
 };
 
-/// What became of a byte. Each byte has exactly one fate.
+/// Outcome of a byte. Each byte has exactly one fate.
 enum class Fate : std::uint8_t {
-  travelling,  ///< not at the receiver yet
+  travelling,  ///< not yet at the receiver
   received,    ///< in the receiver's memory, and no fault was found
   damaged,     ///< in the receiver's memory, with a framing or noise error
-  dropped,     ///< thrown away by the receiver for its framing or noise error
+  dropped,     ///< discarded by the receiver because of its framing or noise error
   overrun,     ///< lost by the receiver
   unheard,     ///< came while reception was stopped
   unplugged,   ///< never got through the cable
@@ -38,13 +38,13 @@ inline constexpr std::size_t fates = 7;
 
 struct LineByte {
   Time end;           ///< of its last stop bit
-  std::uint8_t sent;  ///< as it was put on the line
-  std::uint8_t seen;  ///< as it came out of it
+  std::uint8_t sent;  ///< as it was sent
+  std::uint8_t seen;  ///< as it was received
   Fault fault;
   Fate fate;
 };
 
-/// How often the line does harm, per million bytes.
+/// Faults of the line, per million bytes.
 struct LineFaults {
   std::uint32_t framing = 0;
   std::uint32_t noise = 0;
@@ -55,24 +55,24 @@ struct LineFaults {
 /// Bytes are put on it at one end and taken in order at the other. One thread.
 class Line {
  public:
-  /// `bits_per_byte` counts start and stop bits: 10 for 8N1, 11 for 8N2.
+  /// `bits_per_byte` includes start and stop bits: 10 for 8N1, 11 for 8N2.
   Line(std::uint32_t baud, std::uint32_t bits_per_byte, std::uint64_t seed = 1)
       : byte_time_((std::uint64_t{bits_per_byte} * 1'000'000'000 + baud - 1) / baud), draw_(seed) {}
 
   Time byte_time() const { return byte_time_; }
-  /// When the line can take the next byte.
+  /// Return when the line can take the next byte.
   Time free_at() const { return free_at_; }
 
   LineFaults faults;
 
-  /// Put one byte on the line at `now`, or as soon as it is free; the time at which its last stop bit ends. `fault` is
-  /// what happens to it, unless `faults` draws something.
+  /// Put one byte on the line at `now`, or as soon as it is free. Returns when its last stop bit ends. `fault` happens
+  /// to it, unless `faults` draws another.
   Time put(std::uint8_t byte, Time now, Fault fault = Fault::none) {
     const Time start = now > free_at_ ? now : free_at_;
     free_at_ = start + byte_time_;
     LineByte entry{free_at_, byte, byte, fault, Fate::travelling};
     if (fault == Fault::none) draw_fault(entry);
-    // What a receiver reads beside an error flag is any byte, as often as not the right one.
+    // A byte with an error flag may have any value, often the right one.
     if (entry.fault == Fault::framing || entry.fault == Fault::noise) {
       if (draw_.chance(500'000)) entry.seen = static_cast<std::uint8_t>(draw_.next());
     }
@@ -90,7 +90,7 @@ class Line {
   }
   Time put(const std::vector<std::uint8_t>& bytes, Time now) { return put(bytes.data(), bytes.size(), now); }
 
-  /// Pull the cable at `now`. A byte that is half through ends without a stop bit; those behind it do not get through.
+  /// Pull the cable at `now`. A byte being sent ends without a stop bit; later ones do not get through.
   void unplug(Time now) {
     plugged_ = false;
     for (std::size_t i = arrived_; i < bytes_.size(); ++i) {
@@ -111,17 +111,18 @@ class Line {
 
   // ---- the receiver's end
 
-  /// The next byte that arrives, or none.
+  /// Return the next byte that arrives, or null.
   const LineByte* arriving() const { return arrived_ < bytes_.size() ? &bytes_[arrived_] : nullptr; }
   Time next_arrival() const { return arrived_ < bytes_.size() ? bytes_[arrived_].end : never; }
 
-  /// It arrived, and this became of it.
+  /// Take the byte that arrived, and note its fate.
   void take(Fate fate) {
     move(bytes_[arrived_], fate);
     pass_settled();
   }
 
-  /// For an end that is no `Uart`: all bytes that arrived until `now`, as a tty gives them, faulty ones too.
+  /// For an end that is no `Uart`: return all bytes that arrived until `now`, as a tty gives them, including faulty
+  /// ones.
   std::vector<std::uint8_t> read(Time now) {
     std::vector<std::uint8_t> out;
     while (next_arrival() <= now) {
@@ -137,11 +138,11 @@ class Line {
 
   std::uint64_t put_count() const { return put_; }
   std::uint64_t count(Fate fate) const { return count_[index(fate)]; }
-  /// Does every byte have one fate?
+  /// Check whether every byte has one fate.
   bool closes() const { return std::accumulate(count_.begin(), count_.end(), std::uint64_t{0}) == put_; }
-  /// Every byte since the start, or since `forget`.
+  /// Return every byte since the start, or since `forget`.
   const std::deque<LineByte>& bytes() const { return bytes_; }
-  /// How many bytes were put before the first of `bytes`.
+  /// Return how many bytes were put before the first of `bytes`.
   std::uint64_t forgotten() const { return forgotten_; }
   /// Drop the bytes that arrived; the counts stay.
   void forget() {
@@ -180,7 +181,7 @@ class Line {
   Time free_at_ = 0;
   bool plugged_ = true;
   std::deque<LineByte> bytes_;
-  std::size_t arrived_ = 0;  ///< of `bytes_`: all before it are settled, and it travels
+  std::size_t arrived_ = 0;  ///< index in `bytes_`: earlier ones are settled, this one travels
   std::uint64_t put_ = 0;
   std::uint64_t forgotten_ = 0;
   std::array<std::uint64_t, fates> count_{};

@@ -1,4 +1,4 @@
-// What every port of a UART with DMA must do, as tests over its own board. A port's tests name their bench at the end:
+// Contract of every port of a UART with DMA, as tests over its own board. A port's tests name their bench at the end:
 //     PORT_KEEPS_ITS_CONTRACT(Bench);
 #pragma once
 
@@ -19,7 +19,7 @@ namespace contract {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// In the place of a Link: writes down its events, and restarts reception as a Link does. All buffers are in it.
+/// Replaces a Link: logs its events, and restarts reception as a Link does. All buffers are in it.
 template <class Port>
 struct Events {
   template <class... Arguments>
@@ -30,8 +30,8 @@ struct Events {
   std::array<std::uint8_t, 3> run{1, 2, 3};
   std::string log;  ///< without the pends
   std::size_t pends = 0;
-  std::size_t framing = 0, noise = 0, overruns = 0, parity = 0;  ///< looks that found them
-  bool is_started = false;                                       ///< the last start that an error asked for
+  std::size_t framing = 0, noise = 0, overruns = 0, parity = 0;  ///< queries that found them
+  bool is_started = false;                                       ///< result of the last start that an error requested
 
   void clear() {
     ring = {};
@@ -122,7 +122,7 @@ TEST_CASE_TEMPLATE_DEFINE(
   bench.events.forget_errors();
   bench.port.pend();
   bench.board.run(60'000);
-  CHECK(bench.events.framing + bench.events.overruns == 0);  // the status still has them, for no byte came
+  CHECK(bench.events.framing + bench.events.overruns == 0);  // the status still has them, because no byte came
   bench.in.put(7, 60'000, fake::Fault::noise);
   bench.board.run(90'000);
   CHECK(bench.port.receiving());
@@ -161,7 +161,7 @@ TEST_CASE_TEMPLATE_DEFINE("a run leaves whole, completes once, and a second one 
   CHECK(bench.out.read(100'000) == Bytes{1, 2, 3});
   bench.port.pend();
   bench.board.run(110'000);
-  CHECK(bench.events.log == "t");  // whatever the status still says
+  CHECK(bench.events.log == "t");  // whatever the status still shows
   CHECK(bench.send());
 }
 
@@ -197,7 +197,7 @@ TEST_CASE_TEMPLATE_DEFINE("memory that DMA cannot reach is refused, and more tha
 
 }  // namespace contract
 
-/// These benches, each a type that can be made without arguments, keep the contract.
+/// Test that these benches keep the contract; each is a type that is default-constructible.
 #define PORT_KEEPS_ITS_CONTRACT(...)                              \
   TEST_CASE_TEMPLATE_INVOKE(contract::in_circles, __VA_ARGS__);   \
   TEST_CASE_TEMPLATE_INVOKE(contract::line_errors, __VA_ARGS__);  \

@@ -1,4 +1,4 @@
-// A UART with DMA that exists in memory only: a port for tests, with the habits and the mishaps of a real one.
+// A UART with DMA that exists in memory only: a port for tests, with the habits and faults of a real one.
 #pragma once
 
 #include <array>
@@ -12,11 +12,12 @@
 
 namespace wirebond::fake {
 
-/// Satisfies what Link asks of a port; beside it, `run` lets time pass. The handler of `run` is a Link, or anything
-/// with its `on_received`, `on_transmitted`, `on_error` and `on_pended`, which may call the port. One thread.
+/// Provides the functions that Link needs from a port; in addition, `run` lets time pass. The handler of `run` is a
+/// Link, or any object with its `on_received`, `on_transmitted`, `on_error` and `on_pended`, which may call the port.
+/// One thread.
 class Uart {
  public:
-  /// It listens to `in` and sends on `out`; both outlive it.
+  /// Receives from `in` and sends on `out`; both must outlive it.
   Uart(Line& in, Line& out, const Behaviour& habits = {}, std::uint64_t seed = 1)
       : behaviour(habits), in_(in), out_(out), draw_(seed) {}
 
@@ -48,7 +49,7 @@ class Uart {
 
   std::size_t receive_position() const { return place_; }
 
-  /// Beyond what a port must have, for vendors' drivers on top of this: DMA stops where it is.
+  /// Stop DMA where it is. A port need not have this; for vendors' drivers on top of this one.
   void stop_receive() {
     receiving_ = false;
     idle_at_ = never;
@@ -78,7 +79,7 @@ class Uart {
 
   void pend() { raise(Event::pended); }
 
-  /// What was flagged since the last call, where OnLineError::flag.
+  /// Return the errors since the last call, with OnLineError::flag.
   LineErrors take_line_errors() {
     const LineErrors errors = line_errors_;
     line_errors_ = {};
@@ -93,7 +94,7 @@ class Uart {
 
   // ---- scripts
 
-  /// What the MCU's reset does to it. The lines go on, and so do the counts.
+  /// Reset as the MCU's reset does. The lines and the counts continue.
   void reset() {
     stop_receive();
     stop_transmit();
@@ -105,22 +106,22 @@ class Uart {
   }
   void refuse_receives(std::uint32_t count) { refuse_receives_ = count; }
   void refuse_transmits(std::uint32_t count) { refuse_transmits_ = count; }
-  /// Memory that DMA cannot reach.
+  /// Mark memory that DMA cannot reach.
   void set_unreachable(const void* bytes, std::size_t size) {
     unreachable_ = bytes;
     unreachable_size_ = size;
   }
-  /// An event of this kind waits from now on, and is served when it is released: so any order can be written down.
+  /// Hold events of this kind until they are released: a test can so create any order.
   void hold(Event event) { flag(event).held = true; }
   void release(Event event) {
     flag(event).held = false;
     if (flag(event).due < now_) flag(event).due = now_;
   }
-  /// No interrupt is served before `until`: somebody masks them.
+  /// Mask interrupts: none is served before `until`.
   void mask(Time until) { masked_until_ = until; }
-  /// Raise an event for nothing, without delay. Not `transmitted`: hardware does not do that.
+  /// Raise an event without a reason and without delay. Not `transmitted`: hardware does not do that.
   void raise_now(Event event) { flag(event).due = flag(event).due < now_ ? flag(event).due : now_; }
-  /// The run that is under way dies here: an error event, and no complete event.
+  /// Let the current run die here: an error event, and no complete event.
   void kill_transmit() {
     stop_transmit();
     raise(Event::dma_error);
@@ -129,7 +130,7 @@ class Uart {
   // ---- time
 
   Time now() const { return now_; }
-  /// When something happens next by itself, or never.
+  /// Return when the next thing happens by itself, or never.
   Time next() const {
     Time next = in_.next_arrival();
     for (const Time at : {next_byte_at_, completes_at_, idle_at_, aborted_at_}) next = at < next ? at : next;
@@ -137,7 +138,7 @@ class Uart {
     return next;
   }
 
-  /// Let time pass until `until`, and serve the interrupts that come meanwhile.
+  /// Let time pass until `until`, and serve the interrupts that come until then.
   template <class Handler>
   void run(Time until, Handler& handler) {
     for (Time at = next(); at <= until; at = next()) {
@@ -153,7 +154,7 @@ class Uart {
   bool transmitting() const {
     return run_left_ != 0 || completes_at_ != never || flag(Event::transmitted).due != never;
   }
-  /// Of the run that is under way: not put on the line yet.
+  /// Bytes of the current run that are not on the line yet.
   std::size_t waiting() const { return run_left_; }
 
  private:
@@ -169,7 +170,7 @@ class Uart {
     if (flag.held || flag.due == never) return never;
     return flag.due < masked_until_ ? masked_until_ : flag.due;
   }
-  /// As in hardware, a flag that is up stays up: events merge.
+  /// As in hardware, a set flag stays set: events merge.
   void raise(Event event) {
     if (flag(event).due != never) return;
     flag(event).due = now_ + draw_.below(behaviour.interrupt_delay + 1);
@@ -178,7 +179,7 @@ class Uart {
     if (!draw_.chance(behaviour.swallowed)) raise(event);
   }
 
-  /// One thing that is due now: hardware first, then one of the interrupts that wait, drawn.
+  /// Do one thing that is due now: hardware first, then one of the waiting interrupts, drawn.
   template <class Handler>
   void step(Handler& handler) {
     if (in_.next_arrival() <= now_) return receive();
@@ -256,7 +257,7 @@ class Uart {
     line_errors_.overrun |= fault == Fault::overrun;
   }
 
-  /// DMA reads each byte when its turn comes, as in hardware: who overwrites a run that is under way is found out.
+  /// DMA reads each byte when its turn comes, as in hardware: overwriting a run that is being sent is detected.
   void send() {
     if (draw_.chance(behaviour.transmit_dies)) return kill_transmit();
     const Time end = out_.put(*run_, now_);
@@ -297,14 +298,14 @@ class Uart {
   std::size_t unreachable_size_ = 0;
 };
 
-/// The same with a clock, which a link asks when an event comes.
+/// A UART with a clock, which a link reads when an event comes.
 class ClockedUart : public Uart {
  public:
   using Uart::Uart;
 
   std::uint32_t now_us() const { return clock_start_us + static_cast<std::uint32_t>(now() / 1000); }
 
-  std::uint32_t clock_start_us = 0;  ///< the clock's time at the beginning; it may wrap
+  std::uint32_t clock_start_us = 0;  ///< the clock's initial time; it may wrap
 };
 
 /// Let time pass for two UARTs on one time line, each with its handler.

@@ -1,4 +1,4 @@
-// Tasks of FreeRTOS that serve a link: one that polls it, and one for drivers that no interrupt may call. No heap.
+// FreeRTOS tasks that serve a link: one that polls it, and one for drivers that no interrupt may call. No heap.
 #pragma once
 
 #include <cstddef>
@@ -15,24 +15,24 @@ static_assert(sizeof(TickType_t) == 4,
               " link wraps at 32 bits");
 static_assert(1'000'000 % configTICK_RATE_HZ == 0, "a tick must be whole microseconds");
 
-/// Microseconds, modulo 2^32. A timer that counts them makes a better clock than ticks where clocks are synchronised.
+/// Returns microseconds, modulo 2^32. A timer that counts them is a better clock than ticks if clocks are synchronised.
 using Clock = std::uint32_t (*)();
 
 inline std::uint32_t tick_clock_us() {
   return static_cast<std::uint32_t>(xTaskGetTickCount()) * static_cast<std::uint32_t>(1'000'000 / configTICK_RATE_HZ);
 }
 
-/// A stack and a control block, in the object itself.
+/// A task's stack and control block, inside the object.
 template <std::size_t stack_words>
 class StaticTask {
  public:
-  /// Once, before or after the scheduler started. `self` is what `run` gets.
+  /// Create the task. Once, before or after the scheduler started. `self` is passed to `run`.
   void create(TaskFunction_t run, const char* name, void* self, UBaseType_t priority) {
     handle_ = xTaskCreateStatic(run, name, static_cast<configSTACK_DEPTH_TYPE>(stack_words), self, priority, stack_,
                                 &control_);
   }
 
-  /// Set these bits of the task's notification. Any task, and interrupts that may call the RTOS. Nothing before
+  /// Set these bits of the task's notification. Any task, and interrupts that may call the RTOS. Does nothing before
   /// `create`.
   void notify(std::uint32_t bits) {
     if (handle_ == nullptr) return;
@@ -45,7 +45,7 @@ class StaticTask {
     }
   }
 
-  /// By the task itself: the bits that were set since it last waited; 0 after `ticks` without one.
+  /// Return the bits that were set since the last wait; 0 after `ticks` without one. Called by the task itself.
   static std::uint32_t wait(TickType_t ticks) {
     std::uint32_t bits = 0;
     static_cast<void>(xTaskNotifyWait(0, ~std::uint32_t{0}, &bits, ticks));
@@ -58,7 +58,7 @@ class StaticTask {
   StackType_t stack_[stack_words]{};
 };
 
-/// Polls a link: at once when it is woken, and every `period` at least. Handlers run in this task.
+/// Polls a link: at once when it is woken, and at least every `period`. Handlers run in this task.
 template <class Link, std::size_t stack_words>
 class ReceiveTask {
  public:
@@ -67,8 +67,8 @@ class ReceiveTask {
 
   void start(const char* name, UBaseType_t priority) { task_.create(run, name, this, priority); }
 
-  /// After `link.on_received()` and `link.on_error()`, so that a frame waits for its handler no whole period. Not from
-  /// interrupts above the RTOS's limit: without it the task polls every `period`.
+  /// Wake the task after `link.on_received()` and `link.on_error()`, so that a frame does not wait a whole period for
+  /// its handler. Not from interrupts above the RTOS's priority limit: without it the task polls every `period`.
   void wake() { task_.notify(1); }
 
  private:
@@ -86,11 +86,11 @@ class ReceiveTask {
   StaticTask<stack_words> task_;
 };
 
-/// A port around `Port`, and the task that stands for the UART's interrupt: only this task calls `Port`, but for its
-/// `receive_position`, `reaches`, and the first `start_receive`. For drivers that wait, lock, or otherwise cannot be
-/// called by an interrupt. Its priority is above that of the `ReceiveTask`, as an interrupt's would be. Where the
-/// UART's interrupt can start DMA, leave this out: it costs a change of task for each run, and interrupts above the
-/// RTOS's limit cannot send.
+/// A port around `Port`, and the task that replaces the UART's interrupt: only this task calls `Port`, except
+/// `receive_position`, `reaches`, and the first `start_receive`. For drivers that wait, lock, or cannot be called by an
+/// interrupt for another reason. Its priority must be above that of the `ReceiveTask`, as an interrupt's is. If the
+/// UART's interrupt can start DMA, do not use this: it costs a task switch for each run, and interrupts above the
+/// RTOS's priority limit cannot send.
 template <class Port, std::size_t stack_words>
 class SendTask {
  public:
@@ -102,7 +102,7 @@ class SendTask {
     task_.create(run<Link>, name, this, priority);
   }
 
-  // What the driver tells, in the place of the link's events of these names.
+  // Called by the driver, instead of the link's events of these names.
   void on_received() { task_.notify(received); }
   void on_transmitted() { task_.notify(transmitted); }
   void on_error() { task_.notify(error); }
@@ -123,7 +123,7 @@ class SendTask {
   static void run(void* self) {
     auto& task = *static_cast<SendTask*>(self);
     auto& link = *static_cast<Link*>(task.link_);
-    // What was pended before this task was there has left no bit.
+    // A pend before this task was created has left no bit.
     for (std::uint32_t bits = pended;; bits = StaticTask<stack_words>::wait(portMAX_DELAY)) {
       if ((bits & received) != 0) link.on_received();
       if ((bits & error) != 0) link.on_error();

@@ -18,7 +18,7 @@
 
 namespace wirebond::gd32_spl {
 
-/// What is connected to what, by the names of the vendor's library.
+/// Connections, by the names of the vendor's library.
 struct Wiring {
   std::uint32_t usart;  ///< USART0
   std::uint32_t dma;    ///< DMA0
@@ -32,11 +32,11 @@ struct Wiring {
 /// interrupts with one priority. The rest is done here; forward the three handlers:
 ///   USARTn_IRQHandler -> uart.usart_interrupt(link)       of the receive channel  -> uart.receive_interrupt(link)
 ///                                                         of the transmit channel -> uart.transmit_interrupt(link)
-/// All functions but `pend` and `receive_position` are for these interrupts; Link keeps to that.
+/// All functions except `pend` and `receive_position` are for these interrupts; Link calls them only there.
 ///
-/// Line errors raise no interrupt: DMA goes on, and the checks refuse the frame. The USART's status says what happened
+/// Line errors raise no interrupt: DMA continues, and the checks reject the frame. The USART's status shows the errors
 /// since its last interrupt. The data register is read only at an idle event, while no byte comes: a read at any other
-/// time could take a byte away from the DMA.
+/// time could take a byte away from DMA.
 class Uart {
  public:
   explicit Uart(const Wiring& wiring) : wiring_(wiring) {}
@@ -56,7 +56,7 @@ class Uart {
     return true;
   }
 
-  /// What the USART's status says since the last call.
+  /// Return the errors in the USART's status since the last call.
   LineErrors take_line_errors() {
     const std::uint32_t left = dma_transfer_number_get(wiring_.dma, wiring_.receive_channel);
     const std::uint32_t flags = wirebond_new_flags(&look_, USART_STAT0(wiring_.usart), left);
@@ -64,24 +64,29 @@ class Uart {
             (flags & USART_STAT0_PERR) != 0};
   }
 
-  /// Line errors do not stop DMA; a bus error does.
-  bool receiving() const { return (DMA_CHCTL(wiring_.dma, wiring_.receive_channel) & DMA_CHXCTL_CHEN) != 0; }
+  /// Line errors do not stop DMA; a bus error does. A channel in normal mode that has filled the ring keeps its enable
+  /// bit, but has ended. In circular mode the counter may be read at 0, before the next round starts.
+  bool receiving() const {
+    const std::uint32_t control = DMA_CHCTL(wiring_.dma, wiring_.receive_channel);
+    if ((control & DMA_CHXCTL_CHEN) == 0) return false;
+    return (control & DMA_CHXCTL_CMEN) != 0 || dma_transfer_number_get(wiring_.dma, wiring_.receive_channel) != 0;
+  }
 
   /// Any context.
   std::size_t receive_position() const {
     return wirebond_ring_position(size_, dma_transfer_number_get(wiring_.dma, wiring_.receive_channel));
   }
 
-  /// Where a link is stopped.
+  /// Called when a link is stopped.
   void stop_receive() {
     usart_interrupt_disable(wiring_.usart, USART_INT_IDLE);
     static_cast<void>(stop(wiring_.receive_channel));
   }
 
-  /// A run is complete when DMA has read it: its last two bytes are then in the USART, and the next run follows them
-  /// without a gap.
+  /// Start a run. It is complete when DMA has read it: its last two bytes are then in the USART, and the next run
+  /// follows them without a gap.
   bool start_transmit(const std::uint8_t* bytes, std::size_t size) {
-    if (dma_transfer_number_get(wiring_.dma, wiring_.transmit_channel) != 0) return false;  // one is under way
+    if (dma_transfer_number_get(wiring_.dma, wiring_.transmit_channel) != 0) return false;  // a run is being sent
     if (!stop(wiring_.transmit_channel)) return false;
     set_memory(wiring_.transmit_channel, bytes);
     dma_transfer_number_config(wiring_.dma, wiring_.transmit_channel, static_cast<std::uint32_t>(size));
@@ -92,7 +97,7 @@ class Uart {
   }
 
   void stop_transmit() {
-    static_cast<void>(stop(wiring_.transmit_channel));  // if the channel hangs, the next start says so
+    static_cast<void>(stop(wiring_.transmit_channel));  // if the channel hangs, the next start fails
     dma_transfer_number_config(wiring_.dma, wiring_.transmit_channel, 0);
   }
 
@@ -105,8 +110,8 @@ class Uart {
     return size <= 0xFFFF && (address + size <= 0x1000'0000 || address >= 0x1001'0000);
   }
 
-  /// For Link::why: what is wrong with the settings. A channel that does not step through memory was never set up. The
-  /// baud rate is not compared: the library has no function that tells it.
+  /// For Link::why: return the fault of the settings. A channel that does not step through memory was never set up. The
+  /// baud rate is not compared: the library has no function that returns it.
   Why check(std::uint32_t) const {
     const std::uint32_t receive = DMA_CHCTL(wiring_.dma, wiring_.receive_channel);
     if ((USART_CTL0(wiring_.usart) & USART_CTL0_UEN) == 0) return Why::uart_not_set_up;
@@ -121,9 +126,9 @@ class Uart {
 
   template <class Link>
   void usart_interrupt(Link& link) {
-    link.on_pended();  // first: it looks at the status, whose errors the read of the data register clears
+    link.on_pended();  // first: it reads the status, whose errors are cleared by reading the data register
     if (!is_up(USART_INT_FLAG_IDLE)) return;
-    static_cast<void>(usart_data_receive(wiring_.usart));  // behind the status, which `is_up` read: that ends the event
+    static_cast<void>(usart_data_receive(wiring_.usart));  // after the status, which `is_up` read: that ends the event
     link.on_received();
   }
 
@@ -142,7 +147,7 @@ class Uart {
   }
 
  private:
-  /// False if the channel does not stop: DMA must end the transfer of one byte first, and ends it within a few cycles.
+  /// Returns false if the channel does not stop: DMA must end the transfer of one byte first, within a few cycles.
   bool stop(dma_channel_enum channel) {
     dma_channel_disable(wiring_.dma, channel);
     for (int tries = 0; (DMA_CHCTL(wiring_.dma, channel) & DMA_CHXCTL_CHEN) != 0; ++tries) {

@@ -1,4 +1,4 @@
-// When a device's file may have appeared: the folder above it changed.
+// Detects that a device's file may have appeared: the folder above it changed.
 #pragma once
 
 #include <sys/inotify.h>
@@ -11,16 +11,42 @@
 
 namespace wirebond::posix {
 
-/// Becomes readable when something appears, or gets other permissions, in the folder of a path; or, as long as that
-/// folder is not there, in the nearest one above it. A system without inotify never tells: look from time to time, too.
+/// Becomes readable when a file appears, or its permissions change, in the folder of a path; or, while that folder does
+/// not exist, in the nearest one above it. A system without inotify never reports: check from time to time, too.
 class Appearance {
  public:
   explicit Appearance(std::string path) : path_(std::move(path)) {}
 
-  /// Watch from now on. Look at the path behind this call: what was there before it is not told.
+  /// Watch from now on, and forget earlier changes. Check the path after this call, each time: a change between the two
+  /// is reported by `changed`, so none is lost.
   void watch() {
-    changes_ = Descriptor(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
+    if (!changes_.is_open()) changes_ = Descriptor(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
     if (!changes_.is_open()) return;
+    static_cast<void>(drained());
+    watch_nearest();
+  }
+  void stop() { changes_.reset(); }
+
+  /// Return the descriptor to wait for; -1: not watching.
+  int get() const { return changes_.get(); }
+
+  /// Check whether anything changed since the last call. Watches a folder nearer to the path if it exists now.
+  bool changed() {
+    if (!changes_.is_open() || !drained()) return false;
+    watch_nearest();
+    return true;
+  }
+
+ private:
+  bool drained() {
+    char events[4096];
+    bool any = false;
+    while (::read(changes_.get(), events, sizeof events) > 0) any = true;
+    return any;
+  }
+
+  /// On the same descriptor: an existing watch stays, with its reports.
+  void watch_nearest() {
     std::string folder = path_;
     do {
       const std::size_t slash = folder.rfind('/');
@@ -29,22 +55,7 @@ class Appearance {
                  0 &&
              folder != "/" && folder != ".");
   }
-  void stop() { changes_.reset(); }
 
-  /// To be waited for; -1: not watching.
-  int get() const { return changes_.get(); }
-
-  /// Has anything changed since the last call? Watches again, as a folder nearer to the path may be there now.
-  bool changed() {
-    if (!changes_.is_open()) return false;
-    char events[4096];
-    bool any = false;
-    while (::read(changes_.get(), events, sizeof events) > 0) any = true;
-    if (any) watch();
-    return any;
-  }
-
- private:
   std::string path_;
   Descriptor changes_;
 };

@@ -1,4 +1,4 @@
-// Owning a file descriptor.
+// Owns a file descriptor.
 #pragma once
 
 #include <unistd.h>

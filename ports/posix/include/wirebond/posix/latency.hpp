@@ -1,5 +1,4 @@
-// How long a port may hold received bytes back: what the system's device tree says, and its latency timer. Opens no
-// port.
+// How long a port may hold received bytes back: from the system's device tree, and its latency timer. Opens no port.
 #pragma once
 
 #include <fcntl.h>
@@ -18,14 +17,14 @@ namespace wirebond::posix {
 /// How long a USB adapter may hold bytes back (the FTDI default).
 inline constexpr std::uint32_t adapter_latency_us = 16'000;
 
-/// A UART hands bytes over once this many wait, or a few byte times after the last one (the 16550's FIFO has 16).
+/// A UART delivers bytes once this many wait, or a few byte times after the last one (the 16550's FIFO has 16).
 inline constexpr std::uint32_t uart_buffer_bytes = 16;
 
-/// How long the port at `path` may hold bytes back, in microseconds: what a host adds to a protocol's `idle_us`.
-/// - a device behind USB: adapter_latency_us;
+/// Return how long the port at `path` may hold bytes back, in microseconds: a host adds it to a protocol's `idle_us`.
+/// - a device on USB: adapter_latency_us;
 /// - another tty of the system: the time of a UART's buffer, at `bytes_per_second` of the line;
-/// - what the system knows no device of (a pty, a socket): 0.
-/// `ttys`: the folder in which the system lists them; tests have one of their own.
+/// - a path without a device in the system (a pty, a socket): 0.
+/// `ttys`: the folder in which the system lists them; tests have their own.
 inline std::uint32_t port_latency_us(const std::string& path, double bytes_per_second,
                                      const std::string& ttys = "/sys/class/tty") {
   char real[PATH_MAX];
@@ -37,15 +36,15 @@ inline std::uint32_t port_latency_us(const std::string& path, double bytes_per_s
 }
 
 /// The latency timer of an FTDI adapter: how long it holds received bytes back, from one report over USB to the next.
-/// The driver ftdi_sio shows it as a file of sysfs (1 to 255 ms, 16 by default); ports of other drivers have none.
+/// The driver ftdi_sio shows it as a file in sysfs (1 to 255 ms, 16 by default); ports of other drivers have none.
 struct LatencyTimer {
-  std::string path;    ///< of the file
+  std::string path;    ///< of the timer's file
   int before_ms = -1;  ///< before the port was opened; -1: there is no such file
   int now_ms = -1;
-  int code = 0;  ///< errno of a write that failed
+  int code = 0;  ///< errno of a failed write
 };
 
-/// The number in a small file of sysfs; -1: there is none.
+/// Read the number in a small file of sysfs; -1 if there is none.
 inline int small_number(const std::string& path) {
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   char text[16] = {};
@@ -55,7 +54,7 @@ inline int small_number(const std::string& path) {
   return end == text || number < 0 || number > INT_MAX ? -1 : static_cast<int>(number);
 }
 
-/// As it is now. `root`: where the system's `sys` is; tests have one of their own.
+/// Read the timer's current value. `root`: folder with the system's `sys`; tests have their own.
 inline LatencyTimer latency_timer(const std::string& port, const std::string& root = "/") {
   char real[PATH_MAX];
   const std::string name = ::realpath(port.c_str(), real) != nullptr ? real : port;
@@ -66,7 +65,7 @@ inline LatencyTimer latency_timer(const std::string& port, const std::string& ro
   return timer;
 }
 
-/// Bring the timer of a port that is open to 1 ms, where it is longer and its file may be written.
+/// Set the timer of an open port to 1 ms, if it is longer and its file is writable.
 inline void set_latency_timer(LatencyTimer& timer) {
   constexpr int best_ms = 1;
   if (timer.before_ms < 0) return;

@@ -1,4 +1,4 @@
-// A port and a clock for firmware under virtual time: time passes only when the firmware asks for it.
+// A port and a clock for firmware under virtual time: time passes only when the firmware requests it.
 #pragma once
 
 #include <unistd.h>
@@ -13,20 +13,22 @@
 
 namespace wirebond::posix {
 
-/// The firmware says until when it would sleep, and whoever drives it says what time it is: that, or earlier because
-/// bytes came. So nothing depends on this machine's speed, and the same bytes at the same times give the same run.
+/// The firmware states until when it would sleep, and its driver answers with the new time: that one, or an earlier one
+/// because bytes came. So nothing depends on this machine's speed, and the same bytes at the same times give the same
+/// run.
 ///
-/// The conversation, a line each, over two descriptors; numbers are microseconds since the start, bytes hex digits:
+/// The protocol, a line for each message, over two descriptors; numbers are microseconds since the start, bytes hex
+/// digits:
 ///     w UNTIL BYTES   from the firmware: it sleeps until then; these bytes have left since its last line
 ///     e TIME TEXT     from the firmware: an event, for a person
-///     t TIME BYTES    to the firmware: it is TIME, which is UNTIL at most; these bytes have come
+///     t TIME BYTES    to the firmware: it is TIME, at most UNTIL; these bytes have come
 ///     l TEXT          to the firmware: a line of its operator; the answer to `w` still follows
 ///
-/// Bytes leave at the line's pace. The driver gets them when their run has left, or when the firmware asks for time
+/// Bytes leave at the line's pace. The driver gets them when their run has left, or when the firmware requests time
 /// before that. Interrupts come in `wait`, at their time. One thread.
 class Lockstep {
  public:
-  /// `bits_per_byte`: with start, parity and stop bits. The descriptors block and outlive this object.
+  /// `bits_per_byte`: including start, parity and stop bits. The descriptors block and must outlive this object.
   Lockstep(int in, int out, std::uint32_t baud, unsigned bits_per_byte)
       : in_(in), out_(out), baud_(baud), bits_per_byte_(bits_per_byte) {}
   Lockstep(const Lockstep&) = delete;
@@ -53,17 +55,18 @@ class Lockstep {
   void stop_transmit() { run_bytes_ = 0; }
   void pend() { pended_ = true; }
   bool reaches(const void*, std::size_t) const { return true; }
-  /// The link stamps what comes with it.
+  /// The link stamps received bytes with it.
   std::uint32_t now_us() const { return static_cast<std::uint32_t>(now_us_); }
 
+  static constexpr bool is_unpaced = true;       ///< a simulation may send at any speed
   static constexpr bool tells_every_lap = true;  ///< there is an event for each half of the ring
 
   // ---- time
 
   std::uint64_t time_us() const { return now_us_; }
 
-  /// Sleep until then; the link's interrupts come meanwhile, and `obey(line)` for each line of the operator. False: the
-  /// driver has gone.
+  /// Sleep until then; until it returns, the link's interrupts come, and `obey(line)` is called for each line of the
+  /// operator. Returns false if the driver has gone.
   template <class Link, class Obey>
   bool wait(std::uint64_t until_us, Link& link, Obey&& obey) {
     serve(link);
@@ -82,11 +85,11 @@ class Lockstep {
     return true;
   }
 
-  /// One line for a person.
+  /// Report one line to a person.
   void report(const char* text) { write("e " + std::to_string(now_us_) + ' ' + text + '\n'); }
 
  private:
-  /// When this many bytes of the run have left.
+  /// Return when this many bytes of the run have left.
   std::uint64_t end_of(std::size_t bytes) const {
     return begun_us_ + (std::uint64_t{bytes} * bits_per_byte_ * 1'000'000 + baud_ - 1) / baud_;
   }
@@ -105,7 +108,7 @@ class Lockstep {
     }
   }
 
-  /// Bytes of the run whose last bit has left are told with the next line.
+  /// Note the bytes of the run whose last bit has left: the next line reports them.
   void note_left() {
     while (told_ < run_bytes_ && end_of(told_ + 1) <= now_us_) {
       static const char digits[] = "0123456789abcdef";
@@ -143,7 +146,7 @@ class Lockstep {
     return true;
   }
 
-  /// Without its end. False: the driver has gone.
+  /// Read a line, without its end. Returns false if the driver has gone.
   bool read_line(std::string& line) {
     std::size_t end = 0;
     while ((end = came_.find('\n')) == std::string::npos) {
@@ -167,11 +170,11 @@ class Lockstep {
   std::size_t size_ = 0;
   std::size_t place_ = 0;
   const std::uint8_t* run_ = nullptr;
-  std::size_t run_bytes_ = 0;  ///< 0: none is under way
-  std::size_t told_ = 0;       ///< of these, noted as left
+  std::size_t run_bytes_ = 0;  ///< 0: none is being sent
+  std::size_t told_ = 0;       ///< how many of them were noted as left
   std::uint64_t begun_us_ = 0;
   bool pended_ = false;
-  std::string left_;  ///< hex digits of what has left, and was not told
+  std::string left_;  ///< hex digits of bytes that have left and are not reported yet
   std::string came_;
 };
 

@@ -1,4 +1,4 @@
-// A port over an open descriptor, for firmware that runs on a desk: one thread stands for the UART's interrupt.
+// A port over an open descriptor, for firmware that runs on a desk: one thread replaces the UART's interrupt.
 #pragma once
 
 #include <poll.h>
@@ -15,19 +15,19 @@
 
 namespace wirebond::posix {
 
-/// Over a tty, a pty or a socket. Unlike an interrupt, the thread runs beside the one that calls `poll`, not in its
-/// place: what holds here holds on one core. As on a UART, nothing slows the other side down: a ring that is not read
-/// in time is lapped.
+/// Over a tty, a pty or a socket. Unlike an interrupt, the thread runs in parallel with the one that calls `poll`: a
+/// program that works here also works on one core. As on a UART, nothing slows the other side down: a ring that is not
+/// read in time is lapped.
 class Port {
  public:
-  /// `fd` is non-blocking and outlives this object.
+  /// `fd` is non-blocking and must outlive this object.
   explicit Port(int fd) : fd_(fd), wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
   ~Port() { stop(); }
   Port(const Port&) = delete;
   Port& operator=(const Port&) = delete;
 
-  /// Start the thread; it calls the events of `link`, which outlives it or `stop`. False: the system has no descriptor
-  /// left. Throws std::system_error where it has no thread left.
+  /// Start the thread; it calls the events of `link`, which must outlive it or `stop`. Returns false if the system has
+  /// no descriptor left. Throws std::system_error if it has no thread left.
   template <class Link>
   bool start(Link& link) {
     if (!wake_.is_open()) return false;
@@ -36,14 +36,14 @@ class Port {
     return true;
   }
 
-  /// End the thread. A run that is under way is broken off.
+  /// End the thread. A run that is being sent is aborted.
   void stop() {
     ends_.store(true, std::memory_order_relaxed);
     pend();
     if (thread_.joinable()) thread_.join();
   }
 
-  /// The errno for which the thread gave up: EIO where the other side is gone. 0: it works.
+  /// Return the errno that ended the thread: EIO if the other side is gone. 0: it works.
   int error() const { return error_.load(std::memory_order_relaxed); }
 
   // ---- the port; `start_receive` by the thread, and before its first success by another
@@ -80,6 +80,7 @@ class Port {
 
   bool reaches(const void*, std::size_t) const { return true; }
 
+  static constexpr bool is_unpaced = true;       ///< a pty has no baud rate
   static constexpr bool tells_every_lap = true;  ///< there is no DMA that could lap unseen
 
  private:
@@ -95,7 +96,7 @@ class Port {
       const bool receives = receiving_.load(std::memory_order_acquire);  // pairs with `start_receive`
       const short wanted = static_cast<short>((receives ? POLLIN : 0) | (left_ != 0 ? POLLOUT : 0));
       struct pollfd waiting[] = {{wake_.get(), POLLIN, 0},
-                                 {wanted != 0 ? fd_ : -1, wanted, 0}};  // else a hang-up would spin
+                                 {wanted != 0 ? fd_ : -1, wanted, 0}};  // otherwise a hang-up would spin
       if (::poll(waiting, 2, -1) < 0 && errno != EINTR) return give_up(errno);
       std::uint64_t count;
       if (waiting[0].revents != 0 && ::read(wake_.get(), &count, sizeof count) < 0 && errno != EAGAIN) {
@@ -109,7 +110,7 @@ class Port {
 
   template <class Link>
   bool receive(Link& link) {
-    // At most half the ring, so that no turn of it goes unnoticed.
+    // At most half the ring, so that every turn of it is noticed.
     const std::size_t place = place_.load(std::memory_order_relaxed);
     const std::size_t room = size_ - place < size_ / 2 ? size_ - place : size_ / 2;
     const ssize_t size = ::read(fd_, ring_ + place, room);
@@ -144,7 +145,7 @@ class Port {
   std::uint8_t* ring_ = nullptr;
   std::size_t size_ = 0;
   std::atomic<std::size_t> place_{0};
-  const std::uint8_t* next_ = nullptr;  ///< these two by the thread
+  const std::uint8_t* next_ = nullptr;  ///< these two are the thread's own
   std::size_t left_ = 0;
 };
 

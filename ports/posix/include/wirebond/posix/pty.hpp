@@ -11,15 +11,15 @@
 
 namespace wirebond::posix {
 
-/// `controller` is ours. `path` is what others open; holding `keeper` open keeps the line alive between two openers,
-/// as a real UART is alive when nobody listens.
+/// `controller` is ours. `path` is for others to open; holding `keeper` open keeps the line alive between two openers,
+/// as a real UART is alive when no program reads.
 struct Pty {
   Descriptor controller;
   Descriptor keeper;
   std::string path;
 };
 
-/// False (errno set) when the system has no pty left. The line is raw, the controller non-blocking.
+/// Open a pty: the line raw, the controller non-blocking. Returns false (errno set) if the system has no pty left.
 inline bool open_pty(Pty& pty) {
   Descriptor controller(::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK));
   if (!controller.is_open() || ::grantpt(controller.get()) != 0 || ::unlockpt(controller.get()) != 0) return false;

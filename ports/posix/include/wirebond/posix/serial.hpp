@@ -1,7 +1,7 @@
-// Opening ttys: any baud rate, raw, low latency. Linux only; nothing here waits.
+// Opens ttys: any baud rate, raw, low latency. Linux only; nothing here waits.
 #pragma once
 
-// termios2 carries any baud rate (BOTHER); <termios.h> would clash with these kernel headers.
+// termios2 supports any baud rate (BOTHER); <termios.h> would clash with these kernel headers.
 #include <asm/ioctls.h>
 #include <asm/termbits.h>
 #include <fcntl.h>
@@ -26,28 +26,28 @@ struct SerialSettings {
   std::uint8_t stop_bits = 1;  ///< 1 or 2
 };
 
-/// What went wrong: the failing step and errno, for a sentence to the user.
+/// The failed step and errno, for a sentence to the user.
 struct SerialError {
   enum class Step : std::uint8_t { none, open, not_a_tty, busy, configure, baud } step = Step::none;
   int code = 0;
-  std::uint32_t actual_baud = 0;  ///< step baud: what the driver would do instead
+  std::uint32_t actual_baud = 0;  ///< step baud: the rate that the driver would use instead
 };
 
-/// What a driver says to the low-latency flag.
+/// A driver's reaction to the low-latency flag.
 enum class LowLatency : std::uint8_t {
-  not_offered,  ///< it knows no such flags, as a pty
-  refused,      ///< it refuses the flag, or takes it and does not keep it
+  not_offered,  ///< it has no such flags, as a pty
+  refused,      ///< it refuses the flag, or accepts but does not keep it
   accepted,
 };
 
-/// What an open tty does, read back from its driver.
+/// Settings of an open tty, read back from its driver.
 struct SerialReport {
   SerialSettings actual;
-  bool is_exclusive = false;  ///< no other program that asks for the lock has it
+  bool is_exclusive = false;  ///< no other program that uses the lock has it open
   LowLatency low_latency = LowLatency::not_offered;
 };
 
-/// What the driver made of the settings; what it does not say stays as it is in `actual`.
+/// Read back the driver's settings; values that it does not report stay unchanged in `actual`.
 inline void read_back(const struct termios2& tio, SerialSettings& actual) {
   constexpr std::uint8_t bits[] = {5, 6, 7, 8};
   if (tio.c_ospeed != 0) actual.baud = tio.c_ospeed;
@@ -56,7 +56,7 @@ inline void read_back(const struct termios2& tio, SerialSettings& actual) {
   actual.parity = (tio.c_cflag & PARENB) == 0 ? Parity::none : (tio.c_cflag & PARODD) != 0 ? Parity::odd : Parity::even;
 }
 
-/// Ask for low latency: the driver hands bytes over as they come. Nothing else depends on the answer.
+/// Request low latency: the driver delivers bytes as they come. Nothing else depends on the answer.
 inline LowLatency ask_for_low_latency(int fd) {
   struct serial_struct serial {};
   if (::ioctl(fd, TIOCGSERIAL, &serial) != 0) return LowLatency::not_offered;
@@ -67,7 +67,8 @@ inline LowLatency ask_for_low_latency(int fd) {
   return keeps ? LowLatency::accepted : LowLatency::refused;
 }
 
-/// Make the tty raw and set speed and format. False with `error` filled on failure. `actual`: what came of it.
+/// Make the tty raw and set speed and format. Returns false and fills `error` on failure. `actual`: the resulting
+/// settings.
 inline bool configure_serial(int fd, const SerialSettings& settings, SerialError& error,
                              SerialSettings* actual = nullptr) {
   struct termios2 tio {};
@@ -106,9 +107,9 @@ inline bool configure_serial(int fd, const SerialSettings& settings, SerialError
   return true;
 }
 
-/// Open `path` as a raw, exclusive, non-blocking tty. Bytes that came before are dropped: they are stale.
-/// Adapters that know it get the low-latency flag (FTDI: 1 ms instead of 16). An empty Descriptor and `error` on
-/// failure. `report`, where it is given: what the driver made of it.
+/// Open `path` as a raw, exclusive, non-blocking tty. Bytes that came before are dropped: they are stale. Adapters that
+/// support it get the low-latency flag (FTDI: 1 ms instead of 16). Returns an empty Descriptor and `error` on failure.
+/// `report`, if given: the driver's actual settings.
 inline Descriptor open_serial(const std::string& path, const SerialSettings& settings, SerialError& error,
                               SerialReport* report = nullptr) {
   SerialReport unused;
@@ -120,7 +121,7 @@ inline Descriptor open_serial(const std::string& path, const SerialSettings& set
     return {};
   }
   if (!configure_serial(fd.get(), settings, error, &made.actual)) return {};
-  // A lock rather than TIOCEXCL: it ends with its holder, also on a pty that stays open, and it holds for root too.
+  // A lock rather than TIOCEXCL: it ends with its holder, even on a pty that stays open, and applies to root too.
   if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0) {
     error = {SerialError::Step::busy, errno, 0};
     return {};

@@ -1,4 +1,4 @@
-// Moving bytes through an open descriptor: waits with a bound, frames written whole, and the time that goes with both.
+// Moves bytes through an open descriptor: waits with a limit, frames written whole, and their time stamps.
 #pragma once
 
 #include <poll.h>
@@ -11,7 +11,7 @@
 
 namespace wirebond::posix {
 
-/// Microseconds of a clock that never jumps, modulo 2^32: the `now_us` of receivers and deadlines. Any thread.
+/// Return microseconds of a clock that never jumps, modulo 2^32: the `now_us` of receivers and deadlines. Any thread.
 inline std::uint32_t now_us() {
   struct timespec now {};
   ::clock_gettime(CLOCK_MONOTONIC, &now);
@@ -19,13 +19,13 @@ inline std::uint32_t now_us() {
                                     static_cast<std::uint64_t>(now.tv_nsec) / 1'000U);
 }
 
-/// What a read came back with.
+/// Result of a read.
 struct Received {
   std::size_t size = 0;
-  int error = 0;  ///< errno; EIO where the other side is gone for good. 0: go on, also where `size` is 0
+  int error = 0;  ///< errno; EIO if the other side is gone for good. 0: go on, even if `size` is 0
 };
 
-/// Bytes that are there, or come within `timeout_ms`; returns with the first of them. `fd` may block or not.
+/// Read the bytes that are there, or come within `timeout_ms`; returns with the first of them. `fd` may block or not.
 inline Received receive(int fd, std::uint8_t* out, std::size_t capacity, int timeout_ms) {
   struct pollfd waiting {
     fd, POLLIN, 0
@@ -39,8 +39,9 @@ inline Received receive(int fd, std::uint8_t* out, std::size_t capacity, int tim
   return {0, errno == EAGAIN || errno == EINTR ? 0 : errno};
 }
 
-/// Read once, at most `timeout_ms`, and give `receiver` what came, or the silence; `handler` and `deadlines` are for
-/// its `feed` and `idle`. The time is taken before the read, as the rule about silence asks. 0, or the read's error.
+/// Read once, for at most `timeout_ms`, and pass the bytes, or the silence, to `receiver`; `handler` and `deadlines`
+/// are for its `feed` and `idle`. The time is taken before the read, as the rule about silence requires. Returns 0, or
+/// the read's error.
 template <class Receiver, class Handler, class... Watch>
 int pump(int fd, int timeout_ms, Receiver& receiver, Handler& handler, Watch&... deadlines) {
   std::uint8_t bytes[4096];
@@ -55,8 +56,8 @@ int pump(int fd, int timeout_ms, Receiver& receiver, Handler& handler, Watch&...
   return 0;
 }
 
-/// Write all of `bytes`. 0, or an errno: ETIMEDOUT where the line took nothing for `timeout_ms`. After an error part of
-/// a frame may be on the line; the receiver discards it.
+/// Write all of `bytes`. Returns 0, or an errno: ETIMEDOUT if the line took nothing for `timeout_ms`. After an error
+/// part of a frame may be on the line; the receiver discards it.
 inline int send(int fd, const std::uint8_t* bytes, std::size_t size, int timeout_ms) {
   while (size != 0) {
     const ssize_t taken = ::write(fd, bytes, size);

@@ -1,4 +1,4 @@
-// Connecting to a TCP server, such as one that has a serial port: with a bound on the wait, and without small delays.
+// Connects to a TCP server, such as one that has a serial port: with a limited wait, and without small delays.
 #pragma once
 
 #include <fcntl.h>
@@ -19,16 +19,16 @@
 
 namespace wirebond::posix {
 
-/// What went wrong: the failing step and its number, for a sentence to the user.
+/// The failed step and its number, for a sentence to the user.
 struct TcpError {
   enum class Step : std::uint8_t { none, name, connect } step = Step::none;
-  int code = 0;  ///< step name: of getaddrinfo; else errno, ETIMEDOUT where there was no answer, ECANCELED
+  int code = 0;  ///< step name: of getaddrinfo; otherwise errno, ETIMEDOUT if there was no answer, ECANCELED
 };
 
 /// How long one address of the server may take to answer.
 inline constexpr int tcp_answer_ms = 2000;
 
-/// Bytes leave at once, and a peer that is gone without a word is found within about 5 s.
+/// Send bytes at once, and detect a silently vanished peer within about 5 s.
 inline void configure_tcp(int fd) {
   const auto set = [fd](int level, int name, int value) {
     static_cast<void>(::setsockopt(fd, level, name, &value, sizeof value));  // a system without it still works
@@ -41,9 +41,9 @@ inline void configure_tcp(int fd) {
   set(IPPROTO_TCP, TCP_USER_TIMEOUT, 5000);
 }
 
-/// 0, or why this address does not answer.
+/// Return 0, or why this address does not answer.
 inline int connect_tcp(int fd, const sockaddr* address, socklen_t size, const std::atomic<bool>& cancelled) {
-  constexpr int slice_ms = 50;  // between two looks whether to go on
+  constexpr int slice_ms = 50;  // between two checks of `cancelled`
   if (::connect(fd, address, size) == 0) return 0;
   if (errno != EINPROGRESS) return errno;
   for (int waited = 0; waited < tcp_answer_ms; waited += slice_ms) {
@@ -61,8 +61,8 @@ inline int connect_tcp(int fd, const sockaddr* address, socklen_t size, const st
   return ETIMEDOUT;
 }
 
-/// A non-blocking connection to `host`, a name or an address, at `port`. Waits for the name and for answers;
-/// `cancelled` ends the latter within a moment. An empty Descriptor and `error` on failure.
+/// Open a non-blocking connection to `host`, a name or an address, at `port`. Waits for the name and for answers;
+/// `cancelled` ends the latter within a moment. Returns an empty Descriptor and `error` on failure.
 inline Descriptor open_tcp(const std::string& host, const std::string& port, const std::atomic<bool>& cancelled,
                            TcpError& error) {
   addrinfo hints{};

@@ -1,4 +1,4 @@
-// Which memory the DMA of a UART cannot reach, by STM32 family: for all ports of that vendor. Addresses only. C99 and
+// Memory that the DMA of a UART cannot reach, by STM32 family: for all ports of that vendor. Addresses only. C99 and
 // C++.
 #ifndef WIREBOND_STM32_REACH_H
 #define WIREBOND_STM32_REACH_H
@@ -18,7 +18,7 @@ typedef enum wirebond_stm32_family {
   WIREBOND_STM32_OTHER  ///< no memory is refused
 } wirebond_stm32_family_t;
 
-/// The family that the vendor's headers are for.
+/// The family of the vendor's headers.
 #if defined(STM32F4) || defined(STM32F3)
 #define WIREBOND_STM32_FAMILY WIREBOND_STM32_F4
 #elif defined(STM32G4)
@@ -29,14 +29,15 @@ typedef enum wirebond_stm32_family {
 #define WIREBOND_STM32_FAMILY WIREBOND_STM32_OTHER
 #endif
 
-/// Can DMA1 and DMA2 of this family reach all of `address .. address + size - 1`, and count it in their 16 bits?
+/// Check whether DMA1 and DMA2 of this family can reach all of `address .. address + size - 1`, and count it in 16
+/// bits.
 static inline bool wirebond_stm32_dma_reaches(wirebond_stm32_family_t family, uintptr_t address, size_t size) {
   const uintptr_t end = address + size;
   if (size > 0xFFFF) return false;
   switch (family) {
-    case WIREBOND_STM32_F4:  // the core-coupled memory hangs on the core's data bus alone (RM0090, 2.1)
+    case WIREBOND_STM32_F4:  // the core-coupled memory is on the core's data bus alone (RM0090, 2.1)
       return end <= 0x10000000 || address >= 0x10010000;
-    case WIREBOND_STM32_G4:  // DMA finds the core-coupled memory at its second address, behind SRAM2 (RM0440, 2.4)
+    case WIREBOND_STM32_G4:  // DMA finds the core-coupled memory at its second address, after SRAM2 (RM0440, 2.4)
       return end <= 0x10000000 || address >= 0x10008000;
     case WIREBOND_STM32_H7:  // the tightly coupled memories are for the core and MDMA (RM0433, 2.1)
       return address >= 0x10000 && (end <= 0x20000000 || address >= 0x20020000);

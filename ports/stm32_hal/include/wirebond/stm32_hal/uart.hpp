@@ -1,7 +1,7 @@
 // A port: a UART of an STM32 through the vendor's HAL, with circular DMA in and DMA out. It defines no HAL callback.
 #pragma once
 
-// The HAL of the family whose headers are there. For another family, include its HAL before this header.
+// The HAL of the family whose headers exist. For another family, include its HAL before this header.
 #ifndef HAL_UART_MODULE_ENABLED
 #if __has_include("stm32f4xx_hal.h")
 #include "stm32f4xx_hal.h"
@@ -27,26 +27,27 @@ extern "C" uint32_t uwTickPrio;  // of the HAL: the priority of its tick
 
 namespace wirebond::stm32_hal {
 
-/// The UART is initialised by your project: CubeMX's MX_USARTn_UART_Init with a circular RX DMA and a normal TX DMA.
-/// All functions but `pend` are for the UART's interrupt and its DMA's, which have one priority; Link keeps to that.
+/// Your project initialises the UART: CubeMX's MX_USARTn_UART_Init with a circular RX DMA and a normal TX DMA. All
+/// functions except `pend` are for the UART's interrupt and its DMA's, which have one priority; Link calls them only
+/// there.
 ///
-/// Forward three callbacks of the HAL (or `register_events`), and pass on `pend` from the UART's handler:
+/// Forward three callbacks of the HAL (or `register_events`), and `pend` from the UART's handler:
 ///   HAL_UARTEx_RxEventCallback -> link.on_received()     HAL_UART_TxCpltCallback -> link.on_transmitted()
 ///   HAL_UART_ErrorCallback     -> link.on_error()        USARTn_IRQHandler, before the HAL's -> link.on_pended()
 ///
-/// Line errors do not end reception, as they do by the HAL: its interrupt for them is switched off, DMA goes on, and
-/// the checks refuse the frame. The UART's status says what happened since its last interrupt. It is read before the
-/// HAL's handler runs, because that clears it. Only an error of the DMA itself comes by HAL_UART_ErrorCallback.
+/// Line errors do not end reception, as they would with the HAL: its interrupt for them is disabled, DMA continues, and
+/// the checks reject the frame. The UART's status shows the errors since its last interrupt. It is read before the
+/// HAL's handler runs, because that clears it. Only an error of DMA itself calls HAL_UART_ErrorCallback.
 class Uart {
  public:
-  /// `interrupt`: the UART's own, USART3_IRQn for instance. `handle` outlives this object.
+  /// `interrupt`: the UART's own, for example USART3_IRQn. `handle` must outlive this object.
   Uart(UART_HandleTypeDef& handle, IRQn_Type interrupt) : handle_(handle), interrupt_(interrupt) {}
 
-  /// False while DMA is still being stopped after an error: the HAL tells HAL_BUSY or HAL_ERROR. And without a DMA,
-  /// which the HAL does not look for.
+  /// Returns false while DMA is still being stopped after an error (the HAL returns HAL_BUSY or HAL_ERROR), or without
+  /// a DMA, which the HAL does not check.
   bool start_receive(std::uint8_t* ring, std::size_t size) {
     if (handle_.hdmarx == nullptr) return false;
-    // After a DMA error the HAL calls itself ready with the stream still running, and then starts never again.
+    // After a DMA error the HAL reports ready with the stream still running, and would never start again.
     if (HAL_UART_AbortReceive(&handle_) != HAL_OK) return false;
     if (HAL_UARTEx_ReceiveToIdle_DMA(&handle_, ring, static_cast<std::uint16_t>(size)) != HAL_OK) return false;
     // The HAL enabled them, and would end reception for each error.
@@ -55,9 +56,9 @@ class Uart {
     return true;
   }
 
-  /// What the UART's status says since the last call.
+  /// Return the errors in the UART's status since the last call.
   LineErrors take_line_errors() {
-#ifdef UART_CLEAR_FEF  // the families that clear flags by writing them: F0, F3, F7, G0, G4, H7, L4
+#ifdef UART_CLEAR_FEF  // families that clear flags by writing them: F0, F3, F7, G0, G4, H7, L4
     const std::uint32_t flags = handle_.Instance->ISR;
     handle_.Instance->ICR = UART_CLEAR_PEF | UART_CLEAR_FEF | UART_CLEAR_NEF | UART_CLEAR_OREF;
 #else
@@ -68,7 +69,7 @@ class Uart {
             (flags & UART_FLAG_PE) != 0};
   }
 
-  /// False after an error of the DMA: the HAL ends reception.
+  /// False after an error of DMA: the HAL ends reception.
   bool receiving() const { return handle_.RxState == HAL_UART_STATE_BUSY_RX; }
 
   /// Any context.
@@ -76,12 +77,12 @@ class Uart {
     return wirebond_ring_position(handle_.RxXferSize, __HAL_DMA_GET_COUNTER(handle_.hdmarx));
   }
 
-  /// Where a link is stopped.
+  /// Called when a link is stopped.
   void stop_receive() { static_cast<void>(HAL_UART_AbortReceive(&handle_)); }
 
   bool start_transmit(const std::uint8_t* bytes, std::size_t size) {
     if (handle_.hdmatx == nullptr) return false;
-    auto* mutable_bytes = const_cast<std::uint8_t*>(bytes);  // older HALs lack the const, and do not write either
+    auto* mutable_bytes = const_cast<std::uint8_t*>(bytes);  // older HALs lack the const, but do not write
     return HAL_UART_Transmit_DMA(&handle_, mutable_bytes, static_cast<std::uint16_t>(size)) == HAL_OK;
   }
 
@@ -95,8 +96,11 @@ class Uart {
     return wirebond_stm32_dma_reaches(WIREBOND_STM32_FAMILY, reinterpret_cast<std::uintptr_t>(bytes), size);
   }
 
-  /// For Link::why: what is wrong with the settings of CubeMX. The priorities are compared as HAL_Init groups them: no
-  /// bit is a subpriority.
+  /// For Link::why, which detects with it that `poll` gets HAL_GetTick() as if it were microseconds.
+  std::uint32_t tick_ms() const { return HAL_GetTick(); }
+
+  /// For Link::why: return the fault of CubeMX's settings. Priorities are compared as HAL_Init groups them: no bit is a
+  /// subpriority.
   Why check(std::uint32_t baud) const {
     if (handle_.gState == HAL_UART_STATE_RESET) return Why::uart_not_set_up;
     if (handle_.hdmarx == nullptr) return Why::no_receive_dma;
@@ -108,7 +112,7 @@ class Uart {
   }
 
  private:
-  /// Also where an interrupt may change the register in between; older HALs lack the macro, and do not care.
+  /// Clear bits even if an interrupt may change the register in between; older HALs lack the macro, and do not care.
   static void clear_bits(volatile std::uint32_t& control, std::uint32_t bits) {
 #ifdef ATOMIC_CLEAR_BIT
     ATOMIC_CLEAR_BIT(control, bits);
@@ -125,9 +129,9 @@ class Uart {
 };
 
 #if defined(USE_HAL_UART_REGISTER_CALLBACKS) && USE_HAL_UART_REGISTER_CALLBACKS == 1
-/// In place of the three callbacks: the HAL calls this link for this UART. Once, after the HAL initialised the UART,
-/// and again if it does so again. `link` is an object at namespace scope. False: the HAL refuses, for the UART is not
-/// ready.
+/// Replace the three callbacks: the HAL calls this link for this UART. Call it once after the HAL initialised the UART,
+/// and again if it is initialised again. `link` is an object at namespace scope. Returns false if the HAL refuses
+/// because the UART is not ready.
 template <auto& link>
 bool register_events(UART_HandleTypeDef& handle) {
   const auto received = [](UART_HandleTypeDef*, std::uint16_t) { link.on_received(); };

@@ -1,9 +1,9 @@
-// What the port of a UART of an STM32 does to its registers, for the port in C++ (uart.hpp) and that in C
+// Register accesses of the port of a UART of an STM32, for the port in C++ (uart.hpp) and that in C
 // (wirebond_stm32_ll.h): circular DMA in, DMA out, no HAL. No link. C99 and C++.
 #ifndef WIREBOND_STM32_LL_REGISTERS_H
 #define WIREBOND_STM32_LL_REGISTERS_H
 
-// The device header of the family, where your project has not included it before: CMSIS names it by -DSTM32F407xx.
+// The device header of the family, if your project has not included it before: CMSIS selects it by -DSTM32F407xx.
 #ifndef USART_CR1_UE
 #if defined(__has_include)
 #if __has_include("stm32f4xx.h")
@@ -35,14 +35,14 @@
 extern "C" {
 #endif
 
-/// What carries the bytes of one direction: a stream (F2, F4, F7, H7) or a channel (the others).
+/// Carries the bytes of one direction: a stream (F2, F4, F7, H7) or a channel (the others).
 #ifdef DMA_SxCR_EN
 typedef DMA_Stream_TypeDef wirebond_stm32_carrier_t;
 #else
 typedef DMA_Channel_TypeDef wirebond_stm32_carrier_t;
 #endif
 
-/// What is connected to what, by the names of the device header. Numbers are those in the carriers' names.
+/// Connections, by the names of the device header. Numbers are those in the carriers' names.
 typedef struct wirebond_stm32_wiring {
   USART_TypeDef* usart;               ///< USART3
   DMA_TypeDef* dma;                   ///< DMA1, of both carriers
@@ -53,7 +53,7 @@ typedef struct wirebond_stm32_wiring {
   IRQn_Type interrupt;  ///< USART3_IRQn
 } wirebond_stm32_wiring_t;
 
-/// One UART: what it is connected to, and what the port keeps of it, which begins as zeros.
+/// One UART: its connections, and the port's own state, initially zeros.
 typedef struct wirebond_stm32_registers {
   wirebond_stm32_wiring_t wiring;
   size_t ring_size;
@@ -61,10 +61,10 @@ typedef struct wirebond_stm32_registers {
   wirebond_status_look_t look;
 } wirebond_stm32_registers_t;
 
-/// What an interrupt of the UART tells the link.
+/// Events of a UART's interrupt for the link.
 typedef struct wirebond_stm32_events {
   bool received;     ///< the line is idle
-  bool transmitted;  ///< the run has left, its last stop bit included
+  bool transmitted;  ///< the run has left, including its last stop bit
 } wirebond_stm32_events_t;
 
 // ---- the families' registers and bits
@@ -107,7 +107,7 @@ static inline void wirebond_stm32_dma_forget(DMA_TypeDef* dma, unsigned number) 
 }
 #endif
 
-#ifdef USART_ICR_FECF  // the families that clear flags by writing them: F0, F3, F7, G0, G4, H7, L4
+#ifdef USART_ICR_FECF  // families that clear flags by writing them: F0, F3, F7, G0, G4, H7, L4
 #define WIREBOND_STM32_IDLE USART_ISR_IDLE
 #define WIREBOND_STM32_COMPLETE USART_ISR_TC
 #define WIREBOND_STM32_FRAMING USART_ISR_FE
@@ -144,7 +144,7 @@ static inline void wirebond_stm32_forget_complete(USART_TypeDef* usart) { usart-
 static inline uint32_t wirebond_stm32_status(const USART_TypeDef* usart) { return usart->SR; }
 static inline const volatile void* wirebond_stm32_receive_register(const USART_TypeDef* usart) { return &usart->DR; }
 static inline const volatile void* wirebond_stm32_transmit_register(const USART_TypeDef* usart) { return &usart->DR; }
-/// A read of the status and then of the data. The line is silent, so no byte is taken away from the DMA.
+/// End the idle event by reading the status and then the data. The line is silent, so no byte is taken away from DMA.
 static inline void wirebond_stm32_end_idle(USART_TypeDef* usart) {
   const uint32_t status = usart->SR;
   const uint32_t data = usart->DR;
@@ -156,9 +156,9 @@ static inline void wirebond_stm32_forget_complete(USART_TypeDef* usart) {
 }
 #endif
 
-// ---- what the ports of both languages do
+// ---- common to the ports of both languages
 
-/// False if the carrier does not stop: DMA ends the transfer of one byte first, within a few cycles.
+/// Returns false if the carrier does not stop: DMA ends the transfer of one byte first, within a few cycles.
 static inline bool wirebond_stm32_dma_stop(const wirebond_stm32_wiring_t* wiring, wirebond_stm32_carrier_t* carrier,
                                            unsigned number) {
   volatile uint32_t* const control = wirebond_stm32_dma_control(carrier);
@@ -166,14 +166,14 @@ static inline bool wirebond_stm32_dma_stop(const wirebond_stm32_wiring_t* wiring
   for (int tries = 0; (*control & WIREBOND_STM32_DMA_ENABLE) != 0; ++tries) {
     if (tries == 100) return false;
   }
-  wirebond_stm32_dma_forget(wiring->dma, number);  // a stream that is disabled raises a flag, too
+  wirebond_stm32_dma_forget(wiring->dma, number);  // a disabled stream raises a flag, too
   return true;
 }
 
-/// As the registers have it.
+/// Convert an address as registers need it.
 static inline uint32_t wirebond_stm32_address(const volatile void* place) { return (uint32_t)(uintptr_t)place; }
 
-/// False while the carrier does not stop.
+/// Returns false while the carrier does not stop.
 static inline bool wirebond_stm32_start_receive(wirebond_stm32_registers_t* uart, uint8_t* ring, size_t size) {
   const wirebond_stm32_wiring_t* const wiring = &uart->wiring;
   USART_TypeDef* const usart = wiring->usart;
@@ -189,9 +189,12 @@ static inline bool wirebond_stm32_start_receive(wirebond_stm32_registers_t* uart
   return true;
 }
 
-/// False after a bus error, which stops the carrier.
+/// Returns false after a bus error, which stops the carrier, and after a carrier in normal mode has filled the ring; a
+/// channel keeps its enable bit then. In circular mode the counter may be read at 0, before the next round starts.
 static inline bool wirebond_stm32_receiving(const wirebond_stm32_registers_t* uart) {
-  return (*wirebond_stm32_dma_control(uart->wiring.receive) & WIREBOND_STM32_DMA_ENABLE) != 0;
+  const uint32_t control = *wirebond_stm32_dma_control(uart->wiring.receive);
+  if ((control & WIREBOND_STM32_DMA_ENABLE) == 0) return false;
+  return (control & WIREBOND_STM32_DMA_CIRCULAR) != 0 || wirebond_stm32_dma_left(uart->wiring.receive) != 0;
 }
 
 /// Any context.
@@ -205,7 +208,7 @@ static inline void wirebond_stm32_stop_receive(wirebond_stm32_registers_t* uart)
   (void)wirebond_stm32_dma_stop(wiring, wiring->receive, wiring->receive_number);
 }
 
-/// False while a run is under way, or where the carrier does not stop.
+/// Returns false while a run is being sent, or if the carrier does not stop.
 static inline bool wirebond_stm32_start_transmit(wirebond_stm32_registers_t* uart, const uint8_t* bytes, size_t size) {
   const wirebond_stm32_wiring_t* const wiring = &uart->wiring;
   USART_TypeDef* const usart = wiring->usart;
@@ -215,7 +218,7 @@ static inline bool wirebond_stm32_start_transmit(wirebond_stm32_registers_t* uar
   wirebond_stm32_dma_connect(wiring->transmit, wirebond_stm32_address(bytes),
                              wirebond_stm32_address(wirebond_stm32_transmit_register(usart)), (uint32_t)size);
   uart->is_sending = true;
-  wirebond_stm32_forget_complete(usart);  // it comes up again behind the last byte
+  wirebond_stm32_forget_complete(usart);  // it is set again after the last byte
   usart->CR3 = usart->CR3 | USART_CR3_DMAT;
   *control = *control | WIREBOND_STM32_DMA_ENABLE;
   usart->CR1 = usart->CR1 | USART_CR1_TCIE;
@@ -225,12 +228,12 @@ static inline bool wirebond_stm32_start_transmit(wirebond_stm32_registers_t* uar
 static inline void wirebond_stm32_stop_transmit(wirebond_stm32_registers_t* uart) {
   const wirebond_stm32_wiring_t* const wiring = &uart->wiring;
   wiring->usart->CR1 = wiring->usart->CR1 & ~USART_CR1_TCIE;
-  // If it hangs, the next start says so.
+  // If it hangs, the next start fails.
   (void)wirebond_stm32_dma_stop(wiring, wiring->transmit, wiring->transmit_number);
   uart->is_sending = false;
 }
 
-/// The flags WIREBOND_STM32_FRAMING, _NOISE, _OVERRUN and _PARITY that came up since the last call.
+/// Return the flags WIREBOND_STM32_FRAMING, _NOISE, _OVERRUN and _PARITY that were set since the last call.
 static inline uint32_t wirebond_stm32_take_errors(wirebond_stm32_registers_t* uart) {
 #ifdef USART_ICR_FECF
   const uint32_t flags = uart->wiring.usart->ISR;
@@ -242,8 +245,8 @@ static inline uint32_t wirebond_stm32_take_errors(wirebond_stm32_registers_t* ua
 #endif
 }
 
-/// What is wrong with the settings. A carrier that does not step through memory was never set up. The baud rate is not
-/// compared: registers do not tell the clock.
+/// Return the fault of the settings. A carrier that does not step through memory was never set up. The baud rate is not
+/// compared: registers do not show the clock.
 static inline wirebond_why_t wirebond_stm32_check(const wirebond_stm32_registers_t* uart) {
   const wirebond_stm32_wiring_t* const wiring = &uart->wiring;
   const uint32_t receive = *wirebond_stm32_dma_control(wiring->receive);
@@ -256,7 +259,7 @@ static inline wirebond_why_t wirebond_stm32_check(const wirebond_stm32_registers
   return WIREBOND_WHY_NOTHING;
 }
 
-/// For the UART's handler, behind the link's `on_pended`, which looks at the status: its errors may be cleared here.
+/// For the UART's handler, after the link's `on_pended`, which reads the status: its errors may be cleared here.
 static inline wirebond_stm32_events_t wirebond_stm32_usart_events(wirebond_stm32_registers_t* uart) {
   USART_TypeDef* const usart = uart->wiring.usart;
   const uint32_t status = wirebond_stm32_status(usart);
@@ -266,7 +269,7 @@ static inline wirebond_stm32_events_t wirebond_stm32_usart_events(wirebond_stm32
     events.received = true;
   }
   if (!uart->is_sending || (status & WIREBOND_STM32_COMPLETE) == 0) return events;
-  if (wirebond_stm32_dma_left(uart->wiring.transmit) != 0) {  // DMA was late by more than a byte, and goes on
+  if (wirebond_stm32_dma_left(uart->wiring.transmit) != 0) {  // DMA was late by more than a byte, and continues
     wirebond_stm32_forget_complete(usart);
     return events;
   }
@@ -276,7 +279,8 @@ static inline wirebond_stm32_events_t wirebond_stm32_usart_events(wirebond_stm32
   return events;
 }
 
-/// For the handler of the receive carrier. True: bytes came. False: reception has stopped, which is an error.
+/// For the handler of the receive carrier. Returns true if bytes came, false if reception has stopped, which is an
+/// error.
 static inline bool wirebond_stm32_receive_event(wirebond_stm32_registers_t* uart) {
   wirebond_stm32_dma_forget(uart->wiring.dma, uart->wiring.receive_number);
   return wirebond_stm32_receiving(uart);

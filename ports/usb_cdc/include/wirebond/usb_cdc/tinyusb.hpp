@@ -1,4 +1,4 @@
-// A port: a virtual serial port over USB, by TinyUSB's class CDC. It knows the class and no register.
+// A port: a virtual serial port over USB, by TinyUSB's class CDC. It uses the class and no register.
 #pragma once
 
 #include <cstddef>
@@ -9,21 +9,21 @@
 
 namespace wirebond::usb_cdc {
 
-/// Call in the task that has TinyUSB, or in the main loop, as often as `link.poll`, and in one context with it:
+/// Call it in the task that has TinyUSB, or in the main loop, as often as `link.poll`, and in one context with it:
 ///     tud_task();
 ///     port.service(link);
 ///     link.poll(now_us);
-/// This stands for the UART's interrupt of a link: no callback of TinyUSB is needed.
+/// This replaces the UART's interrupt of a link: no callback of TinyUSB is needed.
 ///
-/// The link is down while no program has the port open (DTR), USB is not configured, or the computer sleeps. What finds
-/// no room in the receive ring waits with TinyUSB and then with the computer (NAK), and no byte is lost to a late poll.
+/// The link is down while no program has the port open (DTR), USB is not configured, or the computer sleeps. Bytes that
+/// do not fit into the receive ring wait in TinyUSB and then in the computer (NAK), and no byte is lost to a late poll.
 /// A run has no time limit: a program that has the port open may be slow to read.
 class TinyUsb : public ServicedPort<TinyUsb> {
  public:
-  /// `interface`: which of TinyUSB's CDC interfaces, from 0 on.
+  /// `interface`: index of TinyUSB's CDC interface, from 0.
   explicit TinyUsb(std::uint8_t interface = 0) : interface_(interface) {}
 
-  static constexpr bool may_wait = true;  ///< for the computer, without a limit
+  static constexpr bool may_wait = true;  ///< waits for the computer, without a limit
 
   void stop_receive() {
     ServicedPort::stop_receive();

@@ -9,7 +9,7 @@ import typer
 
 from wirebond.cli.interrupts import raise_from_here
 from wirebond.cli.numbers import amount, whole
-from wirebond.cli.options.shared import AsJson, Header, ProtocolFile
+from wirebond.cli.options.shared import AsJson, Header, ProtocolFile, ProtocolFileOrStdin
 from wirebond.errors import UsageError
 
 commands = typer.Typer()
@@ -17,7 +17,7 @@ commands = typer.Typer()
 
 @commands.command()
 def check(
-    file: ProtocolFile,
+    file: ProtocolFileOrStdin,
     as_json: AsJson = False,
     traffic: Annotated[
         str | None,
@@ -31,7 +31,7 @@ def check(
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 for warnings, too.")] = False,
 ) -> None:
     """Say what is wrong with a protocol file, and what its link will do badly, in figures that are measured."""
-    from wirebond.check.command import check_file
+    from wirebond.cli.commands.check import check_file
 
     raise_from_here()
     raise typer.Exit(check_file(file, as_json, traffic, thorough, strict))
@@ -39,15 +39,15 @@ def check(
 
 @commands.command()
 def diff(
-    old: Annotated[Path, typer.Argument(metavar="OLD", help="The protocol file as one end has it.")],
-    new: Annotated[Path, typer.Argument(metavar="NEW", help="The changed file.")],
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="The protocol file as one end has it, or - for stdin.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="The changed file, or - for stdin.")],
     updated: Annotated[
         str | None, typer.Option(help="The end that gets the new file first: host or mcu. Without it: either may.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what a changed protocol file breaks while one end still has the old one. Exit 1 if it breaks."""
-    from wirebond.diff.command import diff_files
+    from wirebond.cli.commands.diff import diff_files
 
     raise_from_here()
     raise typer.Exit(diff_files(old, new, as_json, updated))
@@ -65,7 +65,7 @@ def encode(
     header: Header = None,
 ) -> None:
     """Print the bytes of one frame as hex."""
-    from wirebond.cli.commands import encode_message
+    from wirebond.cli.commands.files import encode_message
 
     raise_from_here()
     encode_message(file, message, values or [], as_json, sender, header or [])
@@ -83,7 +83,7 @@ def decode(
     header: Header = None,
 ) -> None:
     """Print a JSON line for each message; the account of all bytes goes to stderr. Exit 1 if no frame came out."""
-    from wirebond.cli.commands import decode_bytes
+    from wirebond.cli.commands.files import decode_bytes
 
     raise_from_here()
     raise typer.Exit(decode_bytes(file, path, sender, hex_text, expect, header or []))
@@ -97,7 +97,7 @@ def explain(
     as_json: AsJson = False,
 ) -> None:
     """Name every byte of a frame; for refused bytes say which rule failed, and the nearest explanation."""
-    from wirebond.explain.command import explain_bytes
+    from wirebond.cli.commands.explain import explain_bytes
 
     raise_from_here()
     raise typer.Exit(explain_bytes(file, hex_text, sender, as_json))
@@ -123,8 +123,8 @@ def identify(
     as_json: AsJson = False,
 ) -> None:
     """Say which known format these bytes are, or what a port sends at which rate. Exit 1 if none fits."""
-    from wirebond.cli.identify_port import identify_port, is_port
-    from wirebond.identify.command import identify_bytes
+    from wirebond.cli.commands.identify import identify_bytes
+    from wirebond.cli.commands.identify_port import identify_port, is_port
 
     raise_from_here()
     if source is not None and hex_text is None and is_port(source):
@@ -156,7 +156,7 @@ def gen(
     ] = False,
 ) -> None:
     """Generate code for a firmware or a host: a self-contained folder, one header, a Python module, or a package."""
-    from wirebond.gen.command import Starter, generate
+    from wirebond.cli.commands.gen import Starter, generate
 
     raise_from_here()
     if starter != (uart is not None):
@@ -169,12 +169,25 @@ def gen(
 def doc(
     file: ProtocolFile,
     out: Annotated[Path | None, typer.Option(help="File to write to; without it: stdout.")] = None,
+    language: Annotated[str, typer.Option(help="en or zh (Chinese).")] = "en",
 ) -> None:
     """Write the protocol's own document in Markdown, for people who write the other end without Wirebond."""
-    from wirebond.doc.command import write_document
+    from wirebond.cli.commands.doc import write_document
 
     raise_from_here()
-    write_document(file, out)
+    write_document(file, out, language)
+
+
+@commands.command()
+def schema(
+    mapping: Annotated[bool, typer.Option("--mapping", help="Of mapping files for ROS 2.")] = False,
+    out: Annotated[Path | None, typer.Option(help="File to write to; without it: stdout.")] = None,
+) -> None:
+    """Print the JSON Schema of protocol files, with which editors complete and check keys."""
+    from wirebond.cli.commands.schema import write_schema
+
+    raise_from_here()
+    write_schema(mapping, out)
 
 
 @commands.command()
@@ -183,7 +196,7 @@ def new(
     template: Annotated[str, typer.Option(help="native (recommended), fixed or length.")] = "native",
 ) -> None:
     """Write a commented first protocol file."""
-    from wirebond.new.command import write_first_file
+    from wirebond.cli.commands.new import write_first_file
 
     raise_from_here()
     write_first_file(path, template)
@@ -195,7 +208,7 @@ def import_header(
     out: Annotated[Path | None, typer.Option(help="File to write to; it must not exist. Without it: stdout.")] = None,
 ) -> None:
     """Write a first protocol file from a C header's structs, with comments on what the header cannot tell."""
-    from wirebond.import_.command import import_structs
+    from wirebond.cli.commands.import_ import import_structs
 
     raise_from_here()
     import_structs(header, out)

@@ -9,7 +9,18 @@ import typer
 
 from wirebond.cli.interrupts import raise_from_here
 from wirebond.cli.numbers import amount, whole
-from wirebond.cli.options.shared import AsJson, Baud, Browser, Header, Port, ProtocolFile, Role, Seconds, Timeout, Web
+from wirebond.cli.options.shared import (
+    AsJson,
+    Baud,
+    Browser,
+    Header,
+    Port,
+    ProtocolFile,
+    Role,
+    Seconds,
+    Timeout,
+    Web,
+)
 from wirebond.errors import UsageError
 
 commands = typer.Typer()
@@ -34,7 +45,7 @@ def monitor(
     ] = False,
 ) -> None:
     """Show what the other end sends: messages, rates, line use, statistics."""
-    from wirebond.cli.live import monitor_port
+    from wirebond.cli.commands.live import monitor_port
 
     raise_from_here()
     monitor_port(file, port, baud, seconds, as_json, wait, role, dump_on_exit, verbose)
@@ -49,7 +60,7 @@ def dump(
     as_json: AsJson = False,
 ) -> None:
     """Listen, and then print every byte with its time: frames, what was discarded and why. Exit 1 without a byte."""
-    from wirebond.cli.dump import dump_port
+    from wirebond.cli.commands.dump import dump_port
 
     raise_from_here()
     raise typer.Exit(dump_port(file, port, baud, seconds, as_json))
@@ -75,7 +86,7 @@ def listen(
     ] = False,
 ) -> None:
     """Show both directions of a line, with ports that only receive: each message, and who sent it."""
-    from wirebond.cli.listen import listen_to_both
+    from wirebond.cli.commands.listen import listen_to_both
 
     raise_from_here()
     given = (port,) if host_port is None and mcu_port is None else (host_port, mcu_port, port)
@@ -103,7 +114,7 @@ def serve(
         str | None,
         typer.Option(
             envvar="WIREBOND_TOKEN",
-            help="What clients at TCP must say. Beyond this computer one is needed, and made if none is given.",
+            help="What clients at TCP and the console's page must say. Default: one is made and printed.",
         ),
     ] = None,
     hear: Annotated[str, typer.Option("--listen", help="own: frames for this end alone; all: every frame.")] = "own",
@@ -128,7 +139,7 @@ def serve(
     seconds: Seconds = None,
 ) -> None:
     """Own a port, and let many programs attach: each sees every message, and one at a time is in control."""
-    from wirebond.cli.serve import Serving, serve_port
+    from wirebond.cli.commands.serve import Serving, serve_port
 
     raise_from_here()
     serve_port(
@@ -150,12 +161,33 @@ def send(
     seconds: Seconds = None,
     header: Header = None,
     role: Role = "host",
+    hand_over: Annotated[
+        bool, typer.Option("--hand-over", help="Send no safe value at the end: leave the robot as it is.")
+    ] = False,
 ) -> None:
-    """Send a message, once or at a rate. If it asks for a reply, the reply is printed."""
-    from wirebond.cli.live import send_message
+    """Send a message, once or at a rate. If it asks for a reply, the reply is printed. At the end, what the message
+    moved gets its safe value."""
+    from wirebond.cli.commands.live import send_message
 
     raise_from_here()
-    raise typer.Exit(send_message(file, port, message, values or [], rate, baud, seconds, header or [], role))
+    raise typer.Exit(
+        send_message(file, port, message, values or [], rate, baud, seconds, header or [], role, hand_over)
+    )
+
+
+@commands.command()
+def stop(
+    server: Annotated[str, typer.Argument(metavar="SERVER", help="A running server: wirebond://NAME.")],
+    release: Annotated[bool, typer.Option("--release", help="Release the stop instead.")] = False,
+    over: Annotated[
+        bool, typer.Option("--over", help="With --release: also if another program stopped the robot.")
+    ] = False,
+) -> None:
+    """Stop the robot of a running server. The stop holds for all programs, also after a restart of the server."""
+    from wirebond.cli.commands.stop import stop_robot
+
+    raise_from_here()
+    raise typer.Exit(stop_robot(server, release, over))
 
 
 @commands.command()
@@ -185,7 +217,7 @@ def latency(
     as_json: AsJson = False,
 ) -> None:
     """Measure how long replies take: percentiles and a histogram. Exit 1 if no reply came."""
-    from wirebond.cli.latency import measure_latency
+    from wirebond.cli.commands.latency import measure_latency
 
     raise_from_here()
     raise typer.Exit(
@@ -209,7 +241,7 @@ def latency(
 @commands.command()
 def ports(as_json: AsJson = False) -> None:
     """List the serial ports of this machine, each with a name that it keeps. Exit 1 if there is none."""
-    from wirebond.ports.command import list_ports
+    from wirebond.cli.commands.ports import list_ports
 
     raise_from_here()
     raise typer.Exit(list_ports(as_json))
@@ -224,7 +256,7 @@ def doctor(
     as_json: AsJson = False,
 ) -> None:
     """Say what is in the way of the serial ports on this machine, and how to cure it. Exit 1 for a problem."""
-    from wirebond.ports.doctor.command import examine_machine
+    from wirebond.cli.commands.doctor import examine_machine
 
     raise_from_here()
     raise typer.Exit(examine_machine(port, as_json))

@@ -23,7 +23,7 @@ def param_list(
     as_json: AsJson = False,
 ) -> None:
     """Print every parameter that the MCU has, with its value."""
-    from wirebond.cli.param import Access, list_parameters
+    from wirebond.cli.commands.param import Access, list_parameters
 
     raise_from_here()
     raise typer.Exit(list_parameters(Access(file, port, baud, timeout, header or [], as_json)))
@@ -40,7 +40,7 @@ def param_get(
     as_json: AsJson = False,
 ) -> None:
     """Print some parameters."""
-    from wirebond.cli.param import Access, get_parameters
+    from wirebond.cli.commands.param import Access, get_parameters
 
     raise_from_here()
     raise typer.Exit(get_parameters(Access(file, port, baud, timeout, header or [], as_json), names))
@@ -56,8 +56,8 @@ def param_set(
     header: Header = None,
     as_json: AsJson = False,
 ) -> None:
-    """Set parameters, and print the values that the MCU acknowledges. Exit 1 if it refuses one."""
-    from wirebond.cli.param import Access, set_parameters
+    """Set parameters, all or none, and print the values that the MCU acknowledges. Exit 1 if one is refused."""
+    from wirebond.cli.commands.param import Access, set_parameters
 
     raise_from_here()
     raise typer.Exit(set_parameters(Access(file, port, baud, timeout, header or [], as_json), values))
@@ -73,7 +73,7 @@ def param_save(
     header: Header = None,
 ) -> None:
     """Read every parameter, and write them to a file."""
-    from wirebond.cli.param import Access, save_parameters
+    from wirebond.cli.commands.param import Access, save_parameters
 
     raise_from_here()
     raise typer.Exit(save_parameters(Access(file, port, baud, timeout, header or [], False), out))
@@ -89,8 +89,8 @@ def param_load(
     header: Header = None,
     as_json: AsJson = False,
 ) -> None:
-    """Set the parameters that a file has, after all of it was looked at. Exit 1 if something is refused."""
-    from wirebond.cli.param import Access, load_parameters
+    """Set the parameters of a file, all or none. Exit 1 if one is refused."""
+    from wirebond.cli.commands.param import Access, load_parameters
 
     raise_from_here()
     raise typer.Exit(load_parameters(Access(file, port, baud, timeout, header or [], as_json), source))

@@ -34,7 +34,7 @@ def record(
     role: Role = "host",
 ) -> None:
     """Record both directions of a link until Ctrl-C: raw bytes with their times, events, the protocol file."""
-    from wirebond.cli.record import record_port
+    from wirebond.cli.commands.record import record_port
 
     raise_from_here()
     raise typer.Exit(record_port(file, port, out, baud, minutes, wait, role))
@@ -50,7 +50,7 @@ def info(
     ] = False,
 ) -> None:
     """Say what a recording holds. One that was not closed is closed, and what was cut off is reported."""
-    from wirebond.recording.command import show_info
+    from wirebond.cli.commands.recordings import show_info
 
     raise_from_here()
     raise typer.Exit(show_info(recording, protocol, as_json, not no_repair))
@@ -69,18 +69,19 @@ def export_messages(
         Path | None,
         typer.Option(metavar="PATH", help="With ros2: which message is which topic, as for `serve --ros2`."),
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace what exists.")] = False,
 ) -> None:
     """Write the messages of a recording for other programs: a file for each message, or one with all."""
     raise_from_here()
     if to == "ros2":
-        from wirebond.cli.export_bag import export_bag
+        from wirebond.cli.commands.export_bag import export_bag
 
-        raise typer.Exit(export_bag(recording, message, out, protocol, mapping))
+        raise typer.Exit(export_bag(recording, message, out, protocol, mapping, force))
     if mapping is not None:
         raise UsageError("--mapping is for `--to ros2`; leave it out")
-    from wirebond.recording.command import export_recording
+    from wirebond.cli.commands.recordings import export_recording
 
-    raise typer.Exit(export_recording(recording, to, message, out, protocol))
+    raise typer.Exit(export_recording(recording, to, message, out, protocol, force))
 
 
 @commands.command()
@@ -104,7 +105,7 @@ def replay(
     ] = None,
 ) -> None:
     """Let a recording happen again: to a pty that any program opens as a port, or into a firmware."""
-    from wirebond.cli.replay import replay_to_program, replay_to_pty, section_of
+    from wirebond.cli.commands.replay import replay_to_program, replay_to_pty, section_of
 
     raise_from_here()
     section = section_of(speed, start, stop, loop)

@@ -10,6 +10,9 @@ import typer
 from wirebond.cli.numbers import amount, whole
 
 ProtocolFile = Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file (YAML).")]
+ProtocolFileOrStdin = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Protocol file (YAML), or - for stdin.", allow_dash=True)
+]
 Port = Annotated[
     str,
     typer.Argument(

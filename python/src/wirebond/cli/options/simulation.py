@@ -58,7 +58,7 @@ def sim(
     ] = 0.0,
 ) -> None:
     """Run a virtual MCU that speaks this protocol, on a pty; print the pty's path."""
-    from wirebond.cli.live import simulate
+    from wirebond.cli.commands.live import simulate
 
     raise_from_here()
     simulate(file, link, seconds, address or [], script, with_stats, clock_drift)
@@ -99,9 +99,9 @@ def wire(
     as_json: AsJson = False,
 ) -> None:
     """Join two ptys by a simulated wire with a baud rate and faults; say at the end what became of every byte."""
-    from wirebond.wire.command import join_ptys, line_shape, unplugging
-    from wirebond.wire.process import WireSettings
-    from wirebond.wire.script import read_script
+    from wirebond.cli.commands.wire import join_ptys, line_shape, unplugging
+    from wirebond.sim.wire.process import WireSettings
+    from wirebond.sim.wire.script import read_script
 
     raise_from_here()
     given = {"baud": baud, "ber": ber, "bursts": bursts, "drops": drops, "inserts": inserts, "splits": splits}
@@ -164,9 +164,9 @@ def soak(
     as_json: AsJson = False,
 ) -> None:
     """Offer more than the line carries at both ends, and account for every frame. Exit 1 if one is missing."""
-    from wirebond.soak.command import soak_protocol
-    from wirebond.soak.run import Settings
-    from wirebond.soak.unplug import unplug as unplug_of
+    from wirebond.cli.commands.soak import soak_protocol
+    from wirebond.sim.soak.run import Settings
+    from wirebond.sim.soak.unplug import unplug as unplug_of
 
     raise_from_here()
     given = {
@@ -190,9 +190,12 @@ def demo(
     seconds: Seconds = None,
     in_terminal: Annotated[bool, typer.Option("--terminal", help="Show it here, and not in a browser.")] = False,
     browser: Browser = True,
+    ros2: Annotated[
+        bool, typer.Option("--ros2", help="Make the rover a node of ROS 2. It stands until ROS drives it.")
+    ] = False,
 ) -> None:
     """Drive a simulated rover over a tty and watch the link in the console, until Ctrl-C."""
-    from wirebond.cli.demo import run_demo
+    from wirebond.cli.commands.demo import run_demo
 
     raise_from_here()
-    raise typer.Exit(run_demo(seconds, in_terminal, browser))
+    raise typer.Exit(run_demo(seconds, in_terminal, browser, ros2))

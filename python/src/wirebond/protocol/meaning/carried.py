@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wirebond.protocol.forms import Choice, complement, some_value
 from wirebond.protocol.matching import ID_BITS, one_id
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import End, Match, MatchOf, Message, Part, Subject
+from wirebond.protocol.model.forms import Choice, complement, some_value
 from wirebond.protocol.plan import Form
 from wirebond.protocol.planning import forms
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from wirebond.protocol.forms import header_fields, header_of
 from wirebond.protocol.model import (
     SENDER_NUMBERS,
     BitRole,
@@ -18,6 +17,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Subject,
 )
+from wirebond.protocol.model.forms import header_fields, header_of
 from wirebond.protocol.problems import Place, suggestion
 from wirebond.protocol.spelling import bytes_text
 from wirebond.protocol.text.conditions import ComparisonText, ConditionText, ValueText

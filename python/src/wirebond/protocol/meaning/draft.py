@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from wirebond.protocol.forms import MAX_SIZE
 from wirebond.protocol.meaning.carried import uncarried
 from wirebond.protocol.meaning.messages import Messages
 from wirebond.protocol.model import (
@@ -23,6 +22,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Stuffing,
 )
+from wirebond.protocol.model.forms import MAX_SIZE
 from wirebond.protocol.payload_rules import MAX_COUNTS, payload_rules
 from wirebond.protocol.planning import forms
 from wirebond.protocol.problems import Place, Problems
@@ -303,7 +303,21 @@ def skips_failed(draft: Draft, resync: str, problems: Problems, place: Place) ->
     return resync == "strict"
 
 
-def finish(draft: Draft, max_payload: int, deliver_unknown: bool, is_strict: bool) -> FrameFormat:
+def longest_sent(draft: Draft, messages: Messages) -> tuple[tuple[End, int], ...]:
+    """The largest payload of each end's messages, which bounds that end's frames where the file gives no bound."""
+    if draft.payload.payload == PayloadRule.FIXED:
+        return ()
+    read = [entry.message for entry in messages.values() if entry.message is not None]
+    return tuple((end, max((m.max_payload for m in read if m.sent_by(end)), default=0)) for end in (End.HOST, End.MCU))
+
+
+def finish(
+    draft: Draft,
+    max_payload: int,
+    deliver_unknown: bool,
+    is_strict: bool,
+    longest: tuple[tuple[End, int], ...],
+) -> FrameFormat:
     return FrameFormat(
         parts=draft.parts,
         max_payload=max_payload,
@@ -315,4 +329,5 @@ def finish(draft: Draft, max_payload: int, deliver_unknown: bool, is_strict: boo
         insertion=draft.envelope.insertion,
         ends_by_silence=draft.envelope.silence is not None,
         is_strict=is_strict,
+        longest_sent=longest,
     )

@@ -102,11 +102,17 @@ def _fit_bytes(field: Field, value: Fraction | bool | str) -> _Fitted:
     tokens = value.split() if isinstance(value, str) else [""]
     if not all(_BYTE.fullmatch(token) for token in tokens):
         return None, f"`{field.name}` is a byte string; write its bytes as 0xAA 0x55"
-    room = field.room
-    if len(tokens) > room:
-        return None, f"these are {len(tokens)} bytes, and `{field.name}` has room for {room}; write no more"
-    found = bytes(int(token, 16) for token in tokens)
-    return (None, _too_early(field)) if _has_end(field, found) else (found, "")
+    return fit_bytes(field, bytes(int(token, 16) for token in tokens))
+
+
+def fit_bytes(field: Field, value: bytes) -> tuple[bytes | None, str]:
+    """As `fit_value`, for the bytes of a byte string."""
+    if len(value) > field.room:
+        return (
+            None,
+            f"these are {len(value)} bytes, and `{field.name}` has room for {field.room}; write no more",
+        )
+    return (None, _too_early(field)) if _has_end(field, value) else (value, "")
 
 
 def _has_end(field: Field, value: bytes) -> bool:
@@ -165,7 +171,7 @@ def has_default(field: Field) -> bool:
     """Is its value settled where nobody gives one?"""
     if field.fields and not field.is_list:
         return all(has_default(member) for member in field.fields)
-    return field.default is not None or field.is_list or field.is_count or field.kind == FieldKind.PADDING
+    return field.default is not None or field.is_count or field.kind == FieldKind.PADDING
 
 
 def settled(fields: tuple[Field, ...]) -> set[str]:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from wirebond.protocol import algorithms, plan, planning
 from wirebond.protocol.apart import alike
-from wirebond.protocol.forms import header_fields, header_names, parts_of_forms
 from wirebond.protocol.meaning.conditions import read_condition
 from wirebond.protocol.meaning.draft import Draft, Envelope
 from wirebond.protocol.meaning.envelope import read_envelope, stuffed_parts
@@ -35,6 +34,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Stuffing,
 )
+from wirebond.protocol.model.forms import header_fields, header_names, parts_of_forms
 from wirebond.protocol.names import meeting, meeting_fault
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.spelling import bytes_text, choices_text

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping as Mapping_
 from fractions import Fraction
 
-from wirebond.protocol.forms import header_fields, magics
 from wirebond.protocol.meaning.field_values import Given, fit_value, number_text
 from wirebond.protocol.meaning.fields import ValueReader
 from wirebond.protocol.model import Address, ByteOrder, End, Field, FieldKind, HeaderDefault, HeaderField, Part
+from wirebond.protocol.model.forms import header_fields, magics
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.field_types import wire_type
 from wirebond.protocol.text.frame_grammar import BitRun, FieldPart, HeaderSyntax

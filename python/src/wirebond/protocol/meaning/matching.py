@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from wirebond.protocol.forms import header_fields
 from wirebond.protocol.matching import ID_BITS, overlap
 from wirebond.protocol.meaning.conditions import Fault, magic_ranges, magic_values, ranges_of
 from wirebond.protocol.meaning.draft import Draft
@@ -25,6 +24,7 @@ from wirebond.protocol.model import (
     PayloadPlace,
     PayloadRule,
 )
+from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.payload_rules import named_numbers
 from wirebond.protocol.planning import matches_late
 from wirebond.protocol.problems import Place, Problems, suggestion
@@ -32,6 +32,7 @@ from wirebond.protocol.text.matching import MatchText
 from wirebond.protocol.text.yaml_tree import Mapping
 
 ID = "id"
+_Numbers = dict[str, tuple[Field, PayloadPlace]]
 
 
 def read_matches(draft: Draft, messages: Messages, problems: Problems) -> tuple[Draft, Messages]:
@@ -90,10 +91,10 @@ class _Reader:
                     places.value_place(name),
                     lambda text=text, field=header[name]: self._of_header(text, field),  # type: ignore[misc]
                 )
-            elif name in numbers:
+            elif paths := paths_of(name, numbers):
                 self._add(
                     places.value_place(name),
-                    lambda text=text, name=name: self._of_payload(text, name, *numbers[name]),  # type: ignore[misc]
+                    lambda text=text, name=name, paths=paths: self._of_path(text, name, paths, numbers),  # type: ignore[misc]
                 )
             elif self.entry.has_all_fields:
                 known = dict.fromkeys((*header, *numbers, "size"))
@@ -138,15 +139,24 @@ class _Reader:
         ranges = ranges_of(text, field.value.width, dict(field.value.enum), f"`{field.name}`")
         return _match(MatchOf.HEADER, ranges, field.value.width, text.mask, field.name)
 
+    def _of_path(self, text: MatchText, name: str, paths: list[str], numbers: _Numbers) -> Match:
+        if len(paths) > 1:
+            listed = " or ".join(f"`{path}`" for path in paths)
+            raise Fault(f"`{name}` can be {listed} of this message; write which one, with its whole path")
+        path = paths[0]
+        if any(match.of == MatchOf.PAYLOAD and match.name == path for match in self.message.match):
+            raise Fault(f"`{path}` is matched twice; write it once")
+        return self._of_payload(text, path, *numbers[path])
+
     def _of_payload(self, text: MatchText, name: str, field: Field, place: PayloadPlace) -> Match:
+        if field.is_count:
+            raise Fault(f"`{name}` counts other fields, and their number is free; match another field")
         width = place.mask.bit_length()
         match = _match(
             MatchOf.PAYLOAD, ranges_of(text, width, dict(field.enum), f"`{name}`"), width, text.mask, name, place
         )
         if match.is_one_value:  # then it is no value any more
             self.message = replace(self.message, fields=_with_constant(self.message.fields, name, match.least))
-        elif any(_counts(one, name) for one in self.message.fields):
-            raise Fault(f"`{name}` counts other fields, so that it is not free; match one value, or another field")
         return match
 
     def _of_size(self, text: MatchText) -> Match:
@@ -183,19 +193,22 @@ def _holds(part: Part, field: HeaderField) -> bool:
     return part.header is field or any(run.header is field for run in part.bits)
 
 
-def _counts(field: Field, name: str) -> bool:
-    return any(counter == name or counter.endswith(f".{name}") for counter, _ in field.counters)
+def paths_of(name: str, numbers: _Numbers) -> list[str]:
+    """The numbers that a name may mean: the one with this path, else those whose paths end with it."""
+    return [name] if name in numbers else [path for path in numbers if path.endswith(f".{name}")]
 
 
-def _with_constant(fields: tuple[Field, ...], name: str, value: int) -> tuple[Field, ...]:
-    """The fields, of which the number of this name is a constant."""
+def _with_constant(fields: tuple[Field, ...], path: str, value: int) -> tuple[Field, ...]:
+    """Make the number with this path a constant. A struct that has one is of no type of the file any more: in other
+    messages that type has the number."""
+    name, _, rest = path.partition(".")
 
     def fixed(one: Field) -> Field:
-        if one.name == name:
-            return Field(name, FieldKind.PADDING, one.size, one.order, bits=one.bits, constant=value)
-        if one.kind == FieldKind.BITS:
-            return replace(one, fields=_with_constant(one.fields, name, value))
-        return one
+        if one.name != name:
+            return one
+        if rest:
+            return replace(one, fields=_with_constant(one.fields, rest, value), type_name="")
+        return Field(name, FieldKind.PADDING, one.size, one.order, bits=one.bits, constant=value)
 
     return tuple(fixed(one) for one in fields)
 

@@ -7,10 +7,20 @@ from typing import Any
 
 from wirebond.protocol.counters import COUNTERS
 from wirebond.protocol.meaning.draft import Draft
-from wirebond.protocol.meaning.field_values import fit_value, settled
+from wirebond.protocol.meaning.given_values import ValueReader
 from wirebond.protocol.meaning.header import read_header_values
 from wirebond.protocol.meaning.messages import Entry, Messages, receiver_of, spoken
-from wirebond.protocol.model import Deadline, End, Field, FieldKind, GivenMessage, Message, Recover, Service
+from wirebond.protocol.model import (
+    Deadline,
+    End,
+    Field,
+    FieldKind,
+    GivenMessage,
+    Message,
+    Recover,
+    Service,
+    Start,
+)
 from wirebond.protocol.names import action_fault, meeting, meeting_fault
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.grammar import DeadlineSyntax, GivenMessageSyntax, Services
@@ -27,8 +37,6 @@ def _find(name: str, place: Place, messages: Messages, problems: Problems) -> En
 
 
 # ---- a message with its values ---------------------------------------------------------------------
-
-_VALUELESS = (FieldKind.BYTES, FieldKind.PADDING)
 
 
 def _read_given(
@@ -50,10 +58,9 @@ def _read_given(
     if entry.complete is None:
         return None
     given = {**(syntax.__pydantic_extra__ or {}), **syntax.fields}
-    fields = {field.name: field for field in entry.complete.fields}
     header_values = syntax.header
-    if not isinstance(header_values, dict):  # one value: it can only be that of a field of the message
-        if "header" not in fields:
+    if not isinstance(header_values, dict):  # it can only be the value of a field of the message
+        if all(field.name != "header" for field in entry.complete.fields):
             problems.add(
                 node.value_place("header"),
                 f"`header` has values of the frame's header, by their names; `{syntax.message}` has no field `header`. "
@@ -64,49 +71,10 @@ def _read_given(
         header_values = {}
     inner = node.get("fields")
     places = {name: inner if name in syntax.fields and isinstance(inner, Mapping) else node for name in given}
-    may_stay_out = settled(entry.complete.fields)
-    unfit = [name for name, field in fields.items() if name not in may_stay_out and not _can_be_given(field)]
-    if unfit:
-        problems.add(
-            place,
-            f"{_listed(unfit)} of `{syntax.message}` cannot be given here; take a message of single values, or "
-            "give the others defaults",
-        )
-        return None
-    missing = [name for name in fields if name not in given and name not in may_stay_out]
-    hidden = [name for name in missing if name in GivenMessageSyntax.model_fields]
-    if hidden:
-        problems.add(place, f"{what} leaves the field `{hidden[0]}` open; add `fields: {{{hidden[0]}: 0}}`")
-    elif missing:
-        problems.add(place, f"{what} leaves {_listed(missing)} open; add for example `{missing[0]}: 0`")
-    values: list[tuple[str, float | int | bool | str]] = []
-    for name, wanted in given.items():
-        if name not in fields:
-            there = suggestion(name, fields) if fields else "it has no fields at all"
-            problems.add(places[name].key_place(name), f"`{syntax.message}` has no field `{name}`; {there}")
-            continue
-        if not _can_be_given(fields[name]):
-            problems.add(
-                places[name].key_place(name),
-                f"`{name}` is no single value and cannot be given here; leave it to its default",
-            )
-            continue
-        value, fault = fit_value(fields[name], wanted)
-        if isinstance(value, float | int | str):
-            names = {number: word for word, number in fields[name].enum}
-            values.append((name, names.get(value, value) if isinstance(value, int) else value))
-        else:
-            problems.add(places[name].value_place(name), fault)
+    reader = ValueReader(what, problems, beside=True)
+    values = reader.message(syntax.message, entry.complete.fields, given, places, place)
     header = None if draft is None else read_header_values(header_values, draft.parts, node, problems)
-    return GivenMessage(syntax.message, tuple(values), tuple((header or {}).items()))
-
-
-def _can_be_given(field: Field) -> bool:
-    return field.count is None and not field.is_list and not field.fields and field.kind not in _VALUELESS
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names)
+    return GivenMessage(syntax.message, tuple((values or {}).items()), tuple((header or {}).items()))
 
 
 # ---- deadlines -----------------------------------------------------------------------------------
@@ -122,7 +90,13 @@ def read_deadlines(
             continue
         recover_by = _read_given(item.get("recover_by"), "`recover_by`", messages, draft, problems)
         deadline = Deadline(
-            syntax.message, End(syntax.at), syntax.after, syntax.then, Recover(syntax.recover), recover_by
+            syntax.message,
+            End(syntax.at),
+            syntax.after,
+            syntax.then,
+            Recover(syntax.recover),
+            recover_by,
+            Start(syntax.start),
         )
         _validate_deadline(deadline, item, messages, problems)
         for name, other in meeting([*dict.fromkeys(d.then for d in deadlines), deadline.then]):
@@ -157,6 +131,12 @@ def _validate_deadline(deadline: Deadline, node: Mapping, messages: Messages, pr
             node.value_place("after"),
             f"`{message.name}` is due every {message.every:g} s only, so this deadline would strike "
             "between two messages; write more than that",
+        )
+    if deadline.start == Start.HELD and (deadline.at != End.MCU or deadline.recover != Recover.EXPLICIT):
+        problems.add(
+            node.value_place("start"),
+            "only a deadline with `at: mcu` and `recover: explicit` can hold its message back from the start on, for "
+            "`recover` is what ends it; write both, or remove `start`",
         )
     if deadline.recover_by is not None:
         _validate_recover_by(deadline, deadline.recover_by.message, node, problems)

@@ -3,15 +3,7 @@
 Nothing here reads a file, and nothing here knows how a frame is found or laid out in memory (see ``plan``).
 """
 
-from wirebond.protocol.model.fields import (
-    BitOrder,
-    ByteOrder,
-    Default,
-    End,
-    Field,
-    FieldKind,
-    OnRange,
-)
+from wirebond.protocol.model.fields import BitOrder, ByteOrder, Default, End, Field, FieldKind, OnRange
 from wirebond.protocol.model.frames import (
     SENDER_NUMBERS,
     Address,
@@ -34,27 +26,22 @@ from wirebond.protocol.model.frames import (
     Subject,
     cobs_overhead,
 )
-from wirebond.protocol.model.messages import (
-    LogLevel,
-    Match,
-    MatchOf,
-    Message,
-    PayloadPlace,
-    Queue,
-)
+from wirebond.protocol.model.messages import LogLevel, Match, MatchOf, Message, PayloadPlace, Queue
 from wirebond.protocol.model.protocol import (
     MAX_LATENCY,
     PAUSE_MARGIN,
     Deadline,
     Example,
-    ExampleScalar,
-    ExampleValue,
     GivenMessage,
+    GivenScalar,
+    GivenValue,
     LinkSettings,
+    Mismatch,
     Parity,
     Protocol,
     Recover,
     Service,
+    Start,
 )
 
 __all__ = [
@@ -75,12 +62,12 @@ __all__ = [
     "End",
     "Escapes",
     "Example",
-    "ExampleScalar",
-    "ExampleValue",
     "Field",
     "FieldKind",
     "FrameFormat",
     "GivenMessage",
+    "GivenScalar",
+    "GivenValue",
     "HeaderDefault",
     "HeaderField",
     "Insertion",
@@ -90,6 +77,7 @@ __all__ = [
     "Match",
     "MatchOf",
     "Message",
+    "Mismatch",
     "OnRange",
     "Parity",
     "Part",
@@ -100,6 +88,7 @@ __all__ = [
     "Queue",
     "Recover",
     "Service",
+    "Start",
     "Stuffing",
     "Subject",
     "cobs_overhead",

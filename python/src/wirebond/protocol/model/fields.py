@@ -90,9 +90,15 @@ class Field:
     asked_by: str = ""  # of a list in a reply: the field of the request that says how many elements it wants
     is_count: bool = False  # it counts others: its value follows from theirs, and is not given
     ends_with: int | None = None  # of a string: the byte behind it
+    excludes: tuple[bytes, ...] = ()  # of a text: delimiters of its frame, which it must not have in it
     type_name: str = ""  # of kind STRUCT: the type of the file that it is; empty for one of its own
     clock: End | None = None  # it is a time of this end's clock: when the values of its message were measured
     constant: int | None = None  # of kind PADDING: the number that its ``width`` bits must be; None: any
+
+    def without_ends(self, text: str) -> str:
+        """The text without the bytes that no sender may write in it: its own end, and its frame's delimiters."""
+        ends = b"".join(self.excludes) + (b"" if self.ends_with is None else bytes([self.ends_with]))
+        return "".join(character for character in text if character.encode() not in ends)
 
     @property
     def constant_bytes(self) -> bytes:

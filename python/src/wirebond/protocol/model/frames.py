@@ -256,6 +256,11 @@ class FrameFormat:
     insertion: Insertion | None = None
     ends_by_silence: bool = False
     is_strict: bool = False  # a candidate that failed behind its header is not looked through again
+    longest_sent: tuple[tuple[End, int], ...] = ()  # of each end, where the file has no `max_payload`
+
+    def max_payload_from(self, sender: End | None) -> int:
+        """The greatest payload of this end's frames; None: of either end's."""
+        return dict(self.longest_sent).get(sender, self.max_payload) if sender is not None else self.max_payload
 
     def part(self, kind: PartKind) -> Part | None:
         return next((p for p in self.parts if p.kind == kind), None)

@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Any, Union
 
 from wirebond.protocol.model.fields import End
+from wirebond.protocol.model.forms import parts_of_forms
 from wirebond.protocol.model.frames import FrameFormat, HeaderDefault, PartKind, PayloadRule
 from wirebond.protocol.model.messages import Message
 
@@ -18,6 +19,20 @@ MAX_LATENCY = 1.0  # seconds that a port may hold bytes back: longer is a fault 
 class Recover(StrEnum):
     NEXT_MESSAGE = "next_message"
     EXPLICIT = "explicit"
+
+
+class Start(StrEnum):
+    """What a deadline with ``recover: explicit`` does from the MCU's start on."""
+
+    READY = "ready"  #: its message acts
+    HELD = "held"  #: it has struck already: its message is held back until somebody recovers
+
+
+class Mismatch(StrEnum):
+    """What the MCU does with commands of a host that said another protocol hash."""
+
+    HOLD_BACK = "hold_back"
+    ACT = "act"
 
 
 class Parity(StrEnum):
@@ -36,6 +51,7 @@ class LinkSettings:
     max_age: float | None = None  # seconds; frames that waited longer expire
     echo: bool = False  # an end hears what it sends
     adapter_latency: float | None = None  # seconds that the host's port may hold bytes back; None: by its device
+    on_mismatch: Mismatch = Mismatch.HOLD_BACK
 
     @property
     def bits_per_byte(self) -> float:
@@ -47,18 +63,30 @@ class LinkSettings:
         return max(1, int(self.max_run * self.baud / self.bits_per_byte))
 
 
+GivenScalar = float | int | bool | str | bytes
+# An array is a tuple, a struct a mapping.
+GivenValue = Union[GivenScalar, tuple["GivenValue", ...], Mapping[str, "GivenValue"]]  # noqa: UP007  (recursive)
+
+
+def _plain(value: GivenValue) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return {name: _plain(item) for name, item in value.items()} if isinstance(value, Mapping) else value
+
+
 @dataclass(frozen=True)
 class GivenMessage:
     """A message of the host with the values that the file gives it: that of ``recover_by``, or one of
     ``emergency_stop``, which stops the robot and ends a lease."""
 
     message: str
-    values: tuple[tuple[str, float | int | bool | str], ...]
+    values: tuple[tuple[str, GivenValue], ...]
     header: tuple[tuple[str, HeaderDefault], ...] = ()  # of the frame, where it differs from the host's defaults
 
-    def is_it(self, message: str, fields: Mapping[str, Any]) -> bool:
-        """Is a message with this name and these values the one? Fields that the file does not give do not count."""
-        return message == self.message and all(fields.get(name) == value for name, value in self.values)
+    @property
+    def fields(self) -> dict[str, Any]:
+        """The values with lists and dicts, as ``encode`` takes them."""
+        return {name: _plain(value) for name, value in self.values}
 
 
 @dataclass(frozen=True)
@@ -69,11 +97,7 @@ class Deadline:
     then: str
     recover: Recover
     recover_by: GivenMessage | None = None  # what the host sends to end an explicit one; None: the file does not say
-
-
-ExampleScalar = float | int | bool | str | bytes
-# An array is a tuple, a struct a mapping.
-ExampleValue = Union[ExampleScalar, tuple["ExampleValue", ...], Mapping[str, "ExampleValue"]]  # noqa: UP007  (recursive)
+    start: Start = Start.READY
 
 
 @dataclass(frozen=True)
@@ -85,9 +109,14 @@ class Example:
 
     message: str
     sender: End
-    values: tuple[tuple[str, ExampleValue], ...]
+    values: tuple[tuple[str, GivenValue], ...]
     frame: bytes
     header: tuple[tuple[str, HeaderDefault], ...] = ()  # named header fields that differ from their defaults
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """The values with lists and dicts, as ``encode`` takes them."""
+        return {name: _plain(value) for name, value in self.values}
 
 
 @dataclass(frozen=True)
@@ -127,18 +156,17 @@ class Protocol:
     def service(self, name: str) -> Service | None:
         return next((s for s in self.services if s.name == name), None)
 
-    def max_wire_bytes(self, payload: int | None = None) -> int:
-        """Wire bytes of the largest frame, or of one with ``payload`` bytes, delimiters and worst stuffing included.
+    def max_wire_bytes(self, payload: int | None = None, sender: End | None = None) -> int:
+        """Return the wire bytes of the largest frame, of ``sender`` if that is given, or of one with ``payload`` bytes;
+        delimiters and worst stuffing included.
 
         Of forms that exclude each other the largest counts.
         """
-        from wirebond.protocol.planning import forms  # noqa: PLC0415  (it needs this module)
-
         rule = self.format.part(PartKind.PAYLOAD)
         if rule is not None and rule.payload == PayloadRule.FIXED:
             payload = rule.fixed_payload
-        beside = max(form.prefix + form.suffix for form in forms(self.format.parts, None))
-        size = beside + (self.format.max_payload if payload is None else payload)
+        beside = max(form.bytes_beside_payload for form in parts_of_forms(self.format.parts, None))
+        size = beside + (self.format.max_payload_from(sender) if payload is None else payload)
         size += self.format.overhead(size)
         delimiter = self.format.delimiter or b""
         return size + len(self.format.opening or delimiter) + len(delimiter)

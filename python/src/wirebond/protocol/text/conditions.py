@@ -10,6 +10,7 @@ from typing import Annotated
 from pydantic import Field, PlainValidator
 
 from wirebond.protocol.text.scalars import describe, hex_bytes, wrong
+from wirebond.protocol.text.yaml_tree import MAX_NUMBER_LENGTH
 
 MAX_LENGTH = 400
 _ADVICE = (
@@ -80,6 +81,8 @@ class _Parser:
             match = _TOKEN.match(rest, at)
             if match is None:
                 raise self._wrong(f"{rest[at:].strip()[0]!r} has no meaning here")
+            if len(match[1]) > MAX_NUMBER_LENGTH and match[1][0].isdigit():
+                raise self._wrong(f"it has a number of {len(match[1])} characters")
             self._tokens.append(match[1])
             at = match.end()
         self._at = 0

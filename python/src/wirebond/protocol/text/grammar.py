@@ -18,10 +18,10 @@ from wirebond.protocol.text.scalars import (
     Baud,
     Bool,
     Duration,
-    ExampleValue,
+    FieldPath,
     FrameBytes,
+    GivenValue,
     Name,
-    OwnValue,
     PayloadBytes,
     Period,
     ProtocolName,
@@ -96,6 +96,12 @@ class Link(Syntax):
         "buffer takes.",
         examples=["16 ms"],
     )
+    on_mismatch: Annotated[str, one_word("hold_back", "act")] = Field(
+        "hold_back",
+        description="What the MCU does with commands of a host whose hello says another protocol hash: hold them back, "
+        "or act on them. The emergency stop always acts.",
+        examples=["act"],
+    )
 
 
 # ---- messages ------------------------------------------------------------------------------------
@@ -111,11 +117,12 @@ class MessageHead(Syntax):
         description="Number on the wire; decimal or 0x... Several: a list, a range or a mask.",
         examples=["0x01", "[0x10, 0x11]", "0x80..0xFF", "{mask: 0x80, value: 0x80}"],
     )
-    match: dict[Name, MatchValue] = Field(
+    match: dict[FieldPath, MatchValue] = Field(
         default_factory=dict,
         description="What its frames have beside the id, or instead of one: a value, a list, a range or a mask, for a "
-        "header field, for a number of its payload, or for `size` (payload bytes).",
-        examples=["{kind: reply, size: 8}"],
+        "header field, for a number of its payload (within a struct by its path, such as `head.kind`), or for `size` "
+        "(payload bytes).",
+        examples=["{kind: reply, size: 8}", "{head.kind: 1}"],
     )
     sender: Annotated[str, one_word("host", "mcu", "both")] = Field(description="Who sends it.", examples=["host"])
     every: Period | None = Field(None, description="How often it is due: a period or a rate.", examples=["50 ms"])
@@ -156,10 +163,14 @@ class GivenMessageSyntax(Syntax):
 
     model_config = ConfigDict(extra="allow")
     noun = "a message with its values"
-    __pydantic_extra__: dict[str, OwnValue]
+    __pydantic_extra__: dict[str, GivenValue]
 
-    message: Name = Field(description="The message to send; its fields' values stand beside it.", examples=["velocity"])
-    fields: dict[Name, OwnValue] = Field(
+    message: Name = Field(
+        description="The message to send; its fields' values stand beside it: a list for arrays, groups and flags, a "
+        "mapping for structs and bits, hex digits in quotes for byte strings.",
+        examples=["velocity"],
+    )
+    fields: dict[Name, GivenValue] = Field(
         default_factory=dict,
         description="Values of its fields, for those that are called `message`, `fields` or `header`.",
         examples=["{message: 0}"],
@@ -200,6 +211,12 @@ class DeadlineSyntax(Syntax):
         description="How it ends: by the next message, or by an explicit call.",
         examples=["explicit"],
     )
+    start: Annotated[str, one_word("ready", "held")] = Field(
+        "ready",
+        description="After the MCU's start, with `recover: explicit`: the message acts, or it is held back as if the "
+        "deadline had struck.",
+        examples=["held"],
+    )
     recover_by: RecoverMessageSyntax | None = Field(
         None,
         description="The message that the host sends to end it, with the values of its fields, where `recover` is "
@@ -228,12 +245,12 @@ class ExampleSyntax(Syntax):
     sender: Annotated[str | None, one_word("host", "mcu")] = Field(
         None, description="Who sends it; needed only where both ends do and it matters.", examples=["host"]
     )
-    fields: dict[Name, ExampleValue] = Field(
+    fields: dict[Name, GivenValue] = Field(
         default_factory=dict,
         description="The values of its fields; a list for arrays and flags, hex digits for byte strings.",
         examples=["{linear: 0.5, angular: 0}"],
     )
-    header: dict[Name, ExampleValue] = Field(
+    header: dict[Name, GivenValue] = Field(
         default_factory=dict,
         description="Values of the frame's own named fields and numbers, where they differ from their defaults.",
         examples=["{sequence: 5}"],

@@ -83,6 +83,8 @@ def _text(value: object) -> str:
 
 NameText = Annotated[str, Field(pattern=names.PATTERN, max_length=names.MAX_LENGTH)]
 Name = Annotated[str, PlainValidator(_name(names.fault), json_schema_input_type=NameText)]
+_PathText = Annotated[str, Field(pattern=names.PATH_PATTERN, max_length=8 * names.MAX_LENGTH)]
+FieldPath = Annotated[str, PlainValidator(_name(names.path_fault), json_schema_input_type=_PathText)]
 _ProtocolNameText = Annotated[str, Field(pattern=names.PROTOCOL_PATTERN, max_length=names.MAX_LENGTH)]
 ProtocolName = Annotated[str, PlainValidator(_name(names.protocol_fault), json_schema_input_type=_ProtocolNameText)]
 Text = Annotated[str, PlainValidator(_text, json_schema_input_type=str)]
@@ -268,33 +270,31 @@ def _frame_bytes(value: object) -> bytes:
     return found
 
 
-def _example_value(value: object) -> Any:
+def _given_value(value: object) -> Any:
     """A value, or lists and mappings of such; the reader bounds how deep."""
     if isinstance(value, list):
-        return [_example_value(item) for item in value]
+        return [_given_value(item) for item in value]
     if isinstance(value, dict):
-        return {key: _example_value(item) for key, item in value.items()}
+        return {key: _given_value(item) for key, item in value.items()}
     return _own_value(value)
 
 
-ExampleValue = Annotated[
+GivenValue = Annotated[
     Any,
-    PlainValidator(_example_value, json_schema_input_type=float | bool | str | list[Any] | dict[str, Any]),
+    PlainValidator(_given_value, json_schema_input_type=float | bool | str | list[Any] | dict[str, Any]),
 ]
 
 
 def _values_or_one(value: object) -> Any:
-    return (
-        {str(key): _example_value(item) for key, item in value.items()}
-        if isinstance(value, dict)
-        else _own_value(value)
-    )
+    if isinstance(value, dict):
+        return {str(key): _given_value(item) for key, item in value.items()}
+    return _given_value(value)
 
 
 # Values by name; or one value, where the key is also the name of a field.
 ValuesOrOne = Annotated[
-    dict[str, ExampleValue] | Fraction | bool | str,
-    PlainValidator(_values_or_one, json_schema_input_type=dict[str, ExampleValue] | float | bool | str),
+    dict[str, GivenValue] | Fraction | bool | str | list[Any],
+    PlainValidator(_values_or_one, json_schema_input_type=dict[str, GivenValue] | float | bool | str | list[Any]),
 ]
 FrameBytes = Annotated[
     bytes,

@@ -1,13 +1,11 @@
 """The JSON Schema of protocol files, for editors and other tools, made from the grammar.
 
-``python -m wirebond.protocol.text.schema > protocols/wirebond.schema.json`` brings the published copy up to date.
-`wirebond.ros2.mapping.schema` does the same for mapping files.
+``wirebond schema`` prints it, and that of mapping files (`wirebond.ros2.mapping.schema`).
 """
 
 from __future__ import annotations
 
 import json
-import sys
 from typing import Any
 
 from wirebond.protocol.text.grammar import File
@@ -29,7 +27,7 @@ def schema_of(grammar: type[Syntax], title: str) -> dict[str, Any]:
 
 
 def schema_text() -> str:
-    """The published file's text."""
+    """Return the schema as a file's text."""
     return text_of(json_schema())
 
 
@@ -62,7 +60,3 @@ def _tidied(value: Any) -> Any:
         del schema["anyOf"]
         schema |= kept[0] if len(kept) == 1 else {"anyOf": kept}
     return schema
-
-
-if __name__ == "__main__":
-    sys.stdout.write(schema_text())

@@ -110,6 +110,15 @@ def read_text(path: str | os.PathLike[str]) -> str:
         problems.stop(WHOLE_FILE, "this file may not be read by you; check its permissions")
     except (OSError, ValueError) as error:
         problems.stop(WHOLE_FILE, f"cannot be read: {getattr(error, 'strerror', None) or error}; check the path")
+    return decoded(data, str(path))
+
+
+def decoded(data: bytes, path: str) -> str:
+    """The text in a file's bytes, of which one more than allowed is enough. Raises as `read_text` does.
+
+    :param path: the name that errors give it.
+    """
+    problems = Problems(path)
     _validate_size(len(data), problems)
     try:
         return data.decode("utf-8-sig")

@@ -282,3 +282,8 @@ class File(Syntax):
     emergency_stop: Topic | None = Field(
         None, description="A std_msgs/Bool: true stops, false releases.", examples=["emergency_stop"]
     )
+    recover: Topic = Field(
+        "~/recover",
+        description="A std_msgs/Empty that ends deadlines at the MCU with `recover: explicit` by their `recover_by`.",
+        examples=["recover"],
+    )

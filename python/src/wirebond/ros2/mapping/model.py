@@ -140,5 +140,6 @@ class BridgeMapping:
     diagnostics: tuple[FlagsMapping, ...] = ()
     navigation: NavigationMapping | None = None
     emergency_stop: str | None = None
+    recover: str = "~/recover"
     latency: str | None = None
     path: str = field(default="", compare=False)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
-from wirebond.gen.ros2_types import FRAME, Definition, Member, interfaces
+from wirebond.generate.code.ros2_types import FRAME, Definition, Member, interfaces
 from wirebond.protocol.model import End, FieldKind, Protocol
 from wirebond.ros2 import cdr
 from wirebond.ros2.mapping.filler import Reading, Tree

@@ -12,6 +12,8 @@ from wirebond.protocol.model import Field, FieldKind, Message
 from wirebond.protocol.problems import suggestion
 from wirebond.ros2.types import RANGES, Kind, RosField, RosType
 
+_MOST_DIGITS = 9  # of an index
+
 
 class What(StrEnum):
     """The type of a value, as a sentence calls it."""
@@ -81,7 +83,7 @@ def wire_leaf(message: Message, path: str) -> tuple[Leaf, Getter]:
         getter, where = _item(getter, step), f"{where}.{step}"
         many = found.count is not None or found.is_list
         if many and steps and steps[0].isdecimal():
-            if found.count is None or int(steps[0]) >= found.count:
+            if found.count is None or len(steps[0]) > _MOST_DIGITS or int(steps[0]) >= found.count:
                 held = "a varying number of" if found.count is None else str(found.count)
                 raise PathError(f"{where} has {held} values; an index is a number below that")
             getter, where, many = _item(getter, int(steps[0])), f"{where}.{steps.pop(0)}", False
@@ -166,7 +168,7 @@ def ros_place(type_: RosType, path: str) -> RosPlace:
         found.append(step)
         many = field.kind != Kind.ONE
         if many and steps and steps[0].isdecimal():
-            index = int(steps.pop(0))
+            index = int(steps.pop(0)[:_MOST_DIGITS])
             if (field.kind == Kind.ARRAY and index >= field.count) or index > 63:
                 raise PathError(
                     f"{step} of {owner.short} is {field.spelled}; an index is a number below its size, and 64"

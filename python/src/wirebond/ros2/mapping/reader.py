@@ -126,6 +126,7 @@ class _Reader:
             diagnostics=tuple(f for f in flags if f is not None),
             navigation=navigation,
             emergency_stop=file.emergency_stop,
+            recover=file.recover,
             latency=file.latency,
             path=path,
         )

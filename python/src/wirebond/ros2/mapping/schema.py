@@ -1,11 +1,7 @@
-"""The JSON Schema of mapping files, for editors.
-
-``python -m wirebond.ros2.mapping.schema > protocols/wirebond_ros2.schema.json`` brings the published copy up to date.
-"""
+"""The JSON Schema of mapping files, for editors. ``wirebond schema --mapping`` prints it."""
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 from wirebond.protocol.text.schema import schema_of, text_of
@@ -18,9 +14,5 @@ def json_schema() -> dict[str, Any]:
 
 
 def schema_text() -> str:
-    """The published file's text."""
+    """Return the schema as a file's text."""
     return text_of(json_schema())
-
-
-if __name__ == "__main__":
-    sys.stdout.write(schema_text())

@@ -1,0 +1,54 @@
+"""Diagnosis while a link runs: a thread looks every few seconds, and what is over is not told any more."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from wirebond.analysis.diagnosis.finding import Diagnosis, Kind
+from wirebond.analysis.diagnosis.line import diagnose
+from wirebond.link import Link
+
+_EVERY = 2.0  # seconds between two looks; a look takes a second where much is wrong
+_RECENT = 5.0  # seconds that a look goes back
+
+
+class LiveDiagnosis:
+    """One thread asks. What it starts ends by itself, and holds the link meanwhile."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._next = time.monotonic() + _EVERY
+        self._thread: threading.Thread | None = None
+        self._looked: list[Diagnosis] | None = None
+        self._found: list[Diagnosis] = []
+        self._was_healthy = True  # in the last look
+        self._told: set[Kind] = set()
+
+    def found(self) -> list[Diagnosis]:
+        """What is wrong now. A finding stays until two looks in a row find nothing, so that it does not flicker. Never
+        waits."""
+        if self._thread is not None and not self._thread.is_alive():
+            self._thread = None
+            self._next = time.monotonic() + _EVERY
+        if self._thread is None and time.monotonic() >= self._next:
+            self._thread = threading.Thread(target=self._look, name="diagnosis", daemon=True)
+            self._thread.start()
+        looked, self._looked = self._looked, None
+        if looked is not None:
+            if looked or self._was_healthy:
+                self._found = looked
+            self._was_healthy = not looked
+        return self._found
+
+    def changed(self) -> list[Diagnosis] | None:
+        """What is wrong now, where it is something else than the last time; empty: nothing any more. None: no change.
+        Never waits."""
+        found = self.found()
+        if (kinds := {one.kind for one in found}) == self._told:
+            return None
+        self._told = kinds
+        return found
+
+    def _look(self) -> None:
+        self._looked = diagnose(self._link, _RECENT)

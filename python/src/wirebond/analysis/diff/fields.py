@@ -1,0 +1,519 @@
+"""Two layouts of the same message, field by field: what lies elsewhere, what is read as something else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from difflib import SequenceMatcher
+from fractions import Fraction
+
+from wirebond.analysis.diff.change import Change, Effect, Sides, changed, harmless
+from wirebond.protocol.meaning.field_values import number_text, wire_limits
+from wirebond.protocol.model import Field, FieldKind, OnRange
+from wirebond.protocol.spelling import field_type, how_counted
+
+Tail = Callable[[Sides, str], Effect]  # what it means that payloads differ in size at their end, for these fields
+Fields = tuple[Field, ...]
+
+
+@dataclass(frozen=True)
+class Where:
+    """The fields that are compared: their owner, their place in the file, and the directions in which they travel."""
+
+    path: str
+    place: tuple[str | int, ...]
+    routes: tuple[Sides, ...]
+    tail: Tail | None  # None: bytes follow them
+
+    def at(self, name: str, *, is_last: bool, key: tuple[str | int, ...] = ()) -> Where:
+        return Where(
+            f"{self.path}.{name}", (*self.place, "fields", name, *key), self.routes, self.tail if is_last else None
+        )
+
+    def everywhere(self, sentence: str) -> list[Effect]:
+        return [Effect(sides.flow, True, sentence) for sides in self.routes]
+
+
+def field_changes(old: Fields, new: Fields, where: Where) -> Iterator[Change]:
+    """All changes from ``old`` to ``new``, in wire order."""
+    matcher = SequenceMatcher(None, [_key(f) for f in old], [_key(f) for f in new], autojunk=False)
+    moved = _moved(old, new, matcher)
+    for name in moved:
+        at = where.at(name, is_last=False)
+        yield changed(
+            at.path,
+            "lies at another place among the fields",
+            where.everywhere("its bytes are read as another field"),
+            place=at.place,
+        )
+    for tag, a, b, c, d in matcher.get_opcodes():
+        before = tuple(f for f in old[a:b] if f.name not in moved)
+        after = tuple(f for f in new[c:d] if f.name not in moved)
+        is_last = b == len(old) and d == len(new)
+        if tag == "equal" or _same_places(before, after):
+            for index, (one, other) in enumerate(zip(before, after, strict=True)):
+                last = is_last and index == len(before) - 1
+                yield from _pair_changes(one, other, old, new, where.at(other.name, is_last=last))
+        elif before or after:
+            yield from _other_fields(before, after, where if is_last and not moved else replace(where, tail=None))
+
+
+def _key(field: Field) -> str:
+    return "" if field.kind == FieldKind.PADDING else field.name
+
+
+def _moved(old: Fields, new: Fields, matcher: SequenceMatcher[str]) -> list[str]:
+    kept = {old[i].name for block in matcher.get_matching_blocks() for i in range(block.a, block.a + block.size)}
+    there = {f.name for f in new if f.kind != FieldKind.PADDING}
+    return [f.name for f in old if f.kind != FieldKind.PADDING and f.name in there and f.name not in kept]
+
+
+def _bytes(fields: Sequence[Field]) -> int | None:
+    """Wire bytes of fields that do not vary in size."""
+    return None if any(f.is_variable for f in fields) else sum(f.min_wire_bytes for f in fields)
+
+
+def _same_places(before: Fields, after: Fields) -> bool:
+    """Do as many values lie at the same places, under other names?"""
+    if len(before) != len(after):
+        return False
+    return all(
+        _bytes([a]) == _bytes([b]) is not None and FieldKind.PADDING not in (a.kind, b.kind)
+        for a, b in zip(before, after, strict=True)
+    )
+
+
+def _listed(fields: Sequence[Field]) -> str:
+    return ", ".join(f.name for f in fields if f.kind != FieldKind.PADDING) or "padding"
+
+
+def _other_fields(before: Fields, after: Fields, where: Where) -> Iterator[Change]:
+    """Fields that came, went, or took the place of others."""
+    size, new_size = _bytes(before), _bytes(after)
+    keeps_size = before and after and size is not None and size == new_size
+    if keeps_size and all(f.kind == FieldKind.PADDING and f.constant is None for f in before):
+        yield from _in_place_of_zeros(after, where, is_new=True)
+        return
+    if keeps_size and all(f.kind == FieldKind.PADDING and f.constant is None for f in after):
+        yield from _in_place_of_zeros(before, where, is_new=False)
+        return
+    names = _listed(after or before)
+    path, place = f"{where.path}.{names}", (*where.place, "fields", (after or before)[0].name)
+    if where.tail is not None and not (before and after):
+        tail = where.tail
+        sentence = "is new at the end" if after else "is gone from the end"
+        effects = [tail(sides, names) for sides in where.routes]
+        yield changed(path, sentence, effects, place=place, gone=not after)
+        return
+    if before and after:
+        sentence = f"stands where {_listed(before)} stood"
+        effect = "the same bytes are read as other fields"
+    else:
+        sentence = "is new among the fields" if after else "is gone from among the fields"
+        by = new_size if after else size
+        effect = "what follows lies elsewhere" if by is None else f"what follows lies {_bytes_text(by)} elsewhere"
+    yield changed(path, sentence, where.everywhere(effect), place=place, gone=not after)
+
+
+def _bytes_text(number: int) -> str:
+    return "1 byte" if number == 1 else f"{number} bytes"
+
+
+def _in_place_of_zeros(fields: Fields, where: Where, *, is_new: bool) -> Iterator[Change]:
+    """Values where padding was, or padding where they were: nothing moves, and zeros are read for them."""
+    named = [f for f in fields if f.kind != FieldKind.PADDING]
+    for field in named:
+        at = where.at(field.name, is_last=False)
+        sentence = "is new where padding was" if is_new else "became padding"
+        effects = [zeros_or_ignored(sides, field.name, is_new=is_new) for sides in where.routes]
+        yield changed(at.path, sentence, effects, place=at.place, gone=not is_new)
+
+
+def zeros_or_ignored(sides: Sides, name: str, *, is_new: bool) -> Effect:
+    """Of a value that only one of the two files has, at a place that both have.
+
+    Zeros that are read break what was there before, and not what is new.
+    """
+    if sides.flow.from_new == is_new:  # the sender knows it
+        return Effect(sides.flow, False, f"the {sides.receiving} ignores {name}")
+    return Effect(sides.flow, not is_new, f"the {sides.receiving} always reads {name} as 0")
+
+
+# ---- one field and its successor
+
+
+def _pair_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) -> Iterator[Change]:
+    if a == b:
+        return
+    if a.name != b.name and b.kind != FieldKind.PADDING:
+        yield changed(
+            where.path, f"was called {a.name}", place=where.place
+        )  # the bytes stay: programs need the new name
+    if a.kind == b.kind == FieldKind.PADDING:
+        if a.min_wire_bytes != b.min_wire_bytes:
+            sentence = f"padding of {_bytes_text(a.size)} became {_bytes_text(b.size)}"
+            yield _resized(where, sentence)
+        elif (a.constant is None, a.constant_bytes) != (b.constant is None, b.constant_bytes):
+            yield _other_constant(a, b, where)
+        return
+    layouts = [(field_type(f) if f.kind != FieldKind.STRUCT else "struct", f.packed, f.first) for f in (a, b)]
+    if layouts[0] != layouts[1]:
+        yield _other_type(a, b, where)
+        return
+    yield from _amount_changes(a, b, old, new, where)
+    if a.fields or b.fields:
+        inner = Where(where.path, where.place, where.routes, where.tail if a.count is None else None)
+        if a.kind == FieldKind.BITS:
+            yield from _bit_field_changes(a, b, where)
+        else:
+            yield from field_changes(a.fields, b.fields, inner)
+        if a.description != b.description:
+            yield harmless(where.path, "has another description", place=where.place)
+        return
+    yield from value_changes(a, b, where)
+
+
+def _other_constant(a: Field, b: Field, where: Where) -> Change:
+    effects = []
+    for sides in where.routes:
+        sent, read = (b, a) if sides.flow.from_new else (a, b)
+        breaks = read.constant is not None and read.constant_bytes != sent.constant_bytes
+        refuses = f"the {sides.receiving} takes no frame that has another value there"
+        effects.append(Effect(sides.flow, breaks, refuses if breaks else "what is sent there is taken"))
+    return changed(where.path, "another constant, or none, stands there", effects, place=where.place)
+
+
+def _resized(where: Where, sentence: str) -> Change:
+    if where.tail is not None:
+        name = where.path.rpartition(".")[2]
+        return changed(where.path, sentence, [where.tail(sides, name) for sides in where.routes], place=where.place)
+    return changed(where.path, sentence, where.everywhere("what follows lies elsewhere"), place=where.place)
+
+
+def _spelled(field: Field) -> str:
+    if field.kind == FieldKind.BITS:
+        return f"{field_type(field)}, from the {'lowest' if field.first == 'low' else 'highest'} on"
+    return f"{field_type(field)} packed {field.packed} first" if field.packed else field_type(field)
+
+
+def _other_type(a: Field, b: Field, where: Where) -> Change:
+    effects = []
+    for sides in where.routes:
+        sent, read = (b, a) if sides.flow.from_new else (a, b)
+        effects.append(_misread(sent, read, sides))
+    return changed(where.path, f"{_spelled(a)} became {_spelled(b)}", effects, place=where.place)
+
+
+def _misread(sent: Field, read: Field, sides: Sides) -> Effect:
+    """Of another type: only whole numbers of one size can agree, as far as both types reach."""
+    whole = (FieldKind.UNSIGNED, FieldKind.SIGNED)
+    same_bytes = (sent.size, sent.bits, sent.packed) == (read.size, read.bits, read.packed)
+    same_order = sent.order == read.order or sent.size <= 1
+    if not (sent.kind in whole and read.kind in whole and same_bytes and same_order):
+        moved = _bytes([sent]) != _bytes([read])
+        return Effect(
+            sides.flow, True, "it is read as other values" + (", and what follows lies elsewhere" if moved else "")
+        )
+    least, greatest = 0, int(min(wire_limits(sent)[1], wire_limits(read)[1]))
+    low, high = _sent_numbers(sent)
+    if least <= low and high <= greatest:
+        return Effect(sides.flow, False, "every value in its range is read as it was sent")
+    return Effect(sides.flow, True, f"numbers outside {least} to {greatest} on the wire are read as others")
+
+
+def _sent_numbers(field: Field) -> tuple[int, int]:
+    """The least and the greatest number that a sender may put on the wire."""
+    lowest, highest = wire_limits(field)
+    if field.enum:
+        return min(value for _, value in field.enum), max(value for _, value in field.enum)
+    if field.minimum is None or field.maximum is None:
+        return int(lowest), int(highest)
+    ends = sorted((Fraction(bound) - field.offset) / field.scale for bound in (field.minimum, field.maximum))
+    return int(ends[0]), int(ends[1])
+
+
+def _amount_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) -> Iterator[Change]:
+    """How many elements or bytes there are, and what tells it."""
+    if (a.count or 1, a.size) != (b.count or 1, b.size) and not (a.is_list or b.is_list):
+        if a.is_string and (a.size == 0) != (b.size == 0):
+            yield _other_amount(where, "always as many bytes" if b.size else "a varying number of bytes")
+        elif a.is_string:
+            yield _resized(where, f"{_bytes_text(a.size)} became {_bytes_text(b.size)}")
+        else:
+            yield _resized(where, f"{a.count or 1} elements became {b.count or 1}")
+        return
+    if (a.count is None) != (b.count is None) and not (a.is_list or b.is_list):
+        yield changed(where.path, "is an array of one element in one file, and a single value in the other",
+                      place=where.place)  # fmt: skip
+    if a.is_list != b.is_list:
+        yield _other_amount(where, "a varying number of elements" if b.is_list else "always as many elements")
+        return
+    if _counter(a, old) != _counter(b, new):
+        yield _other_amount(where, how_counted(b) or "as many as the payload has")
+        return
+    if a.ends_with != b.ends_with:
+        ends = ["nothing" if f.ends_with is None else f"0x{f.ends_with:02X}" for f in (a, b)]
+        effects = where.everywhere("it is read at another size")
+        yield changed(where.path, f"ends with {ends[1]}, and ended with {ends[0]}", effects, place=where.place)
+        return
+    for most, next_most, noun in ((a.max_count, b.max_count, "elements"), (a.max_size, b.max_size, "bytes")):
+        if most != next_most:
+            yield _other_bound(most, next_most, noun, where)
+
+
+def _counter(field: Field, beside: Fields) -> list[tuple[int | None, int | None, bool]]:
+    """The places among its fellows of the fields that count this one, of a run also that among the bits, and whether
+    each tells bytes."""
+    found = []
+    for name, _ in field.counters:
+        outer, _, run = name.partition(".")
+        index = next((i for i, other in enumerate(beside) if other.name == outer), None)
+        members = beside[index].fields if index is not None and run else ()
+        inner = next((i for i, member in enumerate(members) if member.name == run), None)
+        found.append((index, inner, field.counted_in_bytes or name == field.bytes_counted_by))
+    return found
+
+
+def _other_amount(where: Where, what: str) -> Change:
+    sentence = f"has {what} now"
+    return changed(where.path, sentence, where.everywhere("it is read at another size"), place=where.place)
+
+
+def _other_bound(most: int, next_most: int, noun: str, where: Where) -> Change:
+    effects = []
+    for sides in where.routes:
+        sent, read = (next_most, most) if sides.flow.from_new else (most, next_most)
+        if sent > read:
+            effects.append(
+                Effect(
+                    sides.flow,
+                    not sides.flow.from_new,  # what was added can wait
+                    f"the {sides.receiving} does not act on a message with more than {read} {noun}",
+                )
+            )
+    return changed(where.path, f"at most {most} {noun} became at most {next_most}", effects, place=where.place)
+
+
+def _bit_field_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
+    """Values that share one number: each has its own place, and bits that are left over are zeros."""
+    before, after = _runs(a), _runs(b)
+    for name, (shift, field) in after.items():
+        at = Where(f"{where.path}.{name}", (*where.place, "bits", "fields", name), where.routes, None)
+        if name not in before:
+            overlaps = [
+                other for other, (low, f) in before.items() if low < shift + field.width and shift < low + f.width
+            ]
+            if overlaps:
+                sentence = f"stands where {', '.join(overlaps)} stood"
+                yield changed(at.path, sentence, where.everywhere("the same bits are read as other fields"),
+                              place=at.place)  # fmt: skip
+            else:
+                effects = [zeros_or_ignored(sides, name, is_new=True) for sides in where.routes]
+                yield changed(at.path, "is new in free bits", effects, place=at.place)
+            continue
+        earlier_shift, earlier = before[name]
+        unsigned = earlier.kind == field.kind == FieldKind.UNSIGNED
+        if unsigned and earlier_shift == shift and earlier.width != field.width:
+            yield _other_width(earlier, field, at)
+            yield from value_changes(earlier, field, at)
+        elif (earlier_shift, earlier.width) != (shift, field.width):
+            sentence = f"bits {earlier_shift} to {earlier_shift + earlier.width - 1} became {shift} to "
+            sentence += str(shift + field.width - 1)
+            yield changed(at.path, sentence, where.everywhere("it is read as another value"), place=at.place)
+        elif field_type(earlier) != field_type(field):
+            yield _other_type(earlier, field, at)
+        else:
+            yield from value_changes(earlier, field, at)
+    for name, (shift, field) in before.items():
+        if name in after:
+            continue
+        if any(low < shift + field.width and shift < low + f.width for low, f in after.values()):
+            continue  # told of the field that stands there
+        effects = [zeros_or_ignored(sides, name, is_new=False) for sides in where.routes]
+        place = (*where.place, "bits", "fields", name)
+        yield changed(f"{where.path}.{name}", "is gone; its bits are free", effects, place=place, gone=True)
+
+
+def _other_width(a: Field, b: Field, where: Where) -> Change:
+    """More or fewer bits from the same lowest one on: small numbers are the same."""
+    effects = []
+    for sides in where.routes:
+        sent, read = (b, a) if sides.flow.from_new else (a, b)
+        if sent.width > read.width:
+            sentence = f"the {sides.receiving} reads only {read.width} bits of it"
+            effects.append(Effect(sides.flow, not sides.flow.from_new, sentence))  # what was added can wait
+    return changed(where.path, f"{a.width} bits became {b.width}", effects, place=where.place)
+
+
+def _runs(field: Field) -> dict[str, tuple[int, Field]]:
+    """Of each value its lowest bit."""
+    found, used = {}, 0
+    for member in field.fields:
+        shift = used if field.first == "low" else field.width - used - member.width
+        if member.kind != FieldKind.PADDING:
+            found[member.name] = (shift, member)
+        used += member.width
+    return found
+
+
+# ---- what a number means
+
+
+def number_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
+    """Of two numbers with as many bits at one place."""
+    if field_type(a) != field_type(b):
+        yield _other_type(a, b, where)
+    else:
+        yield from value_changes(a, b, where)
+
+
+def value_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
+    """Of two fields with the same bytes: what these mean, and what is refused."""
+    if (a.scale, a.offset) != (b.scale, b.offset):
+        yield _other_scale(a, b, where)
+    if a.unit != b.unit:
+        told = "the same number means another quantity there; if only the spelling was corrected, nothing breaks"
+        effects = [Effect(s.flow, bool(a.unit and b.unit), told) for s in where.routes]
+        sentence = f"unit {a.unit or 'none'} became {b.unit or 'none'}"
+        yield changed(where.path, sentence, effects, place=where.place)
+    if a.clock != b.clock:
+        sentence = "is now read as a time of the MCU's clock" if b.clock else "is not read as a time any more"
+        yield harmless(where.path, sentence, place=where.place)
+    if a.enum != b.enum:
+        yield from _enum_changes(a, b, where)
+    if a.flags != b.flags:
+        yield from _flag_changes(a, b, where)
+    if (a.minimum, a.maximum, a.on_range) != (b.minimum, b.maximum, b.on_range):
+        yield _other_range(a, b, where)
+    if a.default != b.default:
+        sentence = f"default {_default_text(a)} became {_default_text(b)}"
+        yield harmless(where.path, sentence, place=where.place)
+    if a.description != b.description:
+        yield harmless(where.path, "has another description", place=where.place)
+
+
+def _default_text(field: Field) -> str:
+    return "none" if field.default is None else str(field.default)
+
+
+def _other_scale(a: Field, b: Field, where: Where) -> Change:
+    said = []
+    if a.scale != b.scale:
+        said.append(f"scale {number_text(a.scale)} became {number_text(b.scale)}")
+    if a.offset != b.offset:
+        said.append(f"offset {number_text(a.offset)} became {number_text(b.offset)}")
+    effects = []
+    for sides in where.routes:
+        sent, read = (b, a) if sides.flow.from_new else (a, b)
+        wire = _telling_number(sent)
+        values = [number_text(wire * f.scale + f.offset) + (f" {f.unit}" if f.unit else "") for f in (sent, read)]
+        effects.append(Effect(sides.flow, True, f"{values[0]} arrives as {values[1]}"))
+    return changed(where.path, ", ".join(said), effects, place=where.place)
+
+
+def _telling_number(field: Field) -> Fraction:
+    """A number on the wire that makes a good example: the one of the value 1, if it has one."""
+    wire = (1 - field.offset) / field.scale
+    if field.kind == FieldKind.FLOAT:
+        return wire
+    lowest, highest = wire_limits(field)
+    return wire if wire.denominator == 1 and wire != 0 and lowest <= wire <= highest else Fraction(1)
+
+
+def _enum_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
+    before, after = dict(a.enum), dict(b.enum)
+    if not before or not after:
+        sentence = "has names for its numbers now" if after else "has no names for its numbers any more"
+        effects = [
+            Effect(s.flow, False, f"the {s.receiving} does not act on a message with a number that has no name")
+            for s in where.routes
+            if s.flow.from_new == bool(before)
+        ]
+        yield changed(where.path, sentence, effects, place=where.place)
+        return
+    names, new_names = ({value: name for name, value in reversed(pairs)} for pairs in (a.enum, b.enum))
+    for name, value in after.items():
+        at = f"{where.path} = {name}"
+        place = (*where.place, "enum", name)
+        if name in before and before[name] != value:
+            effects = []
+            for s in where.routes:
+                sent = value if s.flow.from_new else before[name]
+                read = (names if s.flow.from_new else new_names).get(sent, f"{sent}, which has no name there")
+                effects.append(Effect(s.flow, True, f"{name} arrives as {read}"))
+            yield changed(at, f"was {before[name]}, is {value}", effects, place=place)
+        elif name not in before and value in names:
+            if names[value] not in after:
+                yield changed(at, f"was called {names[value]}", place=place)
+        elif name not in before:
+            effects = [
+                Effect(s.flow, False, f"the {s.receiving} does not act on a message with it")
+                for s in where.routes
+                if s.flow.from_new
+            ]
+            yield changed(at, f"is new, {value}", effects, place=place)
+    for name, value in before.items():
+        if name not in after and value not in new_names:
+            effects = [
+                Effect(s.flow, True, f"the {s.receiving} does not act on a message with it")
+                for s in where.routes
+                if not s.flow.from_new
+            ]
+            place = (*where.place, "enum", name)
+            yield changed(f"{where.path} = {name}", f"is gone; it was {value}", effects, place=place, gone=True)
+
+
+def _flag_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
+    before, after = dict(a.flags), dict(b.flags)
+    names, new_names = ({bit: name for name, bit in pairs} for pairs in (a.flags, b.flags))
+    for name, bit in after.items():
+        at, place = f"{where.path} = {name}", (*where.place, "flags", name)
+        if name in before and before[name] != bit:
+            effects = []
+            for s in where.routes:
+                sent = bit if s.flow.from_new else before[name]
+                read = (names if s.flow.from_new else new_names).get(sent, f"bit {sent}, which has no name there")
+                effects.append(Effect(s.flow, True, f"{name} arrives as {read}"))
+            yield changed(at, f"was bit {before[name]}, is bit {bit}", effects, place=place)
+        elif name not in before and bit in names and names[bit] not in after:
+            yield changed(at, f"was called {names[bit]}", place=place)
+        elif name not in before:
+            effects = [
+                Effect(s.flow, False, f"the {s.receiving} has no name for it") for s in where.routes if s.flow.from_new
+            ]
+            yield changed(at, f"is new, bit {bit}", effects, place=place)
+    for name, bit in before.items():
+        if name in after or bit in new_names:
+            continue
+        effects = [
+            Effect(s.flow, s.flow.from_new, f"the {s.receiving} never sees it set")
+            if s.flow.from_new
+            else Effect(s.flow, False, f"the {s.receiving} has no name for it")
+            for s in where.routes
+        ]
+        place = (*where.place, "flags", name)
+        yield changed(f"{where.path} = {name}", f"is gone; it was bit {bit}", effects, place=place, gone=True)
+
+
+def _other_range(a: Field, b: Field, where: Where) -> Change:
+    sentence = f"range {_range_text(a)} became {_range_text(b)}"
+    effects = []
+    for s in where.routes:
+        sent, read = (b, a) if s.flow.from_new else (a, b)
+        if read.minimum is None or read.maximum is None:
+            continue
+        wider = sent.minimum is None or sent.maximum is None
+        if wider or (sent.minimum or 0) < read.minimum or (sent.maximum or 0) > read.maximum:
+            act = "does not act on" if read.on_range == OnRange.REJECT else "clamps"
+            effects.append(Effect(s.flow, False, f"the {s.receiving} {act} values outside {_range_text(read)}"))
+    if not effects:
+        return harmless(where.path, sentence, place=where.place)
+    return changed(where.path, sentence, effects, place=where.place)
+
+
+def _range_text(field: Field) -> str:
+    if field.minimum is None or field.maximum is None:
+        return "none"
+    unit = f" {field.unit}" if field.unit else ""
+    on_range = ", clamp" if field.on_range == OnRange.CLAMP else ""
+    return f"{number_text(Fraction(field.minimum))} to {number_text(Fraction(field.maximum))}{unit}{on_range}"

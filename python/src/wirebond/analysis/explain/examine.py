@@ -1,0 +1,491 @@
+"""One candidate against its format's rules, in the order in which the decoder applies them. No stream, no sentences.
+
+Written from the model's parts alone, without the engine's plan of offsets: tests let both examine the same bytes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Generic, TypeVar
+
+from wirebond.analysis.explain.constants import constants_of
+from wirebond.analysis.explain.counted import bound_by_counts
+from wirebond.analysis.explain.layout import (
+    CONSTANTS,
+    check_value,
+    counted_beside_payload,
+    fixed_bits,
+    hex_of,
+    id_index,
+    id_text,
+    length_index,
+    payload_index,
+    read_number,
+    run_value,
+    same_check,
+    shift_of,
+    shown_check,
+    spans,
+)
+from wirebond.analysis.explain.sharing import found_text, sharing, wanted_text
+from wirebond.analysis.explain.verdict import Cause, Outcome, Question, Rule, Verdict
+from wirebond.protocol.matching import Told
+from wirebond.protocol.model import (
+    BitRole,
+    ByteOrder,
+    End,
+    Field,
+    FieldKind,
+    FrameFormat,
+    Message,
+    Part,
+    PartKind,
+    PayloadRule,
+    Protocol,
+    Subject,
+)
+from wirebond.protocol.model.forms import FormParts, header_of, parts_of_forms
+from wirebond.protocol.payload_rules import bit_places
+from wirebond.protocol.planning import matches_late, told_by_request
+from wirebond.protocol.spelling import choices_text
+
+T = TypeVar("T")
+
+
+class _Heard(Generic[T]):
+    """A part of a protocol and the sender that is listened to, as a key that compares by identity: protocols are long
+    to compare."""
+
+    __slots__ = ("of", "sender")
+
+    def __init__(self, of: T, sender: End | None) -> None:
+        self.of, self.sender = of, sender
+
+    def __hash__(self) -> int:
+        return hash((id(self.of), self.sender))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Heard) and other.of is self.of and other.sender == self.sender
+
+
+@lru_cache(maxsize=256)
+def _forms(key: _Heard[FrameFormat]) -> list[FormParts]:
+    return parts_of_forms(key.of.parts, key.sender)
+
+
+def forms(protocol: Protocol, sender: End | None) -> list[FormParts]:
+    """The forms that a frame can have, by magic and by the header's bits; most formats have one."""
+    return _forms(_Heard(protocol.format, sender))
+
+
+@lru_cache(maxsize=256)
+def _meant(key: _Heard[tuple[Message, ...]]) -> list[Message]:
+    """Of messages that share an id, those that only a request tells are not meant: no request is known here."""
+    dependent = told_by_request(key.of, key.sender)
+    return [m for m in key.of if m.sent_by(key.sender) and m.name not in dependent]
+
+
+def examine(protocol: Protocol, data: bytes, sender: End | None, *, block: bytes | None = None) -> Verdict:
+    """The verdict on the candidate that begins with ``data``. ``block``: where its size is known to be ``len(data)``,
+    what it was before unstuffing.
+
+    Of several forms the first that holds; else the refusal of the one that got furthest. Pure; work is one pass over
+    at most one frame for each form.
+    """
+    best: Verdict | None = None
+    for form in forms(protocol, sender):
+        found = _Examination(protocol, form, data, sender, block).run()
+        if found.is_frame:
+            return found
+        if best is None or _is_nearer(found, best):
+            best = found
+    assert best is not None, "every format has a form"
+    return best
+
+
+def _is_nearer(found: Verdict, best: Verdict) -> bool:
+    waits, best_waits = found.outcome == Outcome.INCOMPLETE, best.outcome == Outcome.INCOMPLETE
+    if waits:
+        return not best_waits or found.extent < best.extent
+    # A form whose bits "there or not" differ is not meant at all: of two that go as far, any other cause says more.
+    nearness = (found.extent, found.cause != Cause.CONSTANT_MISMATCH)
+    return not best_waits and nearness > (best.extent, best.cause != Cause.CONSTANT_MISMATCH)
+
+
+def _outside(parts: tuple[Part, ...]) -> int:
+    return sum(part.size for part in parts)
+
+
+class _Decided(Exception):  # noqa: N818  (an outcome, not an error)
+    def __init__(self, outcome: Outcome, cause: Cause, size: int) -> None:
+        self.outcome, self.cause, self.size = outcome, cause, size
+
+
+@dataclass
+class _Examination:
+    protocol: Protocol
+    form: FormParts
+    data: bytes
+    sender: End | None
+    block: bytes | None
+    rules: list[Rule] = field(default_factory=list)
+    id: int | None = None
+    message: Message | None = None
+    told: Told | None = None  # what tells its message
+    payload: tuple[int, int] | None = None
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return self.form.parts
+
+    def run(self) -> Verdict:
+        try:
+            decided = _Decided(Outcome.FRAME, Cause.NONE, self._go_through())
+        except _Decided as outcome:
+            decided = outcome
+        return Verdict(
+            decided.outcome,
+            decided.cause,
+            decided.size,
+            self.parts,
+            tuple(self.rules),
+            self.id,
+            self.message,
+            self.payload,
+        )
+
+    def _go_through(self) -> int:
+        """The frame's size, or _Decided."""
+        parts = self.parts
+        at = payload_index(parts)
+        before = spans(parts[:at], 0)
+        prefix = before[-1][1] if before else 0
+        self._constants_and_choices(before)
+        self._need(prefix)
+        where = id_index(parts)
+        # Without an id the one message there is says how long a payload is that has its message's size.
+        sent = tuple(m for m in self.protocol.messages if m.sent_by(self.sender))
+        is_late = matches_late(sent, self.protocol.format.parts)
+        early_id = (where < at if where is not None else parts[at].payload == PayloadRule.BY_ID) and not is_late
+        if early_id:
+            self._read_id(before, 0)
+        size = self._payload_size(prefix)
+        if early_id and parts[at].payload != PayloadRule.BY_ID:
+            self._read_id(before, size)
+        self.payload = prefix, prefix + size
+        knows_size = early_id or (where is None and not is_late) or not parts[at].trims_zeros
+        if knows_size:
+            self._size_choices(size, prefix)
+        if early_id and (self.block is not None or not self.protocol.format.length_on_wire):
+            self._message_fits(size, prefix)
+        for index in self._checks(header=True):
+            self._check(index, before, Cause.HEADER_CHECK_MISMATCH, prefix)
+
+        places = spans(parts, size)
+        total = places[-1][1]
+        self._whole_frame(total)
+        for index in range(at + 1, len(parts)):
+            self._constant(index, places[index][0], extent=total)
+        if not early_id:
+            self._read_id(places, size, self.data[prefix : prefix + size])
+            if not knows_size:
+                self._size_choices(size, total)
+            self._message_fits(size, total)
+        self._counts_allow(prefix, size, total)
+        self._field_constants(prefix, size, total)
+        for index in self._checks(header=False):
+            self._check(index, places, Cause.CHECK_MISMATCH, total)
+        return total
+
+    def _rule(
+        self, question: Question, part: int | None, holds: bool, expected: str, found: str, cause: Cause, extent: int
+    ) -> None:
+        self.rules.append(Rule(question, part, holds, expected, found))
+        if not holds:
+            raise _Decided(Outcome.REFUSED, cause, extent)
+
+    def _need(self, size: int) -> None:
+        if len(self.data) < size:
+            raise self._missing(size)
+
+    def _missing(self, size: int) -> _Decided:
+        have = len(self.data)
+        self.rules.append(Rule(Question.SIZE, None, False, f"at least {size} bytes", f"{have} bytes"))
+        if self.block is not None:
+            return _Decided(Outcome.REFUSED, Cause.LENGTH_OUT_OF_RANGE, have)
+        return _Decided(Outcome.INCOMPLETE, Cause.INCOMPLETE, size)
+
+    def _constants_and_choices(self, before: list[tuple[int, int]]) -> None:
+        """A choice is asked as soon as its number is there, also where a constant behind it is not."""
+        missing: _Decided | None = None
+        try:
+            for index, (start, _) in enumerate(before):
+                self._constant(index, start, extent=1)
+        except _Decided as decided:
+            if decided.cause == Cause.CONSTANT_MISMATCH:
+                raise
+            missing = decided
+        for choice in self.form.choices:
+            if choice.subject == Subject.SIZE or choice.fixed_bits is not None:
+                continue
+            index = next(i for i, part in enumerate(self.parts) if shift_of(part, choice) is not None)
+            start, stop = before[index]
+            if stop > len(self.data):
+                if missing is None or stop < missing.size:
+                    missing = self._missing(stop)
+                continue
+            part = self.parts[index]
+            run = next((run for run in part.bits if run.shift == shift_of(part, choice)), None)
+            number = read_number(part, self.data[start:stop])
+            value = number if run is None else number >> run.shift & run.mask
+            expected = choices_text((choice,))
+            self._rule(Question.CONDITION, index, choice.holds(value), expected, str(value), Cause.CONSTANT_MISMATCH, 1)
+        if missing is not None:
+            raise missing
+
+    def _size_choices(self, size: int, extent: int) -> None:
+        """Conditions on the payload's size; where the frame's end is found otherwise they only choose what is sent."""
+        payload = self.parts[payload_index(self.parts)]
+        if payload.payload == PayloadRule.REST:
+            return
+        if payload.trims_zeros and self.message is not None:
+            size = max(size, self.message.min_payload)
+        for choice in self.form.choices:
+            if choice.subject == Subject.SIZE:
+                expected, found = choices_text((choice,)), str(size)
+                holds = choice.holds(size)
+                self._rule(Question.CONDITION, None, holds, expected, found, Cause.LENGTH_OUT_OF_RANGE, extent)
+
+    def _constant(self, index: int, start: int, extent: int) -> None:
+        """Bytes, or bits, that cannot vary: each as soon as its byte is there."""
+        part = self.parts[index]
+        mask, value = fixed_bits(part, self.form.choices)
+        if part.kind in CONSTANTS:
+            wanted, masks = part.value, b"\xff" * part.size
+        elif mask:
+            order = "big" if part.order == ByteOrder.BIG else "little"
+            wanted, masks = (n.to_bytes(part.size, "big" if order == "big" else "little") for n in (value, mask))
+        else:
+            return
+        found = self.data[start : start + part.size]
+        for place, (byte, bits) in enumerate(zip(wanted, masks, strict=True)):
+            if bits and place >= len(found):
+                self._need(start + place + 1)
+            if bits and found[place] & bits != byte:
+                expected, got = self._constant_texts(part, mask, value, found)
+                self._rule(Question.CONSTANT, index, False, expected, got, Cause.CONSTANT_MISMATCH, extent)
+        expected, got = self._constant_texts(part, mask, value, found)
+        self.rules.append(Rule(Question.CONSTANT, index, True, expected, got))
+
+    def _constant_texts(self, part: Part, mask: int, value: int, found: bytes) -> tuple[str, str]:
+        if part.kind in CONSTANTS:
+            return hex_of(part.value), hex_of(found)
+        digits = 2 * part.size
+        number = read_number(part, found)
+        return f"0x{value:0{digits}X} in the bits 0x{mask:0{digits}X}", f"0x{number & mask:0{digits}X}"
+
+    def _read_id(self, places: list[tuple[int, int]], size: int, payload: bytes = b"") -> None:
+        """And what message it is, with what else tells that: ``size`` and ``payload``, as far as they are known."""
+        index = id_index(self.parts)
+        self.id = 0
+        if index is not None:
+            part = self.parts[index]
+            start, stop = places[index]
+            self.id = run_value(part, read_number(part, self.data[start:stop]), BitRole.ID)
+        told = Told(
+            self.id if index is not None else None,
+            self._header_numbers(places),
+            size,
+            payload,
+            self.parts[payload_index(self.parts)].trims_zeros,
+        )
+        meant = _meant(_Heard(self.protocol.messages, self.sender))
+        self.told = told
+        self.message = next((m for m in meant if told.is_of(m)), None)
+
+    def _header_numbers(self, places: list[tuple[int, int]]) -> dict[str, int]:
+        """Those of the parts that are there, as bits."""
+        found: dict[str, int] = {}
+        for part, (start, stop) in zip(self.parts, places, strict=False):
+            if stop > len(self.data) or not header_of(part):
+                continue
+            data = self.data[start:stop]
+            number = int.from_bytes(data, "big") if part.kind == PartKind.MAGIC else read_number(part, data)
+            found |= {} if part.header is None else {part.header.name: number}
+            found |= {run.header.name: number >> run.shift & run.mask for run in part.bits if run.header is not None}
+        return found
+
+    def _payload_size(self, prefix: int) -> int:
+        parts = self.parts
+        payload = parts[payload_index(parts)]
+        most = self.protocol.format.max_payload_from(self.sender)
+        outside = sum(part.size for part in parts)
+        have = len(self.data)
+        if payload.payload == PayloadRule.FIXED:
+            return payload.fixed_payload
+        if payload.payload == PayloadRule.REST:
+            size, expected = have - outside, f"{outside} to {outside + most} bytes"
+            self._rule(
+                Question.SIZE, None, 0 <= size <= most, expected, f"{have} bytes", Cause.LENGTH_OUT_OF_RANGE, have
+            )
+            return size
+        if payload.payload == PayloadRule.BY_ID:
+            self._known_message(prefix)
+            assert self.message is not None
+            return self._counted_size(self.message, prefix)
+        index = length_index(parts)
+        if index is None:  # other forms have the length; this one carries nothing
+            return 0
+        part = parts[index]
+        start, stop = spans(parts, 0)[index]
+        number = run_value(part, read_number(part, self.data[start:stop]), BitRole.LENGTH)
+        beside = counted_beside_payload(parts, index)
+        size = number * part.length_unit - beside
+        expected = f"{max(0, beside)} to {(most + beside) // part.length_unit}"
+        if self.protocol.format.length_on_wire:  # it counts what stuffing adds, too
+            most += self.protocol.format.overhead(most + max(_outside(form.parts) for form in self._all_forms()))
+        holds = 0 <= size <= most
+        self._rule(Question.LENGTH, index, holds, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix)
+        if self.protocol.format.length_on_wire and self.block is not None:  # known now that nothing is stuffed any more
+            size, most = have - outside, self.protocol.format.max_payload
+            expected, found = f"{outside} to {outside + most} bytes", f"{have} bytes"
+            self._rule(Question.SIZE, None, 0 <= size <= most, expected, found, Cause.LENGTH_OUT_OF_RANGE, have)
+        return size
+
+    def _all_forms(self) -> list[FormParts]:
+        return forms(self.protocol, self.sender)
+
+    def _counted_size(self, message: Message, prefix: int) -> int:
+        """The message's own size, or what its counts tell."""
+        if message.min_payload == message.max_payload:
+            return message.max_payload
+        return self._end_of(message.fields, prefix, prefix) - prefix
+
+    def _end_of(self, fields: tuple[Field, ...], at: int, prefix: int) -> int:
+        places: dict[str, tuple[int, Field]] = {}
+        for one in fields:
+            if one.counters:
+                at += self._counted_bytes(one, places, prefix)
+            elif one.kind == FieldKind.STRUCT:
+                for _ in range(one.count or 1):
+                    at = self._end_of(one.fields, at, prefix)
+            else:
+                places[one.name] = at, one
+                at += one.min_wire_bytes
+        return at
+
+    def _counted_bytes(self, one: Field, places: dict[str, tuple[int, Field]], prefix: int) -> int:
+        """What the elements of a field take: its first count tells it, and another one agrees."""
+        size = 1 if one.is_string else one.element_min_bytes
+        amount: int | None = None
+        for name, step in one.counters:
+            number = self._count(name, places)
+            most = (one.max_size if one.is_string else one.max_count) * step
+            expected = f"{name} at most {most}"
+            if number <= most and number % step:
+                expected = f"{name} a multiple of {step}"
+            elif number <= most and amount is not None:
+                expected = f"{name} {amount * step}"
+            holds = number <= most and number % step == 0 and amount in (None, number // step)
+            where = payload_index(self.parts)
+            self._rule(Question.LENGTH, where, holds, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix)
+            amount = number // step
+        return size * (amount or 0)
+
+    def _count(self, name: str, places: dict[str, tuple[int, Field]]) -> int:
+        outer, _, run = name.partition(".")
+        place, counting = places[outer]
+        self._need(place + counting.size)
+        data = self.data[place : place + counting.size]
+        number = int.from_bytes(data, "big" if counting.order == ByteOrder.BIG else "little")
+        for member, low in bit_places(counting) if run else ():
+            if member.name == run:
+                return number >> low & (1 << member.width) - 1
+        return number
+
+    def _known_message(self, extent: int) -> None:
+        index = id_index(self.parts)
+        found = id_text(self.parts, self.id or 0) if index is not None else "no id"
+        expected = "the id of a known message" if index is not None else "a message without an id"
+        near = [] if self.message is not None or self.told is None else self._sharing()
+        if near and self.told is not None:
+            if index is not None:
+                self.rules.append(Rule(Question.MESSAGE, index, True, expected, found))
+            wanted = wanted_text(near)
+            self._rule(Question.MATCH, index, False, wanted, found_text(near, self.told), Cause.UNKNOWN_MESSAGE, extent)
+        self._rule(Question.MESSAGE, index, self.message is not None, expected, found, Cause.UNKNOWN_MESSAGE, extent)
+
+    def _sharing(self) -> list[Message]:
+        return sharing(self.protocol, self.sender, self.id if id_index(self.parts) is not None else None)
+
+    def _message_fits(self, size: int, extent: int) -> None:
+        frame_format = self.protocol.format
+        if frame_format.deliver_unknown:
+            return
+        payload = self.parts[payload_index(self.parts)]
+        if payload.payload != PayloadRule.BY_ID:  # there it was asked before, to know the payload's size
+            self._known_message(extent)
+        message = self.message
+        assert message is not None
+        if payload.payload in (PayloadRule.BY_LENGTH, PayloadRule.REST):
+            least = 0 if payload.trims_zeros else message.min_payload
+            fits = least <= size <= message.max_payload
+            most = f" to {message.max_payload}" if message.max_payload != least else ""
+            expected = f"{least}{most} payload bytes for {message.name}"
+            self._rule(Question.MESSAGE, id_index(self.parts), fits, expected, str(size), Cause.UNKNOWN_MESSAGE, extent)
+
+    def _counts_allow(self, start: int, size: int, extent: int) -> None:
+        """A payload that is longer than the counts in it tell is refused where unknown sizes are."""
+        if self.protocol.format.deliver_unknown or self.message is None:
+            return
+        if self.parts[payload_index(self.parts)].payload not in (PayloadRule.BY_LENGTH, PayloadRule.REST):
+            return
+        bound = bound_by_counts(self.message, self.data[start : start + size])
+        if bound is not None:
+            expected = f"{bound.text} for {self.message.name}"
+            holds = size <= bound.most
+            self._rule(
+                Question.MESSAGE, id_index(self.parts), holds, expected, str(size), Cause.UNKNOWN_MESSAGE, extent
+            )
+
+    def _field_constants(self, start: int, size: int, extent: int) -> None:
+        """Those of a message whose payload is long enough; a shorter one is of an unknown message."""
+        message = self.message
+        trims = self.parts[payload_index(self.parts)].trims_zeros
+        if message is None or (size < message.min_payload and not trims):
+            return
+        payload = self.data[start : start + size]
+        for found in constants_of(message, payload.ljust(message.min_payload, b"\0") if trims else payload):
+            where = payload_index(self.parts)
+            expected, text = f"{found.path} {found.expected}", found.text
+            self._rule(Question.FIELD, where, found.holds, expected, text, Cause.CONSTANT_MISMATCH, extent)
+
+    def _whole_frame(self, total: int) -> None:
+        have = len(self.data)
+        if self.block is not None:
+            expected, found = f"{total} bytes", f"{have} bytes"
+            self._rule(Question.SIZE, None, have == total, expected, found, Cause.LENGTH_OUT_OF_RANGE, have)
+        else:
+            self._need(total)
+
+    def _checks(self, *, header: bool) -> list[int]:
+        at = payload_index(self.parts)
+        return [
+            index
+            for index, part in enumerate(self.parts)
+            if part.kind == PartKind.CHECK and (index < at and part.last < at) == header
+        ]
+
+    def _check(self, index: int, places: list[tuple[int, int]], cause: Cause, extent: int) -> None:
+        part = self.parts[index]
+        start, stop = places[index]
+        seed = self.message.seed or 0 if self.message is not None else 0
+        first, last = places[part.first][0], places[part.last][1]
+        covered = self.data[first:last]
+        if part.on_wire and self.block is not None:  # it ends as far from the block's end as from the frame's
+            covered = self.block[first : len(self.block) - (len(self.data) - last)]
+        expected = check_value(part, covered, seed)
+        found = self.data[start:stop]
+        shown = shown_check(part, expected), shown_check(part, found)
+        self._rule(Question.CHECK, index, same_check(part, expected, found), *shown, cause, extent)

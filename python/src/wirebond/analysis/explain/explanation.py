@@ -1,0 +1,305 @@
+"""From bytes to an explanation: the stretches of a stream, each with its rows, rules and nearest explanations."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from wirebond.analysis.explain.examine import forms
+from wirebond.analysis.explain.guesses.guess import Case, constants_as_found, look
+from wirebond.analysis.explain.layout import id_index, id_text
+from wirebond.analysis.explain.nearest import Search, join, repaired, search, search_sender, search_unstuffed
+from wirebond.analysis.explain.parts import check_text, header_values, sent_by
+from wirebond.analysis.explain.report import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch
+from wirebond.analysis.explain.rows import rows_of
+from wirebond.analysis.explain.scan import Candidate, Found, Scan, scan, start_bytes
+from wirebond.analysis.explain.sharing import sharing, wanted_text
+from wirebond.analysis.explain.stuffing import Unstuffed, plain
+from wirebond.analysis.explain.values import faults_of, read_fields, values_of, values_text
+from wirebond.analysis.explain.verdict import Cause, Question, Rule, Verdict
+from wirebond.errors import UsageError
+from wirebond.protocol.meaning.messages import spoken
+from wirebond.protocol.model import End, Part, Protocol
+
+MOST_BYTES = 4096  # or one largest frame: what is more is for `decode`
+MOST_SEARCHES = 8  # refused stretches whose nearest explanation is looked for
+
+
+def explain(protocol: Protocol, data: bytes, sender: End | None = None, peers: Sequence[Protocol] = ()) -> Explanation:
+    """Name every byte of ``data``, sent by ``sender`` (None: by either end), as if nothing followed.
+
+    ``peers``: other protocols, of which the bytes may be frames. Some seconds at most for each of the first
+    MOST_SEARCHES refused stretches; pure, any thread.
+
+    :raises UsageError: more bytes than can be explained at once.
+    """
+    most = max(MOST_BYTES, protocol.max_wire_bytes())
+    if len(data) > most:
+        raise UsageError(
+            f"{len(data)} bytes are too many to explain at once, {most} are the most; find the frames with "
+            "`wirebond decode`, and give the bytes around one place"
+        )
+    found = scan(protocol, data, sender)
+    stretches = _Stretches(protocol, data, sender, tuple(peers), found).all()
+    name = None if sender is None else sender.value
+    return Explanation(protocol.name, name, stretches, _by_name(found.discarded), _by_name(found.rejected))
+
+
+def _by_name(counts: Counter[Cause]) -> dict[str, int]:
+    return {cause.value: count for cause, count in counts.items()}
+
+
+@dataclass(frozen=True)
+class _Refused:
+    """A run of discarded bytes, and the candidate at its start; None: nothing in front could begin a frame."""
+
+    start: int
+    stop: int
+    candidate: Candidate | None
+
+
+class _Stretches:
+    def __init__(
+        self, protocol: Protocol, data: bytes, sender: End | None, peers: tuple[Protocol, ...], found: Scan
+    ) -> None:
+        self._protocol = protocol
+        self._data = data
+        self._sender = sender
+        self._peers = peers
+        self._scan = found
+        self._searches = 0
+
+    def all(self) -> tuple[Stretch, ...]:
+        stretches = [self._frame(found) for found in self._scan.frames]
+        stretches += self._fill()
+        for refused in self._refused_runs():
+            stretches.append(self._refused(refused))
+        stretches.sort(key=lambda stretch: stretch.offset)
+        assert b"".join(stretch.wire for stretch in stretches) == self._data
+        return tuple(stretches)
+
+    # ---- frames ----
+
+    def _frame(self, found: Found) -> Stretch:
+        verdict = found.verdict
+        begin = found.begin
+        rows = rows_of(self._protocol, self._sender, verdict, verdict, found.content, begin)
+        values: dict[str, Any] = {}
+        header, faults = header_values(verdict.parts, found.content.data, verdict.payload_size or 0)
+        text = ""
+        name = verdict.delivered_as
+        if name != "unknown" and verdict.message is not None and verdict.payload is not None:
+            readings = read_fields(verdict.message, verdict.payload_of(found.content.data))
+            values = values_of(readings)
+            faults = faults_of(readings) + faults
+            text = values_text(readings)
+        wire = self._data[found.offset : found.offset + found.size]
+        guesses: tuple[FittingGuess, ...] = ()
+        if name == "unknown":
+            summary = f"unknown: every check holds, but {self._why_unknown(verdict)}"
+            guesses = search_sender(Case(self._protocol, found.content.block, self._sender)).guesses
+        else:
+            assert verdict.message is not None
+            summary = f"{name} {sent_by(verdict.message)}" + (f": {text}" if text else "")
+        end = begin + len(found.content.block)
+        rows = self._with_delimiters(rows, found.offset, begin, end, found.offset + found.size)
+        return Stretch(
+            Kind.FRAME,
+            found.offset,
+            wire,
+            "",
+            summary,
+            rows,
+            self._applied(verdict),
+            name,
+            values,
+            header,
+            tuple(faults),
+            guesses,
+        )
+
+    def _why_unknown(self, verdict: Verdict) -> str:
+        message, payload = verdict.message, verdict.payload
+        whose = "" if self._sender is None else f" of the {spoken(self._sender)}"
+        if message is None or payload is None:
+            if id_index(verdict.parts) is None:
+                return f"no message{whose} is without an id, and this frame has none"
+            number = id_text(verdict.parts, verdict.id or 0)
+            near = sharing(self._protocol, self._sender, verdict.id)
+            if near:
+                return f"of the messages with the id {number} it is none: {wanted_text(near)}"
+            return f"no message{whose} has the id {number}"
+        return f"{message.name} needs {message.min_payload} payload bytes, and here are {payload[1] - payload[0]}"
+
+    def _with_delimiters(self, rows: tuple[Row, ...], start: int, begin: int, end: int, stop: int) -> tuple[Row, ...]:
+        """The bytes around the content [begin, end) of what lies in [start, stop)."""
+        marks = [
+            Row("delimiter", 0, at, self._data[at:behind], b"", text, State.GOOD)
+            for at, behind, text in ((start, begin, "opens the frame"), (end, stop, "ends the frame"))
+            if behind > at
+        ]
+        return tuple(sorted((*marks, *rows), key=lambda row: row.offset))
+
+    def _fill(self) -> list[Stretch]:
+        """Delimiters side by side are one stretch."""
+        found: list[Stretch] = []
+        for at in self._scan.fill:
+            wire = self._data[at : at + 1]
+            if found and found[-1].offset + len(found[-1].wire) == at:
+                found[-1] = replace(found[-1], wire=found[-1].wire + wire)
+            else:
+                found.append(Stretch(Kind.FILL, at, wire, "", "delimiters between frames"))
+        return found
+
+    # ---- refused bytes ----
+
+    def _refused_runs(self) -> list[_Refused]:
+        """Discarded bytes, each run with the candidate that it begins with.
+
+        A candidate begins a run of its own where the one before claims no more bytes, and only if it got past its
+        header or the run before could have held a frame: else garbage would fall into crumbs.
+        """
+        runs: list[_Refused] = []
+        for at in sorted(self._scan.blamed):
+            candidate = self._scan.blamed[at]
+            before = runs[-1] if runs and runs[-1].stop == at else None
+            if before is not None and not self._begins_a_run(before, at, candidate):
+                runs[-1] = replace(before, stop=at + 1)
+            else:
+                runs.append(_Refused(at, at + 1, candidate))
+        return runs
+
+    def _begins_a_run(self, before: _Refused, at: int, candidate: Candidate | None) -> bool:
+        if candidate is None or candidate is before.candidate or candidate.offset != at:
+            return False
+        claimed = before.start if before.candidate is None else before.candidate.offset + before.candidate.extent
+        least = self._least
+        reached_far = candidate.extent >= least or candidate.cause == Cause.INCOMPLETE
+        return at >= claimed and (reached_far or (at - before.start >= least and candidate.extent > 1))
+
+    def _refused(self, run: _Refused) -> Stretch:
+        candidate = run.candidate
+        wire = self._data[run.start : run.stop]
+        begin, end = (run.start, None) if candidate is None else (candidate.begin, candidate.end)
+        block = self._data[begin : self._region_end(run.stop) if end is None else end]
+        case = Case(self._protocol, block, self._sender, self._peers, begin)
+        if candidate is None:
+            return self._noise(run, wire, case)
+        guesses, note = self._search(case)
+        rows: tuple[Row, ...]
+        if candidate.verdict is None or case.verdict is None:
+            inside = self._data[begin : run.stop if end is None else end]
+            rows = (Row("rest", 0, begin, inside, inside, "cannot be taken apart", State.WRONG),) if inside else ()
+        else:
+            content = candidate.content if end is not None else plain(self._data[begin : run.stop])
+            assert content is not None, "what was examined was unstuffed"
+            rows = self._rows(case, case.verdict, content, begin)
+        if end is not None:
+            rows = self._with_delimiters(rows, run.start, begin, end, run.stop)
+        return Stretch(
+            Kind.REFUSED,
+            run.start,
+            wire,
+            candidate.cause,
+            self._refusal(candidate),
+            rows,
+            () if candidate.verdict is None else self._applied(candidate.verdict),
+            guesses=guesses.guesses,
+            repaired=note,
+            tried=guesses.tried,
+            searched_all=guesses.complete,
+        )
+
+    def _noise(self, run: _Refused, wire: bytes, case: Case) -> Stretch:
+        """Bytes in which nothing begins a frame. They are laid out as one only where that explains them."""
+        rows: tuple[Row, ...] = (_nameless(run.start, wire),)
+        result = Search((), 0, True)
+        if len(case.block) >= self._least:
+            result, _ = self._search(case)
+            if result.guesses and case.verdict is not None:
+                rows = self._rows(case, case.verdict, plain(wire), run.start)
+        return Stretch(
+            Kind.NOISE,
+            run.start,
+            wire,
+            Cause.NO_START,
+            self._no_start(),
+            rows,
+            guesses=result.guesses,
+            tried=result.tried,
+            searched_all=result.complete,
+        )
+
+    def _region_end(self, stop: int) -> int:
+        """Where the discarded bytes end that begin before ``stop``."""
+        while stop in self._scan.blamed:
+            stop += 1
+        return stop
+
+    @property
+    def _least(self) -> int:
+        """The fewest bytes of a frame."""
+        return min(sum(part.size for part in form.parts) for form in forms(self._protocol, self._sender))
+
+    def _search(self, case: Case) -> tuple[Search, str]:
+        if self._searches >= MOST_SEARCHES:
+            return Search((), 0, False), ""
+        self._searches += 1
+        if case.verdict is not None and case.verdict.is_frame:  # then a delimiter is missing
+            return search_unstuffed(case), ""
+        result = search(case)
+        if self._protocol.format.delimiter is not None and not self._scan.frames and self._searches == 1:
+            result = join(search_unstuffed(replace(case, block=self._data)), result)
+        return result, repaired(case)
+
+    def _rows(self, case: Case, verdict: Verdict, content: Unstuffed, begin: int) -> tuple[Row, ...]:
+        """Where the payload lies may need a second look, with the constants taken as they are."""
+        second_look = verdict
+        if verdict.payload is None:
+            changed = constants_as_found(case)
+            second = None if changed is None else look(changed.protocol, changed.block, changed.sender)
+            second_look = second[0] if second is not None else verdict
+        return rows_of(self._protocol, self._sender, verdict, second_look, content, begin)
+
+    def _no_start(self) -> str:
+        starts = start_bytes(self._protocol, self._sender)
+        if self._protocol.format.opening is not None:
+            starts = {self._protocol.format.opening[0]}
+        known = " or ".join(f"{byte:02X}" for byte in sorted(starts)) if len(starts) <= 4 else "one of a few values"
+        return f"no byte here begins a frame, which would be {known}"
+
+    def _refusal(self, candidate: Candidate) -> str:
+        if candidate.verdict is None:
+            return candidate.reason
+        rule = candidate.verdict.failed
+        if rule is None:
+            return candidate.cause
+        name = _rule_name(candidate.verdict.parts, rule)
+        return f"{name}: expected {rule.expected}, found {rule.found}"
+
+    def _applied(self, verdict: Verdict) -> tuple[Applied, ...]:
+        return tuple(
+            Applied(_rule_name(verdict.parts, rule), rule.expected, rule.found, rule.holds) for rule in verdict.rules
+        )
+
+
+def _nameless(offset: int, wire: bytes) -> Row:
+    return Row("rest", 0, offset, wire, wire, "belongs to no frame", State.NAMED)
+
+
+def _rule_name(parts: tuple[Part, ...], rule: Rule) -> str:
+    if rule.part is None:
+        names = {Question.MESSAGE: "id", Question.MATCH: "match", Question.CONDITION: "payload size"}
+        return names.get(rule.question, "size")
+    part = parts[rule.part]
+    if rule.question == Question.MATCH:
+        return "match"
+    if rule.question == Question.FIELD:
+        return "constant field"
+    if rule.question == Question.CHECK:
+        return f"{part.name}, {check_text(parts, part)}"
+    if rule.question == Question.MESSAGE and "payload" in rule.expected:
+        return "payload"
+    return part.name

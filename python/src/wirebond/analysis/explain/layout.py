@@ -1,0 +1,121 @@
+"""Where the parts of a frame lie, and how a part's value stands on the wire. Written from the model alone."""
+
+from __future__ import annotations
+
+from wirebond.analysis.checksum import checksum
+from wirebond.protocol.model import BitRole, ByteOrder, LengthCounts, Part, PartKind, Subject
+from wirebond.protocol.model.forms import Choice
+
+CONSTANTS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
+
+
+def hex_of(data: bytes) -> str:
+    return data.hex(" ").upper()
+
+
+def read_number(part: Part, data: bytes) -> int:
+    return int.from_bytes(data, "big" if part.order == ByteOrder.BIG else "little")
+
+
+def payload_index(parts: tuple[Part, ...]) -> int:
+    return next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
+
+
+def index_with(parts: tuple[Part, ...], kind: PartKind, role: BitRole) -> int | None:
+    """The part of this kind, or the one with such a run of bits."""
+    found = (i for i, p in enumerate(parts) if p.kind == kind or any(run.role == role for run in p.bits))
+    return next(found, None)
+
+
+def length_index(parts: tuple[Part, ...]) -> int | None:
+    return index_with(parts, PartKind.LENGTH, BitRole.LENGTH)
+
+
+def id_index(parts: tuple[Part, ...]) -> int | None:
+    return index_with(parts, PartKind.ID, BitRole.ID)
+
+
+def id_text(parts: tuple[Part, ...], number: int) -> str:
+    """With as many digits as the id has on the wire."""
+    index = id_index(parts)
+    return f"0x{number:0{2 * parts[index].size if index is not None else 2}X}"
+
+
+def run_value(part: Part, number: int, role: BitRole) -> int:
+    """What a number part means as this: itself, or its run of bits."""
+    run = next((run for run in part.bits if run.role == role), None)
+    return number if run is None else number >> run.shift & run.mask
+
+
+def spans(parts: tuple[Part, ...], payload_size: int) -> list[tuple[int, int]]:
+    """Where each part begins and ends."""
+    found = []
+    at = 0
+    for part in parts:
+        size = payload_size if part.kind == PartKind.PAYLOAD else part.size
+        found.append((at, at + size))
+        at += size
+    return found
+
+
+def counted_beside_payload(parts: tuple[Part, ...], index: int) -> int:
+    """Bytes that the length part at ``index`` counts besides the payload, its offset included."""
+    part = parts[index]
+    follows = sum(p.size for p in parts[index + 1 :])
+    return (
+        part.length_offset
+        + {
+            LengthCounts.PAYLOAD: 0,
+            LengthCounts.REST: follows,
+            LengthCounts.SELF_AND_REST: part.size + follows,
+            LengthCounts.FRAME: sum(p.size for p in parts),
+        }[part.counts]
+    )
+
+
+def check_value(part: Part, covered: bytes, seed: int) -> bytes:
+    """What a check part holds on the wire when it covers these bytes."""
+    assert part.algorithm is not None
+    size = part.size // 2 if part.as_hex else part.size
+    value = checksum(part.algorithm, covered + bytes([seed]) if part.seeded else covered) >> part.shift
+    value &= (1 << 8 * size) - 1
+    if part.as_hex:
+        return f"{value:0{part.size}X}".encode()
+    return value.to_bytes(size, "big" if part.order == ByteOrder.BIG else "little")
+
+
+def same_check(part: Part, expected: bytes, found: bytes) -> bool:
+    """Hex digits may be of either case."""
+    return found.upper() == expected if part.as_hex else found == expected
+
+
+def shown_check(part: Part, value: bytes) -> str:
+    return value.decode("ascii", errors="replace") if part.as_hex else hex_of(value)
+
+
+def fixed_bits(part: Part, choices: tuple[Choice, ...]) -> tuple[int, int]:
+    """Mask and value of the bits of a number part that cannot vary in this form."""
+    mask = value = 0
+    for run in part.bits:
+        if run.role == BitRole.CONSTANT:
+            mask |= run.mask << run.shift
+            value |= run.value << run.shift
+    for choice in choices:
+        shift, bits = shift_of(part, choice), choice.fixed_bits
+        if shift is not None and bits is not None:
+            mask |= bits[0] << shift
+            value |= bits[1] << shift
+    return mask, value
+
+
+def shift_of(part: Part, choice: Choice) -> int | None:
+    """Where the number that a choice is about begins in this part; None where it is not in it."""
+    if choice.subject == Subject.ID and part.kind == PartKind.ID:
+        return 0
+    if choice.subject == Subject.FIELD and part.header is not None and part.header.name == choice.name:
+        return 0
+    for run in part.bits:
+        is_id = choice.subject == Subject.ID and run.role == BitRole.ID
+        if is_id or (choice.subject == Subject.FIELD and run.header is not None and run.header.name == choice.name):
+            return run.shift
+    return None

@@ -1,0 +1,41 @@
+"""Messages that share a frame's id and are told apart by `match`: which a frame could be, and what it has instead."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from wirebond.protocol.matching import Told, one_id
+from wirebond.protocol.model import End, MatchOf, Message, Protocol
+from wirebond.protocol.spelling import match_texts
+
+_MOST = 4  # messages that are listed
+
+
+def sharing(protocol: Protocol, sender: End | None, number: int | None) -> list[Message]:
+    """Those of this sender with the id ``number`` (None: without an id), if `match` tells them apart."""
+    found = [
+        message
+        for message in protocol.messages
+        if message.sent_by(sender)
+        and message.has_id == (number is not None)
+        and (number is None or (message.ids or one_id(message.id)).holds(number))
+    ]
+    return found if any(match_texts(message) for message in found) else []
+
+
+def wanted_text(messages: Sequence[Message]) -> str:
+    """``stop (command 1), run (command 2, 5..9)``."""
+    texts = [f"{message.name} ({', '.join(match_texts(message)) or 'all'})" for message in messages]
+    left = len(texts) - _MOST
+    return ", ".join(texts if left <= 1 else [*texts[:_MOST], f"{left} more"])
+
+
+def found_text(messages: Sequence[Message], told: Told) -> str:
+    """What the frame has where these messages look: ``command 4``."""
+    texts: dict[str, str] = {}
+    for match in (match for message in messages for match in message.match if match.of != MatchOf.ID):
+        name = "payload size" if match.of == MatchOf.SIZE else match.name
+        number = told.number_of(match)
+        value = f"0x{number or 0:X}" if match.name == "magic" else str(number)
+        texts.setdefault(name, f"no {name}" if number is None else f"{name} {value}")
+    return ", ".join(texts.values())

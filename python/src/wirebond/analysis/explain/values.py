@@ -1,0 +1,404 @@
+"""Payload bytes as field values, each with its unit, how it came out, and the field rules that it breaks."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+from wirebond.analysis.explain.constants import constant_text
+from wirebond.protocol.decimals import decimal_text
+from wirebond.protocol.meaning.field_values import number_text
+from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Message
+from wirebond.visible import visible
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One field of a payload, or one element of a field that repeats its fields. ``value`` is what the Python API
+    gives. ``data`` is empty for a value among the bits of a number: the number around it has the bytes."""
+
+    field: Field
+    name: str
+    offset: int  # in the payload
+    data: bytes
+    value: Any
+    text: str
+    faults: tuple[str, ...] = ()  # of this one, not of its parts
+    parts: tuple[Reading, ...] = ()
+
+
+def read_fields(message: Message, payload: bytes) -> list[Reading]:
+    """The fields that the payload holds whole, in wire order; those behind a payload that is too short are left out.
+
+    Padding has a reading, and no value.
+    """
+    found: list[Reading] = []
+    walk = _Walk(payload, max(0, len(payload) - message.min_payload))
+    with suppress(_CutOff):  # what is there is named; the rest is not all there
+        walk.read_all(message.fields, found)
+    return found
+
+
+def read_number(field: Field, raw: int) -> tuple[Any, str, str]:
+    """One number by its bits, as a header field has them: its value, in words, and the rule that it breaks."""
+    return _number(field, raw)
+
+
+def values_of(readings: Iterable[Reading]) -> dict[str, Any]:
+    """By name, as the Python API gives them."""
+    return {reading.name: reading.value for reading in readings if reading.field.kind != FieldKind.PADDING}
+
+
+def faults_of(readings: Iterable[Reading], path: str = "") -> list[str]:
+    """Every broken field rule: ``points[1].x is outside -1 to 1 m``."""
+    found = []
+    for reading in readings:
+        found += [f"{path}{reading.name}{fault}" for fault in reading.faults]
+        found += faults_of(reading.parts, f"{path}{reading.name}.")
+    return found
+
+
+def values_text(readings: Iterable[Reading]) -> str:
+    """``linear 0.5 m/s, angular 0 rad/s``, shortened where there is much."""
+    texts = [f"{r.name} {_short(r)}" for r in readings if r.field.kind != FieldKind.PADDING]
+    text = ", ".join(texts)
+    return text if len(text) <= _MOST_TEXT else f"{text[:_MOST_TEXT]}…"
+
+
+_MOST_TEXT = 240
+
+
+def _short(reading: Reading) -> str:
+    if not reading.parts:
+        return reading.text.split(" (")[0]
+    inner = ", ".join(f"{part.name} {_short(part)}" for part in reading.parts if part.field.kind != FieldKind.PADDING)
+    return f"{{{inner}}}"
+
+
+class _CutOff(Exception):  # noqa: N818  (an outcome, not an error)
+    """The payload ends within a field."""
+
+
+@dataclass
+class _Walk:
+    """Where the next field begins. Fields of varying size take out of ``spare``: what the payload has beyond the least
+    that its message needs, so that each field lies within it whatever the counts on the wire say."""
+
+    payload: bytes
+    spare: int
+    at: int = 0
+
+    def take(self, size: int) -> bytes:
+        if self.at + size > len(self.payload):
+            raise _CutOff
+        self.at += size
+        return self.payload[self.at - size : self.at]
+
+    def spend(self, size: int) -> None:
+        self.spare -= size
+
+    def read_all(self, fields: tuple[Field, ...], found: list[Reading]) -> None:
+        told: dict[str, int] = {}
+        for field in fields:
+            promised = None
+            for name, step in field.counters[:1]:
+                promised = told[name] // step
+            reading = self._read(field, promised)
+            if field.is_count:
+                told[field.name] = _raw(field, reading.data)
+            for run in reading.parts if field.kind == FieldKind.BITS else ():
+                if run.field.is_count:
+                    told[f"{field.name}.{run.name}"] = run.value
+            if field.counters:
+                reading = _with_promises(reading, field, told)
+            found.append(reading)
+
+    def _read(self, field: Field, promised: int | None) -> Reading:
+        if field.kind not in _READERS:
+            raise NotImplementedError(f"values.py has no entry for the field type '{field.kind}'")
+        return _READERS[field.kind](self, field, promised)
+
+    def number_of_elements(self, field: Field, promised: int | None) -> int:
+        """How many elements of a list there are, taken out of ``spare``. A list of structs asks one by one, for
+        structs may vary in size themselves."""
+        most = field.max_count if promised is None else min(promised, field.max_count)
+        number = min(most, self.spare // field.element_min_bytes) if field.element_min_bytes else most
+        self.spend(number * field.element_min_bytes)
+        return number
+
+
+def _with_promises(reading: Reading, field: Field, told: dict[str, int]) -> Reading:
+    """What each of its counts tells, held against what is there."""
+    found = len(reading.data if field.is_string else reading.value)
+    for name, step in field.counters:
+        if told[name] != found * step:
+            what = "bytes" if field.is_string or step > 1 else "elements"
+            reading = replace(
+                reading, faults=(*reading.faults, f" has {found * step} {what}, and {name} tells {told[name]}")
+            )
+    return reading
+
+
+# ---- each kind of field ----
+
+
+def _numbers(walk: _Walk, field: Field, promised: int | None) -> Reading:
+    start = walk.at
+    if field.packed is not None:
+        data = walk.take(field.min_wire_bytes)
+        raws = [_packed(data, index * field.bits, field.bits, field.packed) for index in range(field.count or 0)]
+    elif field.is_list:
+        number = walk.number_of_elements(field, promised)
+        data = walk.take(number * field.size)
+        raws = [_raw(field, data[at : at + field.size]) for at in range(0, len(data), field.size)]
+    else:
+        data = walk.take(field.size * (1 if field.count is None else field.count))
+        raws = [_raw(field, data[at : at + field.size]) for at in range(0, len(data), field.size)]
+    elements = [_number(field, raw) for raw in raws]
+    if field.count is None and not field.is_list:
+        value, text, fault = elements[0]
+        return Reading(field, field.name, start, data, value, text, (fault,) if fault else ())
+    values = [value for value, _, _ in elements]
+    faults = tuple(f"[{index}]{fault}" for index, (_, _, fault) in enumerate(elements) if fault)
+    return Reading(field, field.name, start, data, values, _array_text(field, elements), faults)
+
+
+def _array_text(field: Field, elements: list[_Number]) -> str:
+    texts = [text.split(" (")[0].removesuffix(f" {field.unit}") for _, text, _ in elements]
+    return _with_unit("[" + ", ".join(texts) + "]", field)
+
+
+def _text(walk: _Walk, field: Field, promised: int | None) -> Reading:
+    start, (data, faults) = walk.at, _string(walk, field, promised)
+    shown = data.split(b"\0", 1)[0] if field.size else _without_end(data, field)
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        faults = (*faults, " is not UTF-8")
+    value = shown.decode(errors="replace")
+    return Reading(field, field.name, start, data, value, f'"{visible(value)}"', faults)
+
+
+def _bytes(walk: _Walk, field: Field, promised: int | None) -> Reading:
+    start, (data, faults) = walk.at, _string(walk, field, promised)
+    value = _without_end(data, field)
+    return Reading(field, field.name, start, data, value, f"{len(value)} byte{'s' * (len(value) != 1)}", faults)
+
+
+def _string(walk: _Walk, field: Field, promised: int | None) -> tuple[bytes, tuple[str, ...]]:
+    """Its bytes with the one that ends it, and what is wrong."""
+    if field.size:
+        return walk.take(field.size), ()
+    most = min(field.max_size, walk.spare)
+    if field.ends_with is not None:
+        found = walk.payload.find(field.ends_with, walk.at, walk.at + most + 1)
+        size = most if found < 0 else found - walk.at
+        fault = f" does not end with 0x{field.ends_with:02X} within {most + 1} byte{'s' * (most > 0)}"
+        walk.spend(size)
+        return walk.take(size + 1), (fault,) * (found < 0)
+    size = min(most, field.max_size if promised is None else promised)
+    walk.spend(size)
+    return walk.take(size), ()
+
+
+def _without_end(data: bytes, field: Field) -> bytes:
+    """The value of a string. One whose end is missing keeps its last byte."""
+    return data if field.ends_with is None else data.removesuffix(bytes([field.ends_with]))
+
+
+def _padding(walk: _Walk, field: Field, _: int | None) -> Reading:
+    start, data = walk.at, walk.take(field.min_wire_bytes)
+    if field.constant is not None:
+        text, wanted = constant_text(field, _raw(field, data)), constant_text(field, field.constant)
+        return Reading(field, field.name, start, data, None, "constant" if text == wanted else f"must be {wanted}")
+    text = "padding: ignored" + (", though a sender puts 0 here" if any(data) else "")
+    return Reading(field, field.name, start, data, None, text)
+
+
+def _bit_fields(walk: _Walk, field: Field, _: int | None) -> Reading:
+    start, data = walk.at, walk.take(field.size)
+    number = _raw(field, data)
+    parts = []
+    done = 0
+    for part in field.fields:
+        low = done if field.first == BitOrder.LOW else 8 * field.size - done - part.width
+        done += part.width
+        if part.kind == FieldKind.PADDING and part.constant is None:
+            continue
+        if part.constant is not None:
+            bits = constant_text(part, number >> low & (1 << part.width) - 1)
+            wanted = constant_text(part, part.constant)
+            text = f"{bits}, a constant" if bits == wanted else f"{bits}, which must be {wanted}"
+            parts.append(Reading(part, part.name, start, b"", None, text))
+            continue
+        value, text, fault = _number(part, number >> low & (1 << part.width) - 1)
+        where = f"bit {low}" if part.width == 1 else f"bits {low} to {low + part.width - 1}"
+        parts.append(Reading(part, part.name, start, b"", value, f"{text}, {where}", (fault,) if fault else ()))
+    text = f"0x{number:0{2 * field.size}X}, shared by its bits"
+    return Reading(field, field.name, start, data, values_of(parts), text, (), tuple(parts))
+
+
+def _structs(walk: _Walk, field: Field, promised: int | None) -> Reading:
+    start = walk.at
+    if field.count is None and not field.is_list:
+        one = _struct(walk, field, field.name)
+        return one
+    parts = []
+    most = field.count or 0
+    if field.is_list:
+        most = field.max_count if promised is None else min(promised, field.max_count)
+    least = field.element_min_bytes
+    for index in range(most):
+        if field.is_list:
+            if least > walk.spare:
+                break
+            walk.spend(least)
+        parts.append(_struct(walk, field, f"{field.name}[{index}]"))
+    data = walk.payload[start : walk.at]
+    of = f" of {field.type_name}" if field.type_name else ""
+    text = f"{len(parts)} element{'s' * (len(parts) != 1)}{of}"
+    return Reading(field, field.name, start, data, [part.value for part in parts], text, (), tuple(parts))
+
+
+def _struct(walk: _Walk, field: Field, name: str) -> Reading:
+    start = walk.at
+    parts: list[Reading] = []
+    walk.read_all(field.fields, parts)
+    data = walk.payload[start : walk.at]
+    text = field.type_name or f"{len(field.fields)} fields"
+    return Reading(field, name, start, data, values_of(parts), text, (), tuple(parts))
+
+
+# One entry for each kind of field in the model.
+_READERS: dict[FieldKind, Callable[[_Walk, Field, int | None], Reading]] = {
+    FieldKind.UNSIGNED: _numbers,
+    FieldKind.SIGNED: _numbers,
+    FieldKind.FLOAT: _numbers,
+    FieldKind.BOOL: _numbers,
+    FieldKind.TEXT: _text,
+    FieldKind.BYTES: _bytes,
+    FieldKind.PADDING: _padding,
+    FieldKind.BITS: _bit_fields,
+    FieldKind.STRUCT: _structs,
+}
+
+
+# ---- one number ----
+
+_Number = tuple[Any, str, str]  # value, text, fault
+
+
+def _raw(field: Field, data: bytes) -> int:
+    return int.from_bytes(data, "big" if field.order == ByteOrder.BIG else "little")
+
+
+def _packed(data: bytes, bit: int, width: int, order: BitOrder) -> int:
+    """``width`` bits from place ``bit`` on of a string of bits that begins at this end of each byte."""
+    if order == BitOrder.LOW:
+        return int.from_bytes(data, "little") >> bit & (1 << width) - 1
+    return int.from_bytes(data, "big") >> 8 * len(data) - bit - width & (1 << width) - 1
+
+
+def _number(field: Field, raw: int) -> _Number:
+    if field.kind == FieldKind.BOOL:
+        return raw != 0, "true" if raw else "false", "" if raw <= 1 else f" is {raw}; a bool is 0 or 1"
+    if field.kind == FieldKind.FLOAT:
+        return _float(field, raw)
+    return _whole(field, _signed(field, raw) if field.kind == FieldKind.SIGNED else raw)
+
+
+def _signed(field: Field, raw: int) -> int:
+    top = 1 << (field.width - 1)
+    if field.sign_magnitude:
+        return -(raw & top - 1) if raw & top else raw
+    return raw - 2 * top if raw & top else raw
+
+
+def _whole(field: Field, wire: int) -> _Number:
+    if field.flags:
+        return _flags(field, wire)
+    if field.enum:
+        name = next((name for name, value in field.enum if value == wire), None)
+        if name is not None:
+            return name, f"{name} ({wire})", ""
+        unnamed = f" is {wire}, which has no name"
+        return (_scaled(field, wire) if field.is_scaled else wire), str(wire), unnamed
+    of_clock = " on the MCU's clock" if field.clock is not None else ""
+    if not field.is_scaled:
+        return wire, _with_unit(str(wire), field) + of_clock, _range_fault(field, wire)
+    value = _scaled(field, wire)
+    shown = f"{_with_unit(_decimal(value), field)}{of_clock} ({_working(field, str(wire))})"
+    return value, shown, _range_fault(field, value)
+
+
+def _flags(field: Field, wire: int) -> _Number:
+    names: list[Any] = [name for name, bit in field.flags if wire >> bit & 1]
+    unnamed = wire & ~sum(1 << bit for _, bit in field.flags)
+    names += [1 << bit for bit in range(field.width) if unnamed >> bit & 1]
+    shown = ", ".join(name if isinstance(name, str) else f"bit {name.bit_length() - 1}" for name in names)
+    fault = f" has bits without a name: 0x{unnamed:X}" if unnamed else ""
+    return names, f"{shown or 'none'} (0x{wire:0{(field.width + 3) // 4}X})", fault
+
+
+def _float(field: Field, raw: int) -> _Number:
+    (wire,) = struct.unpack("<f" if field.size == 4 else "<d", raw.to_bytes(field.size, "little"))
+    if not math.isfinite(wire):
+        return _scaled(field, wire) if field.is_scaled else wire, str(wire), " is not a finite number"
+    shown = _decimal(wire) if field.size == 8 else _shortest_f32(wire)
+    if not field.is_scaled:
+        return wire, _with_unit(shown, field), _range_fault(field, wire)
+    value = _scaled(field, wire)
+    fault = _range_fault(field, value)
+    if not math.isfinite(value) or (field.size == 4 and _as_f32(value) is None):
+        fault = f" is {value:g}, beyond a {8 * field.size}-bit float"
+    return value, f"{_with_unit(_decimal(value), field)} ({_working(field, shown)})", fault
+
+
+def _as_f32(value: float) -> float | None:
+    """The nearest 32-bit float; None where it is too large."""
+    try:
+        return float(struct.unpack("<f", struct.pack("<f", value))[0])
+    except OverflowError:
+        return None
+
+
+def _scaled(field: Field, wire: float) -> float:
+    """In doubles and in this order, so that it is the engine's value to the last bit: `to_si` in native/element.hpp.
+    tests/test_scaled_values.py compares the two."""
+    numerator, addend, denominator, offset = field.double_factors
+    if field.kind == FieldKind.FLOAT:  # adding a zero would take the sign of another
+        scaled = float(wire) * numerator / denominator
+        return scaled + float(offset) if offset else scaled
+    return (float(wire) * numerator + addend) / denominator + float(offset)
+
+
+def _range_fault(field: Field, value: float) -> str:
+    if field.minimum is None or field.maximum is None or field.minimum <= value <= field.maximum:
+        return ""
+    return f" is outside {_with_unit(f'{_decimal(field.minimum)} to {_decimal(field.maximum)}', field)}"
+
+
+def _working(field: Field, wire: str) -> str:
+    offset = f" + {number_text(field.offset)}" if field.offset > 0 else f" - {number_text(-field.offset)}"
+    return f"{wire} * {number_text(field.scale)}" + (offset if field.offset else "")
+
+
+def _with_unit(text: str, field: Field) -> str:
+    return f"{text} {field.unit}" if field.unit else text
+
+
+def _decimal(value: float) -> str:
+    return decimal_text(value, 10)
+
+
+def _shortest_f32(value: float) -> str:
+    """The fewest digits that give this float again: 0.1, not 0.10000000149."""
+    for digits in range(1, 9):
+        text = decimal_text(value, digits)
+        if _as_f32(float(text)) == value:  # none where it was rounded up past the greatest float
+            return text
+    return decimal_text(value, 9)

@@ -1,0 +1,6 @@
+"""Which of the known formats is on a wire, by the evidence of its bytes."""
+
+from wirebond.analysis.identify.formats import Format, Known, format_of, known_formats
+from wirebond.analysis.identify.ranking import FITS, Candidate, rank
+
+__all__ = ["FITS", "Candidate", "Format", "Known", "format_of", "known_formats", "rank"]

@@ -1,0 +1,43 @@
+"""What ``wirebond check`` does: the file's problems or the lint's report, for a person or as JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from wirebond.analysis.check import Places, Severity, lint
+from wirebond.cli.commands.check_view import print_report
+from wirebond.cli.given_file import load_given
+from wirebond.cli.output import write
+from wirebond.cli.values import to_json
+from wirebond.errors import ProtocolFileError
+
+
+def check_file(path: Path, as_json: bool, traffic: str | None, thorough: bool, strict: bool) -> int:
+    """1 where the file is wrong or the lint finds an error (with ``strict`` also a warning), else 0."""
+    try:
+        codec, path = load_given(path)
+    except ProtocolFileError as error:
+        if as_json:
+            rows = [vars(problem) for problem in error.problems]
+            write(to_json({"file": error.problems[0].path, "ok": False, "problems": rows}) + "\n")
+            return 1
+        raise
+    model = codec.model
+    report = lint(codec, Places.of_text(model.text), traffic=traffic, thorough=thorough)
+    failed = report.number_of(Severity.ERROR) or (strict and report.number_of(Severity.WARNING))
+    if as_json:
+        facts = {
+            "file": str(path),
+            "ok": not failed,
+            "protocol": model.name,
+            "hash": f"{codec.hash:016x}",
+            "messages": {
+                m.name: {"id": m.id, "sender": m.sender, "bytes": model.max_wire_bytes(m.max_payload)}
+                for m in model.messages
+            },
+            **report.as_dict(),
+        }
+        write(to_json(facts) + "\n")
+    else:
+        print_report(path, codec, report)
+    return 1 if failed else 0

@@ -1,0 +1,124 @@
+"""What ``wirebond identify`` says: the formats that fit, best first, each with its evidence; or what to try."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from wirebond.analysis.identify.formats import Known
+from wirebond.analysis.identify.ranking import Candidate
+from wirebond.cli.output import write
+from wirebond.cli.values import to_json
+
+_MOST_SHOWN = 4
+_MOST_MESSAGES = 6
+_FEW_BYTES = 200
+
+
+def show(candidates: Sequence[Candidate], size: int, known: Known, line: str = "") -> None:
+    """For a person. ``line``: at which settings of the port the bytes came."""
+    said = [f"{size} bytes{f' at {line}' if line else ''}, {len(known.formats)} formats tried", ""]
+    fitting = [one for one in candidates if one.fits]
+    for one in fitting[:_MOST_SHOWN]:
+        said += [*_candidate(one), ""]
+    if fitting:
+        said += verdict(candidates)
+    else:
+        said += nothing_fits(size, candidates)
+        said += [
+            f"Too weak to say: {one.format.name}, {one.evidence:.0f} bits" for one in candidates[:3] if one.evidence > 0
+        ]
+    write("\n".join(said) + "\n")
+
+
+def show_json(candidates: Sequence[Candidate], size: int, known: Known, settings: dict[str, Any] | None = None) -> None:
+    """For a program."""
+    fitting = [one for one in candidates if one.fits]
+    told = {
+        "bytes": size,
+        **(settings or {}),
+        "formats_tried": len(known.formats),
+        "left_out": [str(path) for path in known.unreadable],
+        "format": fitting[0].format.name if fitting else None,
+        "same_wire": [one.format.name for one in same_wire(candidates)],
+        "candidates": [one.as_dict() for one in fitting],
+    }
+    write(to_json(told) + "\n")
+
+
+def same_wire(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Other formats whose frames look as those of the best one; none where nothing fits."""
+    if not candidates or not candidates[0].fits:
+        return []
+    best = candidates[0]
+    return [one for one in candidates[1:] if one.format.wire == best.format.wire]
+
+
+def verdict(candidates: Sequence[Candidate]) -> list[str]:
+    """The last words where something fits."""
+    best, *others = (one for one in candidates if one.fits)
+    twins = same_wire(candidates)
+    said = []
+    if twins:
+        names = " and ".join([best.format.name, *(one.format.name for one in twins)])
+        said.append(
+            f"{names} are the same wire: their frames look the same. They differ in the messages that they list."
+        )
+    rivals = [one for one in others if one.format.wire != best.format.wire and one.evidence > best.evidence / 2]
+    if rivals:
+        names = ", ".join(one.format.name for one in rivals)
+        said.append(f"{names} explains many of the same frames. Compare more bytes to be sure.")
+    if best.frame_share < 0.5:
+        said.append(
+            f"{1 - best.frame_share:.0%} of the bytes lie in no frame. They may be messages that the file does not "
+            "list, damaged frames, or another device."
+        )
+    said.append(f"Use it: wirebond decode {best.format.model.path} CAPTURE, or wirebond monitor with a port.")
+    return said
+
+
+def nothing_fits(size: int, candidates: Sequence[Candidate] = ()) -> list[str]:
+    if size == 0:
+        return ["There are no bytes to look at."]
+    said = ["No known format fits these bytes better than chance."]
+    repeating = [one for one in candidates if one.repeats]
+    if repeating:
+        said.append(
+            f"The same bytes come again and again. {repeating[0].format.name} explains "
+            f"{repeating[0].frame_share:.0%} of them, but a frame that repeats counts once. "
+            "Make values change, for example move the robot, and try again."
+        )
+    elif size < _FEW_BYTES:
+        said.append(f"{size} bytes are few: give some seconds of the line, more than a hundred frames if you can.")
+    return [
+        *said,
+        "What to try:",
+        "  - another baud rate or parity: at a wrong one no format fits. `wirebond identify PORT` tries the usual ones",
+        "  - swapped or inverted lines: S.BUS and some radios invert the level",
+        "  - your own files: --also FOLDER",
+        '  - one frame by hand: `wirebond explain FILE --hex "..."` with the file that is nearest',
+    ]
+
+
+def _candidate(one: Candidate) -> list[str]:
+    evidence = f"{one.evidence:,.0f}".replace(",", " ")
+    known = "" if one.known_frames == one.frames else f", {one.known_frames} of them of messages in the file"
+    messages = list(one.messages.items())
+    shown = ", ".join(f"{name} {count}" for name, count in messages[:_MOST_MESSAGES])
+    shown += f" and {len(messages) - _MOST_MESSAGES} more" if len(messages) > _MOST_MESSAGES else ""
+    if one.distinct_frames < one.frames:
+        known += f", {one.distinct_frames} of them different"
+    return [
+        f"{one.format.name}  {one.format.model.path}",
+        f"  evidence  {evidence} bits",
+        f"  frames    {one.frames}{known}; {one.frame_share:.0%} of the bytes",
+        f"  chance    {_chance(one.chance_frames)} such frames in as many random bytes",
+        f"  messages  {shown}",
+        f"  from      {' and '.join(one.senders) or 'unknown'}",
+    ]
+
+
+def _chance(frames: float) -> str:
+    if frames < 1e-6:
+        return "less than 0.000001"
+    return f"{frames:.2g}"

@@ -1,0 +1,65 @@
+"""``wirebond listen``: both directions of a line as they come, each message with who sent it."""
+
+from __future__ import annotations
+
+import math
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from rich.text import Text
+
+from wirebond.cli.commands.live import one_line
+from wirebond.cli.output import ReaderGone, console, errors, plain, warn, write
+from wirebond.cli.shown import message_dict, stats_line
+from wirebond.cli.signals import ended_by_signals
+from wirebond.cli.values import to_json
+from wirebond.link.listen import Listener, listen
+
+_LOOK = 0.1  # seconds between two looks at the ports
+
+
+def listen_to_both(
+    path: Path,
+    host_port: str | None,
+    mcu_port: str | None,
+    port: str | None,
+    baud: int | None,
+    seconds: float | None,
+    as_json: bool,
+    waits: bool,
+) -> None:
+    """Until the time is over, or Ctrl-C."""
+    with (
+        ended_by_signals(),
+        listen(path, host_port=host_port, mcu_port=mcu_port, port=port, baud=baud, wait_for_port=waits) as listener,
+    ):
+        for sentence in listener.untold:
+            warn(sentence)
+        end = math.inf if seconds is None else time.monotonic() + seconds
+        with suppress(KeyboardInterrupt, ReaderGone):
+            _print(listener, end, as_json)
+        if (shared := listener.shared) is not None:
+            frames = ", ".join(f"{count} of {sender}" for sender, count in shared.frames.items())
+            errors.print(f"line: {shared.bytes} bytes; frames: {frames}; {shared.other_bytes} bytes in none")
+            return
+        for sender, link in listener.links.items():
+            errors.print(f"{sender}: {stats_line(link.stats.receive)}")
+
+
+def _print(listener: Listener, end: float, as_json: bool) -> None:
+    away: set[str] = set()
+    width = 4 if listener.shared is None else 6  # of "either"
+    while (left := end - time.monotonic()) > 0:
+        for sender, link in listener.links.items():
+            is_away = link.state == "down"
+            if is_away != (sender in away):
+                errors.print(f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there")
+                away ^= {sender}
+        for sender, message in listener.receive(min(_LOOK, left)):
+            if as_json:
+                write(to_json({"from": sender, **message_dict(message, listener.codec)}) + "\n")
+            else:
+                console.print(
+                    Text(f"{sender:<{width}} ").append_text(one_line(message, listener.codec)), soft_wrap=True
+                )

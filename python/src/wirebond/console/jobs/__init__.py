@@ -1,0 +1,5 @@
+"""What takes long, done in a process of its own: whoever moves a line's bytes does not wait for it."""
+
+from wirebond.console.jobs.worker import JobError, Worker, as_json
+
+__all__ = ["JobError", "Worker", "as_json"]

@@ -1,6 +1,0 @@
-"""What is wrong with a line, in words: by its last bytes, and only where they speak for it."""
-
-from wirebond.diagnosis.finding import Diagnosis, Kind
-from wirebond.diagnosis.line import diagnose, diagnose_dump
-
-__all__ = ["Diagnosis", "Kind", "diagnose", "diagnose_dump"]

@@ -1,6 +1,0 @@
-"""What a changed protocol file breaks: the comparison of two protocols, at each end and in each direction."""
-
-from wirebond.diff.change import Change, Effect, Flow, Verdict
-from wirebond.diff.compare import Comparison, compare
-
-__all__ = ["Change", "Comparison", "Effect", "Flow", "Verdict", "compare"]

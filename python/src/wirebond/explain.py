@@ -1,0 +1,5 @@
+"""Explain every byte of a frame from a program. See docs/explain.md."""
+
+from wirebond.analysis.explain import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch, explain
+
+__all__ = ["Applied", "Explanation", "FittingGuess", "Kind", "Row", "State", "Stretch", "explain"]

@@ -1,0 +1,304 @@
+"""One value of a message as C++: its type, its first value, and the lines that write, read, validate and clamp it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum, auto
+from fractions import Fraction
+
+from wirebond.generate.code.cpp_number import Scaling, integer, nearest_float, real, real_type, wire_integer
+from wirebond.generate.code.names import identifier
+from wirebond.protocol.model import BitOrder, ByteOrder, Default, Field, FieldKind, OnRange
+
+NUMBERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
+_WHOLE_SIZES = (1, 2, 4, 8)
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Where on the wire a value lies."""
+
+    place: str  # `payload + 4`; of a bit field, the variable that holds the bits
+    index: str = "0"  # of a packed element
+    shift: int = 0  # of a bit field
+
+
+def comment_text(text: str) -> str:
+    """Text that is safe in a comment of either kind: one line, no control characters, no backslash at the end.
+
+    C joins a line that ends in ``??/`` with the next one, for that trigraph is a backslash; so no two question marks
+    stay side by side. A space also stands within ``*/`` and ``/*``.
+    """
+    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    for mark in ("??", "*/", "/*"):
+        while mark in line:
+            line = line.replace(mark, f"{mark[0]} {mark[1]}")
+    return line + "." if line.endswith("\\") else line
+
+
+def is_plain(spec: Field) -> bool:
+    """Is the member the wire's number itself, and fills it its bytes?"""
+    whole = spec.size in _WHOLE_SIZES and not spec.sign_magnitude
+    return spec.kind in NUMBERS and not spec.enum and not spec.is_scaled and whole
+
+
+# ---- types ------------------------------------------------------------------------------------------------------
+
+
+def _is_real(spec: Field) -> bool:
+    return spec.kind == FieldKind.FLOAT or (spec.kind in NUMBERS and spec.is_scaled)
+
+
+def element_type(spec: Field, enum_type: str) -> str:
+    """The C++ type of one element."""
+    if spec.kind == FieldKind.BOOL:
+        return "bool"
+    if spec.enum:
+        return enum_type
+    return real_type(spec) if _is_real(spec) else wire_integer(spec).type_name
+
+
+def initial_value(spec: Field, enum_type: str, default: Default | None) -> str:
+    """The initialiser of one element; ``default`` is the element's own."""
+    if spec.kind == FieldKind.BOOL:
+        return "true" if default else "false"
+    number = default if isinstance(default, int | float) else None
+    if spec.enum:
+        wanted = dict(spec.enum).get(default, 0) if isinstance(default, str) else int(number or 0)
+        by_value = {value: name for name, value in reversed(spec.enum)}
+        return f"{enum_type}::{identifier(by_value.get(wanted, spec.enum[0][0]))}"
+    low = -math.inf if spec.minimum is None else spec.minimum
+    high = math.inf if spec.maximum is None else spec.maximum
+    if _is_real(spec):
+        return real(min(max(0.0, low), high) if number is None else number, real_type(spec))
+    if number is not None:
+        return integer(int(number))
+    return integer(0 if low <= 0 <= high else math.ceil(low) if low > 0 else math.floor(high))
+
+
+def enum_lines(spec: Field, enum_type: str) -> list[str]:
+    lines = [f"enum class {enum_type} : {wire_integer(spec).type_name} {{"]
+    lines += [f"  {identifier(name)} = {integer(value)}," for name, value in spec.enum]
+    return [*lines, "};"]
+
+
+def flags_lines(spec: Field, type_name: str) -> list[str]:
+    lines = [f"struct {type_name} {{  // bits of `{spec.name}`"]
+    underlying = wire_integer(spec).type_name
+    lines += [
+        f"  static constexpr {underlying} {identifier(name)} = {hex_literal(1 << bit, (spec.width + 7) // 8)};"
+        for name, bit in spec.flags
+    ]
+    return [*lines, "};"]
+
+
+def bool_literal(value: bool) -> str:
+    return "true" if value else "false"
+
+
+def hex_literal(value: int, size: int) -> str:
+    """A hexadecimal literal with all digits of ``size`` bytes."""
+    return f"0x{value:0{2 * size}X}" + ("" if value < 2**31 else "U" if value < 2**32 else "ULL")
+
+
+def member_comment(spec: Field, bits: str = "") -> str:
+    """What a member's line says behind it; ``bits``: the struct of its flags."""
+    facts = [spec.unit] if spec.unit else []
+    if spec.clock is not None:
+        facts.append("when its values were measured, on the MCU's clock")
+    if spec.minimum is not None or spec.maximum is not None:
+        low = "" if spec.minimum is None else f"{spec.minimum:g}"
+        high = "" if spec.maximum is None else f"{spec.maximum:g}"
+        limits = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
+        facts.append(f"{limits} ({spec.on_range.value})")
+    if spec.is_string and spec.is_variable:
+        facts.append(
+            f"at most {spec.max_size} bytes"
+            + "".join(f", none of them {end:#04x}" for end in (spec.ends_with,) if end is not None)
+            + "".join(f", without {' '.join(f'{byte:#04x}' for byte in mark)}" for mark in spec.excludes)
+        )
+    if spec.is_list:
+        facts.append(f"at most {spec.max_count}")
+    if spec.flags:
+        facts.append(f"bits of {bits}")
+    return comment_text(": ".join(part for part in (", ".join(facts), spec.description) if part))
+
+
+# ---- numbers ----------------------------------------------------------------------------------------------------
+
+
+def _template_arguments(spec: Field, type_name: str) -> str:
+    """Type, byte order and wire bytes, as far as they are not what the core takes by itself."""
+    arguments = [type_name]
+    if spec.order == ByteOrder.BIG or spec.size not in _WHOLE_SIZES:
+        arguments.append(f"wirebond::ByteOrder::{spec.order.value}")
+    if spec.size not in _WHOLE_SIZES:
+        arguments.append(str(spec.size))
+    return f"<{', '.join(arguments)}>"
+
+
+class _Limit(Enum):
+    """What a bound is compared with."""
+
+    SENT = auto()  # a value to send
+    RECEIVED = auto()  # a received value
+    CLAMPED = auto()  # nothing: a value becomes the bound
+
+
+def _bounds(spec: Field, limit: _Limit) -> tuple[str, str]:
+    """Literals of the lower and upper bound, each empty where the type itself is as narrow."""
+
+    def literal(bound: float | None, upper: bool) -> str:
+        if bound is None:
+            return ""
+        if _is_real(spec):
+            type_name = real_type(spec)
+            value: Fraction | float = bound
+            if limit == _Limit.RECEIVED and spec.kind != FieldKind.FLOAT:
+                value = Scaling(spec, type_name).received_limit(bound, upper)
+            if limit == _Limit.SENT:
+                value = Scaling(spec, type_name).given_limit(bound, upper)
+            if type_name == "float" and math.isinf(nearest_float(float(value))):
+                return ""
+            return real(value, type_name)
+        wire = wire_integer(spec)
+        whole = math.floor(bound) if upper else math.ceil(bound)
+        binding = whole < wire.high if upper else whole > wire.low
+        return integer(whole) if binding else ""
+
+    return literal(spec.minimum, False), literal(spec.maximum, True)
+
+
+def outside(spec: Field, value: str, received: bool) -> str:
+    """A condition that holds where the value is outside its range; empty where there is none."""
+    low, high = _bounds(spec, _Limit.RECEIVED if received else _Limit.SENT)
+    return " || ".join(part for part in (low and f"{value} < {low}", high and f"{value} > {high}") if part)
+
+
+def write_value(spec: Field, value: str, slot: Slot) -> list[str]:
+    """Lines that store ``value``, or return false where it breaks a rule."""
+    if spec.kind == FieldKind.BOOL:
+        return [_store_bool(spec, value, slot)]
+    type_name = wire_integer(spec).type_name
+    if spec.enum:
+        return [
+            f"if (!is_known({value})) return false;",
+            _store_integer(spec, f"static_cast<{type_name}>({value})", slot),
+        ]
+    beyond = outside(spec, value, received=False)
+    lines = [f"if ({beyond}) return false;"] if beyond else []
+    if spec.kind == FieldKind.FLOAT:
+        element = real_type(spec)
+        wire = Scaling(spec, element).to_wire(value) if spec.is_scaled else value
+        call = f"store_finite{_template_arguments(spec, element)}({slot.place}, {wire})"
+        return [*lines, f"if (!wirebond::{call}) return false;"]
+    if not spec.is_scaled:
+        return [*lines, _store_integer(spec, value, slot)]
+    wire = Scaling(spec, real_type(spec)).to_wire(value)
+    if not spec.bits and not spec.sign_magnitude:
+        call = f"store_nearest{_template_arguments(spec, type_name)}({slot.place}, {wire})"
+        return [*lines, f"if (!wirebond::{call}) return false;"]
+    return [
+        *lines,
+        "{",
+        f"  {type_name} wire = 0;",
+        f"  if (!wirebond::nearest<sizeof wire>({wire}, wire)) return false;",
+        f"  {_store_integer(spec, 'wire', slot)}",
+        "}",
+    ]
+
+
+def _byte(place: str) -> str:
+    """``payload + 4`` as an element."""
+    return f"payload[{place.removeprefix('payload + ')}]"
+
+
+def _packing(spec: Field) -> str:
+    order = "low_first" if spec.packed == BitOrder.LOW else "high_first"
+    return f"wirebond::BitOrder::{order}"
+
+
+def _bit_arguments(spec: Field, slot: Slot) -> str:
+    """Width and place of a number that does not begin and end with a byte, and how its sign lies."""
+    place = str(slot.shift) if spec.packed is None else _packing(spec)
+    return f"{spec.bits}, {place}" + (", wirebond::Sign::magnitude" if spec.sign_magnitude else "")
+
+
+def _store_bool(spec: Field, value: str, slot: Slot) -> str:
+    if spec.packed is not None:
+        return f"wirebond::store_bits({slot.place}, {slot.index}, 1, {_packing(spec)}, {value} ? 1 : 0);"
+    if spec.bits:
+        return _store_integer(spec, f"static_cast<std::uint8_t>({value} ? 1 : 0)", slot)
+    return f"{_byte(slot.place)} = {value} ? 1 : 0;"
+
+
+def _store_integer(spec: Field, value: str, slot: Slot) -> str:
+    """An integer that fills its type always fits."""
+    wire = wire_integer(spec)
+    if spec.packed is not None:
+        call = f"store_packed<{_bit_arguments(spec, slot)}>({slot.place}, {slot.index}, {value})"
+    elif spec.bits:
+        call = f"insert_bits<{_bit_arguments(spec, slot)}>({slot.place}, {value})"
+    elif spec.sign_magnitude:
+        call = f"store_magnitude{_template_arguments(spec, wire.type_name)}({slot.place}, {value})"
+    elif wire.is_whole:
+        return f"wirebond::store{_template_arguments(spec, wire.type_name)}({slot.place}, {value});"
+    else:
+        call = f"store_integer{_template_arguments(spec, wire.type_name)}({slot.place}, {value})"
+    return f"if (!wirebond::{call}) return false;"
+
+
+def load_integer(spec: Field, slot: Slot) -> str:
+    """An expression of the wire's number, in the integer type that holds it."""
+    wire = wire_integer(spec)
+    if spec.packed is not None:
+        return f"wirebond::load_packed<{wire.type_name}, {_bit_arguments(spec, slot)}>({slot.place}, {slot.index})"
+    if spec.bits:
+        return f"wirebond::extract_bits<{wire.type_name}, {_bit_arguments(spec, slot)}>({slot.place})"
+    load = "load_magnitude" if spec.sign_magnitude else "load" if wire.is_whole else "load_integer"
+    return f"wirebond::{load}{_template_arguments(spec, wire.type_name)}({slot.place})"
+
+
+def store_container(spec: Field, value: str, place: str) -> str:
+    """The line that stores a number which always fits."""
+    number = Field(spec.name, FieldKind.UNSIGNED, spec.size, spec.order)
+    return _store_integer(number, value, Slot(place))
+
+
+def read_value(spec: Field, value: str, slot: Slot, enum_type: str) -> list[str]:
+    """The line that loads ``value``; ``enum_type`` by its full name."""
+    if spec.kind == FieldKind.BOOL:
+        return [f"{value} = {load_integer(spec, slot) if spec.bits else _byte(slot.place)} != 0;"]
+    if spec.kind == FieldKind.FLOAT:
+        wire = f"wirebond::load{_template_arguments(spec, real_type(spec))}({slot.place})"
+    else:
+        wire = load_integer(spec, slot)
+    if spec.enum:
+        return [f"{value} = static_cast<{enum_type}>({wire});"]
+    return [f"{value} = {Scaling(spec, real_type(spec)).from_wire(wire) if spec.is_scaled else wire};"]
+
+
+def validate_value(spec: Field, value: str) -> list[str]:
+    """Lines that add what a received value breaks to ``found``."""
+    if spec.enum:
+        return [f"if (!is_known({value})) found |= wirebond::Violation::unknown_enum;"]
+    if spec.kind not in NUMBERS:
+        return []
+    lines = []
+    if spec.kind == FieldKind.FLOAT:
+        lines.append(f"if (!wirebond::is_finite({value})) found |= wirebond::Violation::not_finite;")
+    beyond = outside(spec, value, received=True)
+    if beyond:
+        kind = "clamped" if spec.on_range == OnRange.CLAMP else "out_of_range"
+        lines.append(f"if ({beyond}) found |= wirebond::Violation::{kind};")
+    return lines
+
+
+def clamp_value(spec: Field, value: str) -> list[str]:
+    """Lines that bring a received value to its nearest bound."""
+    if spec.on_range != OnRange.CLAMP or spec.enum or spec.kind not in NUMBERS:
+        return []
+    low, high = _bounds(spec, _Limit.CLAMPED)
+    lines = [f"if ({value} < {low}) {value} = {low};"] if low else []
+    return [*lines, f"if ({value} > {high}) {value} = {high};"] if high else lines

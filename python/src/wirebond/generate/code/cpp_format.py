@@ -1,0 +1,152 @@
+"""The frame format in C++: a plan as assignments that the compiler folds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from wirebond.generate.code.cpp_field import bool_literal, comment_text
+from wirebond.protocol.model import Algorithm, CheckKind
+from wirebond.protocol.plan import Exclusion, Framing, HeaderNumber, Number, Plan, Position
+
+
+def format_sizes(plans: Iterable[Plan]) -> tuple[int, int]:
+    """The most forms of an end, and the most exclusions: one type for both, or its functions would be there twice."""
+    sizes = [(len(plan.forms), sum(len(form.exclusions) for form in plan.forms)) for plan in plans]
+    return max(forms for forms, _ in sizes), max(1, *(exclusions for _, exclusions in sizes))
+
+
+def format_lines(plan: Plan) -> list[str]:
+    """Assignments that fill a ``wirebond::FrameFormat`` named ``format``."""
+    lines = [
+        f"format.framing = wirebond::Framing::{plan.framing};",
+        f"format.stuffing = wirebond::Stuffing::{plan.stuffing};",
+    ]
+    if plan.framing in (Framing.DELIMITED, Framing.BRACKETED):
+        lines += [f"format.opening = {_mark(plan.opening)};", f"format.closing = {_mark(plan.closing)};"]
+        lines += [] if plan.sends_opening else ["format.sends_opening = false;"]
+    if plan.escapes is not None:
+        escapes = plan.escapes
+        lines += [
+            f"format.escapes.escape = 0x{escapes.escape:02X};",
+            f"format.escapes.exclusive_or = 0x{escapes.exclusive_or:02X};",
+            f"format.escapes.count = {len(escapes.pairs)};",
+        ]
+        for i, (plain, code) in enumerate(escapes.pairs):
+            lines.append(f"format.escapes.plain[{i}] = 0x{plain:02X};")
+            lines.append(f"format.escapes.code[{i}] = 0x{code:02X};")
+        lines += [f"format.escapes.starts = {plan.starts};"] if plan.starts else []
+    if plan.insertion is not None:
+        after = ", ".join(f"0x{byte:02X}" for byte in plan.insertion.after)
+        lines.append(
+            f"format.insertion = {{{len(plan.insertion.after)}, 0x{plan.insertion.byte:02X}, {{{{{after}}}}}}};"
+        )
+    if plan.length_on_wire:
+        lines.append("format.length_on_wire = true;")
+    lines += [
+        f"format.form_count = {len(plan.forms)};",
+        f"format.algorithm_count = {len(plan.algorithms)};",
+        f"format.deliver_unknown = {'true' if plan.deliver_unknown else 'false'};",
+        f"format.max_payload = {plan.max_payload};",
+    ]
+    if plan.no_id:
+        lines.append(f"format.no_id = 0x{plan.no_id:X}U;")
+    if plan.sequence is not None:
+        lines.append(f"format.sequence_place = {plan.sequence};")
+        if plan.sequence_per_message:
+            lines.append("format.sequence_per_message = true;")
+        if plan.peer is not None:
+            lines.append(f"format.peer_place = {plan.peer};")
+    if plan.own_forms != 1:
+        lines.append(f"format.own_forms = {plan.own_forms};")
+    if plan.skips_failed:
+        lines.append("format.skips_failed = true;")
+    for name, size in (("plain_front", plan.plain_front), ("plain_back", plan.plain_back)):
+        lines += [f"format.{name} = {size};"] if size else []
+    for number, algorithm in enumerate(plan.algorithms):
+        lines.append(f"format.algorithms[{number}] = {_algorithm(algorithm)};  // {comment_text(algorithm.name)}")
+    excluded = 0
+    for number, form in enumerate(plan.forms):
+        to = f"format.forms[{number}]"
+        counts = {
+            "prefix": form.prefix,
+            "suffix": form.suffix,
+            "prefix_constants": form.prefix_constants,
+            "constant_count": len(form.constants),
+            "header_checks": form.header_checks,
+            "check_count": len(form.checks),
+            "length_bias": form.length_bias,
+            "fixed_payload": form.fixed_payload,
+            "header_count": len(form.header),
+            "first_exclusion": excluded if form.exclusions else 0,
+            "exclusion_count": len(form.exclusions),
+            "id_mask": form.id_mask,
+            "id_value": form.id_value,
+        }
+        for exclusion in form.exclusions:
+            lines.append(f"format.exclusions[{excluded}] = {_exclusion(exclusion)};")
+            excluded += 1
+        lines.append(f"{to}.payload_size = wirebond::PayloadSize::{form.payload.value};")
+        lines += [f"{to}.{name} = {value};" for name, value in counts.items() if value]
+        if form.trims_zeros:
+            lines.append(f"{to}.trims_zeros = true;")
+        if form.length_unit != 1:
+            lines.append(f"{to}.length_unit = {form.length_unit};")
+        lines += [f"{to}.{n} = {_number(v)};" for n, v in (("length", form.length), ("id", form.id)) if v]
+        lines += [
+            f"{to}.constants[{i}] = {{{_position(c.at)}, 0x{c.mask:02X}, 0x{c.value:02X}}};"
+            for i, c in enumerate(form.constants)
+        ]
+        lines += [
+            f"{to}.header[{i}] = {{{_header_number(f)}}};  // {comment_text(f.name)}" for i, f in enumerate(form.header)
+        ]
+        for i, c in enumerate(form.checks):
+            places = ", ".join(_position(p) for p in (c.start, c.stop, c.at))
+            order = f"wirebond::ByteOrder::{c.order.value}"
+            flags = ", ".join(bool_literal(flag) for flag in (c.seeded, c.as_hex, c.on_wire))
+            rule = f"{c.algorithm}, {places}, {c.bytes}, {order}, {c.shift}, {flags}, {c.continues}"
+            lines.append(f"{to}.checks[{i}] = {{{rule}}};")
+    return lines
+
+
+def _mark(delimiter: bytes) -> str:
+    return f"{{{len(delimiter)}, {', '.join(f'0x{byte:02X}' for byte in delimiter)}}}"
+
+
+def _position(position: Position) -> str:
+    return f"{{{position.offset}, {'true' if position.from_end else 'false'}}}"
+
+
+def _number(number: Number) -> str:
+    order = f"wirebond::ByteOrder::{number.order.value}"
+    return f"{{{_position(number.at)}, {number.bytes}, {order}, {number.shift}, 0x{number.mask:X}U}}"
+
+
+def _exclusion(exclusion: Exclusion) -> str:
+    number = "{}" if exclusion.number is None else _number(exclusion.number)
+    place, seen = exclusion.place, bool_literal(exclusion.on_receive)
+    return f"{{wirebond::Subject::{exclusion.subject}, {place}, {seen}, {number}, {exclusion.low}U, {exclusion.high}U}}"
+
+
+def _header_number(entry: HeaderNumber) -> str:
+    fixed = f", 0x{entry.fixed_mask:X}U, 0x{entry.fixed_value:X}U" if entry.fixed_mask else ""
+    fixed += ", true" if entry.is_magic else ""
+    return f"{_number(entry.number)}, 0x{entry.default:X}U, {entry.place}{fixed}"
+
+
+def _check_kind(algorithm: Algorithm) -> str:
+    return "wirebond::CheckKind::" + {CheckKind.XOR: "exclusive_or"}.get(algorithm.kind, algorithm.kind)
+
+
+def _algorithm(algorithm: Algorithm) -> str:
+    flags = ", ".join(bool_literal(flag) for flag in (algorithm.refin, algorithm.refout))
+    numbers = ", ".join(f"0x{n:X}U" for n in (algorithm.poly, algorithm.init, algorithm.xorout))
+    rest = f", {algorithm.modulus}, {bool_literal(algorithm.negate)}" if algorithm.modulus or algorithm.negate else ""
+    return f"{{{_check_kind(algorithm)}, {algorithm.width}, {flags}, {numbers}{rest}}}"
+
+
+def update_call(algorithm: Algorithm, index: int) -> str:
+    """The call that runs an algorithm's register over bytes."""
+    if algorithm.kind == CheckKind.CRC:
+        reflected = "true" if algorithm.refin else "false"
+        return f"wirebond::crc_update<{algorithm.width}, 0x{algorithm.poly:X}U, {reflected}>(reg, bytes, size)"
+    return f"wirebond::sum_update(format_from_host.algorithms[{index}], reg, bytes, size)"

@@ -1,0 +1,355 @@
+"""The chapters on the frame: its parts, the rules of a receiver, the check algorithms with code to copy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from wirebond.analysis.check.wording import plural, seconds
+from wirebond.analysis.checksum import checksum
+from wirebond.analysis.explain.layout import hex_of, spans
+from wirebond.analysis.explain.parts import check_text
+from wirebond.generate.doc import snippets
+from wirebond.generate.doc.diagram import diagram
+from wirebond.generate.doc.table import table
+from wirebond.protocol.meaning.messages import spoken
+from wirebond.protocol.model import (
+    Algorithm,
+    BitRole,
+    ByteOrder,
+    CheckKind,
+    FrameFormat,
+    LengthCounts,
+    Part,
+    PartKind,
+    PayloadRule,
+    Protocol,
+    Stuffing,
+)
+from wirebond.protocol.spelling import condition_text, field_type, number_type, sequence_text
+
+_COUNTS = {
+    LengthCounts.PAYLOAD: "the payload's bytes",
+    LengthCounts.REST: "all bytes of the frame that follow it",
+    LengthCounts.SELF_AND_REST: "its own bytes and all that follow",
+    LengthCounts.FRAME: "all bytes of the frame",
+}
+_NUMBERS = (PartKind.LENGTH, PartKind.ID, PartKind.CHECK, PartKind.FIELD, PartKind.SEQUENCE, PartKind.BITS)
+_PAYLOADS = {
+    PayloadRule.BY_LENGTH: "as many bytes as the length says",
+    PayloadRule.BY_ID: "as many bytes as the message has",
+    PayloadRule.REST: "all that lies between the other parts; no length is sent",
+}
+
+
+def frame_chapter(protocol: Protocol) -> list[str]:
+    frame_format = protocol.format
+    lines = ["## Frame", "", "```text", *diagram(frame_format, frame_format.max_payload), "```", ""]
+    lines += table(("part", ">offset", ">bytes", "type", "content", "there if"), _rows(protocol))
+    lines += [*_bits(frame_format), *_ends(protocol), *_stuffing(frame_format)]
+    lines += ["", "### A receiver accepts a frame when", "", *_rules(protocol), ""]
+    return lines + _after_a_failure(protocol)
+
+
+def _rows(protocol: Protocol) -> list[tuple[str, ...]]:
+    """Offsets are told as far as all parts before are always there."""
+    parts = protocol.format.parts
+    payload = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
+    size = parts[payload].fixed_payload if parts[payload].payload == PayloadRule.FIXED else None
+    rows: list[tuple[str, ...]] = []
+    firm = True
+    for index, ((start, stop), part) in enumerate(zip(spans(parts, size or 0), parts, strict=True)):
+        offset = str(start) if index <= payload or size is not None else f"{start} + payload"
+        shown = str(stop - start) if index != payload or size is not None else f"0 to {protocol.format.max_payload}"
+        there_if = "" if part.condition is None else f"`{condition_text(part.condition)}`"
+        content = _content(protocol, index)
+        rows.append((part.name, offset if firm else "", shown, _type(part), content, there_if))
+        firm = firm and part.condition is None
+    return rows
+
+
+def _type(part: Part) -> str:
+    if part.kind not in _NUMBERS or part.as_hex:
+        return ""
+    order = "" if part.size == 1 else ", big-endian" if part.order == ByteOrder.BIG else ", little-endian"
+    word = number_type("u", part.size, ByteOrder.LITTLE)
+    if part.header is not None:
+        word = field_type(replace(part.header.value, order=ByteOrder.LITTLE))
+    return word + order
+
+
+def _bits(frame_format: FrameFormat) -> list[str]:
+    lines: list[str] = []
+    for part in frame_format.parts:
+        if part.bits:
+            rows = [
+                (
+                    str(run.shift) if run.width == 1 else f"{run.shift} to {run.shift + run.width - 1}",
+                    run.name,
+                    f"always {run.value}" if run.role == BitRole.CONSTANT else "",
+                )
+                for run in part.bits
+            ]
+            lines += ["", f"Bits of {part.name}, 0 the lowest:", "", *table((">bit", "name", "value"), rows)]
+    return lines
+
+
+def _ends(protocol: Protocol) -> list[str]:
+    frame_format = protocol.format
+    if frame_format.ends_by_silence:
+        return [
+            "",
+            f"A frame ends when the line is silent for {seconds(protocol.idle_seconds)}; within it is no pause. Before "
+            f"its next frame a sender pauses for {seconds(protocol.pause_seconds)}, so that the receiver notices.",
+        ]
+    if frame_format.delimiter is None:
+        return []
+    closing = hex_of(frame_format.delimiter)
+    if frame_format.opening is None:
+        return ["", f"Behind every frame stands {closing}."]
+    if frame_format.opening == frame_format.delimiter:
+        return ["", f"Before and after every frame stands {closing}; two frames may share one."]
+    return ["", f"Before every frame stands {hex_of(frame_format.opening)}, and behind it {closing}."]
+
+
+def _stuffing(frame_format: FrameFormat) -> list[str]:
+    where, checks = _stuffed_parts(frame_format), _checks_and_stuffing(frame_format)
+    if frame_format.stuffing == Stuffing.COBS:
+        return ["", f"{where} the frame is stuffed with {_COBS[0]}", *_COBS[1:], checks]
+    if frame_format.stuffing == Stuffing.HEX:
+        return [
+            "",
+            f"{where} each byte is sent as two hex digits, the high one first, in upper case. {checks} A receiver "
+            "takes digits of either case.",
+        ]
+    if frame_format.insertion is not None:
+        after, byte = hex_of(frame_format.insertion.after), frame_format.insertion.byte
+        return ["", f"{where} a byte `{byte:02X}` is sent behind each `{after}`. {checks}{_sized(frame_format)}"]
+    if frame_format.escapes is None:
+        return []
+    rule = frame_format.escapes
+    if rule.doubles:
+        return [
+            "",
+            f"{where} each byte `{rule.escape:02X}` is sent twice. {checks} A receiver takes the bytes of a frame in "
+            "pairs from such a byte on, so that it tells the second of two from a delimiter.",
+        ]
+    if rule.exclusive_or:
+        named = ", ".join(f"`{byte:02X}`" for byte, _ in rule.pairs)
+        return [
+            "",
+            f"{where} each byte {named} is sent as two: the escape `{rule.escape:02X}`, then the byte xor "
+            f"`{rule.exclusive_or:02X}`. {checks}{_sized(frame_format)}",
+        ]
+    rows = [(f"`{byte:02X}`", f"`{rule.escape:02X} {code:02X}`") for byte, code in rule.pairs]
+    return ["", f"{where} these bytes are sent as two. {checks}", "", *table(("byte", "sent as"), rows)]
+
+
+def _sized(frame_format: FrameFormat) -> str:
+    """What the length counts, where it ends a stuffed frame."""
+    if not frame_format.is_sized:
+        return ""
+    return f" The length counts the bytes {'as they are sent' if frame_format.length_on_wire else 'before that'}."
+
+
+def _stuffed_parts(frame_format: FrameFormat) -> str:
+    stuffed = [part for part in frame_format.parts if not part.is_plain]
+    if len(stuffed) == len(frame_format.parts):
+        return "Between the delimiters"
+    if len(stuffed) == 1:
+        return f"In the {stuffed[0].name}, and nowhere else,"
+    return f"From {stuffed[0].name} to {stuffed[-1].name}, and nowhere else,"
+
+
+def _checks_and_stuffing(frame_format: FrameFormat) -> str:
+    late = [part.name for part in frame_format.parts if part.on_wire]
+    if not late:
+        return "Checks are taken before that."
+    verb = "covers" if len(late) == 1 else "cover"
+    others = any(part.algorithm is not None and not part.on_wire for part in frame_format.parts)
+    return (
+        f"{' and '.join(f'`{name}`' for name in late)} {verb} the bytes as they are then sent"
+        f"{'; other checks are taken before that' if others else ''}."
+    )
+
+
+def _content(protocol: Protocol, index: int) -> str:
+    part = protocol.format.parts[index]
+    if part.kind not in _CONTENTS:
+        raise NotImplementedError(f"frame.py has no entry for the part '{part.kind}'")
+    return _CONTENTS[part.kind](protocol, index)
+
+
+def _constant(protocol: Protocol, index: int) -> str:
+    part = protocol.format.parts[index]
+    if part.by_sender:
+        return "always " + ", ".join(f"`{hex_of(value)}` from the {spoken(end)}" for end, value in part.by_sender)
+    return "always " + " or ".join(f"`{hex_of(value)}`" for value in part.alternatives or (part.value,))
+
+
+def _length(protocol: Protocol, index: int) -> str:
+    part = protocol.format.parts[index]
+    offset = f", {part.length_offset:+d}" if part.length_offset else ""
+    unit = f", in units of {part.length_unit} bytes" if part.length_unit != 1 else ""
+    return f"counts {_COUNTS[part.counts]}{offset}{unit}"
+
+
+def _payload(protocol: Protocol, index: int) -> str:
+    part = protocol.format.parts[index]
+    if part.payload == PayloadRule.FIXED:
+        return "the message's fields; shorter messages are padded with zeros"
+    trimmed = "; zeros at its end are not sent, and put back by the receiver" if part.trims_zeros else ""
+    optional = part.payload == PayloadRule.BY_LENGTH and all(
+        p.condition is not None
+        for p in protocol.format.parts
+        if p.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in p.bits)
+    )
+    none = ", and none where the length is not there" if optional else ""
+    return f"the message's fields; {_PAYLOADS[part.payload]}{none}{trimmed}"
+
+
+def _bits_content(protocol: Protocol, index: int) -> str:
+    part = protocol.format.parts[index]
+    length = any(run.role == BitRole.LENGTH for run in part.bits)
+    return "shared by its bits, see below" + (f"; the length {_length(protocol, index)}" if length else "")
+
+
+def _sequence(protocol: Protocol, index: int) -> str:
+    header = protocol.format.parts[index].header
+    assert header is not None, "a sequence number is a header field"
+    return sequence_text(header)
+
+
+# One entry for each kind of part in the model.
+_CONTENTS: dict[PartKind, Callable[[Protocol, int], str]] = {
+    PartKind.MAGIC: _constant,
+    PartKind.CONSTANT: _constant,
+    PartKind.TAIL: _constant,
+    PartKind.LENGTH: _length,
+    PartKind.ID: lambda protocol, index: "the message's id",  # noqa: ARG005  (the table's signature)
+    PartKind.RESERVED: lambda protocol, index: "sent as 0, ignored by the receiver",  # noqa: ARG005
+    PartKind.PAYLOAD: _payload,
+    PartKind.FIELD: lambda protocol, index: "a header field, see below",  # noqa: ARG005
+    PartKind.SEQUENCE: _sequence,
+    PartKind.BITS: _bits_content,
+    PartKind.CHECK: lambda protocol, index: check_text(protocol.format.parts, protocol.format.parts[index]),
+}
+
+_COBS = [
+    "COBS (Consistent Overhead Byte Stuffing), so that it holds no",
+    "zero. The bytes are cut at each zero into runs; each run is sent behind a code byte that is its length plus one,",
+    "and the zeros themselves are not sent. A run of 254 bytes or more is cut after 254 bytes behind the code `FF`,",
+    "after which no zero is meant.",
+]
+
+
+def _rules(protocol: Protocol) -> list[str]:
+    frame_format = protocol.format
+    rules = []
+    for part in frame_format.parts:
+        there = "" if part.condition is None else ", where it is there"
+        if part.value:
+            wanted = _constant(protocol, frame_format.parts.index(part)).removeprefix("always ")
+            rules.append(f"the {part.name} is {wanted}{there};")
+        if any(run.role == BitRole.CONSTANT for run in part.bits):
+            rules.append(f"the bits of {part.name} that are always the same are so;")
+        if part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits):
+            number = part.name if part.kind == PartKind.LENGTH else f"length in {part.name}"
+            rules.append(f"the {number} means a payload of at most {plural(frame_format.max_payload, 'byte')};")
+        if part.kind == PartKind.CHECK:
+            rules.append(f"the {part.name} holds{there} ({check_text(frame_format.parts, part)});")
+    if not frame_format.deliver_unknown:
+        rules.append("the id is known, and the payload has a size that the message can have;")
+    if not rules:
+        rules.append("its size fits;")
+    rules[-1] = rules[-1][:-1] + "."
+    return [f"- {rule}" for rule in rules]
+
+
+def _after_a_failure(protocol: Protocol) -> list[str]:
+    frame_format = protocol.format
+    idle = seconds(protocol.idle_seconds)
+    lines = []
+    if frame_format.deliver_unknown:
+        lines += [
+            "A frame with an unknown id, or with more payload than the receiver knows, is accepted: the extra bytes",
+            "are ignored, so that a newer sender still works.",
+            "",
+        ]
+    if frame_format.ends_by_silence:
+        return [*lines, "Where a rule fails, drop all bytes up to the next silence.", ""]
+    if frame_format.delimiter is None or frame_format.opening not in (None, frame_format.delimiter):
+        search = [
+            "Where a rule fails, go on searching one byte after the start of what failed, not behind it: a good frame",
+            "may have begun inside.",
+        ]
+        if frame_format.is_strict:
+            search = [
+                "Where a rule fails behind the bytes that tell the frame's size, drop the whole frame; else go on",
+                "searching one byte after its start.",
+            ]
+        return [
+            *lines,
+            *search,
+            f"Give up a frame that stays incomplete for {idle} of silence, and look through its bytes in the same way.",
+            "",
+        ]
+    if frame_format.opening is None:
+        return [*lines, "Where a rule fails, drop all bytes up to the next delimiter, and the delimiter with them.", ""]
+    return [*lines, "Where a rule fails, drop all bytes up to the next delimiter, which may begin a frame.", ""]
+
+
+def checks_chapter(protocol: Protocol) -> list[str]:
+    algorithms: dict[Algorithm, None] = {}
+    for part in protocol.format.parts:
+        if part.algorithm is not None:
+            algorithms[part.algorithm] = None
+    if not algorithms:
+        return []
+    lines = ["## Check" + ("s" if len(algorithms) > 1 else ""), ""]
+    for algorithm in algorithms:
+        lines += _algorithm(algorithm)
+    for part in protocol.format.parts:
+        if part.algorithm is None:
+            continue
+        if 8 * (part.size // 2 if part.as_hex else part.size) < part.algorithm.width:
+            byte = "highest" if part.shift else "lowest"
+            lines += [f"Of this value {part.name} carries the {byte} byte alone.", ""]
+        if part.as_hex:
+            lines += [f"{part.name} is sent as {part.size} hex digits, the highest first; either case is accepted.", ""]
+        if part.seeded:
+            lines += [
+                f"For {part.name} one byte more is counted behind the range, and not sent: the message's seed.",
+                "",
+            ]
+    return lines
+
+
+def _algorithm(algorithm: Algorithm) -> list[str]:
+    width = algorithm.width // 4
+    value = checksum(algorithm, b"123456789")
+    rows = [("kind", algorithm.kind), ("width", f"{algorithm.width} bits")]
+    if algorithm.kind == CheckKind.CRC:
+        rows.append(("poly", f"0x{algorithm.poly:0{width}X}"))
+    rows += [("init", f"0x{algorithm.init:0{width}X}")]
+    if algorithm.kind == CheckKind.CRC:
+        rows += [("refin", str(algorithm.refin).lower()), ("refout", str(algorithm.refout).lower())]
+    if algorithm.kind == CheckKind.FLETCHER:
+        rows.append(("modulus of both sums", str(algorithm.modulus or 1 << algorithm.width // 2)))
+    if algorithm.negate:
+        rows.append(("two's complement of the value", "yes"))
+    rows += [("xorout", f"0x{algorithm.xorout:0{width}X}"), ('value over "123456789"', f"0x{value:0{width}X}")]
+    return [
+        f"### {algorithm.name}",
+        "",
+        *table(("parameter", "value"), rows),
+        "",
+        "```c",
+        *snippets.c_function(algorithm),
+        "```",
+        "",
+        "```python",
+        *snippets.python_function(algorithm),
+        "```",
+        "",
+    ]

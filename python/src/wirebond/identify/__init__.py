@@ -1,6 +1,0 @@
-"""Which of the known formats is on a wire, by the evidence of its bytes."""
-
-from wirebond.identify.formats import Format, Known, format_of, known_formats
-from wirebond.identify.ranking import FITS, Candidate, rank
-
-__all__ = ["FITS", "Candidate", "Format", "Known", "format_of", "known_formats", "rank"]

@@ -1,6 +1,0 @@
-"""How long a link takes: `measure.py` asks and times, `figures.py` makes percentiles, `plot.py` draws."""
-
-from wirebond.latency.figures import Figures, figures, histogram
-from wirebond.latency.measure import Measurement, Probe, measure, probe_for
-
-__all__ = ["Figures", "Measurement", "Probe", "figures", "histogram", "measure", "probe_for"]

@@ -1,0 +1,94 @@
+"""Which messages are one that the file gives with its values, such as the emergency stop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from wirebond.protocol.meaning.field_values import has_default
+from wirebond.protocol.model import Field, FieldKind, GivenMessage, Protocol
+
+# How far two reals may differ that were the same: as floats they are off by some units in the last place.
+_SAME_REAL = 2.0**-20
+
+
+def is_given(model: Protocol, given: GivenMessage, message: str, fields: Mapping[str, Any]) -> bool:
+    """Has a received message the values of ``given``, as far as the wire can carry them?
+
+    Fields of the message that the file does not give do not count. Where it gives none at all, their defaults do: else
+    any message of this name would be the one.
+    """
+    if message != given.message:
+        return False
+    described = model.message(message).fields
+    try:
+        return _has(described, fields, given.fields or _left_out(described))
+    except (KeyError, TypeError, ValueError, OverflowError):  # no message: a program's values that no field can have
+        return False
+
+
+def is_emergency_stop(model: Protocol, message: str, fields: Mapping[str, Any]) -> bool:
+    """Is it one of the file's ``emergency_stop``?"""
+    return any(is_given(model, stop, message, fields) for stop in model.emergency_stop)
+
+
+def _left_out(fields: tuple[Field, ...]) -> dict[str, Any]:
+    """The values that these fields take where nobody gives one, of those that need none."""
+    return {
+        field.name: _default(field)
+        for field in fields
+        if field.kind != FieldKind.PADDING and not field.is_count and has_default(field)
+    }
+
+
+def _default(field: Field) -> Any:
+    if field.default is not None:
+        return field.default
+    if field.fields:
+        return {} if field.count is None else ({},) * field.count
+    return b"" if field.kind == FieldKind.BYTES else ""
+
+
+def _has(fields: tuple[Field, ...], received: Mapping[str, Any], given: Mapping[str, Any]) -> bool:
+    known = {field.name: field for field in fields}
+    return all(name in received and _equal(known[name], received[name], value) for name, value in given.items())
+
+
+def _equal(field: Field, received: Any, given: Any) -> bool:
+    if field.count is None and not field.is_list:
+        return _element_equal(field, received, given)
+    return len(received) == len(given) and all(
+        _element_equal(field, one, wanted) for one, wanted in zip(received, given, strict=True)
+    )
+
+
+def _element_equal(field: Field, received: Any, given: Any) -> bool:
+    if field.fields:
+        return _has(field.fields, received, _left_out(field.fields) | given)
+    if field.kind == FieldKind.BYTES:
+        return bool(received == given.ljust(field.size, b"\0"))
+    if field.flags:
+        return _flag_bits(field, received) == _flag_bits(field, given)
+    if field.kind in (FieldKind.UNSIGNED, FieldKind.SIGNED):
+        return field.wire_bits(received) == field.wire_bits(given)
+    if field.kind == FieldKind.FLOAT:
+        is_rounded = field.size == 4 or field.is_scaled
+        return math.isclose(
+            received,
+            given,
+            rel_tol=_SAME_REAL if is_rounded else 0.0,
+            abs_tol=_SAME_REAL * abs(float(field.offset)),
+        )
+    return bool(received == given)
+
+
+def _flag_bits(field: Field, value: Any) -> int:
+    """Of a number, or of a list of names and of numbers without one."""
+    if isinstance(value, int):
+        return value
+    bits = dict(field.flags)
+    found = 0
+    for one in value:
+        found |= 1 << bits[one] if isinstance(one, str) else one
+    return found

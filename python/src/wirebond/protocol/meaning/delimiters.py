@@ -1,0 +1,29 @@
+"""Which bytes a text must not have in it: the delimiters of a frame whose bytes are sent as they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wirebond.protocol.model import Field, FieldKind, FrameFormat, Message, Stuffing
+
+
+def with_excluded(messages: tuple[Message, ...], frame_format: FrameFormat) -> tuple[Message, ...]:
+    """The messages, each text with the delimiters that would end or begin a frame within it.
+
+    Numbers may hold such bytes by chance; ``check`` says how many frames that costs.
+    """
+    if frame_format.delimiter is None or frame_format.stuffing != Stuffing.NONE:
+        return messages
+    marks = tuple(dict.fromkeys(mark for mark in (frame_format.delimiter, frame_format.opening) if mark))
+    return tuple(replace(message, fields=_excluding(message.fields, marks)) for message in messages)
+
+
+def _excluding(fields: tuple[Field, ...], marks: tuple[bytes, ...]) -> tuple[Field, ...]:
+    return tuple(
+        replace(
+            field,
+            excludes=marks if field.kind == FieldKind.TEXT else (),
+            fields=_excluding(field.fields, marks),
+        )
+        for field in fields
+    )

@@ -1,5 +1,0 @@
-"""Two ptys joined by a simulated wire in real time, as a process."""
-
-from wirebond.wire.process import LineShape, WireProcess, WireSettings
-
-__all__ = ["LineShape", "WireProcess", "WireSettings"]

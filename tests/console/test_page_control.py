@@ -1,0 +1,233 @@
+"""A press of a person on the page has its effect, or the page says why not: control and the emergency stop."""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+import wirebond
+from tests.console.browser import Desk, desk, shows_the_robot, take_control, wait_until
+from tests.shared import PATIENCE
+from wirebond.link.attached import words
+
+LATE = words.OLDEST_COMMAND + 2 * words.TICK_EVERY  # seconds
+TOO_LATE = re.compile(
+    "“Take control” had no effect: .* Look at the robot, then press it again|lost before it answered “Take control”"
+)
+
+
+@pytest.fixture(scope="module")
+def shared_desk(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterator[Desk]:
+    with desk(tmp_path_factory.mktemp("desk"), browser) as made:
+        yield made
+
+
+@pytest.fixture
+def rover(shared_desk: Desk) -> Iterator[Desk]:
+    with shared_desk.of_one_test() as one:
+        yield one
+
+
+@contextmanager
+def stalled(rover: Desk) -> Iterator[None]:
+    """The server does nothing until the end of the block."""
+    began, goes_on = threading.Event(), threading.Event()
+    rover.server._owner.loop.call_soon_threadsafe(lambda: (began.set(), goes_on.wait(PATIENCE)))
+    assert began.wait(PATIENCE)
+    try:
+        yield
+    finally:
+        goes_on.set()
+
+
+PRESS = "(one) => one.isConnected && !one.disabled && (one.click(), true)"  # a click would wait
+
+
+def press_in_a_stall(rover: Desk, button: Locator, seconds: float, then: Callable[[], None] = lambda: None) -> None:
+    """Press the button while the server does nothing, also for these seconds after the press. ``then``: called after
+    the press. Where this machine is too busy, the page notices the silence before the press, and it is tried again."""
+    for _ in range(20):
+        expect(button).to_be_enabled()
+        found = button.element_handle()
+        with stalled(rover):
+            if found.evaluate(PRESS):
+                then()
+                time.sleep(seconds)
+                return
+    raise AssertionError("the button is never pressed in time")
+
+
+def taking(page: Page) -> Locator:
+    return page.locator("header").get_by_role("button", name="Take control")
+
+
+def in_control(page: Page) -> Locator:
+    return page.get_by_text("You are in control")
+
+
+def said(page: Page) -> Locator:
+    return page.locator(".notice")
+
+
+def test_a_press_that_came_late_is_sent_again(rover: Desk) -> None:
+    """On a busy machine it may come so late that it is not sent again; then the page says so."""
+    page = rover.page("control")
+    for _ in range(10):
+        press_in_a_stall(rover, taking(page), LATE)
+        expect(in_control(page).or_(said(page)).first).to_be_visible()
+        if in_control(page).is_visible():
+            return
+        expect(said(page).first).to_have_text(TOO_LATE)
+        said(page).first.get_by_role("button").click()
+    raise AssertionError("it is never sent again")
+
+
+@pytest.mark.parametrize("locale", ["en-US", "zh-CN"])
+def test_a_press_that_came_too_late_says_so_and_what_to_do(rover: Desk, locale: str) -> None:
+    page = rover.page("control", locale=locale)
+    button = page.locator("header").get_by_role("button", name="Take control" if locale == "en-US" else "取得控制权")
+    press_in_a_stall(rover, button, 2.2)
+    chinese = re.compile("“取得控制权”没有生效：.*再按一次|在它回答“取得控制权”之前断开")  # noqa: RUF001
+    expect(said(page).first).to_have_text(TOO_LATE if locale == "en-US" else chinese)
+    assert rover.server.holder is None
+
+
+def test_nothing_is_taken_by_a_late_press_after_the_robot_was_stopped(rover: Desk) -> None:
+    page = rover.page("control")
+    press_in_a_stall(rover, taking(page), LATE, lambda: page.keyboard.press(" "))
+    expect(page.get_by_role("alert").filter(has_text="Emergency stop")).to_be_visible()
+    expect(said(page).first).to_have_text(TOO_LATE)
+    assert rover.server.holder is None
+
+
+def test_control_that_is_taken_at_the_moment_of_a_release_stays(rover: Desk) -> None:
+    page = rover.page("control")
+    shows_the_robot(page)
+    rover.link.emergency_stop()
+    wait_until(lambda: rover.server.stopped_by is not None, "the server has seen the stop")
+    expect(page.get_by_role("alert")).to_be_visible()
+    found = taking(page).element_handle()
+    with stalled(rover):
+        rover.link.release_stop()
+        expect(page.get_by_role("alert")).to_have_count(0)
+        is_pressed = found.evaluate(PRESS)
+    if not is_pressed:  # this machine is busy
+        taking(page).click()
+    expect(in_control(page).or_(said(page)).first).to_be_visible()
+    if said(page).count():  # this machine is busy
+        expect(said(page).first).to_have_text(TOO_LATE)
+        take_control(page)
+    ticks = rover.server._owner.book.ticks
+    before = ticks.newest
+    wait_until(lambda: ticks.newest > before + 2, "the server has looked at the stop")
+    assert rover.server.holder is not None or said(page).count() > 0
+
+
+def test_a_page_whose_control_ends_with_a_release_says_so(rover: Desk) -> None:
+    page = rover.page("control")
+    rover.link.emergency_stop()
+    expect(page.get_by_role("alert")).to_be_visible()
+    take_control(page)
+    rover.link.release_stop()
+    expect(said(page).filter(has_text="The release of the emergency stop ended every control")).to_be_visible()
+    take_control(page)  # a person's press needs no second one, although another program released
+
+
+def test_a_page_that_loses_its_connection_says_that_its_control_has_ended(rover: Desk) -> None:
+    page = rover.page("control")
+    take_control(page)
+    owner = rover.server._owner
+
+    def cut() -> None:
+        for client in [*owner.clients.values()]:
+            client.end()
+
+    owner.loop.call_soon_threadsafe(cut)
+    expect(said(page).filter(has_text="this page is not in control any more")).to_be_visible()
+    expect(page.locator("header")).to_contain_text("No program is in control")
+
+
+def test_the_page_that_stopped_releases_by_one_press(rover: Desk) -> None:
+    page = rover.page("control")
+    shows_the_robot(page)
+    page.keyboard.press(" ")
+    banner = page.get_by_role("alert").filter(has_text="Emergency stop")
+    expect(banner).to_be_visible()
+    banner.get_by_role("button", name="Release the stop").click()
+    expect(page.get_by_role("alert")).to_have_count(0)
+    assert not rover.link.stopped
+    take_control(page)
+
+
+@pytest.mark.parametrize("locale", ["en-US", "zh-CN"])
+def test_the_stop_of_another_program_is_released_by_a_second_press_that_names_it_and_is_logged(
+    rover: Desk, locale: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    page = rover.page("control", locale=locale)
+    expect(page.locator("header button.stop")).to_be_enabled()
+    texts = {
+        "en-US": ("Release the stop", "Yes, release the stop by", "Look at the robot", "Cancel"),
+        "zh-CN": ("解除急停", "确认解除", "请先查看机器人", "取消"),
+    }
+    first, second, look, cancel = texts[locale]
+    with wirebond.open(f"wirebond://{rover.server.path}") as pad:
+        pad.emergency_stop()
+        name = rover.server.stopped_by
+        assert name is not None
+        banner = page.get_by_role("alert")
+        release = banner.get_by_role("button", name=first, exact=True)
+        release.dblclick()
+        sure = banner.get_by_role("button", name=second)
+        expect(sure).to_contain_text(name)
+        expect(banner).to_contain_text(look)
+        assert rover.link.stopped
+        banner.get_by_role("button", name=cancel).click()
+        release.click()
+        expect(sure).to_be_visible()
+        pad.release_stop()
+        expect(banner).to_have_count(0)
+        pad.emergency_stop()
+        expect(release).to_be_visible()  # another stop is another decision
+        release.click()
+        sure.click()
+        expect(banner).to_have_count(0)
+        assert not rover.link.stopped
+    done = [one for one in rover.server.log.commands() if one.do == "release_stop"][-1]
+    assert done.name.startswith("console ")
+    told = {"en-US": f"{done.name} released the emergency stop by {name}", "zh-CN": f"{done.name} 解除了 {name} 的急停"}
+    expect(page.locator("footer").get_by_text(told[locale])).to_be_visible()
+    assert done.error == ""
+    assert f"{done.name} released the emergency stop by {name}" in caplog.text
+
+
+def test_a_program_that_asks_in_a_loop_loses_to_the_person_who_released(rover: Desk) -> None:
+    page = rover.page("control")
+    shows_the_robot(page)
+    page.keyboard.press(" ")
+    expect(page.get_by_role("alert").filter(has_text="Emergency stop")).to_be_visible()
+    ends = threading.Event()
+    with wirebond.open(f"wirebond://{rover.server.path}") as hammers:
+
+        def hammer() -> None:
+            while not ends.is_set():
+                try:
+                    hammers.take_control()
+                except wirebond.WirebondError:
+                    time.sleep(0.001)
+
+        thread = threading.Thread(target=hammer)
+        thread.start()
+        try:
+            expect(page.locator("header")).to_contain_text("is in control")  # while the stop holds
+            page.get_by_role("button", name="Release the stop").click()
+            expect(page.get_by_role("alert")).to_have_count(0)
+            take_control(page)
+        finally:
+            ends.set()
+            thread.join()

@@ -1,0 +1,135 @@
+"""What a measurement of latency counts where the peer is slow, silent, wrong, or goes away."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+import wirebond
+from tests.link.mcu import Mcu, linked, wait_until
+from tests.shared import PATIENCE, codec
+from wirebond import MessageError, UsageError
+from wirebond.link import Link
+from wirebond.sim.latency import Measurement, measure, probe_for
+
+NATIVE = codec("native")
+DIFFDRIVE = codec("diffdrive")
+
+
+def pong(number: int) -> bytes:
+    return NATIVE.encode("pong", number=number)
+
+
+def measured(link: Link, count: int, timeout: float = 5.0) -> Measurement:
+    into = Measurement()
+    probe = probe_for(link.codec, None, {})
+    measure(link, probe, into, count=count, rate=1000.0, end=time.monotonic() + 60, timeout=timeout, header={})
+    return into
+
+
+def test_pings_are_numbered_and_timed() -> None:
+    def slow(message: wirebond.Message) -> bytes:
+        if message.name != "ping":
+            return b""
+        time.sleep(0.01)
+        return pong(message["number"])
+
+    with linked(NATIVE, slow, clock_sync=False) as (link, mcu):
+        into = measured(link, 5)
+        assert [m["number"] for m in mcu.heard if m.name == "ping"] == [0, 1, 2, 3, 4]
+    assert (into.asked, len(into.round_trips), into.lost) == (5, 5, 0)
+    assert all(time >= 0.01 for time in into.round_trips)
+    assert into.to_mcu == []
+
+
+def test_replies_that_stay_away_are_lost_and_the_advice_says_what_to_look_at() -> None:
+    answer = {0: True, 1: False, 2: True}
+    with linked(NATIVE, lambda m: pong(m["number"]) if m.name == "ping" and answer[m["number"]] else b"") as (link, _):
+        into = measured(link, 3, timeout=0.3)
+    assert (into.asked, len(into.round_trips), into.lost, into.wrong) == (3, 2, 1, 0)
+    assert "no pong within 0.3 s of ping" in into.advice
+
+
+def test_a_reply_with_another_number_is_wrong_and_no_round_trip() -> None:
+    with linked(NATIVE, lambda m: pong(m["number"] + 7) if m.name == "ping" else b"") as (link, _):
+        into = measured(link, 2, timeout=0.5)
+    assert (into.asked, into.round_trips, into.lost, into.wrong) == (2, [], 2, 2)
+    assert "pong came back with number 8, and 1 was asked" in into.advice
+
+
+def test_a_late_reply_that_carries_nothing_back_is_not_taken_for_the_next_one() -> None:
+    links: list[Link] = []
+
+    def late(_: wirebond.Message) -> bytes:
+        wait_until(lambda: links and links[0].stats.send.sent == 2, "the first one is given up, and asked again")
+        return DIFFDRIVE.encode("status", battery=12.0, errors=[], state=[])
+
+    with linked(DIFFDRIVE, late) as (link, _):
+        links.append(link)
+        into = Measurement()
+        probe = probe_for(DIFFDRIVE, "status_query", {})
+        measure(link, probe, into, count=2, rate=1000.0, end=time.monotonic() + 60, timeout=0.3, header={})
+    assert into.lost == 1
+    assert len(into.round_trips) == 1
+
+
+def test_one_way_times_add_up_within_their_bound() -> None:
+    """The MCU's clock is this machine's, less a hundred seconds."""
+
+    def answer(message: wirebond.Message) -> bytes:
+        if message.name == "ping":
+            return pong(message["number"])
+        if message.name != "clock_request":
+            return b""
+        now = round((time.monotonic() - 100.0) * 1e6) & 0xFFFFFFFF
+        return NATIVE.encode("clock_reply", host_us=message["host_us"], received_us=now, sent_us=now)
+
+    with linked(NATIVE, answer) as (link, _):
+        while link.clock is None:
+            time.sleep(0.001)
+        into = measured(link, 20)
+    assert len(into.to_mcu) == len(into.to_host) == 20
+    assert min(into.to_mcu) > -into.one_way_error
+    assert min(into.to_host) > -into.one_way_error
+
+
+def test_a_port_that_goes_away_in_the_middle_costs_what_was_asked_meanwhile() -> None:
+    enough = threading.Event()
+
+    def answer(message: wirebond.Message) -> bytes:
+        if message.name != "ping":
+            return b""
+        if message["number"] == 10:
+            enough.set()
+        return pong(message["number"])
+
+    mcu = Mcu(NATIVE, answer)
+
+    def go_away() -> None:
+        enough.wait(PATIENCE)
+        mcu.close()
+
+    into = Measurement()
+    probe = probe_for(NATIVE, None, {})
+    until = time.monotonic() + PATIENCE
+    going = threading.Thread(target=go_away)
+    with wirebond.open(NATIVE, mcu.path) as link:
+        going.start()
+        while not ("is away" in into.advice or "went away" in into.advice or mcu.path in into.advice):
+            assert time.monotonic() < until
+            measure(link, probe, into, count=into.asked + 5, rate=200.0, end=until, timeout=0.1, header={})
+    going.join()
+    assert len(into.round_trips) >= 10
+    assert into.lost
+    assert into.asked == len(into.round_trips) + into.lost
+
+
+def test_what_cannot_be_asked_is_a_sentence() -> None:
+    with pytest.raises(UsageError, match=r"diffdrive maps no ping service; name a request .* --message: status_query"):
+        probe_for(DIFFDRIVE, None, {})
+    with pytest.raises(UsageError, match="velocity has no `reply` in diffdrive"):
+        probe_for(DIFFDRIVE, "velocity", {})
+    with pytest.raises(MessageError, match="parameter_read needs index"):
+        probe_for(NATIVE, "parameter_read", {})

@@ -1,0 +1,231 @@
+"""How a link finds its port: at the start, after the port went away, and what it says meanwhile."""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import wirebond
+from tests.link.protocol import manipulator
+from tests.shared import PATIENCE, account_closes
+from wirebond import LinkDownError, PortError, UsageError
+from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.usefixtures("ports")
+POSE = manipulator().encode("pose", x=7)
+ARM = manipulator().encode("arm", torque=5)
+
+
+@pytest.fixture
+def pty() -> Iterator[PtyPort]:
+    port = PtyPort()
+    yield port
+    port.close()
+
+
+class Server:
+    """A serial server: one connection at a time, on a port of loopback that stays the same."""
+
+    def __init__(self) -> None:
+        self._listener = socket.create_server(("127.0.0.1", 0), backlog=1)
+        self.name = f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
+
+    def accept(self) -> socket.socket:
+        self._listener.settimeout(PATIENCE)
+        connection, _ = self._listener.accept()
+        connection.settimeout(PATIENCE)
+        return connection
+
+    def close(self) -> None:
+        self._listener.close()
+
+    def listen_again(self) -> None:
+        number = int(self.name.rpartition(":")[2])
+        self._listener = socket.create_server(("127.0.0.1", number), backlog=1)
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    found = Server()
+    yield found
+    found.close()
+
+
+def wait(link: wirebond.Link, holds: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < end, f"{link.state}: {link.why}"
+        time.sleep(0.002)
+
+
+def first(link: wirebond.Link) -> wirebond.Message:
+    (message,) = link.receive(PATIENCE)
+    return message
+
+
+def read(connection: socket.socket, size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        data += connection.recv(size - len(data))
+    return data
+
+
+# ---- TCP
+
+
+def test_frames_go_both_ways_over_tcp_and_the_link_comes_back(server: Server) -> None:
+    with wirebond.open(manipulator(), server.name) as link:
+        connection = server.accept()
+        connection.sendall(POSE)
+        assert first(link).fields == {"x": 7}
+        link.send("arm", torque=5)
+        assert read(connection, len(ARM)) == ARM
+        server.close()
+        connection.close()
+        wait(link, lambda: link.state == "down")
+        wait(link, lambda: "nothing listens at" in link.why)  # what the newest try found
+        with pytest.raises(LinkDownError, match="arm was not sent: nothing listens at tcp://"):
+            link.send("arm", torque=5)
+        server.listen_again()
+        connection = server.accept()
+        wait(link, lambda: link.state != "down")
+        connection.sendall(POSE)
+        assert first(link).fields == {"x": 7}
+        assert link.why == ""
+        link.send("arm", torque=5)
+        assert read(connection, len(ARM)) == ARM
+        stats = link.stats
+        assert (stats.reconnects, stats.send.refused_down) == (1, 1)
+        assert account_closes(stats.receive)
+        connection.close()
+
+
+def test_a_server_that_is_not_there_is_told_and_waited_for(server: Server) -> None:
+    server.close()
+    with pytest.raises(PortError, match="; start the server there, or check"):
+        wirebond.open(manipulator(), server.name)
+    with wirebond.open(manipulator(), server.name, wait_for_port=True) as link:
+        assert link.state == "down"
+        server.listen_again()
+        server.accept().sendall(POSE)
+        assert first(link).name == "pose"
+        assert link.stats.reconnects == 0  # it had never been there
+
+
+def test_close_does_not_wait_for_a_server_that_does_not_answer(server: Server) -> None:
+    """The listener's backlog is full, so that nothing answers the link's next try."""
+    link = wirebond.open(manipulator(), server.name, wait_for_port=True)
+    held = server.accept()
+    others = []
+    for _ in range(3):
+        other = socket.socket()
+        other.setblocking(False)
+        other.connect_ex(held.getsockname())
+        others.append(other)
+    held.close()
+    wait(link, lambda: link.state == "down")
+    closing = threading.Thread(target=link.close)
+    closing.start()
+    closing.join(PATIENCE)
+    assert not closing.is_alive()
+    for other in others:
+        other.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("tcp://", "has no host; give tcp://host:port"),
+        ("tcp://robot", "lacks the number of its TCP port; give"),
+        ("tcp://robot:0", "lacks the number of its TCP port; give"),
+        ("tcp://robot:serial", "has no host and number that can be read; give"),
+        ("tcp://robot:70000", "has no host and number that can be read; give"),
+        ("tcp://robot:5000/dev/ttyS0", "has more than a host and a number; give"),
+        ("tcp://me@robot:5000", "has more than a host and a number; give"),
+        ("rfc2217://robot", "lacks the number of its TCP port; give rfc2217://host:port"),
+        ("rfc2217://robot:5000?logging=debug", "has more than a host and a number; give"),
+        ("http://robot:5000", "is no port that can be opened; give a tty"),
+        ("replay:", "replay: names no recording; give replay:run.mcap"),
+    ],
+)
+def test_a_name_that_is_no_port_is_told(name: str, sentence: str) -> None:
+    with pytest.raises(UsageError, match=sentence):
+        wirebond.open(manipulator(), name)
+
+
+# ---- ttys
+
+
+def test_a_tty_that_is_not_there_yet_is_found_when_it_appears(tmp_path: Path, pty: PtyPort) -> None:
+    """Also where not even its folder is there, as /dev/serial/by-id before the first device."""
+    name = tmp_path / "serial" / "by-id" / "arm"
+    with pytest.raises(PortError, match="there is no port"):
+        wirebond.open(manipulator(), name)
+    with wirebond.open(manipulator(), name, wait_for_port=True) as link:
+        assert link.state == "down"
+        assert link.why.startswith(f"there is no port {name}; plug it in")
+        with pytest.raises(LinkDownError, match="arm was not sent: there is no port"):
+            link.send("arm", torque=1)
+        name.parent.mkdir(parents=True)
+        name.symlink_to(pty.path)
+        wait(link, lambda: link.state != "down")
+        assert link.why == ""
+        pty.write(POSE)
+        assert first(link).name == "pose"
+
+
+def test_a_usb_device_is_found_again_under_another_name(monkeypatch: pytest.MonkeyPatch, pty: PtyPort) -> None:
+    where = [pty.path]
+
+    def find(name: str) -> str:
+        if not where:
+            raise PortError(f"no USB serial port is {name} at the moment; plug it in", errno.ENOENT, name)
+        return where[0]
+
+    monkeypatch.setattr("wirebond.link.devices.port_name.resolve", find)
+    with wirebond.open(manipulator(), "usb:1a86:55d3") as link:
+        pty.write(POSE)
+        assert first(link).name == "pose"
+        where.clear()
+        gone, second = PtyPort(), PtyPort()
+        os.dup2(gone.fileno(), pty.fileno())  # the first one hangs up
+        gone.close()
+        wait(link, lambda: link.state == "down" and "no USB serial port is usb:1a86:55d3" in link.why)
+        where.append(second.path)
+        wait(link, lambda: link.state != "down")
+        second.write(POSE)
+        assert first(link).name == "pose"
+    where.clear()
+    with pytest.raises(PortError, match="no USB serial port is usb:1a86:55d3 at the moment; plug it in") as error:
+        wirebond.open(manipulator(), "usb:1a86:55d3")
+    assert error.value.errno == errno.ENOENT
+
+
+def test_a_usb_name_that_is_misspelt_is_told() -> None:
+    with pytest.raises(UsageError, match="the vendor '0x1a8' is not four hex digits"):
+        wirebond.open(manipulator(), "usb:0x1a8:55d3", wait_for_port=True)
+
+
+def test_a_busy_tty_is_waited_for(pty: PtyPort) -> None:
+    owner = wirebond.open(manipulator(), pty.path)
+    with wirebond.open(manipulator(), pty.path, wait_for_port=True) as link:
+        assert "in use by another program" in link.why
+        owner.close()
+        wait(link, lambda: link.state != "down")
+
+
+def test_a_port_that_goes_away_says_why(tmp_path: Path) -> None:
+    pty, name = PtyPort(), tmp_path / "tty"
+    name.symlink_to(pty.path)
+    with wirebond.open(manipulator(), name) as link:
+        name.unlink()
+        pty.close()
+        wait(link, lambda: link.state == "down")
+        assert "went away" in link.why or "there is no port" in link.why

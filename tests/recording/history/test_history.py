@@ -1,0 +1,190 @@
+"""The history of a link: fed as its bytes come, bounded, and the same as what the columns of a recording say."""
+
+from __future__ import annotations
+
+import random
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wirebond
+from tests.shared import codec
+from wirebond.console.tables import message_rows
+from wirebond.errors import UsageError
+from wirebond.link.tap import LinkEvent
+from wirebond.protocol.model import End
+from wirebond.recording.history import track
+from wirebond.recording.history.recorded import recorded_source
+from wirebond.recording.history.source import ENDS, Source
+from wirebond.recording.recording import Recording
+from wirebond.sim.pty_port import PtyPort
+
+
+def source_of(name: str, **options: Any) -> Source:
+    proto = codec(name)
+    return Source(proto, End.HOST, proto.model.idle_seconds, **options)
+
+
+def pieces(data: bytes, seed: int) -> list[bytes]:
+    cuts = random.Random(seed)
+    out = []
+    while data:
+        size = cuts.randint(1, 40)
+        out.append(data[:size])
+        data = data[size:]
+    return out
+
+
+@pytest.mark.parametrize("name", ["diffdrive", "native", "servo_bus", "pid_tuner"])
+def test_bytes_in_any_pieces_give_the_rows_and_the_account_of_the_whole(name: str) -> None:
+    proto = codec(name)
+    noise = random.Random(5)
+    for end in ENDS:
+        frames = []
+        for message in [m for m in proto.model.messages if m.sent_by(end)] * 6:
+            try:
+                frames.append(proto.encode(message.name, sender=end.value))
+            except wirebond.MessageError:
+                continue  # some values have no default
+            if noise.random() < 0.4:
+                frames.append(noise.randbytes(noise.randint(1, 30)))
+        data = b"".join(frames)
+        source = source_of(name)
+        for number, chunk in enumerate(pieces(data, 1)):
+            source.feed(end, [chunk], [number * 1e-6])
+        source.feed(end, [], [], [0])  # the port goes away: what is incomplete is given up
+        wanted = proto.decode_columns(data, sender=end.value)
+        stats = source.streams[end].stats()
+        assert stats["frames"] == wanted.stats.frames
+        assert stats["discarded_bytes"] == wanted.stats.discarded_bytes
+        for message_name, table in wanted.items():
+            if message_name != "unknown":
+                assert source.history.count(end, message_name) == len(table)
+        entries = source.entries(500, None, True)
+        assert b"".join(entry.bytes for _, entry, _ in entries) == data[: sum(e.size for _, e, _ in entries)]
+        assert sum(entry.name != "" for _, entry, _ in entries) == wanted.stats.frames
+        for _, entry, message in entries:
+            assert (message is None) == (entry.name == "")
+            assert message is None or (message.name == entry.name and message.raw == entry.bytes)
+
+
+def test_a_field_has_the_values_of_its_messages() -> None:
+    source, proto = source_of("diffdrive"), codec("diffdrive")
+    chunks = [proto.encode("odometry", left_ticks=n, right_ticks=-n) for n in range(100)]
+    source.feed(End.MCU, chunks, [n * 0.05 for n in range(100)])
+    t, values = source.history.rows("odometry.right_ticks")
+    np.testing.assert_array_equal(values, -np.arange(100))
+    np.testing.assert_allclose(t, np.arange(100) * 0.05)
+    newest = source.newest(End.MCU, "odometry")
+    assert newest is not None and newest.message is not None and newest.message["left_ticks"] == 99
+    then = source.newest_until(End.MCU, "odometry", 2.02)
+    assert then is not None and then.message is not None and then.message["left_ticks"] == 40
+
+
+@pytest.mark.parametrize("field", ["nothing.x", "odometry", "odometry.none", "", ".", "mcu:velocity.linear", "a:b.c"])
+def test_a_field_that_does_not_exist_is_a_sentence(field: str) -> None:
+    with pytest.raises(UsageError, match=r"it has|names no message"):
+        source_of("diffdrive").history.pixels([field], 0.0, 1.0, 0.1)
+
+
+def test_memory_is_bounded_and_the_oldest_rows_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(track, "ROWS", 1024)
+    monkeypatch.setattr(track, "BLOCK", 64)
+    most = 400_000
+    source, proto = source_of("diffdrive", most=most, keep=10_000), codec("diffdrive")
+    frame = proto.encode("odometry", left_ticks=1, right_ticks=2)
+    for n in range(300):
+        source.feed(End.MCU, [frame] * 100, [n + i / 100 for i in range(100)])
+        assert source.history.bytes <= most
+        assert len(source.streams[End.MCU]._bytes) <= 20_000 + len(frame) * 100
+    kept = source.history.range()
+    assert kept is not None and kept[0] > 100 and kept[1] > 299
+    assert source.history.count(End.MCU, "odometry") == 30_000
+
+
+def resident() -> int:
+    """Bytes of this process that are in memory."""
+    status = Path("/proc/self/status").read_text()
+    return int(re.findall(r"VmRSS:\s+(\d+) kB", status)[0]) << 10
+
+
+def test_the_memory_that_is_told_is_what_it_takes() -> None:
+    source = source_of("diffdrive")
+    columns = source.history.columns(End.MCU, "odometry")
+    values = {column: np.zeros(10_000, np.int16) for column in columns}
+    before, told = resident(), source.history.bytes
+    for n in range(300):
+        source.history.add(End.MCU, {"odometry": {"t": np.arange(n, n + 1, 1e-4), "fields": values}})
+    grown, told = resident() - before, source.history.bytes - told
+    assert told > 300 * 10_000 * (8 + 2 * len(columns))
+    assert grown == pytest.approx(told, rel=0.05)
+
+
+def test_the_bytes_and_frames_that_are_kept_count_as_memory() -> None:
+    source, proto = source_of("diffdrive"), codec("diffdrive")
+    empty = source.history.bytes
+    frame = proto.encode("odometry", left_ticks=1, right_ticks=2)
+    source.feed(End.MCU, [frame * 100] * 100, [float(n) for n in range(100)])
+    rows = source.history.bytes - empty - source.history.beside
+    assert source.history.beside > len(frame) * 10_000 and rows > 10_000 * 12
+
+
+def test_the_line_s_absence_is_a_gap_and_an_event() -> None:
+    source, proto = source_of("diffdrive"), codec("diffdrive")
+    frame = proto.encode("odometry", left_ticks=1, right_ticks=2)
+    source.feed(End.MCU, [frame] * 3, [1.0, 1.05, 1.1])
+    source.happened(LinkEvent(1.12, "port_down", {"why": "unplugged"}))
+    source.feed(End.MCU, [frame] * 2, [1.15, 1.2], [0])
+    [found] = source.history.pixels(["odometry.left_ticks"], 0.0, 2.0, 0.001)
+    assert np.isnan(found.low).tolist() == [False, False, False, True, False, False]
+    (event,) = source.happenings.since(0)
+    assert event["text"] == "the port is away: unplugged" and event["why"] == "unplugged"
+
+
+def test_a_rate_is_right_from_the_first_second_on() -> None:
+    source, proto = source_of("diffdrive"), codec("diffdrive")
+    frame = proto.encode("odometry", left_ticks=1, right_ticks=2)
+    for n in range(200):
+        source.feed(End.MCU, [frame], [10 + n * 0.05])
+        rows = {row["name"]: row for row in message_rows(source, 10 + n * 0.05, at=None, with_sparks=False)}
+        if n >= 20:
+            assert rows["odometry"]["rate"] == pytest.approx(20, rel=0.06)
+    late = {row["name"]: row for row in message_rows(source, 40.0, at=None, with_sparks=False)}
+    assert late["odometry"]["rate"] == 0 and late["odometry"]["due"] == 20
+
+
+def test_round_trips_are_from_a_request_to_its_reply() -> None:
+    source, proto = source_of("diffdrive"), codec("diffdrive")
+    ask = proto.encode("status_query")
+    reply = proto.encode("status", battery=12.0, errors=[], state=[])
+    for n in range(20):
+        source.feed(End.HOST, [ask], [n * 1.0])
+        source.feed(End.MCU, [reply], [n * 1.0 + 0.004])
+    figures = source.round_trips.figures(20.0)
+    assert figures is not None and figures["count"] == 20 and figures["p99"] == pytest.approx(0.004)
+    assert source.round_trips.figures(1000.0) is None
+
+
+def test_a_recording_is_the_same_source(tmp_path: Path) -> None:
+    proto, pty = codec("diffdrive"), PtyPort()
+    path = tmp_path / "run.mcap"
+    with wirebond.open(proto, pty.path) as link, link.record(path):
+        for n in range(20):
+            pty.write(proto.encode("odometry", left_ticks=n, right_ticks=0))
+            assert link.receive(5.0)
+        link.send("velocity", linear=0.5, angular=0.0)
+        while link.stats.send.sent < 1:
+            pass
+    pty.close()
+    recording = Recording(path)
+    source = recorded_source(recording)
+    for sender in ENDS:
+        for name, table in recording.columns(sender.value).items():
+            for column, values in table.items():
+                t, kept = source.history.rows(f"{name}.{column}")
+                np.testing.assert_allclose(kept, values, rtol=1e-6)
+                np.testing.assert_array_equal(t, table.t)
+    assert [e["kind"] for e in source.happenings.since(0)] == [event.kind for event in recording.events]
