@@ -22,7 +22,8 @@ from wirebond.recording.replay import Pace, Section
 from wirebond.sim.pty_port import PtyPort, symlinked
 
 _WAIT = 0.1  # seconds between two looks at a pty that is full
-_PATIENCE = 2.0  # seconds for a program that does not read
+_LOOK = 0.01  # seconds between two looks at what a program has read
+_PATIENCE = 200  # looks at a program that does not read; not a time, which a pause of the machine would use up
 
 
 def section_of(speed: str, start: str | None, stop: str | None, loop: bool) -> Section:
@@ -86,11 +87,11 @@ def _write(port: PtyPort, chunk: Chunk) -> None:
 
 def _drain(port: PtyPort) -> None:
     """Until the reader has it all, or reads no more: the pty goes away with this program."""
-    before, patience = -1, time.monotonic() + _PATIENCE
-    while time.monotonic() < patience and (left := port.unread()) > 0:
-        if left != before:
-            before, patience = left, time.monotonic() + _PATIENCE
-        time.sleep(0.01)
+    before, patience = -1, _PATIENCE
+    while patience > 0 and (left := port.unread()) > 0:
+        patience = patience - 1 if left == before else _PATIENCE
+        before = left
+        time.sleep(_LOOK)
     time.sleep(_WAIT)
 
 
